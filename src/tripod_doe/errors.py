@@ -1,0 +1,51 @@
+"""Errors for people: what is wrong, where, and what to do about it.
+
+Outcomes (`tripod_doe.results`) are for cubes: a point that fails is a flagged cell, never an exception.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+__all__ = ["CubeError", "InputError", "StorageError", "TripodDoeError", "near_match"]
+
+
+class TripodDoeError(Exception):
+    """Base of every error this package raises on purpose; its text is meant to be read by a user."""
+
+
+class InputError(TripodDoeError):
+    """A call, a study file or a parameter that cannot be used; nothing was started (exit code 2)."""
+
+
+class CubeError(InputError):
+    """A result cube or journal that is missing, damaged or does not hold what was asked for (exit code 2)."""
+
+
+class StorageError(TripodDoeError):
+    """Writing failed in mid-run, for instance on a full disk; finished points stay in the journal (exit code 1)."""
+
+
+def near_match(name: str, known: Iterable[str]) -> str:
+    """Say which known name was probably meant, as the end of a sentence.
+
+    Parameters
+    ----------
+    name
+        The name that is not known.
+    known
+        All names that would have been.
+
+    Returns
+    -------
+    str
+        ``"; did you mean 'torque_n_m'?"``, or the allowed names where they are few, or an empty string.
+    """
+    names = list(known)
+    matches = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
+    if matches:
+        return f"; did you mean {matches[0]!r}?"
+    if 0 < len(names) <= 16:
+        return f"; allowed: {', '.join(names)}"
+    return ""

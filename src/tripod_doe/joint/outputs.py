@@ -1,0 +1,84 @@
+"""Every output of the joint with unit and meaning, and how they follow from the thrust at the grooves."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.joint.orders import ORDERS, amplitude_and_phase, complex_amplitudes, rms
+from tripod_doe.joint.parameters import MECHANISMS
+from tripod_doe.quantities import Output
+from tripod_doe.results import Values
+
+__all__ = ["JOINT_OUTPUTS", "coordinates", "thrust_outputs"]
+
+FloatArray = NDArray[np.float64]
+
+_ORDER = ("order",)
+_GROOVE_ORDER = ("groove", "order")
+
+_OUTPUTS = [
+    Output("thrust", "N", "F", "thrust force on the housing, positive towards the intermediate shaft",
+           ("rotation_deg",)),
+    Output("groove_thrust", "N", "F_k", "part of the thrust force in each groove", ("groove", "rotation_deg")),
+    Output("thrust_amplitude", "N", "A_k", "amplitude of the rotating orders of the thrust force", _ORDER),
+    Output("thrust_phase_deg", "degree", "p_k", "phase of the rotating orders of the thrust force", _ORDER,
+           angle=True),
+    Output("thrust_rms", "N", "A_k/sqrt(2)", "effective value of the rotating orders of the thrust force", _ORDER),
+    Output("thrust_amplitude_scatter", "N", "", "difference of the thrust amplitude between the last two revolutions",
+           _ORDER),
+    Output("groove_thrust_amplitude", "N", "A_k", "amplitude of the rotating orders of the thrust in each groove",
+           _GROOVE_ORDER),
+    Output("groove_thrust_phase_deg", "degree", "p_k", "phase of the rotating orders of the thrust in each groove",
+           _GROOVE_ORDER, angle=True),
+    Output("friction_power_w", "W", "P", "mean power lost to each friction mechanism", ("mechanism",)),
+    Output("largest_penetration_um", "um", "delta", "largest penetration of any contact"),
+    Output("energy_residual", "1", "", "input less output less friction power, over the friction power"),
+]  # fmt: skip
+
+JOINT_OUTPUTS: dict[str, Output] = {output.name: output for output in _OUTPUTS}
+"""All outputs of the joint by name."""
+
+
+def coordinates(samples_per_revolution: int) -> dict[str, NDArray[np.generic]]:
+    """Labels of the dimensions of the joint's outputs; the rotation angle covers two revolutions."""
+    return {
+        "rotation_deg": np.arange(2 * samples_per_revolution) * (360 / samples_per_revolution),
+        "groove": np.arange(1, 4),
+        "order": ORDERS,
+        "mechanism": np.array(MECHANISMS),
+    }
+
+
+def thrust_outputs(groove_thrust: FloatArray, keep: Collection[str]) -> dict[str, Values]:
+    """All outputs that follow from the thrust at the grooves.
+
+    Parameters
+    ----------
+    groove_thrust
+        Axial force on the housing at each groove, shape (point, revolution, groove, sample), for the last two
+        revolutions, or for one where all are alike.
+    keep
+        Names of the wanted outputs; others are not computed.
+
+    Returns
+    -------
+    dict of Values
+    """
+    results: dict[str, FloatArray] = {}
+    per_revolution = complex_amplitudes(groove_thrust)  # (point, revolution, groove, order)
+    of_groove = per_revolution.mean(axis=1)
+    results["groove_thrust_amplitude"], results["groove_thrust_phase_deg"] = amplitude_and_phase(of_groove)
+    results["thrust_amplitude"], results["thrust_phase_deg"] = amplitude_and_phase(of_groove.sum(axis=1))
+    results["thrust_rms"] = rms(results["thrust_amplitude"])
+    amplitude = np.abs(per_revolution.sum(axis=2))
+    results["thrust_amplitude_scatter"] = np.abs(amplitude[:, -1] - amplitude[:, 0])
+    if "thrust" in keep or "groove_thrust" in keep:
+        revolutions = np.moveaxis(
+            np.broadcast_to(groove_thrust, (groove_thrust.shape[0], 2, *groove_thrust.shape[2:])), 1, 2
+        )
+        results["groove_thrust"] = revolutions.reshape(*revolutions.shape[:2], -1)
+        results["thrust"] = results["groove_thrust"].sum(axis=1)
+    return {name: Values(JOINT_OUTPUTS[name].dims, data) for name, data in results.items() if name in keep}

@@ -1,0 +1,177 @@
+"""Every parameter of the tripod joint with unit, symbol, meaning, range and source.
+
+Names carry the unit a person uses. `internal_units` converts once, at the edge, to mm, N, s, t and rad.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.quantities import Parameter
+
+__all__ = ["JOINT_PARAMETERS", "MECHANISMS", "internal_units"]
+
+MECHANISMS = ("groove_sliding", "groove_spinning", "groove_rolling", "needle_sliding", "needle_rolling")
+"""The five friction mechanisms that a contribution study switches on and off."""
+
+_OPERATING = "operating point"
+_FRICTION = "friction"
+_GEOMETRY = "geometry"
+_MATERIAL = "material"
+_NUMERICS = "numerics"
+_STABILITY = "stability studies"
+_SWITCHES = "mechanism switches"
+
+
+def _skew(trunnion: int) -> Parameter:
+    return Parameter(
+        f"initial_skew_{trunnion}_deg", 0.0, "degree", f"psi_{trunnion}",
+        f"initial skew of all needles of trunnion {trunnion}, counterclockwise about the outward normal of the "
+        "trunnion surface",
+        "paper 3.1, Fig. 9", low=-10, high=10, group=_OPERATING,
+    )  # fmt: skip
+
+
+def _switch(name: str, meaning: str) -> Parameter:
+    return Parameter(
+        name, 1, "1", "", f"{meaning} on (1) or off (0, its coefficient becomes zero)", "paper 3.5",
+        kind="switch", group=_SWITCHES,
+    )  # fmt: skip
+
+
+_PARAMETERS = [
+    Parameter("joint_angle_deg", 10.0, "degree", "theta", "joint angle between input axis and intermediate shaft",
+              "paper 3.1", low=0, high=40, group=_OPERATING),
+    Parameter("torque_n_m", 50.0, "N m", "T", "load torque of the output shaft; negative on coast",
+              "paper 3.1", low=-5000, high=5000, group=_OPERATING),
+    Parameter("speed_rpm", 600.0, "rpm", "omega", "rotational speed of the housing",
+              "paper 3.1", low=0, high=10000, group=_OPERATING),
+    _skew(1), _skew(2), _skew(3),
+    Parameter("groove_sliding_friction", 0.05, "1", "mu_s", "sliding friction coefficient, roller on groove",
+              "paper 3.1", low=0, high=1, group=_FRICTION),
+    Parameter("groove_spin_friction", None, "1", "mu_s", "friction coefficient of the spinning moment, roller on "
+              "groove; the value of groove_sliding_friction unless given", "paper Eq. 7",
+              low=0, high=1, group=_FRICTION),
+    Parameter("needle_sliding_friction", 0.03, "1", "mu_s", "sliding friction coefficient, needle on other parts",
+              "paper 3.1", low=0, high=1, group=_FRICTION),
+    Parameter("groove_rolling_friction", 0.002, "1", "mu_r", "rolling friction coefficient, roller on groove",
+              "paper 3.1", low=0, high=0.1, group=_FRICTION),
+    Parameter("needle_rolling_friction", 0.002, "1", "mu_r", "rolling friction coefficient, needle on other parts",
+              "paper 3.1", low=0, high=0.1, group=_FRICTION),
+    Parameter("transition_ratio", 0.25, "1", "v_st/v_max", "transition velocity over the largest slip of ideal "
+              "kinematics", "paper 3.1", low=0, high=10, low_open=True, group=_FRICTION),
+    Parameter("groove_transition_velocity_mm_s", None, "mm s-1", "v_st", "transition velocity of sliding in the "
+              "groove; by transition_ratio unless given", "CONTRACT: overrides the quarter rule",
+              low=0, high=1e5, low_open=True, group=_FRICTION),
+    Parameter("needle_transition_velocity_mm_s", None, "mm s-1", "v_st", "transition velocity of the needles' "
+              "sliding; by transition_ratio unless given", "CONTRACT: overrides the quarter rule",
+              low=0, high=1e5, low_open=True, group=_FRICTION),
+    Parameter("pitch_radius_mm", 21.0, "mm", "R_p", "distance of the groove axes from the input axis",
+              "assumed", low=5, high=100, group=_GEOMETRY),
+    Parameter("roller_radius_mm", 16.0, "mm", "R_s", "radius of the spherical roller",
+              "assumed", low=3, high=80, group=_GEOMETRY),
+    Parameter("roller_width_mm", 11.0, "mm", "", "width of the spherical roller",
+              "assumed", low=1, high=80, group=_GEOMETRY),
+    Parameter("groove_radius_ratio", 1.0086, "1", "R_g/R_s", "groove radius over roller radius; 1.0086 gives the "
+              "contact ellipse of 20 to 1", "paper 2.3.1", low=1, high=2, low_open=True, group=_GEOMETRY),
+    Parameter("groove_rolling_lever_mm", None, "mm", "D/2", "lever of the rolling resistance in the groove; the "
+              "roller radius unless given", "assumed", low=0, high=100, group=_GEOMETRY),
+    Parameter("needle_count", 27, "1", "N_n", "needles a trunnion", "paper 3.1",
+              low=1, high=100, kind="integer", group=_GEOMETRY),
+    Parameter("spheres_per_needle", 7, "1", "N_s", "spheres that stand for a needle", "paper 3.1",
+              low=1, high=51, kind="integer", group=_GEOMETRY),
+    Parameter("needle_diameter_mm", 2.0, "mm", "d_n", "needle diameter",
+              "assumed", low=0.2, high=10, group=_GEOMETRY),
+    Parameter("needle_length_mm", 10.0, "mm", "l", "length of the needle's line contact",
+              "assumed", low=0.5, high=80, group=_GEOMETRY),
+    Parameter("needle_pitch_diameter_mm", 17.28, "mm", "d_p", "pitch diameter of the needles; trunnion diameter = "
+              "pitch diameter - needle diameter", "assumed", low=2, high=100, group=_GEOMETRY),
+    Parameter("bearing_radial_clearance_mm", 0.015, "mm", "c", "radial clearance of the needle bearing, added to the "
+              "bore", "assumed", low=-0.05, high=0.5, group=_GEOMETRY),
+    Parameter("needle_axial_clearance_mm", 0.2, "mm", "", "axial clearance of a needle between flange and retainer",
+              "assumed", low=0, high=5, group=_GEOMETRY),
+    Parameter("needle_crown_um", 0.0, "um", "", "crown of the needle: drop of its profile at the ends",
+              "assumed", low=0, high=100, group=_GEOMETRY),
+    Parameter("shaft_length_mm", 350.0, "mm", "L", "length of the intermediate shaft to the outboard joint",
+              "assumed", low=50, high=5000, group=_GEOMETRY),
+    Parameter("outboard_joint_angle_deg", 0.0, "degree", "", "joint angle of the outboard universal joint",
+              "assumed", low=0, high=40, group=_GEOMETRY),
+    Parameter("shaft_mass_kg", 2.0, "kg", "m", "mass of the intermediate shaft with its spider; inertia of a rod",
+              "assumed", low=0.01, high=100, group=_MATERIAL),
+    Parameter("output_inertia_kg_m2", 0.01, "kg m2", "J", "moment of inertia of the output shaft about its axis",
+              "assumed", low=1e-6, high=10, group=_MATERIAL),
+    Parameter("density_kg_m3", 7850.0, "kg m-3", "", "density of rollers and needles",
+              "steel", low=100, high=25000, group=_MATERIAL),
+    Parameter("youngs_modulus_gpa", 207.0, "GPa", "E", "Young's modulus of all parts in contact",
+              "steel", low=1, high=1000, group=_MATERIAL),
+    Parameter("poissons_ratio", 0.3, "1", "nu", "Poisson's ratio of all parts in contact",
+              "steel", low=0, high=0.49, group=_MATERIAL),
+    Parameter("contact_damping_s_per_mm", 0.001, "s mm-1", "", "Hunt-Crossley factor on the penetration rate",
+              "assumed", low=0, high=1, group=_MATERIAL),
+    Parameter("contact_stiffness_factor", 1.0, "1", "", "factor on every contact stiffness",
+              "CONTRACT: for stability studies", low=1e-4, high=1e4, group=_STABILITY),
+    Parameter("needle_mass_factor", 1.0, "1", "", "factor on the needles' mass and inertia",
+              "CONTRACT: for stability studies", low=1e-4, high=1e4, group=_STABILITY),
+    _switch("groove_sliding", "sliding friction between roller and groove"),
+    _switch("groove_spinning", "spinning moment between roller and groove"),
+    _switch("groove_rolling", "rolling resistance between roller and groove"),
+    _switch("needle_sliding", "sliding friction of the needles"),
+    _switch("needle_rolling", "rolling resistance of the needles"),
+    Parameter("model", "equilibrium", "1", "", "model of the ladder", "DESIGN: joint",
+              kind="choice", choices=("equilibrium",), group=_NUMERICS),
+    Parameter("method", None, "1", "", "how the model is solved; by the model unless given", "numerics",
+              kind="choice", choices=("newton",), group=_NUMERICS),
+    Parameter("relative_tolerance", None, "1", "", "relative tolerance of the method; by the method unless given",
+              "numerics", low=1e-13, high=0.1, group=_NUMERICS),
+    Parameter("step_s", None, "s", "h", "time step of a fixed-step method; by the method unless given",
+              "numerics", low=1e-10, high=1e-2, group=_NUMERICS),
+    Parameter("cycles", 4, "1", "", "revolutions; the last two are sampled", "paper 3.2",
+              low=2, high=1000, kind="integer", group=_NUMERICS),
+    Parameter("samples_per_revolution", 360, "1", "", "samples of the rotation angle a revolution", "numerics",
+              low=30, high=36000, kind="integer", group=_NUMERICS),
+    Parameter("replicate", 0, "1", "", "number of the repetition; changes nothing but the timing", "numerics",
+              low=0, high=1e6, kind="integer", group=_NUMERICS),
+]  # fmt: skip
+
+JOINT_PARAMETERS: dict[str, Parameter] = {parameter.name: parameter for parameter in _PARAMETERS}
+"""All parameters of the joint by name, in the order in which help and documentation list them."""
+
+_TO_INTERNAL = {
+    "degree": math.pi / 180, "N m": 1e3, "rpm": 2 * math.pi / 60, "um": 1e-3, "kg": 1e-3, "kg m2": 1e3,
+    "kg m-3": 1e-12, "GPa": 1e3,
+}  # fmt: skip
+
+
+def internal_units(columns: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
+    """Convert numeric columns of points to mm, N, s, t and rad, and settle the values that follow from others.
+
+    Parameters
+    ----------
+    columns
+        Every numeric joint parameter by name, each of shape (point,), in the units of the names; NaN where unset.
+
+    Returns
+    -------
+    dict
+        The same names in internal units. Switched-off mechanisms have coefficient zero; spin friction and rolling
+        lever are filled in where they were left open.
+    """
+    out = {name: column * _TO_INTERNAL.get(JOINT_PARAMETERS[name].unit, 1.0) for name, column in columns.items()}
+    for name, stands_in in (
+        ("groove_spin_friction", "groove_sliding_friction"),
+        ("groove_rolling_lever_mm", "roller_radius_mm"),
+    ):
+        out[name] = np.where(np.isnan(out[name]), out[stands_in], out[name])
+    for switch, coefficient in (
+        ("groove_sliding", "groove_sliding_friction"),
+        ("groove_spinning", "groove_spin_friction"),
+        ("groove_rolling", "groove_rolling_friction"),
+        ("needle_sliding", "needle_sliding_friction"),
+        ("needle_rolling", "needle_rolling_friction"),
+    ):
+        out[coefficient] = out[coefficient] * out[switch]
+    return out

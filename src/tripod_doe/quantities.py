@@ -1,0 +1,149 @@
+"""Quantities with unit, symbol, meaning and source: what help, schema, cubes and reports are made from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from tripod_doe.errors import InputError, near_match
+
+__all__ = ["Output", "Parameter", "Value", "check_parameters"]
+
+Value = float | int | str | None
+Kind = Literal["number", "integer", "switch", "choice"]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One input of a simulator.
+
+    Attributes
+    ----------
+    name
+        The name that is used in study files, Python, command line, cubes and tables.
+    default
+        Its value when nothing is said; None where another quantity or the model decides.
+    unit
+        UDUNITS spelling; ``"1"`` without dimension.
+    symbol
+        The field's symbol, as the paper writes it where it does.
+    meaning
+        One phrase in the field's words.
+    source
+        A place in the paper, or the word "assumed".
+    low, high
+        Range of allowed values, ends included unless `low_open`.
+    kind
+        ``number``, ``integer``, ``switch`` (0 or 1) or ``choice``.
+    choices
+        Allowed words of a choice.
+    group
+        Heading under which help and documentation list it.
+    """
+
+    name: str
+    default: Value
+    unit: str
+    symbol: str
+    meaning: str
+    source: str
+    low: float = -math.inf
+    high: float = math.inf
+    low_open: bool = False
+    kind: Kind = "number"
+    choices: tuple[str, ...] = ()
+    group: str = "parameters"
+
+    @property
+    def range_text(self) -> str:
+        """The allowed values in words, as help texts and errors show them."""
+        if self.kind == "choice":
+            return "one of " + ", ".join(self.choices)
+        if self.kind == "switch":
+            return "0 or 1"
+        if math.isinf(self.low) and math.isinf(self.high):
+            return "any finite number"
+        lower = f"{'>' if self.low_open else '>='} {self.low:g}" if math.isfinite(self.low) else ""
+        upper = f"<= {self.high:g}" if math.isfinite(self.high) else ""
+        return " and ".join(part for part in (lower, upper) if part)
+
+    def check(self, value: object) -> Value:
+        """Return `value` as this parameter's type, or say what is wrong with it.
+
+        Raises
+        ------
+        InputError
+            If the value has the wrong type, is not finite or lies outside the range.
+        """
+        if value is None:
+            if self.default is None:
+                return None
+            raise InputError(f"{self.name}: a value is needed ({self.range_text})")
+        if self.kind == "choice":
+            if not isinstance(value, str) or value not in self.choices:
+                raise InputError(f"{self.name} = {value!r}{near_match(str(value), self.choices)}")
+            return value
+        if isinstance(value, bool):
+            value = int(value) if self.kind == "switch" else value
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise InputError(f"{self.name} = {value!r}: expected a number ({self.range_text})")
+        if not math.isfinite(value):
+            raise InputError(f"{self.name} = {value}: must be finite ({self.range_text})")
+        if self.kind == "integer" and value != int(value):
+            raise InputError(f"{self.name} = {value:g}: must be a whole number ({self.range_text})")
+        if self.kind == "switch" and value not in (0, 1):
+            raise InputError(f"{self.name} = {value:g}: must be {self.range_text}")
+        if not self.low <= value <= self.high or (self.low_open and value == self.low):
+            raise InputError(f"{self.name} = {value:g}: must be {self.range_text} {self.unit_text}".rstrip())
+        return int(value) if self.kind in ("integer", "switch") else float(value)
+
+    @property
+    def unit_text(self) -> str:
+        """The unit for people: empty where there is none."""
+        return "" if self.unit == "1" else self.unit
+
+
+@dataclass(frozen=True)
+class Output:
+    """One result of a simulator: a variable of the cube.
+
+    Attributes
+    ----------
+    name
+        Variable name.
+    unit
+        UDUNITS spelling; ``"1"`` without dimension.
+    symbol
+        The field's symbol.
+    meaning
+        CF long_name.
+    dims
+        Dimensions a point, for instance ``("groove", "order")``; empty for a scalar.
+    angle
+        Whether values are angles in degrees that wrap at +-180, so that differences need care.
+    """
+
+    name: str
+    unit: str
+    symbol: str
+    meaning: str
+    dims: tuple[str, ...] = ()
+    angle: bool = False
+
+
+def check_parameters(parameters: Mapping[str, Parameter], values: Mapping[str, object]) -> dict[str, Value]:
+    """Check given values against their parameters.
+
+    Raises
+    ------
+    InputError
+        For an unknown name (with the nearest known one) or a value that its parameter refuses.
+    """
+    checked: dict[str, Value] = {}
+    for name, value in values.items():
+        if name not in parameters:
+            raise InputError(f"{name}: unknown parameter{near_match(name, parameters)}")
+        checked[name] = parameters[name].check(value)
+    return checked

@@ -1,0 +1,95 @@
+"""What simulating gives: how each point ended, and its numbers. The one vocabulary of models, journals and cubes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["OUTCOME_MEANINGS", "BlockResult", "Outcome", "Values"]
+
+
+class Outcome(IntEnum):
+    """What became of one point; the integer is the CF flag value stored in a cube.
+
+    Only `FINISHED` carries numbers that may be used; every other cell holds NaN and a reason.
+    """
+
+    FINISHED = 0
+    DIVERGED = 1
+    INACCURATE = 2
+    STEP_LIMIT = 3
+    EVALUATION_LIMIT = 4
+    TIME_LIMIT = 5
+    OUT_OF_RANGE = 6
+    JAMMED = 7
+    WORKER_LOST = 8
+    NOT_APPLICABLE = 9
+    NOT_RUN = 10
+    ERROR = 11
+
+    @property
+    def label(self) -> str:
+        """The name used in cubes, tables and study files."""
+        return self.name.lower()
+
+
+OUTCOME_MEANINGS: dict[Outcome, str] = {
+    Outcome.FINISHED: "the run passed all its own checks",
+    Outcome.DIVERGED: "the state left all bounds or an iteration did not converge",
+    Outcome.INACCURATE: "the run ended, but its own checks say that its numbers are wrong",
+    Outcome.STEP_LIMIT: "the step fell below its floor",
+    Outcome.EVALUATION_LIMIT: "the budget of force evaluations was used up",
+    Outcome.TIME_LIMIT: "the wall-clock safety stop was reached",
+    Outcome.OUT_OF_RANGE: "the model does not hold for these parameters",
+    Outcome.JAMMED: "parts do not fit or cannot move",
+    Outcome.WORKER_LOST: "the point took its worker process down",
+    Outcome.NOT_APPLICABLE: "the method does not use a numerics parameter that was set",
+    Outcome.NOT_RUN: "excluded by a constraint, or not computed yet",
+    Outcome.ERROR: "the model raised an error",
+}
+
+
+@dataclass(frozen=True)
+class Values:
+    r"""One output of a block of points.
+
+    Attributes
+    ----------
+    dims
+        Dimensions a point.
+    data
+        Shape (point, \*dims); NaN where a point has no result.
+    """
+
+    dims: tuple[str, ...]
+    data: NDArray[Any]
+
+
+@dataclass(frozen=True)
+class BlockResult:
+    """What a simulator answers for a block of points; every array starts with the point.
+
+    Attributes
+    ----------
+    outputs
+        Kept outputs by name.
+    coordinates
+        Labels along the dimensions of the outputs.
+    outcome
+        `Outcome` values, shape (point,).
+    detail
+        Why a point failed, empty where it did not.
+    steps, force_evaluations
+        Counted work, shape (point,).
+    """
+
+    outputs: dict[str, Values]
+    coordinates: dict[str, NDArray[Any]]
+    outcome: NDArray[np.int8]
+    detail: list[str]
+    steps: NDArray[np.int64]
+    force_evaluations: NDArray[np.int64]
