@@ -159,10 +159,10 @@ def _parameter_value(parameter: Parameter, text: str) -> Any:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.workflow.run import run_study  # Dask and plotting are slow to import
+    from tripod_doe.workflow.run import run  # Dask and plotting are slow to import
 
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    summary = run_study(
+    summary = run(
         options.study, options.out, options.workers, options.scheduler, options.retry_failed, options.fail_fast
     )
     for sentence in summary.findings:
@@ -180,17 +180,17 @@ def _run(options: argparse.Namespace) -> int:
 
 def _plan(options: argparse.Namespace) -> int:
     from tripod_doe.study.definition import load_study
-    from tripod_doe.study.plan import plan_study
+    from tripod_doe.study.plan import plan
 
-    print(plan_study(load_study(options.study), timing=not options.no_timing).describe(max(options.workers, 1)))
+    print(plan(load_study(options.study), timing=not options.no_timing).describe(max(options.workers, 1)))
     return DONE
 
 
 def _query(options: argparse.Namespace) -> int:
     from tripod_doe.study.cube import write_dataset
-    from tripod_doe.study.query import frame_text, narrowed, query_cube
+    from tripod_doe.study.query import frame_text, narrowed, query
 
-    answer = query_cube(options.cube, options.variable, options.select, options.nearest, options.where)
+    answer = query(options.cube, options.variable, options.select, options.nearest, options.where)
     if options.format == "netcdf":
         if options.output is None:
             raise InputError("--format netcdf needs --output FILE")

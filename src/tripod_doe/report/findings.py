@@ -2,23 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
-from tripod_doe.report.responses import Response, finished, numeric_factors, responses, spoken, unit_text
+from tripod_doe.report.responses import (
+    ORDINALS,
+    Effect,
+    Response,
+    asked,
+    design_kind,
+    factor_label,
+    factor_unit,
+    finished,
+    main_effect,
+    number,
+    numeric_factors,
+    responses,
+    spoken,
+    with_unit,
+)
 from tripod_doe.results import Outcome
 
-__all__ = ["find", "find_in_analyses"]
+__all__ = ["find", "find_in_analyses", "sensitivity_parts"]
 
-_FLAT = 1e-6  # relative change below which a response does not depend on a factor
+_FLAT = 1e-6  # relative change below which a response is the same everywhere
+_MINOR = 0.05  # change over the range of the response below which a factor shares one sentence with others
+_NOISE = 4.0  # standard errors that the effect of a factor in a sampled design must exceed
+_SAMPLED = ("latin-hypercube", "sobol", "saltelli", "morris")
+_ROUNDING = 1e-9  # part of the largest value below which a number is called zero
 _STRAIGHT = 0.98  # R^2 above which a line is a fair summary
+_THROUGH_ZERO = 0.02  # offset of that line over its largest value below which it is a proportion
 
 
 def find(cube: xr.Dataset) -> list[str]:
-    """Sentences on what the cube shows: completeness, the dominant order, and the effect of every factor.
+    """Sentences on what the cube shows: the dominant order, the effect of every factor, and what did not finish.
 
     Parameters
     ----------
@@ -30,22 +50,20 @@ def find(cube: xr.Dataset) -> list[str]:
     list of str
         The most important first.
     """
-    sentences = []
-    good = int(finished(cube).sum())
-    total = int((cube["outcome_detail"] != "excluded by a constraint").sum())
+    good, total = int(finished(cube).sum()), int(asked(cube).sum())
     if good == 0:
-        return [f"None of {total:,} points finished; {_reasons(cube)}."]
-    if "thrust_amplitude" in cube:
-        sentences.append(_dominant_order(cube))
+        return [f"None of {total:,} points finished: {_reasons(cube)}."]
+    sentences = [_dominant_order(cube)] if "thrust_amplitude" in cube else []
     for response in responses(cube):
         sentences.extend(_effects(response, cube))
     if good < total:
-        sentences.append(f"{total - good:,} of {total:,} points did not finish: {_reasons(cube)}.")
+        failed = f"{total - good:,} of {total:,} points did not finish: {_reasons(cube)}."
+        sentences.insert(0 if good < total / 2 else len(sentences), failed)
     return sentences
 
 
 def _reasons(cube: xr.Dataset) -> str:
-    outcome = cube["outcome"].values.ravel()
+    outcome = cube["outcome"].values[asked(cube).values]
     counts = {kind: int((outcome == kind).sum()) for kind in Outcome if kind is not Outcome.FINISHED}
     return ", ".join(f"{count:,} {kind.label}" for kind, count in counts.items() if count)
 
@@ -54,98 +72,151 @@ def _dominant_order(cube: xr.Dataset) -> str:
     amplitude = cube["thrust_amplitude"]
     mean = amplitude.mean([dim for dim in amplitude.dims if dim != "order"]).isel(order=slice(1, None))
     first, second = (int(mean["order"].values[i]) for i in np.argsort(mean.values)[::-1][:2])
+    if float(mean.sel(order=first)) == 0:
+        return "The thrust force has no rotating order: all amplitudes are zero."
     return (
-        f"Order {first} of the thrust force dominates: {_number(float(mean.sel(order=first)))} N on average; "
-        f"the next is order {second} with {_number(float(mean.sel(order=second)))} N."
+        f"The {ORDINALS[first]} carries the thrust force: {number(float(mean.sel(order=first)))} N on average over the "
+        f"study; the next largest is the {ORDINALS[second]} with {number(float(mean.sel(order=second)))} N."
     )
 
 
-def _effects(response: Response, cube: xr.Dataset) -> list[str]:
-    """A sentence on every factor's effect on a response, the strongest first."""
+def _effects(response: Response, cube: xr.Dataset) -> Iterator[str]:
+    """The range of a response, then its factors: the strongest first, the weak ones together in one sentence."""
     values = response.values.values
-    if not np.isfinite(values).any():
-        return []
-    low, high, unit = float(np.nanmin(values)), float(np.nanmax(values)), _spaced(response.unit)
-    name = response.label
-    if high - low <= _FLAT * max(abs(high), abs(low)):
-        return [f"The {name} is the same at all points: {_number(high)}{unit}."]
-    sentences = [f"The {name} lies between {_number(low)} and {_number(high)}{unit}."]
-    effects = []
-    for factor in numeric_factors(cube):
-        levels, curve = _main_effect(response, cube, factor)
-        if levels.size > 1:
-            effects.append((float(np.ptp(curve)), _sentence(response, cube, factor, levels, curve)))
-    return sentences + [text for _, text in sorted(effects, key=lambda effect: -effect[0])]
+    values = values[np.isfinite(values)]
+    if values.size == 0:
+        return
+    low, high, largest = float(values.min()), float(values.max()), float(np.abs(values).max())
+    name = response.label if response.key == response.label else f"the {response.label}"
+    start = name[0].upper() + name[1:] if response.key != response.label else name
+    if high - low <= _FLAT * largest:
+        yield f"{start} is the same at all points: {with_unit(number(high), response.unit)}."
+        return
+    ends = [with_unit(number(_clean(end, largest)), response.unit) for end in (low, high)]
+    yield f"{start} lies between {ends[0]} and {ends[1]}."
+    effects = {factor: main_effect(response, cube, factor) for factor in numeric_factors(cube)}
+    ranked = sorted((f for f in effects if effects[f].mean.size > 1), key=lambda factor: -effects[factor].rise)
+    noisy = design_kind(cube) in _SAMPLED
+    weak = []
+    for factor in ranked:
+        effect = effects[factor]
+        if effect.rise > max(_MINOR * (high - low), _NOISE * effect.standard_error if noisy else 0.0):
+            yield _sentence(name, start, response.unit, cube, factor, effect)
+        else:
+            weak.append(factor)
+    if weak:
+        part = 100 * max(effects[factor].rise for factor in weak) / (high - low)
+        labels = _listed([factor_label(cube, factor) for factor in weak])
+        yield f"{labels[0].upper() if start != name else labels[0]}{labels[1:]} " + (
+            f"{'change' if len(weak) > 1 else 'changes'} {name} by at most {_rounded_up(part)} % of that range"
+            f"{_others(cube, ', ')}."
+        )
 
 
-def _main_effect(response: Response, cube: xr.Dataset, factor: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Mean of the response over all other factors, at the levels of one (or in ten classes of a sampled one)."""
-    values, levels = (array.values.ravel() for array in xr.broadcast(response.values, cube[factor]))
-    good = np.isfinite(values)
-    values, levels = values[good], levels[good]
-    distinct = np.unique(levels)
-    if distinct.size > 40:
-        edges = np.quantile(levels, np.linspace(0, 1, 11))
-        group = np.clip(np.searchsorted(edges, levels, side="right") - 1, 0, 9)
-    else:
-        group = np.searchsorted(distinct, levels)
-    count = np.bincount(group)
-    used = count > 0
-    mean_level, mean_value = (np.bincount(group, weights=w)[used] / count[used] for w in (levels, values))
-    return mean_level, mean_value
+def _clean(value: float, largest: float) -> float:
+    """Zero for what is only rounding."""
+    return 0.0 if abs(value) < _ROUNDING * largest else value
 
 
-def _sentence(
-    response: Response, cube: xr.Dataset, factor: str, levels: NDArray[np.float64], curve: NDArray[np.float64]
-) -> str:
-    unit = unit_text(str(cube[factor].attrs.get("units", "1")))
-    name, subject, rise = spoken(factor), f"the {response.label}", float(np.ptp(curve))
-    span = f"{_number(levels[0])} to {_number(levels[-1])}{_spaced(unit)}"
-    if rise <= _FLAT * np.abs(curve).max():
-        return f"{subject.capitalize()} does not depend on the {name} ({span}): it changes by less than {_FLAT:g} of itself."
+def _rounded_up(percent: float) -> str:
+    """One digit, rounded up, so that "at most" holds."""
+    digit = 10.0 ** math.floor(math.log10(percent)) if percent > 0 else 1.0
+    return f"{math.ceil(percent / min(digit, 1.0)) * min(digit, 1.0):.2g}"
+
+
+def _others(cube: xr.Dataset, before: str) -> str:
+    """What is done with all other factors while one is looked at."""
+    if len(numeric_factors(cube)) < 2:
+        return ""
+    return before + ("others at their base values" if "varied" in cube.coords else "averaged over the other factors")
+
+
+def _sentence(name: str, start: str, unit: str, cube: xr.Dataset, factor: str, effect: Effect) -> str:
+    """How the response goes with one factor: in proportion, along a straight line, or between two extremes."""
+    levels, curve = effect.level, effect.mean
+    label, own = factor_label(cube, factor), factor_unit(cube, factor)
     slope, offset = np.polyfit(levels, curve, 1)
     residual = curve - (slope * levels + offset)
     straight = 1 - float(residual @ residual) / max(float(((curve - curve.mean()) ** 2).sum()), 1e-300)
     if straight >= _STRAIGHT and levels.size > 2:
+        # Without a unit "per 1" is far outside the range of a friction coefficient: say it per 0.01, for instance.
+        step = 1.0 if own else 10.0 ** math.floor(math.log10(float(np.ptp(levels))))
+        per = f"{with_unit(number(abs(slope) * step), unit)} per {own or number(step)}"
+        ends = [f"{float(end):.3g}" for end in (cube[factor].min(), cube[factor].max())]
+        where = with_unit(f"{ends[0]} to {ends[1]}", own)
+        if abs(offset) <= _THROUGH_ZERO * np.abs(curve).max():
+            return f"{start} is proportional to {label}: {per} ({where}{_others(cube, ', ')}; R2 = {straight:.4f})."
         verb = "grows" if slope > 0 else "falls"
-        per = f" per {unit or 'unit'}" + f" of {name}"
         return (
-            f"{subject.capitalize()} {verb} {_number(abs(slope))}{_spaced(response.unit)}{per} "
-            f"(mean over the other factors, {span}; straight line with R2 = {straight:.4f})."
+            f"{start} {verb} with {label} by {per} "
+            f"({where}{_others(cube, ', ')}; straight line with R2 = {straight:.4f})."
         )
-    least, most = levels[int(np.argmin(curve))], levels[int(np.argmax(curve))]
-    return (
-        f"{subject.capitalize()} is on average {_number(curve.min())}{_spaced(response.unit)} at a {name} of "
-        f"{_number(least)}{_spaced(unit)} and {_number(curve.max())}{_spaced(response.unit)} at {_number(most)}{_spaced(unit)}."
+    largest = float(np.abs(curve).max())
+    least, most = (
+        f"{with_unit(number(_clean(float(curve[at]), largest)), unit)} (at {with_unit(number(levels[at]), own)})"
+        for at in (int(np.argmin(curve)), int(np.argmax(curve)))
     )
+    return f"With {label} {name} goes from {least} to {most}{_others(cube, ', ')}."
 
 
 def find_in_analyses(analyses: Mapping[str, xr.Dataset]) -> list[str]:
-    """Sentences on the strongest factor of each sensitivity analysis."""
+    """Sentences on the strongest factors of each sensitivity analysis, with their confidence intervals."""
     sentences = []
     for name, result in analyses.items():
-        key = "ST" if "ST" in result else "mu_star"
-        index = result[key]
-        if "output" in index.dims:
-            index = index.isel(output=0)
-        if "order" in index.dims:
-            index = index.sel(order=3)
-        if index.ndim != 1 or not bool(index.notnull().any()):
-            continue
-        strongest = str(index["factor"].values[int(index.argmax())])
-        interval = float(
-            result[f"{key}_conf"].sel({str(d): index[d] for d in index.coords if d != "factor"}).sel(factor=strongest)
-        )
-        what = "total Sobol' index" if key == "ST" else "mean elementary effect"
-        sentences.append(
-            f"By analysis {name} the {spoken(strongest)} matters most: {what} {_number(float(index.max()))} +- {_number(interval)}."
-        )
+        for what, part in sensitivity_parts(result):
+            if "ST" in part:
+                sentences.append(_sobol_sentence(name, what, part))
+            elif "mu_star" in part:
+                sentences.append(_morris_sentence(name, what, part))
     return sentences
 
 
-def _spaced(unit: str) -> str:
-    return f" {unit}" if unit else ""
+def sensitivity_parts(result: xr.Dataset) -> list[tuple[str, xr.Dataset]]:
+    """The parts of a sensitivity analysis a reader asks for first, over ``factor`` alone, with what each is about.
+
+    The third and second order of the thrust; of a function, its first four outputs. Parts without numbers are left out.
+    """
+    key = next((key for key in ("ST", "mu_star") if key in result), None)
+    if key is None:
+        return []
+    outputs = [str(name) for name in result["output"].values] if "output" in result.dims else []
+    if "thrust_amplitude" in outputs:
+        result, outputs = result.sel(output="thrust_amplitude"), []
+    parts = []
+    for output in outputs[:4] or [str(result.attrs.get("outputs", "the output"))]:
+        of_output = result.sel(output=output) if outputs else result
+        for order in (3, 2) if "order" in result.dims else (None,):
+            part = of_output if order is None else of_output.sel(order=order)
+            part = part.isel(dict.fromkeys((dim for dim in part[key].dims if dim != "factor"), 0))
+            if part[key].notnull().any():
+                parts.append((output if order is None else f"the {ORDINALS[order]}", part))
+    return parts
 
 
-def _number(value: float) -> str:
-    return f"{value:.4g}" if value else "0"
+def _sobol_sentence(name: str, what: str, part: xr.Dataset) -> str:
+    first, *others = _ranked(part, "ST")
+    then = _listed([f"{spoken(factor)} ({value:.3g} +- {half:.2g})" for factor, value, half in others[:2]])
+    own = 100 * min(max(float(part["S1"].sum()), 0), 1)
+    return (
+        f"The variance of {what} comes first from {spoken(first[0])} (total Sobol' index {first[1]:.3g} +- "
+        f"{first[2]:.2g}){f', then {then}' if then else ''}; {own:.0f} % of it is the factors' own, the rest their "
+        f"interactions (analysis {name})."
+    )
+
+
+def _morris_sentence(name: str, what: str, part: xr.Dataset) -> str:
+    told = [f"{spoken(factor)} {value:.3g} +- {half:.2g}" for factor, value, half in _ranked(part, "mu_star")[:3]]
+    return (
+        f"The largest mean elementary effects on {what}, in its unit over a factor's whole range: {_listed(told)} "
+        f"(analysis {name})."
+    )
+
+
+def _ranked(part: xr.Dataset, key: str) -> list[tuple[str, float, float]]:
+    """Factor, index and half width of its interval, the largest first."""
+    rows = zip(part["factor"].values, part[key].values, part[f"{key}_conf"].values, strict=True)
+    return sorted(((str(f), float(v), float(c)) for f, v, c in rows if np.isfinite(v)), key=lambda row: -row[1])
+
+
+def _listed(names: list[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

@@ -6,15 +6,16 @@ import multiprocessing
 import queue
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tripod_doe.study.definition import Study, parse_study
+from tripod_doe.study.definition import Study, load_study, parse_study
 from tripod_doe.study.designs import Points, make_points, point_keys
 from tripod_doe.study.execution import make_task, run_block
 
-__all__ = ["Plan", "plan_study"]
+__all__ = ["Plan", "plan"]
 
 _TIMING_SECONDS = 10.0
 _SAMPLES = 12
@@ -80,16 +81,18 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 60:.3g} min" if seconds < 7200 else f"{seconds / 3600:.3g} h"
 
 
-def plan_study(study: Study, timing: bool = True) -> Plan:
+def plan(study: Study | str | Path, timing: bool = True) -> Plan:
     """Count a study's points and, unless told not to, time a few of them for at most ten seconds.
 
     Parameters
     ----------
     study
-        What is planned. Nothing is written and no cluster is started.
+        What is planned: a study or its file. Nothing is written and no cluster is started.
     timing
         Whether to time points, in a process of its own.
     """
+    if not isinstance(study, Study):
+        study = load_study(study)
     points = make_points(study)
     unique = np.unique(point_keys(study, points)[points.allowed]).size
     seconds = _time_points(study, points) if timing else []
@@ -155,11 +158,11 @@ def _timing_process(text: str, origin: str, folder: Any, answers: Any) -> None:
     points = make_points(study)
     allowed = np.flatnonzero(points.allowed)
     study.simulator.prepare()
-    spread = np.random.default_rng(0).permutation(allowed)
-    batch = 1
-    for start in range(_SAMPLES):
-        chosen = np.resize(spread[start * batch :], batch) if spread.size > start * batch else spread[:1]
-        cpu = run_block(make_task(study, points, chosen))[1] / chosen.size
-        answers.put(cpu)
-        batch = int(np.clip(_BATCH_SECONDS / max(cpu, 1e-6), 1, max(spread.size // _SAMPLES, 1)))
+    run_block(make_task(study, points, allowed[:1]))  # the first call of a process is no measure
+    random, batch = np.random.default_rng(0), 1
+    for _ in range(_SAMPLES):
+        chosen = random.choice(allowed, min(batch, allowed.size), replace=False)
+        seconds = run_block(make_task(study, points, chosen))[1] / chosen.size
+        answers.put(seconds)
+        batch = int(np.clip(_BATCH_SECONDS / max(seconds, 1e-6), 1, 10_000))
     answers.put(None)

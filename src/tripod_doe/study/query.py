@@ -20,7 +20,7 @@ from tripod_doe.results import Outcome
 from tripod_doe.study.cube import open_cube
 from tripod_doe.study.expressions import Expression
 
-__all__ = ["Selection", "frame_text", "narrowed", "parse_selection", "query_cube", "to_frame"]
+__all__ = ["Selection", "frame_text", "narrowed", "parse_selection", "query", "to_frame"]
 
 _MATCH = 1e-9
 
@@ -63,7 +63,7 @@ def _word(text: str) -> float | str:
         return text
 
 
-def query_cube(
+def query(
     cube: xr.Dataset | str | Path,
     variable: str,
     select: Sequence[Selection | str] = (),

@@ -24,7 +24,7 @@ from tripod_doe.study.designs import Points, make_points, point_keys
 from tripod_doe.study.execution import Policy, run_blocks
 from tripod_doe.study.journal import FinishedBlock, Journal
 
-__all__ = ["RunSummary", "run_study"]
+__all__ = ["RunSummary", "run"]
 
 _SPARE_BYTES = 20_000_000
 
@@ -63,7 +63,7 @@ class RunSummary:
         return self.complete and not self.failed and not any(self.analyses.values())
 
 
-def run_study(
+def run(
     path: str | Path,
     out: str | Path,
     workers: int = 2,
