@@ -45,7 +45,7 @@ def groove_thrust(phi, p):
     """Axial force on the housing at the three grooves at one rotation angle; `p` is a dict in internal units."""
     theta, omega, pitch, radius = p["theta"], p["omega"], p["pitch"], p["radius"]
     step = 1e-5
-    centre, d, t, distance, height = spider(phi, theta, pitch)
+    _, d, t, distance, _ = spider(phi, theta, pitch)
     _, _, _, distance_up, height_up = spider(phi + step, theta, pitch)
     _, _, _, distance_down, height_down = spider(phi - step, theta, pitch)
     plunge = (np.array(distance_up) - distance_down) / (2 * step) * omega

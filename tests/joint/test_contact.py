@@ -39,9 +39,9 @@ def test_hertz_coefficients_meet_the_integral_that_defines_them(cos_tau):
 
 def test_printed_constants_of_table_1_and_equations_5_to_8():
     """Published number: Eq. 5, 7 and 8 solved for C agree with Table 1 to their printed digits."""
-    assert 2.79e-4 ** (-1.5) == pytest.approx(2.15e5, rel=3e-3)
-    assert (3.8e-5) ** (-10 / 9) == pytest.approx(8.15e4, rel=1e-3)
-    assert 3 / 8 * 0.0472 / 2 == pytest.approx(8.85e-3, rel=1e-3)
+    assert pytest.approx(2.15e5, rel=3e-3) == 2.79e-4 ** (-1.5)
+    assert pytest.approx(8.15e4, rel=1e-3) == (3.8e-5) ** (-10 / 9)
+    assert pytest.approx(8.85e-3, rel=1e-3) == 3 / 8 * 0.0472 / 2
     assert contact.needle_contact_stiffness(np.array(10.0), np.array(1.0)) == pytest.approx(8.15e4 * 10 ** (8 / 9))
 
 
@@ -71,7 +71,9 @@ def test_load_zone_agrees_with_the_sum_over_needles(clearance):
     stiffness, count, load = 6.3e5, 27, 800.0
     kappa, penetration = contact.bearing_load_zone(load, clearance, stiffness, count)
     shift = clearance + 2 * penetration
-    sums = np.mean([loads(shift, clearance, stiffness, count, a) for a in np.linspace(0, 2 * np.pi / count, 50)], axis=0)
+    sums = np.mean(
+        [loads(shift, clearance, stiffness, count, a) for a in np.linspace(0, 2 * np.pi / count, 50)], axis=0
+    )
     assert sums[0] == pytest.approx(load, rel=2e-3)
     assert sums[1] / sums[0] == pytest.approx(kappa, rel=2e-3)
 

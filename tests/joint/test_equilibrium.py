@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from reference import groove_thrust
+
 from tripod_doe.joint.contact import bearing_load_zone, contact_constants
 from tripod_doe.joint.equilibrium import solve_equilibrium
 from tripod_doe.joint.orders import complex_amplitudes
@@ -114,7 +114,7 @@ def test_torque_scales_every_order_exactly_where_the_model_is_linear(orders):
     """Exact: without spinning (N^(4/3)) and bearing clearance (load zone) all is proportional to the torque."""
     linear = {"groove_spinning": 0, "bearing_radial_clearance_mm": 0, **skews(1, -1, 0.5)}
     single, groove = orders(torque_n_m=50, **linear)
-    double, groove_double = orders(torque_n_m=100, **linear)
+    _, groove_double = orders(torque_n_m=100, **linear)
     np.testing.assert_allclose(groove_double, 2 * groove, rtol=1e-9, atol=1e-9 * abs(single[3]))
     full, _ = orders(torque_n_m=50)
     full_double, _ = orders(torque_n_m=100)

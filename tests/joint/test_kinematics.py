@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from reference import spider
+
 from tripod_doe.joint.kinematics import ideal_motion
 
 
@@ -17,7 +17,7 @@ def test_closed_form_solves_three_axes_through_three_axes(theta_deg, phi):
     def solved(angle):
         return spider(angle, theta, pitch)
 
-    centre, d, t, distance, height = solved(phi)
+    centre, d, t, distance, _ = solved(phi)
     eccentricity = pitch * (1 / np.cos(theta) - 1) / 2
     assert np.linalg.norm(centre) == pytest.approx(eccentricity, abs=1e-10)
     for k in range(3):

@@ -18,7 +18,7 @@ from SALib.analyze import sobol as salib_sobol
 
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.results import Outcome
-from tripod_doe.study.definition import Study, parse_study
+from tripod_doe.study.definition import DesignTable, parse_file
 from tripod_doe.study.designs import salib_problem, unit_sample
 
 __all__ = ["MorrisSettings", "SobolSettings", "morris_effects", "sobol_indices"]
@@ -66,11 +66,9 @@ def sobol_indices(cube: xr.Dataset, settings: SobolSettings | None = None) -> xr
         If the cube is of another design, or too few complete blocks are left.
     """
     settings = settings or SobolSettings()
-    study = _study_of(cube, "saltelli")
-    names = list(study.factors)
-    width = len(names)
-    second = study.file.design.second_order
-    rows = 2 * width + 2 if second else width + 2
+    design, names = _design_of(cube, "saltelli")
+    second = design.second_order
+    rows = 2 * len(names) + 2 if second else len(names) + 2
 
     def analyse(output: FloatArray) -> dict[str, FloatArray]:
         answer = salib_sobol.analyze(
@@ -107,10 +105,9 @@ def morris_effects(cube: xr.Dataset, settings: MorrisSettings | None = None) -> 
         If the cube is of another design, or too few complete trajectories are left.
     """
     settings = settings or MorrisSettings()
-    study = _study_of(cube, "morris")
-    names = list(study.factors)
-    unit = unit_sample(study.file.design, study.factors)
-    levels = study.file.design.levels or 4
+    design, names = _design_of(cube, "morris")
+    unit = unit_sample(design, names)
+    levels = design.levels or 4
     whole = _complete(cube, len(names) + 1)
 
     def analyse(output: FloatArray) -> dict[str, FloatArray]:
@@ -123,11 +120,12 @@ def morris_effects(cube: xr.Dataset, settings: MorrisSettings | None = None) -> 
     return _analyse_outputs(cube, settings, names, len(names) + 1, analyse, "Morris measure")
 
 
-def _study_of(cube: xr.Dataset, kind: str) -> Study:
-    study = parse_study(cube.attrs["study"], "the study in the cube")
-    if study.file.design.kind != kind:
-        raise InputError(f"this analysis needs a {kind} design, the cube's is {study.file.design.kind}")
-    return study
+def _design_of(cube: xr.Dataset, kind: str) -> tuple[DesignTable, list[str]]:
+    """Design and factor names of the study that the cube carries."""
+    file = parse_file(cube.attrs["study"], "the study in the cube")
+    if file.design.kind != kind:
+        raise InputError(f"this analysis needs a {kind} design, the cube's is {file.design.kind}")
+    return file.design, list(file.factors)
 
 
 def _complete(cube: xr.Dataset, rows: int) -> NDArray[np.bool_]:

@@ -15,6 +15,7 @@ from tripod_doe.report.responses import (
     asked,
     design_kind,
     factor_label,
+    factor_names,
     factor_unit,
     finished,
     main_effect,
@@ -109,7 +110,7 @@ def _effects(response: Response, cube: xr.Dataset) -> Iterator[str]:
         labels = _listed([factor_label(cube, factor) for factor in weak])
         yield f"{labels[0].upper() if start != name else labels[0]}{labels[1:]} " + (
             f"{'change' if len(weak) > 1 else 'changes'} {name} by at most {_rounded_up(part)} % of that range"
-            f"{_others(cube, ', ')}."
+            f"{_others(cube, ', ', weak[0] if len(weak) == 1 else '')}."
         )
 
 
@@ -124,11 +125,14 @@ def _rounded_up(percent: float) -> str:
     return f"{math.ceil(percent / min(digit, 1.0)) * min(digit, 1.0):.2g}"
 
 
-def _others(cube: xr.Dataset, before: str) -> str:
+def _others(cube: xr.Dataset, before: str, factor: str = "") -> str:
     """What is done with all other factors while one is looked at."""
-    if len(numeric_factors(cube)) < 2:
+    others = [name for name in factor_names(cube) if name != factor and np.unique(cube[name].values).size > 1]
+    if not others:
         return ""
-    return before + ("others at their base values" if "varied" in cube.coords else "averaged over the other factors")
+    if "varied" in cube.coords:
+        return f"{before}others at their base values"
+    return f"{before}averaged over {factor_label(cube, others[0]) if len(others) == 1 else 'the other factors'}"
 
 
 def _sentence(name: str, start: str, unit: str, cube: xr.Dataset, factor: str, effect: Effect) -> str:
@@ -143,20 +147,17 @@ def _sentence(name: str, start: str, unit: str, cube: xr.Dataset, factor: str, e
         step = 1.0 if own else 10.0 ** math.floor(math.log10(float(np.ptp(levels))))
         per = f"{with_unit(number(abs(slope) * step), unit)} per {own or number(step)}"
         ends = [f"{float(end):.3g}" for end in (cube[factor].min(), cube[factor].max())]
-        where = with_unit(f"{ends[0]} to {ends[1]}", own)
+        where = with_unit(f"{ends[0]} to {ends[1]}", own) + _others(cube, ", ", factor)
         if abs(offset) <= _THROUGH_ZERO * np.abs(curve).max():
-            return f"{start} is proportional to {label}: {per} ({where}{_others(cube, ', ')}; R2 = {straight:.4f})."
+            return f"{start} is proportional to {label}: {per} ({where}; R2 = {straight:.4f})."
         verb = "grows" if slope > 0 else "falls"
-        return (
-            f"{start} {verb} with {label} by {per} "
-            f"({where}{_others(cube, ', ')}; straight line with R2 = {straight:.4f})."
-        )
+        return f"{start} {verb} with {label} by {per} ({where}; straight line with R2 = {straight:.4f})."
     largest = float(np.abs(curve).max())
     least, most = (
         f"{with_unit(number(_clean(float(curve[at]), largest)), unit)} (at {with_unit(number(levels[at]), own)})"
         for at in (int(np.argmin(curve)), int(np.argmax(curve)))
     )
-    return f"With {label} {name} goes from {least} to {most}{_others(cube, ', ')}."
+    return f"With {label} {name} goes from {least} to {most}{_others(cube, ', ', factor)}."
 
 
 def find_in_analyses(analyses: Mapping[str, xr.Dataset]) -> list[str]:

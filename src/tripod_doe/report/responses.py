@@ -248,10 +248,12 @@ def main_effect(response: Response, cube: xr.Dataset, factor: str) -> Effect:
     else:
         group = np.searchsorted(distinct, levels)
     members = [np.flatnonzero(group == which) for which in np.unique(group)]
+    lower, upper = (np.array([np.quantile(values[rows], part) for rows in members]) for part in (0.25, 0.75))
     return Effect(
-        np.array([levels[rows].mean() for rows in members]) if sampled else distinct,
-        np.array([values[rows].mean() for rows in members]),
-        *(np.array([np.quantile(values[rows], part) for rows in members]) for part in (0.25, 0.75)),
-        np.array([rows.size for rows in members], np.int64),
-        sampled,
+        level=np.array([levels[rows].mean() for rows in members]) if sampled else distinct,
+        mean=np.array([values[rows].mean() for rows in members]),
+        lower=lower,
+        upper=upper,
+        count=np.array([rows.size for rows in members], np.int64),
+        sampled=sampled,
     )

@@ -19,7 +19,7 @@ from tripod_doe.quantities import Parameter, Value, check_parameters
 from tripod_doe.results import Outcome
 from tripod_doe.study.simulator import Simulator, load_simulator
 
-__all__ = ["DesignTable", "Factor", "Study", "StudyFile", "canonical", "load_study", "parse_study"]
+__all__ = ["DesignTable", "Factor", "Study", "StudyFile", "canonical", "load_study", "parse_file", "parse_study"]
 
 Scalar = Annotated[float | int | str | bool, Field(union_mode="smart")]
 DesignKind = Literal[
@@ -183,7 +183,7 @@ def load_study(path: str | Path) -> Study:
 def parse_study(text: str, origin: str = "study", folder: Path | None = None) -> Study:
     """Check the text of a study file; see `load_study`."""
     folder = folder or Path.cwd()
-    file = _parse_file(text, origin)
+    file = parse_file(text, origin)
     simulator = _at(origin, "[study]", lambda: load_simulator(file.study.scene, file.study.function, str(folder)))
     base = _at(origin, "[base]", lambda: check_parameters(simulator.parameters, file.base))
     for name in file.factors:
@@ -211,7 +211,8 @@ def _at(origin: str, where: str, step: Any) -> Any:
         raise InputError(f"{origin}: {where}: {error}") from error
 
 
-def _parse_file(text: str, origin: str) -> StudyFile:
+def parse_file(text: str, origin: str = "study") -> StudyFile:
+    """Parse the text of a study file without looking for its simulator: form is checked, parameters are not."""
     try:
         raw = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

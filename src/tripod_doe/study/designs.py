@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -111,6 +111,11 @@ def _columns(
         case "product":
             return _product(study, factors)
         case _:
+            unbounded = [name for name, factor in factors.items() if is_unbounded(factor)]
+            if design.kind == "morris" and unbounded:
+                raise InputError(
+                    f"[factors.{unbounded[0]}]: morris needs bounded factors; use a truncated-normal distribution"
+                )
             unit = unit_sample(design, factors)
             return {name: quantile(factor, unit[:, i]) for i, (name, factor) in enumerate(factors.items())}, {}
 
@@ -237,7 +242,7 @@ def salib_problem(names: Iterable[str]) -> dict[str, Any]:
     return {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
 
 
-def unit_sample(design: DesignTable, factors: Mapping[str, Factor]) -> NDArray[np.float64]:
+def unit_sample(design: DesignTable, names: Collection[str]) -> NDArray[np.float64]:
     """The sampled designs on the unit cube, shape (point, factor).
 
     latin-hypercube and sobol by scipy.stats.qmc, saltelli and morris by SALib. The Sobol' sequences are prefix-stable:
@@ -245,21 +250,17 @@ def unit_sample(design: DesignTable, factors: Mapping[str, Factor]) -> NDArray[n
     """
     if design.samples is None:
         raise InputError(f"a {design.kind} design needs samples")
-    width, count = len(factors), design.samples
+    width, count = len(names), design.samples
     makers: dict[str, Callable[[], NDArray[np.float64]]] = {
         "latin-hypercube": lambda: qmc.LatinHypercube(width, rng=design.seed).random(count),
         "sobol": lambda: qmc.Sobol(width, rng=design.seed).random(count),
         "saltelli": lambda: salib_sobol.sample(
-            salib_problem(factors), count, calc_second_order=design.second_order, seed=design.seed
+            salib_problem(names), count, calc_second_order=design.second_order, seed=design.seed
         ),
         "morris": lambda: salib_morris.sample(
-            salib_problem(factors), count, num_levels=design.levels or 4, seed=design.seed
+            salib_problem(names), count, num_levels=design.levels or 4, seed=design.seed
         ),
     }
-    if design.kind == "morris":
-        for name, factor in factors.items():
-            if is_unbounded(factor):
-                raise InputError(f"[factors.{name}]: morris needs bounded factors; use a truncated-normal distribution")
     if design.kind == "saltelli" and count & (count - 1):
         raise InputError(
             f"samples = {count}: a saltelli design needs a power of 2, for instance {1 << count.bit_length()}"

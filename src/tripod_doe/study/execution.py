@@ -113,7 +113,7 @@ def _client(policy: Policy) -> Iterator[Client]:
     with dask.config.set(quiet):
         if policy.scheduler:
             try:
-                client = Client(policy.scheduler, timeout=10)
+                client = Client(policy.scheduler, timeout=5)
             except (OSError, ValueError) as error:
                 raise InputError(f"--scheduler {policy.scheduler}: no Dask scheduler answers there") from error
             with client:
@@ -124,7 +124,7 @@ def _client(policy: Policy) -> Iterator[Client]:
                 n_workers=policy.workers,
                 threads_per_worker=1,
                 processes=True,
-                dashboard_address=None,
+                dashboard_address="127.0.0.1:0",  # another run may have the default port
                 silence_logs=50,
                 memory_limit=0,
             ) as cluster,
