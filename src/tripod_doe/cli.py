@@ -34,11 +34,14 @@ class _Parser(argparse.ArgumentParser):
     def __init__(self, **options: Any) -> None:
         super().__init__(**(options | {"allow_abbrev": False}))
 
-    def error(self, message: str) -> NoReturn:
+    def refuse(self, word: str) -> NoReturn:
+        """Say that a word of the command line is not known here."""
+        flag = word.partition("=")[0]
         flags = [flag for action in self._actions for flag in action.option_strings]
-        if "unrecognized arguments: --" in message:
-            unknown = message.split("unrecognized arguments: ")[1].split()[0].partition("=")[0]
-            message = f"unknown flag {unknown}{near_match(unknown, flags)}"
+        self.error(f"unknown flag {flag}{near_match(flag, flags)}" if flag.startswith("-") else f"{word!r} is too much")
+
+    def error(self, message: str) -> NoReturn:
+        """Print the message and where to look, and leave with exit code 2."""
         print(f"{self.prog}: {message}", file=sys.stderr)
         print(f"try: {self.prog} --help", file=sys.stderr)
         raise SystemExit(WRONG_INPUT)
@@ -48,7 +51,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     arguments = [_dashes(word) for word in (sys.argv[1:] if arguments is None else arguments)]
     try:
-        options = _parser(arguments).parse_args(arguments)
+        options, unknown = _parser(arguments).parse_known_args(arguments)
+        if unknown:
+            options.parser.refuse(unknown[0])
         return int(options.command(options))
     except SystemExit as stop:
         return int(stop.code or 0)
@@ -89,13 +94,13 @@ def _parser(arguments: Sequence[str]) -> _Parser:
     run.add_argument("--scheduler", metavar="ADDRESS", help="existing Dask scheduler to use instead of a local cluster")
     run.add_argument("--retry-failed", action="store_true", help="run failed points again")
     run.add_argument("--fail-fast", action="store_true", help="stop at the first point that fails unexpectedly")
-    run.set_defaults(command=_run)
+    run.set_defaults(command=_run, parser=run)
 
     plan = commands.add_parser("plan", help="say what a study will cost; nothing is run or written")
     plan.add_argument("study", metavar="STUDY.toml", type=Path, help="study file")
     plan.add_argument("--no-timing", action="store_true", help="count only, time no points")
     plan.add_argument("--workers", metavar="N", type=int, default=2, help="worker processes to plan for (default 2)")
-    plan.set_defaults(command=_plan)
+    plan.set_defaults(command=_plan, parser=plan)
 
     query = commands.add_parser("query", help="ask a cube")
     query.add_argument("cube", metavar="DIR|CUBE.nc", type=Path, help="result directory or cube")
@@ -108,23 +113,23 @@ def _parser(arguments: Sequence[str]) -> _Parser:
         "--format", choices=("table", "csv", "json", "netcdf"), default="table", help="form of the answer"
     )
     query.add_argument("--output", metavar="FILE", type=Path, help="write the answer to a file")
-    query.set_defaults(command=_query)
+    query.set_defaults(command=_query, parser=query)
 
     simulate = commands.add_parser("simulate", help="simulate one point")
     simulate.add_argument("--scene", default="joint", metavar="S", help=f"scene: {', '.join(SCENES)} (default joint)")
     simulate.add_argument("--format", choices=("table", "json"), default="table", help="form of the answer")
     if "simulate" in arguments[:1]:
         _add_parameters(simulate, load_simulator(_scene_named_in(arguments)))
-    simulate.set_defaults(command=_simulate)
+    simulate.set_defaults(command=_simulate, parser=simulate)
 
     report = commands.add_parser("report", help="make the report of a result directory again")
     report.add_argument("directory", metavar="DIR", type=Path, help="result directory")
-    report.set_defaults(command=_report)
+    report.set_defaults(command=_report, parser=report)
 
     schema = commands.add_parser("schema", help="print the JSON schema of study files")
     schema.add_argument("kind", choices=("study",), help="what to describe")
     schema.add_argument("--scene", default="joint", metavar="S", help="scene whose parameters are listed")
-    schema.set_defaults(command=_schema)
+    schema.set_defaults(command=_schema, parser=schema)
     return parser
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -164,16 +165,22 @@ def find_in_analyses(analyses: Mapping[str, xr.Dataset]) -> list[str]:
     """Sentences on the strongest factors of each sensitivity analysis, with their confidence intervals."""
     sentences = []
     for name, result in analyses.items():
-        for what, part in sensitivity_parts(result):
-            if "ST" in part:
-                sentences.append(_sobol_sentence(name, what, part))
-            elif "mu_star" in part:
-                sentences.append(_morris_sentence(name, what, part))
+        for part in sensitivity_parts(result):
+            tell = _sobol_sentence if "ST" in part.indices else _morris_sentence
+            sentences.append(tell(name, part.what, part.indices))
     return sentences
 
 
-def sensitivity_parts(result: xr.Dataset) -> list[tuple[str, xr.Dataset]]:
-    """The parts of a sensitivity analysis a reader asks for first, over ``factor`` alone, with what each is about.
+class Part(NamedTuple):
+    """Indices over ``factor`` alone: of which output of the cube, and what that is in words."""
+
+    output: str
+    what: str
+    indices: xr.Dataset
+
+
+def sensitivity_parts(result: xr.Dataset) -> list[Part]:
+    """The parts of a sensitivity analysis that a reader asks for first.
 
     The third and second order of the thrust; of a function, its first four outputs. Parts without numbers are left out.
     """
@@ -182,15 +189,15 @@ def sensitivity_parts(result: xr.Dataset) -> list[tuple[str, xr.Dataset]]:
         return []
     outputs = [str(name) for name in result["output"].values] if "output" in result.dims else []
     if "thrust_amplitude" in outputs:
-        result, outputs = result.sel(output="thrust_amplitude"), []
+        outputs = ["thrust_amplitude"]
     parts = []
     for output in outputs[:4] or [str(result.attrs.get("outputs", "the output"))]:
         of_output = result.sel(output=output) if outputs else result
         for order in (3, 2) if "order" in result.dims else (None,):
-            part = of_output if order is None else of_output.sel(order=order)
-            part = part.isel(dict.fromkeys((dim for dim in part[key].dims if dim != "factor"), 0))
-            if part[key].notnull().any():
-                parts.append((output if order is None else f"the {ORDINALS[order]}", part))
+            indices = of_output if order is None else of_output.sel(order=order)
+            indices = indices.isel(dict.fromkeys((dim for dim in indices[key].dims if dim != "factor"), 0))
+            if indices[key].notnull().any():
+                parts.append(Part(output, output if order is None else f"the {ORDINALS[order]}", indices))
     return parts
 
 

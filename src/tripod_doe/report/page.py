@@ -92,7 +92,7 @@ def make_page(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset]) -> str:
         waveforms=waveform_charts(cube),
         spectrum=spectrum_chart(cube),
         effects=effect_charts(cube),
-        indices=index_charts(analyses),
+        indices=index_charts(analyses, cube),
         analyses=list(analyses),
         outcomes=outcome_counts(cube),
         factor_heads=[(spoken(name), factor_unit(cube, name)) for name in factor_names(cube)],

@@ -178,13 +178,18 @@ def _coordinates(study: Study, points: Points, labels: Mapping[str, NDArray[Any]
             levels = np.array(study.factors[name].values, dtype=column.dtype)
             coordinates[name] = xr.Variable((name,), levels, attrs)
     if points.dims == ("point",):
-        coordinates["point"] = xr.Variable(("point",), np.arange(points.count), _dimension_attributes("point"))
+        coordinates["point"] = xr.Variable(("point",), np.arange(points.count, dtype=np.int32), _dimension_attributes("point"))
     for name, column in points.labels.items():
         meaning = "factor that is varied" if name == "varied" else "row of the sub-design"
-        coordinates[name] = xr.Variable(("point",), column, {"long_name": meaning})
+        coordinates[name] = xr.Variable(("point",), _cf_type(column), {"long_name": meaning})
     for name, values in labels.items():
-        coordinates[name] = xr.Variable((name,), values, _dimension_attributes(name))
+        coordinates[name] = xr.Variable((name,), _cf_type(values), _dimension_attributes(name))
     return coordinates
+
+
+def _cf_type(labels: NDArray[Any]) -> NDArray[Any]:
+    """CF 1.8 has no 64-bit integers."""
+    return labels.astype(np.int32) if labels.dtype == np.int64 else labels
 
 
 def _dimension_attributes(name: str) -> dict[str, str]:

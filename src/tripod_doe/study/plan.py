@@ -163,6 +163,8 @@ def _timing_process(text: str, origin: str, folder: Any, answers: Any) -> None:
     for _ in range(_SAMPLES):
         chosen = random.choice(allowed, min(batch, allowed.size), replace=False)
         seconds = run_block(make_task(study, points, chosen))[1] / chosen.size
-        answers.put(seconds)
-        batch = int(np.clip(_BATCH_SECONDS / max(seconds, 1e-6), 1, 10_000))
+        wanted = int(np.clip(_BATCH_SECONDS / max(seconds, 1e-6), 1, min(allowed.size, 10_000)))
+        if 2 * batch >= wanted:  # smaller batches are mostly overhead, and no measure of a block
+            answers.put(seconds)
+        batch = wanted
     answers.put(None)

@@ -76,6 +76,8 @@ def _line_chart(response: Response, cube: xr.Dataset, factor: str, others: list[
     curves: dict[str, FloatArray] = {}
     columns = {factor: cube[factor].values}
     for level in _some(cube[second].values) if second else ():
+        if not values.sel({second: level}).notnull().any():
+            continue  # no point of this level finished
         text = number(float(level)) if cube[second].dtype.kind in "fiu" else str(level)
         curves[with_unit(text, factor_unit(cube, str(second)))] = values.sel({second: level}).values
         columns[f"{response.key}[{second}={text}]"] = values.sel({second: level}).values
@@ -97,7 +99,9 @@ def _line_chart(response: Response, cube: xr.Dataset, factor: str, others: list[
     averaged = [factor_label(cube, name) for name in others if name != second]
     caption = f"{_capital(response)} against {factor_label(cube, factor)}"
     caption += f", a line for each {factor_label(cube, second)} shown" if second else ""
-    caption += f"; mean over {', '.join(averaged)}" if averaged else ""
+    if averaged:
+        some = " (finished points only)" if bool(response.values.isnull().any()) else ""
+        caption += f"; mean over {', '.join(averaged)}{some}"
     return Chart(f"{response.key}-{factor}", caption + ".", figure, pd.DataFrame(columns))
 
 

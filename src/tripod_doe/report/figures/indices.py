@@ -10,19 +10,24 @@ import xarray as xr
 
 from tripod_doe.report.figures.chart import COLOURS, INK, MARKERS, MUTED, Chart, drawing, legend_above
 from tripod_doe.report.findings import sensitivity_parts
-from tripod_doe.report.responses import spoken
+from tripod_doe.report.responses import spoken, unit_text
 
 __all__ = ["index_charts"]
 
 
-def index_charts(analyses: Mapping[str, xr.Dataset]) -> list[Chart]:
+def index_charts(analyses: Mapping[str, xr.Dataset], cube: xr.Dataset) -> list[Chart]:
     """A chart for every sensitivity analysis and every response a reader asks for first."""
     charts = []
     for name, result in analyses.items():
         level = 100 * float(result.attrs.get("confidence_level", 0.95))
-        for position, (what, part) in enumerate(sensitivity_parts(result)):
-            draw = _sobol_chart if "ST" in part else _morris_chart
-            charts.append(draw(f"{name}-{position + 1}", name, what, part, level))
+        for position, part in enumerate(sensitivity_parts(result)):
+            key, indices = f"{name}-{position + 1}", part.indices
+            if "ST" in indices:
+                charts.append(_sobol_chart(key, name, part.what, indices, level))
+            else:
+                attrs = cube[part.output].attrs if part.output in cube else {}
+                unit = unit_text(str(attrs.get("units", "1"))) or "-"
+                charts.append(_morris_chart(key, name, part.what, indices, level, unit))
     return charts
 
 
@@ -50,8 +55,9 @@ def _sobol_chart(key: str, name: str, what: str, part: xr.Dataset, level: float)
                 capsize=2.5,
             )
             for row, value, half in zip(rows, data[index], data[f"{index}_conf"], strict=True):
+                text = f"{value:.2f}".replace("-0.00", "0.00")
                 axes.annotate(
-                    f"{value:.2f}".replace("-0.00", "0.00"), (max(value, 0) + half, row + offset), (4, 0), textcoords="offset points",
+                    text, (max(value, 0) + half, row + offset), (4, 0), textcoords="offset points",
                     va="center", fontsize=7.5, color=MUTED,
                 )  # fmt: skip
         axes.set_yticks(rows, [spoken(str(factor)) for factor in data["factor"]])
@@ -70,13 +76,13 @@ def _sobol_chart(key: str, name: str, what: str, part: xr.Dataset, level: float)
     return Chart(key, caption, figure, data)
 
 
-def _morris_chart(key: str, name: str, what: str, part: xr.Dataset, level: float) -> Chart:
+def _morris_chart(key: str, name: str, what: str, part: xr.Dataset, level: float, unit: str) -> Chart:
     data = _frame(part, ("mu_star", "mu_star_conf", "mu", "sigma"))
     with drawing(5.0, 3.6) as (figure, axes):
         top = 1.15 * max(float((data["mu_star"] + data["mu_star_conf"]).max()), float(data["sigma"].max()))
         axes.plot([0, top], [0, top], ":", color=MUTED, lw=1)
         axes.annotate(
-            "sigma = mu*", (0.94 * top, 0.94 * top), (-6, -2), textcoords="offset points", ha="right", va="bottom",
+            "σ = μ*", (0.94 * top, 0.94 * top), (-6, -2), textcoords="offset points", ha="right", va="bottom",
             fontsize=7.5, color=MUTED,
         )  # fmt: skip
         for which, factor in enumerate(data["factor"]):
@@ -86,10 +92,10 @@ def _morris_chart(key: str, name: str, what: str, part: xr.Dataset, level: float
                 capsize=2.5, color=COLOURS[which % len(COLOURS)], marker=MARKERS[which % len(MARKERS)],
                 label=spoken(str(factor)),
             )  # fmt: skip
-        axes.set_xlim(0, top)
-        axes.set_ylim(0, top)
-        axes.set_xlabel("mean elementary effect mu* (unit of the output)")
-        axes.set_ylabel("standard deviation sigma\n(unit of the output)")
+        axes.set_xlim(-0.02 * top, top)
+        axes.set_ylim(-0.02 * top, top)
+        axes.set_xlabel(f"mean elementary effect μ* ({unit})")
+        axes.set_ylabel(f"standard deviation σ ({unit})")
         legend_above(axes, 2)
     caption = (
         f"Morris' elementary effects on {what}, each over the whole range of its factor, with {level:g} % confidence "

@@ -1,0 +1,83 @@
+"""Small cubes made by the real code, without a cluster: study text -> points -> one block -> cube with costs."""
+
+from __future__ import annotations
+
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tripod_doe.report.page import make_page
+from tripod_doe.study.cube import build_cube, stamp_history
+from tripod_doe.study.definition import parse_study
+from tripod_doe.study.designs import make_points, point_keys
+from tripod_doe.study.execution import make_task, run_block
+from tripod_doe.study.journal import FinishedBlock
+
+FUNCTIONS = """
+import math
+def line(x, z=0.0, offset=0.0):
+    return {"y": 3 * x + offset + 0 * z}
+def failing(x):
+    raise ValueError("no <b>answer</b> here")
+def uneven(x, z):
+    return {"y": 10 * x + z}
+"""
+
+JOINT = """
+[study]
+name = "Angles and needles"
+question = "What do angle and needles do?"
+[base]
+initial_skew_1_deg = 0.4
+[factors.joint_angle_deg]
+values = [4, 8, 12]
+[factors.torque_n_m]
+values = [25, 50, 100, 200]
+[factors.needle_count]
+values = [27, 29]
+"""
+"""29 needles do not fit on the reference pitch circle, so half of the points are jammed."""
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("functions")
+    (folder / "report_functions.py").write_text(FUNCTIONS)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def make_cube(folder):
+    def make(text: str, part: slice = slice(None)) -> xr.Dataset:
+        """The cube of a study whose points `part` were run."""
+        study = parse_study(textwrap.dedent(text), folder=folder)
+        points = make_points(study)
+        keys = point_keys(study, points)
+        chosen = np.flatnonzero(points.allowed)[part]
+        blocks = []
+        if chosen.size:
+            result, cpu, wall, worker = run_block(make_task(study, points, chosen))
+            blocks.append(FinishedBlock(keys[chosen], result, cpu, wall, worker))
+        cube, cost = build_cube(study, points, keys, iter(blocks))
+        return stamp_history(cube.assign({name: cost[name] for name in cost.data_vars}), "made by a test")
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def joint_cube(make_cube) -> xr.Dataset:
+    return make_cube(JOINT)
+
+
+@pytest.fixture(scope="session")
+def grid_cube(make_cube) -> xr.Dataset:
+    """The same without the needles that do not fit: a grid over two factors."""
+    return make_cube(JOINT.partition("[factors.needle_count]")[0])
+
+
+@pytest.fixture(scope="session")
+def joint_page(joint_cube) -> str:
+    return make_page(joint_cube, {})
