@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import textwrap
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 
@@ -43,6 +46,18 @@ values = [27, 29]
 
 
 @pytest.fixture(scope="session")
+def read_table() -> Callable[[str], pd.DataFrame]:
+    """Read CSV text with every digit; pandas' own parser is off by a rounding now and then."""
+
+    def read(text: str) -> pd.DataFrame:
+        frame = pd.read_csv(io.StringIO(text), dtype=str)
+        numbers = {name: column.map(float) for name, column in frame.items() if name != "factor"}
+        return frame.assign(**numbers)
+
+    return read
+
+
+@pytest.fixture(scope="session")
 def folder(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("functions")
     (folder / "report_functions.py").write_text(FUNCTIONS)
@@ -76,6 +91,14 @@ def joint_cube(make_cube) -> xr.Dataset:
 def grid_cube(make_cube) -> xr.Dataset:
     """The same without the needles that do not fit: a grid over two factors."""
     return make_cube(JOINT.partition("[factors.needle_count]")[0])
+
+
+@pytest.fixture(scope="session")
+def line_cube(make_cube) -> xr.Dataset:
+    """A study of a function: few figures, so its page is made quickly."""
+    return make_cube(
+        '[study]\nname = "L"\nfunction = "report_functions:line"\n[factors]\nx = { values = [1, 2] }\n[base]\nz = 7\n'
+    )
 
 
 @pytest.fixture(scope="session")

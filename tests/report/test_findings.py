@@ -94,7 +94,7 @@ def test_one_at_a_time_effects_leave_out_the_points_of_other_factors(make_cube):
 def sobol_result() -> xr.Dataset:
     index = np.array([[0.1, np.nan], [0.7, np.nan]])
     return xr.Dataset(
-        {key: (("factor", "order"), index) for key in ("S1", "S1_conf", "ST", "ST_conf")},
+        dict.fromkeys(("S1", "S1_conf", "ST", "ST_conf"), (("factor", "order"), index)),
         coords={"factor": ["torque_n_m", "joint_angle_deg"], "order": [3, 2]},
     )
 

@@ -178,7 +178,9 @@ def _coordinates(study: Study, points: Points, labels: Mapping[str, NDArray[Any]
             levels = np.array(study.factors[name].values, dtype=column.dtype)
             coordinates[name] = xr.Variable((name,), levels, attrs)
     if points.dims == ("point",):
-        coordinates["point"] = xr.Variable(("point",), np.arange(points.count, dtype=np.int32), _dimension_attributes("point"))
+        coordinates["point"] = xr.Variable(
+            ("point",), np.arange(points.count, dtype=np.int32), _dimension_attributes("point")
+        )
     for name, column in points.labels.items():
         meaning = "factor that is varied" if name == "varied" else "row of the sub-design"
         coordinates[name] = xr.Variable(("point",), _cf_type(column), {"long_name": meaning})

@@ -29,6 +29,7 @@ __all__ = ["Policy", "Task", "make_task", "run_block", "run_blocks"]
 _TARGET_SECONDS = 1.0
 _FIRST_BLOCK = 16
 _LARGEST_GROWTH = 8
+_SMALLEST_SHARE = 16  # the last blocks shrink to this part of the usual ones
 _IN_FLIGHT = 2  # blocks a worker: one at work, one waiting, so that no worker waits for this process
 _ALLOWED_FAILURES = 2
 
@@ -221,7 +222,8 @@ class _Queue:
             return self._returned.pop()
         if self._waiting.size == 0:
             return None
-        size = self._fixed or max(1, min(self._size, -(-self._waiting.size // slots)))
+        share = -(-self._waiting.size // slots)
+        size = self._fixed or max(min(self._size, share), self._size // _SMALLEST_SHARE, 1)
         block, self._waiting = self._waiting[:size], self._waiting[size:]
         return block
 

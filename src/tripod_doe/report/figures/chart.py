@@ -70,7 +70,7 @@ class Chart:
     Attributes
     ----------
     name
-        File name of its numbers, without ending; also makes its SVG identifiers.
+        File name of its numbers, without ending; unique in a page, since its SVG identifiers hang on it.
     caption
         What is shown, in a sentence or two.
     figure
@@ -89,23 +89,20 @@ class Chart:
         buffer = io.StringIO()
         with mpl.rc_context({**_STYLE, "svg.hashsalt": self.name}):
             self.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-        return _inline(buffer.getvalue(), self.name)
+        return _inline(buffer.getvalue())
 
     def csv(self) -> str:
         """The numbers as CSV, in full precision."""
         return self.data.to_csv(index=False)
 
 
-def _inline(svg: str, name: str) -> str:
-    """Strip what only a file of its own needs, and make identifiers unique among the figures of a page."""
+def _inline(svg: str) -> str:
+    """Strip what only a file of its own needs; the identifiers that are left are salted with the chart's name."""
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     svg = re.sub(r"<style type=\"text/css\">.*?</style>", "", svg, flags=re.DOTALL)  # it would style the whole page
     used = set(re.findall(r"#([A-Za-z][\w-]*)", svg))
     svg = re.sub(r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
-    for identifier in sorted(used):
-        if f' id="{identifier}"' in svg:
-            svg = re.sub(rf'(id="|#){identifier}(?![\w-])', rf"\g<1>{name}-{identifier}", svg)
     return svg.strip()
 
 
@@ -122,7 +119,7 @@ def factor_ticks(axes: Axes, levels: NDArray[Any]) -> None:
     if levels.size <= _OWN_TICKS:
         axes.set_xticks(levels, [f"{float(level):.3g}".replace("-", "\N{MINUS SIGN}") for level in levels])
     else:
-        axes.xaxis.set_major_locator(MaxNLocator(5))
+        axes.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
 
 
 def legend_above(axes: Axes, columns: int, title: str | None = None) -> None:

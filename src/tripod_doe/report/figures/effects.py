@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -72,43 +72,44 @@ def _grid_charts(response: Response, cube: xr.Dataset) -> list[Chart]:
 def _line_chart(response: Response, cube: xr.Dataset, factor: str, others: list[str]) -> Chart:
     """A line a level of the second factor, averaged over any further ones."""
     second = min(others, key=lambda name: (cube.sizes[name] > _MOST_LINES, others.index(name))) if others else None
-    values = response.values.mean([name for name in others if name != second])
-    curves: dict[str, FloatArray] = {}
-    columns = {factor: cube[factor].values}
-    for level in _some(cube[second].values) if second else ():
-        if not values.sel({second: level}).notnull().any():
-            continue  # no point of this level finished
-        text = number(float(level)) if cube[second].dtype.kind in "fiu" else str(level)
-        curves[with_unit(text, factor_unit(cube, str(second)))] = values.sel({second: level}).values
-        columns[f"{response.key}[{second}={text}]"] = values.sel({second: level}).values
-    if second is None:
-        curves[response.label] = columns[response.key] = values.values
+    averaged = [name for name in others if name != second]
+    along = np.argsort(cube[factor].values, kind="stable")
+    levels = cube[factor].values[along]
+    values = response.values.squeeze(drop=True).mean(averaged).transpose(factor, ...).values[along]
+    columns = {factor: levels}
     with drawing(3.7, 3.0) as (figure, axes):
-        for which, (label, curve) in enumerate(curves.items()):
+        for which, (text, column) in enumerate(_columns(cube, second, values)):
+            label = with_unit(text, factor_unit(cube, second)) if second else response.label
+            columns[f"{response.key}[{second}={text}]" if second else response.key] = column
             axes.plot(
-                cube[factor].values, curve, ls=LINES[which % len(LINES)], marker=MARKERS[which % len(MARKERS)],
+                levels, column, ls=LINES[which % len(LINES)], marker=MARKERS[which % len(MARKERS)],
                 color=COLOURS[which % len(COLOURS)], mfc="white" if which % 2 else None, label=label,
             )  # fmt: skip
-        factor_ticks(axes, cube[factor].values)
+        factor_ticks(axes, levels)
         axes.set_xlabel(axis_label(cube, factor))
         axes.set_ylabel(response.axis)
-        low, high = float(np.nanmin([*curves.values()])), float(np.nanmax([*curves.values()]))
-        axes.set_ylim(*_limits(low, high))
+        drawn = np.concatenate(list(columns.values())[1:])
+        axes.set_ylim(*_limits(float(np.nanmin(drawn)), float(np.nanmax(drawn))))
         if second is not None:
             legend_above(axes, 3, factor_label(cube, second))
-    averaged = [factor_label(cube, name) for name in others if name != second]
     caption = f"{_capital(response)} against {factor_label(cube, factor)}"
     caption += f", a line for each {factor_label(cube, second)} shown" if second else ""
     if averaged:
         some = " (finished points only)" if bool(response.values.isnull().any()) else ""
-        caption += f"; mean over {', '.join(averaged)}{some}"
+        caption += f"; mean over {', '.join(factor_label(cube, name) for name in averaged)}{some}"
     return Chart(f"{response.key}-{factor}", caption + ".", figure, pd.DataFrame(columns))
 
 
-def _some(levels: NDArray[Any]) -> list[Any]:
-    """At most five of the levels, the first and the last among them."""
-    chosen = np.unique(np.linspace(0, levels.size - 1, min(levels.size, _MOST_LINES)).round().astype(int))
-    return list(levels[chosen])
+def _columns(cube: xr.Dataset, second: str | None, values: FloatArray) -> Iterator[tuple[str, FloatArray]]:
+    """At most five levels of the second factor at which points finished, with the values there."""
+    if second is None:
+        yield "", values
+        return
+    usable = np.flatnonzero(np.isfinite(values).any(axis=0))
+    chosen = np.unique(np.linspace(0, usable.size - 1, min(usable.size, _MOST_LINES)).round().astype(int))
+    for at in usable[chosen]:
+        level = cube[second].values[at]
+        yield f"{float(level):.6g}" if cube[second].dtype.kind in "fiu" else str(level), values[:, at]
 
 
 def _capital(response: Response) -> str:
@@ -118,6 +119,8 @@ def _capital(response: Response) -> str:
 def _map_chart(response: Response, cube: xr.Dataset, factors: list[str]) -> Chart:
     """Numbers in shaded cells, or labelled contours where the cells are too many to read."""
     across, up = sorted(factors, key=lambda name: cube.sizes[name])
+    response = replace(response, values=response.values.sortby([across, up]))
+    cube = cube.sortby([across, up])
     values = response.values.transpose(up, across).values
     rows, columns = values.shape
     cells = rows <= _MOST_CELLS[0] and columns <= _MOST_CELLS[1]
@@ -128,7 +131,7 @@ def _map_chart(response: Response, cube: xr.Dataset, factors: list[str]) -> Char
             _draw_contours(axes, cube[across].values, cube[up].values, values)
         axes.set_xlabel(axis_label(cube, across))
         axes.set_ylabel(axis_label(cube, up))
-    data = pd.DataFrame(values, columns=[f"{response.key}[{across}={number(float(v))}]" for v in cube[across].values])
+    data = pd.DataFrame(values, columns=[f"{response.key}[{across}={float(v):.8g}]" for v in cube[across].values])
     data.insert(0, up, cube[up].values)
     unit = with_unit("", response.unit).strip()
     caption = (
