@@ -177,7 +177,10 @@ def _run(options: argparse.Namespace) -> int:
             print(f"analysis {name} was not made: {reason}", file=sys.stderr)
     for label, count in summary.failed.items():
         print(f"{count:,} points ended as {label}; see outcome_detail, or --retry-failed", file=sys.stderr)
-    print(f"{summary.computed:,} points computed, {summary.reused:,} were there", file=sys.stderr)
+    rate = (
+        f" in {summary.seconds:.1f} s ({summary.computed / summary.seconds:,.0f} a second)" if summary.computed else ""
+    )
+    print(f"{summary.computed:,} points computed{rate}, {summary.reused:,} were there", file=sys.stderr)
     print(f"cube    {summary.directory / 'cube.nc'}", file=sys.stderr)
     print(f"report  {summary.directory / 'report' / 'index.html'}", file=sys.stderr)
     return DONE if summary.good else SOME_FAILED

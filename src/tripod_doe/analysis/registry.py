@@ -91,6 +91,8 @@ def run_analyses(study: Study, cube: xr.Dataset, directory: Path) -> dict[str, s
         By name, why an analysis could not be made; empty text where it was.
     """
     reasons: dict[str, str] = {}
+    for stale in (directory / "analysis").glob("*.nc"):  # of another version of the study, or of other points
+        stale.unlink()
     for name in study.file.analysis:
         analysis, settings = _settings(study, name)
         try:

@@ -141,7 +141,7 @@ def run_blocks(
     missing: NDArray[np.int64],
     policy: Policy,
     commit: Callable[[FinishedBlock], bool],
-) -> None:
+) -> float:
     """Run the missing points in blocks and hand every finished block to `commit`.
 
     Parameters
@@ -156,6 +156,11 @@ def run_blocks(
         How to run them.
     commit
         Called in this thread for every finished block, in the order in which they finish; False stops the run.
+
+    Returns
+    -------
+    float
+        Wall seconds from the first block sent to the last one committed, the start of the cluster not counted.
 
     Notes
     -----
@@ -176,6 +181,7 @@ def run_blocks(
                 running[future] = chosen
                 completed.add(future)
 
+        started = time.perf_counter()
         submit()
         for future in completed:
             chosen = running.pop(future)
@@ -187,8 +193,9 @@ def run_blocks(
                 queue.learn(block.wall_seconds, chosen.size)
                 if not commit(block):
                     client.cancel(list(running))
-                    return
+                    break
             submit()
+        return time.perf_counter() - started
 
 
 def _finished(future: Future, keys: NDArray[np.void]) -> FinishedBlock | None:

@@ -39,6 +39,8 @@ class RunSummary:
         Where cube, costs, analyses and report are.
     computed, reused
         Points that ran now, and that were there before.
+    seconds
+        Wall time from the first block sent to the last one committed.
     failed
         Points whose outcome was neither finished nor expected, by outcome label.
     analyses
@@ -52,6 +54,7 @@ class RunSummary:
     directory: Path
     computed: int
     reused: int
+    seconds: float
     failed: dict[str, int]
     analyses: dict[str, str]
     findings: Sequence[str]
@@ -111,7 +114,7 @@ def run(
         _check_space(study, directory, points.count)
         _adopt(study, journal, directory)
         policy = Policy(workers, scheduler, study.file.run.block, study.file.run.exclusive)
-        computed = _run_missing(study, points, keys, missing, journal, policy, fail_fast, progress)
+        computed, seconds = _run_missing(study, points, keys, missing, journal, policy, fail_fast, progress)
         cube, cost = build_cube(study, points, keys, journal.blocks())
     action = f"tripod-doe run: {computed} points computed"
     write_dataset(stamp_history(cube, action), directory / "cube.nc")
@@ -123,6 +126,7 @@ def run(
         directory,
         computed,
         np.unique(keys[points.allowed]).size - missing.size,
+        seconds,
         _failures(study, points, cube),
         analyses,
         find(open_cube(directory)),
@@ -212,10 +216,10 @@ def _run_missing(
     policy: Policy,
     fail_fast: bool,
     progress: bool,
-) -> int:
-    """Run the missing points under a progress bar; returns how many finished."""
+) -> tuple[int, float]:
+    """Run the missing points under a progress bar; returns how many came back, and in how many seconds."""
     if missing.size == 0:
-        return 0
+        return 0, 0.0
     good = {int(Outcome.FINISHED), *_expected(study)}
     computed = 0
     with tqdm(total=int(missing.size), unit="point", disable=not progress, file=sys.stderr, smoothing=0.05) as bar:
@@ -227,8 +231,8 @@ def _run_missing(
             bar.update(block.keys.size)
             return not (fail_fast and any(int(outcome) not in good for outcome in block.result.outcome))
 
-        run_blocks(study, points, keys, missing, policy, commit)
-    return computed
+        seconds = run_blocks(study, points, keys, missing, policy, commit)
+    return computed, seconds
 
 
 def _failures(study: Study, points: Points, cube: xr.Dataset) -> dict[str, int]:
