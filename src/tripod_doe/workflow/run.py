@@ -18,7 +18,7 @@ from tripod_doe.errors import InputError, StorageError
 from tripod_doe.report.findings import find
 from tripod_doe.report.page import write_report
 from tripod_doe.results import Outcome
-from tripod_doe.study.cube import build_cube, open_cube, stamp_history, write_dataset
+from tripod_doe.study.cube import build_cube, stamp_history, write_dataset
 from tripod_doe.study.definition import Study, canonical, load_study, parse_study
 from tripod_doe.study.designs import Points, make_points, point_keys
 from tripod_doe.study.execution import Policy, run_blocks
@@ -117,20 +117,21 @@ def run(
         computed, seconds = _run_missing(study, points, keys, missing, journal, policy, fail_fast, progress)
         cube, cost = build_cube(study, points, keys, journal.blocks())
     action = f"tripod-doe run: {computed} points computed"
-    write_dataset(stamp_history(cube, action), directory / "cube.nc")
     write_dataset(stamp_history(cost, action), directory / "cost.nc")
+    write_dataset(stamp_history(cube, action), directory / "cube.nc")
     analyses = run_analyses(study, cube, directory)
+    findings, failures = find(cube), _failures(study, points, cube)
+    del cube, cost  # the report reads its own; a large cube need not be in memory twice
     write_report(directory)
-    complete = computed == missing.size
     return RunSummary(
         directory,
         computed,
         np.unique(keys[points.allowed]).size - missing.size,
         seconds,
-        _failures(study, points, cube),
+        failures,
         analyses,
-        find(open_cube(directory)),
-        complete,
+        findings,
+        complete=computed == missing.size,
     )
 
 
