@@ -16,8 +16,8 @@ from tripod_doe.report.page import make_page
 from tripod_doe.study.cube import build_cube, stamp_history
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points, point_keys
-from tripod_doe.study.execution import make_task, run_block
 from tripod_doe.study.journal import FinishedBlock
+from tripod_doe.study.task import make_task, run_task
 
 FUNCTIONS = """
 import math
@@ -74,8 +74,8 @@ def make_cube(folder):
         chosen = np.flatnonzero(points.allowed)[part]
         blocks = []
         if chosen.size:
-            result, cpu, wall, worker = run_block(make_task(study, points, chosen))
-            blocks.append(FinishedBlock(keys[chosen], result, cpu, wall, worker))
+            result, cpu, wall = run_task(make_task(study, points, chosen))
+            blocks.append(FinishedBlock(keys[chosen], result, cpu, wall, "0"))
         cube, cost = build_cube(study, points, keys, iter(blocks))
         return stamp_history(cube.assign({name: cost[name] for name in cost.data_vars}), "made by a test")
 

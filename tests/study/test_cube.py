@@ -15,8 +15,8 @@ import tripod_doe as td
 from tripod_doe.study.cube import build_cube, write_dataset
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points, point_keys
-from tripod_doe.study.execution import make_task, run_block
 from tripod_doe.study.journal import FinishedBlock
+from tripod_doe.study.task import make_task, run_task
 
 GRID = """
 [study]
@@ -46,8 +46,8 @@ def cube_of(text, blocks=1):
     keys = point_keys(study, points)
     finished = []
     for chosen in np.array_split(np.arange(points.count), blocks):
-        result, cpu, wall, worker = run_block(make_task(study, points, chosen))
-        finished.append(FinishedBlock(keys[chosen], result, cpu, wall, worker))
+        result, cpu, wall = run_task(make_task(study, points, chosen))
+        finished.append(FinishedBlock(keys[chosen], result, cpu, wall, "0"))
     return build_cube(study, points, keys, iter(finished))
 
 
@@ -122,7 +122,7 @@ def test_a_metric_that_is_not_finite_does_not_pass():
     study = parse_study(SAMPLED)
     points = make_points(study)
     keys = point_keys(study, points)
-    result, cpu, wall, worker = run_block(make_task(study, points, np.arange(points.count)))
+    result, cpu, wall = run_task(make_task(study, points, np.arange(points.count)))
     result.outputs["thrust_amplitude"].data[3, 3] = np.nan
     with pytest.raises(td.CubeError, match="thrust_amplitude: a finished point is not finite"):
-        build_cube(study, points, keys, iter([FinishedBlock(keys, result, cpu, wall, worker)]))
+        build_cube(study, points, keys, iter([FinishedBlock(keys, result, cpu, wall, "0")]))

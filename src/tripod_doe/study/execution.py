@@ -6,10 +6,9 @@ Policy (workers, block size, scheduler) decides when and where a point runs, nev
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
 import dask
 import numpy as np
@@ -17,14 +16,13 @@ from distributed import Client, Future, KilledWorker, LocalCluster, as_completed
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
-from tripod_doe.quantities import Value
 from tripod_doe.results import BlockResult, Outcome
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.journal import FinishedBlock
-from tripod_doe.study.simulator import load_simulator, point_columns
+from tripod_doe.study.task import Task, make_task, run_task
 
-__all__ = ["Policy", "Task", "make_task", "run_block", "run_blocks"]
+__all__ = ["Policy", "run_blocks"]
 
 _TARGET_SECONDS = 1.0
 _FIRST_BLOCK = 16
@@ -56,50 +54,9 @@ class Policy:
     exclusive: bool = False
 
 
-@dataclass(frozen=True)
-class Task:
-    """What a worker needs to simulate a block; small enough to send with every block."""
-
-    scene: str
-    function: str | None
-    folder: str
-    source_hash: str
-    base: Mapping[str, Value]
-    columns: dict[str, NDArray[Any]]
-    count: int
-    keep: tuple[str, ...]
-
-
-def run_block(task: Task) -> tuple[BlockResult, float, float, str]:
-    """Simulate one block on a worker: results, CPU seconds, wall seconds, the worker's name."""
-    simulator = load_simulator(task.scene, task.function, task.folder)
-    if simulator.source_hash != task.source_hash:
-        raise InputError("the worker runs another version of the kernels; install the same tripod-doe on all machines")
-    simulator.prepare()
-    points = point_columns(simulator, task.base, task.columns, task.count)
-    wall, cpu = time.perf_counter(), time.thread_time()
-    result = simulator.simulate(points, task.keep)
-    try:
-        worker = str(get_worker().name)
-    except ValueError:
-        worker = "local"
-    return result, time.thread_time() - cpu, time.perf_counter() - wall, worker
-
-
-def make_task(study: Study, points: Points, chosen: NDArray[np.int64]) -> Task:
-    """The task that simulates the chosen points."""
-    table = study.file.study
-    columns = {name: column[chosen] for name, column in points.columns.items()}
-    return Task(
-        table.scene,
-        table.function,
-        str(study.folder),
-        study.simulator.source_hash,
-        study.base,
-        columns,
-        chosen.size,
-        study.keep,
-    )
+def _on_worker(task: Task) -> tuple[BlockResult, float, float, str]:
+    """Run a task on a worker; its name goes with the results."""
+    return *run_task(task), str(get_worker().name)
 
 
 @contextmanager
@@ -177,7 +134,7 @@ def run_blocks(
 
         def submit() -> None:
             while len(running) < slots and (chosen := queue.take(slots)) is not None:
-                future = client.submit(run_block, make_task(study, points, chosen), pure=False)
+                future = client.submit(_on_worker, make_task(study, points, chosen), pure=False)
                 running[future] = chosen
                 completed.add(future)
 

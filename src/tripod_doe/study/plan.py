@@ -13,7 +13,7 @@ import numpy as np
 
 from tripod_doe.study.definition import Study, load_study, parse_study
 from tripod_doe.study.designs import Points, make_points, point_keys
-from tripod_doe.study.execution import make_task, run_block
+from tripod_doe.study.task import make_task, run_task
 
 __all__ = ["Plan", "plan"]
 
@@ -158,11 +158,11 @@ def _timing_process(text: str, origin: str, folder: Any, answers: Any) -> None:
     points = make_points(study)
     allowed = np.flatnonzero(points.allowed)
     study.simulator.prepare()
-    run_block(make_task(study, points, allowed[:1]))  # the first call of a process is no measure
+    run_task(make_task(study, points, allowed[:1]))  # the first call of a process is no measure
     random, batch = np.random.default_rng(0), 1
     for _ in range(_SAMPLES):
         chosen = random.choice(allowed, min(batch, allowed.size), replace=False)
-        seconds = run_block(make_task(study, points, chosen))[1] / chosen.size
+        seconds = run_task(make_task(study, points, chosen))[1] / chosen.size
         wanted = int(np.clip(_BATCH_SECONDS / max(seconds, 1e-6), 1, min(allowed.size, 10_000)))
         if 2 * batch >= wanted:  # smaller batches are mostly overhead, and no measure of a block
             answers.put(seconds)

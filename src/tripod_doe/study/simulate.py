@@ -9,8 +9,8 @@ import xarray as xr
 
 from tripod_doe.quantities import Value, check_parameters
 from tripod_doe.results import Outcome
-from tripod_doe.study.execution import Task, run_block
 from tripod_doe.study.simulator import load_simulator
+from tripod_doe.study.task import Task, run_task
 
 __all__ = ["simulate"]
 
@@ -50,7 +50,7 @@ def simulate(scene: str = "joint", **parameters: Any) -> xr.Dataset:
     }
     keep = tuple(simulator.outputs)
     simulator.check(values, {}, keep)
-    result, cpu, wall, _ = run_block(Task(scene, None, "", simulator.source_hash, values, {}, 1, keep))
+    result, cpu, wall = run_task(Task(scene, None, "", simulator.source_hash, values, {}, 1, keep))
     variables: dict[str, Any] = {}
     for name, output in result.outputs.items():
         meta = simulator.outputs[name]
