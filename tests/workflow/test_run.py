@@ -163,6 +163,10 @@ def start(study, out, log):
     return subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, start_new_session=True, text=True)
 
 
+def calls(log):
+    return len(log.read_text().splitlines()) if log.exists() else 0
+
+
 def test_ten_kills_lose_nothing_and_run_no_committed_block_twice(write_study, tmp_path):
     """kill -9 of the whole process group at random moments; then the cube equals the uninterrupted one."""
     (tmp_path / "slow_function.py").write_text(SLOW_FUNCTION)
@@ -171,7 +175,9 @@ def test_ten_kills_lose_nothing_and_run_no_committed_block_twice(write_study, tm
     committed = []
     for _ in range(10):
         process = start(study, out, log)
-        time.sleep(moments.uniform(1.5, 3.5))
+        wanted = calls(log) + moments.randint(0, 60)  # 0: killed while it starts
+        while process.poll() is None and calls(log) < wanted:
+            time.sleep(0.01)
         os.killpg(process.pid, signal.SIGKILL)
         process.communicate()
         if (out / "journal.sqlite").exists():
