@@ -64,15 +64,11 @@ def build_cube(
         A dimension a factor for a grid, else one dimension ``point``.
     """
     table = _Table(points.count)
-    positions: dict[bytes, list[int]] = {}
-    for position, key in enumerate(keys):
-        if points.allowed[position]:
-            positions.setdefault(key.tobytes(), []).append(position)
+    allowed = np.flatnonzero(points.allowed)
+    by_key = allowed[np.argsort(keys[allowed], kind="stable")]
+    sorted_keys = keys[by_key]
     for block in blocks:
-        found = [(row, at) for row, key in enumerate(block.keys) for at in positions.get(key.tobytes(), ())]
-        if found:
-            rows, at = np.array(found).T
-            table.fill(block, rows, at)
+        table.fill(block, *_places(sorted_keys, by_key, block.keys))
     table.detail[~points.allowed] = "excluded by a constraint"
     cube = xr.Dataset(
         {
@@ -94,6 +90,17 @@ def build_cube(
     )
     _check_schema(study, cube)
     return cube, cost
+
+
+def _places(
+    sorted_keys: NDArray[np.void], positions: NDArray[np.int64], wanted: NDArray[np.void]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows of a block and the positions that they fill; a repeated point fills several, a strange one none."""
+    first = np.searchsorted(sorted_keys, wanted, side="left")
+    count = np.searchsorted(sorted_keys, wanted, side="right") - first
+    rows = np.repeat(np.arange(wanted.size), count)
+    within = np.arange(rows.size) - np.repeat(np.cumsum(count) - count, count)
+    return rows, positions[first[rows] + within]
 
 
 class _Table:

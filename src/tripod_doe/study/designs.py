@@ -25,6 +25,8 @@ __all__ = ["Points", "make_points", "point_keys", "salib_problem", "unit_sample"
 
 Column = NDArray[Any]
 
+_CHUNK = 10_000  # points whose full parameter lists are held at once
+
 
 @dataclass(frozen=True)
 class Points:
@@ -275,8 +277,18 @@ def point_keys(study: Study, points: Points) -> NDArray[np.void]:
 
     It does not depend on which parameters are factors, so that a study that grew finds its old points again.
     """
-    full = point_columns(study.simulator, study.base, points.columns, points.count)
-    matrix = np.empty((points.count, len(full)))
+    chunks = [
+        _fingerprints(study, {name: column[start : start + _CHUNK] for name, column in points.columns.items()}, count)
+        for start in range(0, points.count, _CHUNK)
+        for count in [min(_CHUNK, points.count - start)]
+    ]
+    return np.frombuffer(b"".join(chunks), dtype="V16")
+
+
+def _fingerprints(study: Study, columns: Mapping[str, Column], count: int) -> bytes:
+    """Fingerprints of some points, one after the other."""
+    full = point_columns(study.simulator, study.base, columns, count)
+    matrix = np.empty((count, len(full)))
     for position, name in enumerate(sorted(full)):
         column = full[name]
         if column.dtype == object:
@@ -286,11 +298,10 @@ def point_keys(study: Study, points: Points) -> NDArray[np.void]:
         else:
             matrix[:, position] = np.where(column == 0, 0.0, column)  # -0.0 is the same point as 0.0
     start = hashlib.blake2b("\n".join([study.simulator.name, *sorted(full)]).encode(), digest_size=16)
-    rows = matrix.view(np.uint8).reshape(points.count, -1)
 
-    def fingerprint(row: NDArray[np.uint8]) -> bytes:
+    def fingerprint(row: NDArray[np.float64]) -> bytes:
         digest = start.copy()
         digest.update(row.tobytes())
         return digest.digest()
 
-    return np.array([fingerprint(row) for row in rows], dtype="V16")
+    return b"".join(fingerprint(row) for row in matrix)
