@@ -46,16 +46,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint import contact
-from tripod_doe.joint.kinematics import ideal_motion
+from tripod_doe.joint.roller_balance import PointConstants, groove_forces, spider_wrench
 from tripod_doe.joint.transition import transition_velocities
-from tripod_doe.mechanics.compilation import inlined_kernel, kernel
-from tripod_doe.mechanics.laws import hyperbolic_tangent
+from tripod_doe.mechanics.compilation import kernel
 
 __all__ = ["Equilibrium", "solve_equilibrium"]
 
@@ -65,52 +63,6 @@ _SWEEPS = 30
 _BISECTIONS = 60
 _OUTER = 20
 _LEAST_LOSS = 1e-3  # of the transmitted power; a joint with less friction is measured against that
-
-
-class _Point(NamedTuple):
-    """Constants of one point in internal units; the columns of the table that the kernel reads."""
-
-    torque: float
-    omega: float
-    cos_theta: float
-    sin_theta: float
-    pitch_radius: float
-    roller_radius: float
-    rolling_lever: float
-    bearing_radius: float
-    needle_lever: float
-    groove_sliding: float
-    groove_spinning: float
-    groove_rolling: float
-    needle_sliding: float
-    needle_rolling: float
-    slip_transition: float
-    needle_transition: float
-    roll_transition: float
-    spin_transition: float
-    normal_spin_transition: float
-    tolerance: float
-
-
-class _Groove(NamedTuple):
-    """One roller in its groove at one rotation angle, forces and moments over the normal force N."""
-
-    moment: float
-    moment_slope: float
-    trunnion_force: float
-    feedback: float
-    sin_a: float
-    cos_a: float
-    friction_tau: float
-    friction_z: float
-    moment_n: float
-    moment_tau: float
-    moment_z: float
-    sliding_power: float
-    spinning_power: float
-    rolling_power: float
-    needle_sliding_power: float
-    needle_rolling_power: float
 
 
 @dataclass(frozen=True)
@@ -146,112 +98,18 @@ class Equilibrium:
     settled: NDArray[np.bool_]
 
 
-@inlined_kernel
-def _groove(p, cos_phi, sin_phi, cos_psi, sin_psi, slip, lean, load_root):
-    """Forces of one roller for a trial slip along the rolling direction and a trial force along the trunnion.
-
-    `slip` is v along dv/ds in mm/s, `lean` the trial of (f t + P) / N, `load_root` the cube root of N in a_H times N.
-    """
-    m = ideal_motion(cos_phi, sin_phi, p.cos_theta, p.sin_theta, p.pitch_radius, p.omega)
-    sigma = 1.0 if p.torque >= 0.0 else -1.0
-    arm = sigma * p.roller_radius
-    # contact angle: the normal carries what friction leaves along the trunnion
-    length = np.sqrt(m.t_r * m.t_r + m.t_t * m.t_t)
-    sin_sum = min(max(-sigma * lean / length, -0.999), 0.999)
-    cos_sum = np.sqrt(1.0 - sin_sum * sin_sum)
-    sin_a = (sin_sum * m.t_r - cos_sum * m.t_t) / length
-    cos_a = (cos_sum * m.t_r + sin_sum * m.t_t) / length
-    t_tau = cos_a * m.t_r - sin_a * m.t_t
-    t_n = sin_a * m.t_r + cos_a * m.t_t
-    # slip is linear in the roller's spin s: v = v_0 + s v_1
-    tau_0 = arm * m.w_z
-    z_0 = m.along_groove - arm * (cos_a * m.w_r - sin_a * m.w_t)
-    tau_1, z_1 = arm * m.t_z, -arm * t_tau
-    rate = np.sqrt(tau_1 * tau_1 + z_1 * z_1)
-    spin = (slip - (tau_0 * tau_1 + z_0 * z_1) / rate) / rate
-    v_tau, v_z = tau_0 + spin * tau_1, z_0 + spin * z_1
-    speed = np.sqrt(v_tau * v_tau + v_z * v_z) + 1e-290
-    sliding = hyperbolic_tangent(speed / p.slip_transition)
-    drag = p.groove_sliding * sliding / speed
-    drag_slope = p.groove_sliding * (1.0 - sliding * sliding) / p.slip_transition - drag
-    f_tau, f_z = -drag * v_tau, -drag * v_z
-    # relative angular velocity: rolling in the tangent plane, spinning about the normal
-    w_tau = cos_a * m.w_r - sin_a * m.w_t + spin * t_tau
-    w_n = sin_a * m.w_r + cos_a * m.w_t + spin * t_n
-    w_z = m.w_z + spin * m.t_z
-    roll = np.sqrt(w_tau * w_tau + w_z * w_z) + 1e-290
-    rolling = p.groove_rolling * p.rolling_lever * hyperbolic_tangent(roll / p.roll_transition) / roll
-    spinning = p.groove_spinning * load_root * hyperbolic_tangent(w_n / p.normal_spin_transition)
-    # needles: friction along their axes, rolling resistance about the trunnion
-    needle_slip = m.along_trunnion * cos_psi - spin * p.needle_lever * sin_psi
-    needle_sliding = hyperbolic_tangent(0.5 * needle_slip / p.needle_transition)
-    needle_rolling = hyperbolic_tangent(spin / p.spin_transition)
-    needle_moment = p.needle_sliding * p.needle_lever * sin_psi * needle_sliding
-    bearing_moment = p.needle_rolling * p.bearing_radius * needle_rolling
-    along = w_tau * t_tau + w_z * m.t_z
-    moment = -drag * slip * rate - spinning * t_n - rolling * along + needle_moment - bearing_moment
-    slope = -drag * rate * rate - drag_slope * (slip * rate / speed) ** 2
-    slope -= rolling * (t_tau * t_tau + m.t_z * m.t_z)
-    slope -= p.needle_rolling * p.bearing_radius * (1.0 - needle_rolling * needle_rolling) / p.spin_transition
-    needle_slope = 0.5 * p.needle_sliding * (1.0 - needle_sliding * needle_sliding) / p.needle_transition
-    slope -= needle_slope * (p.needle_lever * sin_psi) ** 2
-    # the contact angle shifts the spin, and with it the slip across the groove
-    stiffness = drag + drag_slope * (v_tau / speed) ** 2
-    return _Groove(
-        moment,
-        slope / rate,
-        f_tau * t_tau + f_z * m.t_z - p.needle_sliding * cos_psi * needle_sliding,
-        stiffness * p.roller_radius * m.t_z * m.w_t / m.t_r,
-        sin_a,
-        cos_a,
-        f_tau,
-        f_z,
-        -spinning,
-        -rolling * w_tau,
-        -rolling * w_z,
-        drag * speed * speed,
-        spinning * w_n,
-        rolling * roll * roll,
-        p.needle_sliding * needle_sliding * needle_slip,
-        bearing_moment * spin,
-    )
-
-
-@inlined_kernel
-def _wrench(p, g, cos_phi, sin_phi):
-    """What one groove does to the spider over N: two forces across the shaft, moments about shaft and input axis."""
-    m = ideal_motion(cos_phi, sin_phi, p.cos_theta, p.sin_theta, p.pitch_radius, p.omega)
-    sigma = 1.0 if p.torque >= 0.0 else -1.0
-    arm = sigma * p.roller_radius
-    force_r = sigma * g.sin_a + g.friction_tau * g.cos_a
-    force_t = sigma * g.cos_a - g.friction_tau * g.sin_a
-    moment_r = g.moment_n * g.sin_a + g.moment_tau * g.cos_a
-    moment_t = g.moment_n * g.cos_a - g.moment_tau * g.sin_a
-    x_r = m.distance * m.t_r - arm * g.sin_a
-    x_t = m.distance * m.t_t - arm * g.cos_a
-    x_z = m.distance * m.t_z
-    about_r = x_t * g.friction_z - x_z * force_t + moment_r
-    about_t = x_z * force_r - x_r * g.friction_z + moment_t
-    about_z = x_r * force_t - x_t * force_r + g.moment_z
-    across_1 = (force_r * cos_phi - force_t * sin_phi) * p.cos_theta - g.friction_z * p.sin_theta
-    across_2 = force_r * sin_phi + force_t * cos_phi
-    about_shaft = (about_r * cos_phi - about_t * sin_phi) * p.sin_theta + about_z * p.cos_theta
-    about_input = (p.pitch_radius - arm * g.sin_a) * force_t + arm * g.cos_a * force_r + g.moment_z
-    return across_1, across_2, about_shaft, about_input
-
-
 @kernel
 def _relax(p, cosines, sines, psi, frozen, slip, lean, root, wrench):
     """One sweep over all grooves and samples, each by itself; `frozen` samples only refresh their wrench."""
     for k in range(3):
         cos_psi, sin_psi = np.cos(psi[k]), np.sin(psi[k])
         for j in range(cosines.shape[1]):
-            g = _groove(p, cosines[k, j], sines[k, j], cos_psi, sin_psi, slip[k, j], lean[k, j], root[k, j])
+            g = groove_forces(p, cosines[k, j], sines[k, j], cos_psi, sin_psi, slip[k, j], lean[k, j], root[k, j])
             # where nothing resists, any spin will do and the slip stays zero
             free = 1.0 - frozen[k, j]
             slip[k, j] -= free * g.moment / min(g.moment_slope, -1e-30)
             lean[k, j] += free * (g.trunnion_force - lean[k, j]) / max(1.0 - g.feedback, 0.5)
-            across_1, across_2, about_shaft, _ = _wrench(p, g, cosines[k, j], sines[k, j])
+            across_1, across_2, about_shaft, _ = spider_wrench(p, g, cosines[k, j], sines[k, j])
             wrench[0, k, j] = across_1
             wrench[1, k, j] = across_2
             wrench[2, k, j] = about_shaft
@@ -302,7 +160,7 @@ def _bisect_slip(p, cos_phi, sin_phi, cos_psi, sin_psi, lean, root):
     low, high = -reach, reach
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        if _groove(p, cos_phi, sin_phi, cos_psi, sin_psi, middle, lean, root).moment > 0.0:
+        if groove_forces(p, cos_phi, sin_phi, cos_psi, sin_psi, middle, lean, root).moment > 0.0:
             low = middle
         else:
             high = middle
@@ -317,7 +175,7 @@ def _bisect(p, cos_phi, sin_phi, cos_psi, sin_psi, root):
     for _ in range(_BISECTIONS):
         lean = 0.5 * (low + high)
         slip = _bisect_slip(p, cos_phi, sin_phi, cos_psi, sin_psi, lean, root)
-        if _groove(p, cos_phi, sin_phi, cos_psi, sin_psi, slip, lean, root).trunnion_force > lean:
+        if groove_forces(p, cos_phi, sin_phi, cos_psi, sin_psi, slip, lean, root).trunnion_force > lean:
             low = lean
         else:
             high = lean
@@ -354,26 +212,26 @@ def _account(p, cosines, sines, psi, slip, lean, root, normal, thrust, powers):
         cos_psi, sin_psi = np.cos(psi[k]), np.sin(psi[k])
         for j in range(slip.shape[1]):
             load = normal[k, j]
-            g = _groove(p, cosines[k, j], sines[k, j], cos_psi, sin_psi, slip[k, j], lean[k, j], root[k, j])
+            g = groove_forces(p, cosines[k, j], sines[k, j], cos_psi, sin_psi, slip[k, j], lean[k, j], root[k, j])
             thrust[k, j] = -load * g.friction_z
             powers[0, j] += load * g.sliding_power
             powers[1, j] += load * g.spinning_power
             powers[2, j] += load * g.rolling_power
             powers[3, j] += load * g.needle_sliding_power
             powers[4, j] += load * g.needle_rolling_power
-            powers[5, j] += load * _wrench(p, g, cosines[k, j], sines[k, j])[3] * p.omega
+            powers[5, j] += load * spider_wrench(p, g, cosines[k, j], sines[k, j])[3] * p.omega
 
 
 @kernel
 def _solve_block(table, skews, axis_factors, cosines, sines, thrust, power, residual, extremes, sweeps, settled):
-    """Solve every point of a block by itself; arrays as in `Equilibrium`, `table` one row of `_Point` a point."""
+    """Solve every point of a block by itself; arrays as in `Equilibrium`, `table` rows of `PointConstants`."""
     shape = cosines.shape
     slip, lean, root, normal = np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape)
     frozen, before, wrench = np.zeros(shape), np.empty((3, *shape)), np.empty((3, *shape))
     powers = np.empty((6, shape[1]))
     for i in range(table.shape[0]):
         c = table[i]
-        p = _Point(
+        p = PointConstants(
             c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9],
             c[10], c[11], c[12], c[13], c[14], c[15], c[16], c[17], c[18], c[19],
         )  # fmt: skip
@@ -420,7 +278,7 @@ def _groove_angles(samples: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _point_table(points: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Columns of `_Point`, and the penetration of the most loaded needle into each of its partners."""
+    """Columns of `PointConstants`, and the penetration of the most loaded needle into each of its partners."""
     theta = points["joint_angle_deg"]
     pitch = points["needle_pitch_diameter_mm"] / 2
     bore = pitch + points["needle_diameter_mm"] / 2 + points["bearing_radial_clearance_mm"]
@@ -458,7 +316,7 @@ def _point_table(points: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArr
         "normal_spin_transition": transition.spinning,
         "tolerance": points["relative_tolerance"],
     }
-    return np.stack([columns[name] for name in _Point._fields], axis=1), penetration
+    return np.stack([columns[name] for name in PointConstants._fields], axis=1), penetration
 
 
 def solve_equilibrium(points: Mapping[str, FloatArray], samples: int) -> Equilibrium:
