@@ -103,8 +103,8 @@ class Assembly:
             pair=np.zeros((8, 6, 6)),
             counters=np.zeros(6, np.int64),
             balance=np.zeros(5),
-            power_before=np.zeros(6),
-            reversals=np.zeros(2, np.int64),
+            power_before=np.zeros(5),
+            reversals=np.zeros((spheres, 2), np.int64),
             extremes=np.zeros(1),
             failure=np.zeros(2),
         )

@@ -45,7 +45,7 @@ def hyperbolic_tangent(x):
 def contact_force(stiffness, exponent, penetration):
     """Elastic contact force, Eq. 2: f_n = C delta^m for delta > 0."""
     if exponent == 1.5:
-        return stiffness * penetration * math.sqrt(penetration)
+        return stiffness * penetration * np.sqrt(penetration)
     return stiffness * penetration**exponent
 
 

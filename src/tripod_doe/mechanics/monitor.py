@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints
+from tripod_doe.mechanics.motion import evaluate
 
-__all__ = ["FINISHED", "Settings", "watch"]
+__all__ = ["DIVERGED", "EVALUATION_LIMIT", "FINISHED", "STEP_LIMIT", "Settings", "begin_watch", "watch"]
 
 FINISHED, DIVERGED, STEP_LIMIT, EVALUATION_LIMIT = 0, 1, 3, 4
 """How a stretch of a run ended; the integers are those of `results.Outcome`."""
@@ -48,6 +49,14 @@ class Settings(NamedTuple):
 
 
 @kernel
+def begin_watch(tables, work, positions, velocities, time):
+    """Note the state that a run starts from."""
+    evaluate(tables, work, positions, velocities, time, 0.0)
+    work.power_before[:5] = work.ledger[1:6]
+    work.slip_before[:] = work.slip
+
+
+@kernel
 def watch(tables, work, positions, velocities, time, step):
     """Note an accepted step; the ledger and the slips must be those of this state.
 
@@ -59,15 +68,13 @@ def watch(tables, work, positions, velocities, time, step):
     work.counters[3] += 1
     for p in range(5):
         power = work.ledger[1 + p]
-        if work.power_before[5] != 0.0:
-            work.balance[p] += 0.5 * step * (power + work.power_before[p])
+        work.balance[p] += 0.5 * step * (power + work.power_before[p])
         work.power_before[p] = power
-    work.power_before[5] = 1.0
     slip, before = work.slip, work.slip_before
     for k in range(slip.shape[0]):
         product = slip[k, 0] * before[k, 0] + slip[k, 1] * before[k, 1] + slip[k, 2] * before[k, 2]
-        work.reversals[0] += product < 0.0
-        work.reversals[1] += product != 0.0
+        work.reversals[k, 0] += product < 0.0
+        work.reversals[k, 1] += product != 0.0
         before[k, 0], before[k, 1], before[k, 2] = slip[k, 0], slip[k, 1], slip[k, 2]
     for i in range(tables.bodies.size):
         for d in range(6):

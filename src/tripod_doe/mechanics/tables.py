@@ -167,9 +167,9 @@ class Work(NamedTuple):
     counters
         Force evaluations, linearisations, factorisations, accepted steps, rejected steps, iterations.
     balance, power_before
-        Time integrals of ledger entries 1 to 5, and their values at the last accepted step (6th: whether there is one).
+        Time integrals of ledger entries 1 to 5, and their values at the last accepted step.
     reversals
-        Slip reversals from one accepted step to the next, and the spheres in contact counted over all steps.
+        Of every sphere, slip reversals from one accepted step to the next, and steps with slip, shape (sphere, 2).
     extremes
         Largest constraint drift.
     failure
