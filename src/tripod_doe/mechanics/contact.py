@@ -2,13 +2,14 @@
 
 For a sphere of radius r whose centre lies at the distance rho from a plane or from the axis of a cylinder of radius R,
 the penetration is r - rho (plane), r + R - rho (convex) or r - R + rho (concave); n is the normal from the surface to
-the sphere. At the middle of the overlap act, on the sphere, with slip v = v_rel - (v_rel n) n and relative angular
+the sphere. At the sphere's surface act, on the sphere, with slip v = v_rel - (v_rel n) n and relative angular
 velocity w = w_n n + w_t,
 
     f = N n - mu_s N (tanh(|v| / v_st) / |v|) v                                        (Eq. 2, 3)
     M = -mu_r N (D/2) (tanh(|w_t| / w_rt) / |w_t|) w_t - k N^(4/3) tanh(w_n / w_st) n  (Eq. 4, 6, 7)
 
-and their opposites on the surface.
+and their opposites on the surface. The point of contact is on the undeformed sphere: taken in the middle of the overlap,
+a needle that is loaded unevenly along its length would roll like a cone and yaw.
 """
 
 from __future__ import annotations
@@ -91,8 +92,8 @@ def _penetration(contact, row, k):
 
 @inlined_kernel
 def _touch(row, depth, radius, normal, distance, sphere):
-    """Relative motion at the middle of an overlap."""
-    lever = subtract(sphere, scale(radius - 0.5 * depth, normal))
+    """Relative motion at the point of contact."""
+    lever = subtract(sphere, scale(radius, normal))
     velocity = add(row.velocity, cross(row.rotation, lever))
     approach = -dot(velocity, normal)
     slip = add(velocity, scale(approach, normal))
@@ -293,7 +294,10 @@ def contact_matrices(contacts, positions, velocities, secant, dissipation, stiff
     for i in range(contacts.size):
         contact = contacts[i]
         row = _row(contact, positions, velocities)
-        scratch[2:4] = 0.0
+        for side in range(2, 4):
+            for r in range(6):
+                for c in range(6):
+                    scratch[side, r, c] = 0.0
         touches = False
         for k in range(contact.count):
             if _penetration(contact, row, k)[0] > 0.0:

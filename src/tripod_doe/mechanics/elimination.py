@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.mechanics.compilation import kernel
+from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.tables import Pattern
 
 __all__ = ["elimination_pattern", "factorise", "multiply", "solve"]
@@ -88,9 +88,9 @@ def _minimum_degree(graph: list[set[int]]) -> tuple[list[int], list[list[int]]]:
 @kernel
 def _invert(block, inverse):
     """Inverse of a 6 x 6 block by Gauss-Jordan elimination with row pivots; destroys `block`, False if singular."""
-    inverse[:] = 0.0
     for i in range(6):
-        inverse[i, i] = 1.0
+        for j in range(6):
+            inverse[i, j] = 1.0 if i == j else 0.0
     for k in range(6):
         best = k
         for i in range(k + 1, 6):
@@ -115,6 +115,13 @@ def _invert(block, inverse):
     return True
 
 
+@inlined_kernel
+def _copy_block(source, target):
+    for i in range(6):
+        for j in range(6):
+            target[i, j] = source[i, j]
+
+
 @kernel
 def factorise(pattern, matrix, scratch):
     """Eliminate in place: diagonal blocks become their inverses, lower blocks the factors L_ik = A_ik / A_kk.
@@ -137,7 +144,7 @@ def factorise(pattern, matrix, scratch):
         pivot = matrix[pattern.diagonal[k]]
         if not _invert(pivot, scratch[0]):
             return False
-        pivot[:] = scratch[0]
+        _copy_block(scratch[0], pivot)
         start, end = pattern.start[k], pattern.start[k + 1]
         target = pattern.target_start[k]
         for m in range(start, end):
@@ -149,7 +156,7 @@ def factorise(pattern, matrix, scratch):
                 for n in range(1, 6):
                     for j in range(6):
                         product[i, j] += lower[i, n] * pivot[n, j]
-            lower[:] = product
+            _copy_block(product, lower)
             for n in range(start, end):
                 upper = matrix[pattern.upper[n]]
                 updated = matrix[pattern.target[target]]

@@ -13,7 +13,7 @@ from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints, factorise_schur, solve_schur
 from tripod_doe.mechanics.elimination import factorise, solve
 from tripod_doe.mechanics.motion import (
-    add_mass_blocks, add_mass_product, constraint_rate, generalized_forces, linearise,
+    add_mass_blocks, add_mass_product, clear, constraint_rate, generalized_forces, linearise,
 )  # fmt: skip
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
 
@@ -33,7 +33,11 @@ def factorise_system(tables, work, positions, by_velocity, by_position):
     """
     work.counters[2] += 1
     pattern, matrix = tables.pattern, work.matrix
-    matrix[:] = by_velocity * work.dissipation + by_position * work.stiffness
+    for block in range(pattern.row.size):
+        for i in range(6):
+            for j in range(6):
+                damped, stiff = work.dissipation[block, i, j], work.stiffness[block, i, j]
+                matrix[block, i, j] = by_velocity * damped + by_position * stiff
     add_mass_blocks(tables, positions, matrix)
     for block in range(pattern.row.size):
         body = tables.bodies[tables.body_of_row[pattern.row[block]]]
@@ -55,7 +59,7 @@ def _weigh_by_matrix(tables, work):
     """A^-1 Phi_q^T of every constraint equation, and the factors of their Schur complement."""
     for k in range(tables.rows.size):
         row = tables.rows[k]
-        work.blocks[:] = 0.0
+        clear(work.blocks.ravel())
         for side in range(2):
             body = tables.bodies[row.body_a if side == 0 else row.body_b]
             if body.block >= 0:
@@ -180,7 +184,7 @@ def solve_stage(tables, work, start, base, before, reach, factor, time, settings
         Whether the iteration converged; if not, `work.failure` names the body and the size of its last correction.
     """
     displacement, change, wanted = work.stages[18], work.stages[17], work.gamma
-    displacement[:] = 0.0
+    clear(displacement.ravel())
     for i in range(tables.bodies.size):
         for d in range(6):
             displacement[i, d] = base[i, d] + reach * velocities[i, d]
@@ -197,7 +201,7 @@ def solve_stage(tables, work, start, base, before, reach, factor, time, settings
                 wanted[k] = -work.phi[k] / reach
         if not factorise_system(tables, work, positions, factor, factor * reach):
             return False
-        work.blocks[:] = 0.0
+        clear(work.blocks.ravel())
         for i in range(tables.bodies.size):
             for d in range(6):
                 change[i, d] = before[i, d] - velocities[i, d]

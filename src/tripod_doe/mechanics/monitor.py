@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints
-from tripod_doe.mechanics.motion import evaluate
+from tripod_doe.mechanics.motion import copy_vectors, evaluate
 
 __all__ = ["DIVERGED", "EVALUATION_LIMIT", "FINISHED", "STEP_LIMIT", "Settings", "begin_watch", "watch"]
 
@@ -52,8 +52,9 @@ class Settings(NamedTuple):
 def begin_watch(tables, work, positions, velocities, time):
     """Note the state that a run starts from."""
     evaluate(tables, work, positions, velocities, time, 0.0)
-    work.power_before[:5] = work.ledger[1:6]
-    work.slip_before[:] = work.slip
+    for p in range(5):
+        work.power_before[p] = work.ledger[1 + p]
+    copy_vectors(work.slip, work.slip_before)
 
 
 @kernel

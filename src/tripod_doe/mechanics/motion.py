@@ -12,11 +12,26 @@ from tripod_doe.mechanics.rotations import (
 )  # fmt: skip
 
 __all__ = [
-    "accelerate", "add_mass_blocks", "add_mass_product", "constraint_rate", "evaluate", "generalized_forces", "kinetic_energy",
+    "accelerate", "add_mass_blocks", "add_mass_product", "clear", "constraint_rate", "copy_vectors", "evaluate", "generalized_forces", "kinetic_energy",
     "linearise", "project_positions", "project_velocities",
 ]  # fmt: skip
 
 _PROJECTION_SWEEPS = 4
+
+
+@kernel
+def clear(array):
+    """Set a flat view of an array to zero. (A loop: numba needs seconds to compile a slice assignment.)"""
+    for i in range(array.size):
+        array[i] = 0.0
+
+
+@kernel
+def copy_vectors(source, target):
+    """Copy rows of bodies, as many columns as both have."""
+    for i in range(source.shape[0]):
+        for d in range(min(source.shape[1], target.shape[1])):
+            target[i, d] = source[i, d]
 
 
 @inlined_kernel
@@ -67,7 +82,8 @@ def _spring_matrices(springs, positions, velocities, dissipation, stiffness, scr
         spring = springs[i]
         arm_a, arm_b, along, length, _ = _spring_state(spring, positions, velocities)
         across = spring.stiffness * (1.0 - spring.free_length / length)
-        scratch[2:4] = 0.0
+        clear(scratch[2].ravel())
+        clear(scratch[3].ravel())
         for d in range(3):
             scratch[3, d, d] = across
             for e in range(3):
@@ -85,7 +101,7 @@ def generalized_forces(tables, work, positions, velocities):
     """
     force, ledger = work.force, work.ledger
     work.counters[0] += 1
-    ledger[:] = 0.0
+    clear(ledger)
     for i in range(tables.bodies.size):
         body = tables.bodies[i]
         for d in range(6):
@@ -163,7 +179,7 @@ def add_mass_blocks(tables, positions, matrix):
 def _weigh_by_mass(tables, work, positions):
     """M^-1 Phi_q^T of every constraint equation, and the factors of their Schur complement."""
     for k in range(tables.rows.size):
-        work.weighted[k] = 0.0
+        clear(work.weighted[k].ravel())
         a, b = tables.rows[k].body_a, tables.rows[k].body_b
         if tables.bodies[a].block >= 0:
             _divide_by_mass(tables.bodies[a], positions[a], work.jacobian[k], 0, work.weighted[k, a])
@@ -191,7 +207,7 @@ def accelerate(tables, work, positions, velocities, time, baumgarte):
         Rate alpha of gamma - 2 alpha Phi' - alpha^2 Phi; zero for none.
     """
     acceleration = work.acceleration
-    acceleration[:] = 0.0
+    clear(acceleration.ravel())
     for i in range(tables.bodies.size):
         if tables.bodies[i].block >= 0:
             _divide_by_mass(tables.bodies[i], positions[i], work.force[i], 0, acceleration[i])
@@ -239,7 +255,7 @@ def project_positions(tables, work, positions, velocities, time):
         _weigh_by_mass(tables, work, positions)
         solve_schur(work.schur, work.pivots, work.phi, work.multipliers)
         shift = work.acceleration
-        shift[:] = 0.0
+        clear(shift.ravel())
         for k in range(rows.size):
             for i in (rows[k].body_a, rows[k].body_b):
                 for d in range(6):
@@ -267,8 +283,8 @@ def project_velocities(tables, work, positions, velocities, time):
 def linearise(tables, work, positions, velocities, secant):
     """Fill the block matrices -dQ/dv and -dQ/dq at a state."""
     work.counters[1] += 1
-    work.dissipation[:] = 0.0
-    work.stiffness[:] = 0.0
+    clear(work.dissipation.ravel())
+    clear(work.stiffness.ravel())
     contact_matrices(tables.contacts, positions, velocities, secant, work.dissipation, work.stiffness, work.pair)
     _spring_matrices(tables.springs, positions, velocities, work.dissipation, work.stiffness, work.pair)
     for i in range(tables.bodies.size):

@@ -11,6 +11,7 @@ from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.implicit import solve_stage
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, watch
+from tripod_doe.mechanics.motion import copy_vectors
 from tripod_doe.mechanics.rotations import load_attitude, rotation_vector
 
 __all__ = ["METHOD"]
@@ -24,7 +25,7 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
     start, before, base = work.stages[0], work.stages[1], work.stages[2]
     old_positions, old_velocities = work.stages[3], work.stages[4]
     for n in range(count):
-        start[:] = positions
+        copy_vectors(positions, start)
         time = begin + (n + 1) * step
         has_history = abs(clock[1] - step) <= 1e-6 * step
         factor = 2.0 / 3.0 * step if has_history else step
@@ -35,8 +36,8 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
                 base[i, d] = -behind / 3.0 if has_history else 0.0
                 older = old_velocities[i, d]
                 before[i, d] = (4.0 * velocities[i, d] - older) / 3.0 if has_history else velocities[i, d]
-        old_positions[:] = start
-        old_velocities[:, :6] = velocities
+        copy_vectors(start, old_positions)
+        copy_vectors(velocities, old_velocities)
         if not solve_stage(tables, work, start, base, before, factor, factor, time, settings, positions, velocities):
             return DIVERGED
         clock[0], clock[1] = time, step

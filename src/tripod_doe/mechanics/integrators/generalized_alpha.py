@@ -4,6 +4,8 @@ Spectral radius 0.8 at infinity, second order. The algorithmic acceleration a ob
 (1 - am) a' + am a = (1 - af) u'' + af u''_n with u'' the true acceleration, and
 
     q' = q o (h u + h^2 ((1/2 - beta) a + beta a')),   u' = u + h ((1 - gamma) a + gamma a').
+
+The first step is one of implicit Euler: a stiff start would ring, since only a fifth of it is damped a step.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.implicit import solve_stage
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, watch
-from tripod_doe.mechanics.motion import evaluate
+from tripod_doe.mechanics.motion import copy_vectors
 
 __all__ = ["METHOD"]
 
@@ -31,13 +33,10 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
     algorithmic, true = work.stages[3], work.stages[4]
     reach = step * _BETA / _GAMMA
     factor = step * _GAMMA * (1.0 - _AF) / (1.0 - _AM)
-    if clock[1] == 0.0:
-        evaluate(tables, work, positions, velocities, begin, 0.0)
-        algorithmic[:, :6] = work.acceleration
-        true[:, :6] = work.acceleration
-        clock[1] = 1.0
     for n in range(count):
-        start[:] = positions
+        copy_vectors(positions, start)
+        time = begin + (n + 1) * step
+        starting = clock[1] == 0.0
         for i in range(tables.bodies.size):
             for d in range(6):
                 speed, old = velocities[i, d], algorithmic[i, d]
@@ -45,14 +44,20 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
                 before[i, d] = known + step * _GAMMA * (_AF * true[i, d] - _AM * old) / (1.0 - _AM)
                 base[i, d] = step * speed + step * step * (0.5 - _BETA) * old - reach * known
                 algorithmic[i, d] = known  # kept until the new velocity is known
-        time = begin + (n + 1) * step
-        if not solve_stage(tables, work, start, base, before, reach, factor, time, settings, positions, velocities):
+                if starting:
+                    before[i, d], base[i, d] = speed, 0.0
+        by_position, by_velocity = (step, step) if starting else (reach, factor)
+        if not solve_stage(
+            tables, work, start, base, before, by_position, by_velocity, time, settings, positions, velocities
+        ):
             return DIVERGED
         for i in range(tables.bodies.size):
             for d in range(6):
-                true[i, d] = (velocities[i, d] - before[i, d]) / factor
+                true[i, d] = (velocities[i, d] - before[i, d]) / by_velocity
                 algorithmic[i, d] = (velocities[i, d] - algorithmic[i, d]) / (step * _GAMMA)
-        clock[0] = time
+                if starting:
+                    algorithmic[i, d] = true[i, d]
+        clock[0], clock[1] = time, 1.0
         status = watch(tables, work, positions, velocities, time, step)
         if status != FINISHED:
             return status

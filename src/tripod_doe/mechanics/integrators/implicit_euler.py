@@ -6,6 +6,7 @@ from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.implicit import solve_stage
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, watch
+from tripod_doe.mechanics.motion import clear, copy_vectors
 
 __all__ = ["METHOD"]
 
@@ -15,10 +16,10 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
     """Advance by equal steps; see `contract`."""
     step, begin = (end - clock[0]) / count, clock[0]
     start, before, base = work.stages[0], work.stages[1], work.stages[2]
-    base[:] = 0.0
+    clear(base.ravel())
     for n in range(count):
-        start[:] = positions
-        before[:, :6] = velocities
+        copy_vectors(positions, start)
+        copy_vectors(velocities, before)
         time = begin + (n + 1) * step
         if not solve_stage(tables, work, start, base, before, step, step, time, settings, positions, velocities):
             return DIVERGED

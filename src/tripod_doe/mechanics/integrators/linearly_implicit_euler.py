@@ -8,7 +8,7 @@ from tripod_doe.mechanics.elimination import multiply
 from tripod_doe.mechanics.implicit import factorise_system, gather, solve_system
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, watch
-from tripod_doe.mechanics.motion import constraint_rate, evaluate, linearise
+from tripod_doe.mechanics.motion import clear, constraint_rate, evaluate, linearise
 from tripod_doe.mechanics.rotations import move
 
 __all__ = ["METHOD"]
@@ -32,9 +32,9 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
                 work.gamma[k] = -rate - work.phi[k] / step
         if not factorise_system(tables, work, positions, step, step * step):
             return DIVERGED
-        rows[:] = 0.0
+        clear(rows.ravel())
         gather(tables, velocities, 1.0, rows)
-        work.blocks[:] = 0.0
+        clear(work.blocks.ravel())
         multiply(tables.pattern, work.stiffness, rows, -step * step, work.blocks)
         gather(tables, work.force, step, work.blocks)
         solve_system(tables, work, work.gamma, change)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import EVALUATION_LIMIT, FINISHED, watch
-from tripod_doe.mechanics.motion import evaluate, project_positions, project_velocities
+from tripod_doe.mechanics.motion import clear, copy_vectors, evaluate, project_positions, project_velocities
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
 
 __all__ = ["METHOD"]
@@ -20,9 +20,11 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
     shift, shift_sum, change_sum, displacement = work.stages[2], work.stages[3], work.stages[4], work.stages[5]
     evaluate(tables, work, positions, velocities, begin, settings.baumgarte)
     for n in range(count):
-        start[:] = positions
-        first[:, :6] = velocities
-        shift[:], shift_sum[:], change_sum[:] = 0.0, 0.0, 0.0
+        copy_vectors(positions, start)
+        copy_vectors(velocities, first)
+        clear(shift.ravel())
+        clear(shift_sum.ravel())
+        clear(change_sum.ravel())
         time = begin + n * step
         for stage in range(4):
             weight = step / 6.0 if stage == 0 or stage == 3 else step / 3.0

@@ -18,7 +18,7 @@ from tripod_doe.mechanics.implicit import factorise_system, gather, solve_uncons
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, STEP_LIMIT, watch
 from tripod_doe.mechanics.motion import (
-    add_mass_product, evaluate, linearise, project_positions, project_velocities,
+    add_mass_product, clear, copy_vectors, evaluate, linearise, project_positions, project_velocities,
 )  # fmt: skip
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
 
@@ -63,9 +63,9 @@ def _stage(tables, work, start, first, stage, time, step, settings, positions, v
     if stage > 0:
         lag = step * (_A[stage, 0] + _A[stage, 1] + _A[stage, 2])
         evaluate(tables, work, positions, velocities, time + lag, settings.baumgarte)
-        acceleration = work.acceleration
+        copy_vectors(work.acceleration, work.stages[16])
     else:
-        acceleration = work.stages[14][:, :6]
+        copy_vectors(work.stages[14], work.stages[16])
     # right-hand sides: h T u + h G u for displacements, h M0 a - h (K G q + D G u) for velocities
     for i in range(tables.bodies.size):
         rate = tangent_rate(load_vector(shift[i], 3), load_vector(velocities[i], 3))
@@ -74,13 +74,13 @@ def _stage(tables, work, start, first, stage, time, step, settings, positions, v
             right[i, d] = step * (speed + mixed_speed[i, d])
     reach = step * _GAMMA
     rows = work.stages[15]
-    work.blocks[:] = 0.0
-    add_mass_product(tables, start, acceleration, step, work.blocks)
-    rows[:] = 0.0
+    clear(work.blocks.ravel())
+    add_mass_product(tables, start, work.stages[16], step, work.blocks)
+    clear(rows.ravel())
     gather(tables, mixed, step, rows)
     gather(tables, right, reach, rows)
     multiply(tables.pattern, work.stiffness, rows, -1.0, work.blocks)
-    rows[:] = 0.0
+    clear(rows.ravel())
     gather(tables, mixed_speed, step, rows)
     multiply(tables.pattern, work.dissipation, rows, -1.0, work.blocks)
     solve_unconstrained(tables, work, work.stages[6 + stage])
@@ -123,7 +123,9 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
     if clock[1] == 0.0:
         clock[1] = 1e-4 * (end - begin)
     evaluate(tables, work, positions, velocities, begin, settings.baumgarte)
-    start[:], first[:, :6], work.stages[14][:, :6] = positions, velocities, work.acceleration
+    copy_vectors(positions, start)
+    copy_vectors(velocities, first)
+    copy_vectors(work.acceleration, work.stages[14])
     linearise(tables, work, positions, velocities, False)
     while taken < count if not settings.controlled else clock[0] < end:
         step = min(clock[1], end - clock[0]) if settings.controlled else equal
@@ -135,7 +137,8 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         growth = min(max(0.9 * max(error, 1e-9) ** (-1.0 / 3.0), 0.2), 5.0) if math.isfinite(error) else 0.1
         if settings.controlled and not error <= 1.0:
             work.counters[4] += 1
-            positions[:], velocities[:] = start, first[:, :6]
+            copy_vectors(start, positions)
+            copy_vectors(first, velocities)
             clock[1] = step * growth
             work.failure[1] = clock[1]
             if clock[1] < settings.floor:
@@ -157,7 +160,9 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
             return status
         if work.counters[0] > settings.budget:
             return EVALUATION_LIMIT
-        start[:], first[:, :6], work.stages[14][:, :6] = positions, velocities, work.acceleration
+        copy_vectors(positions, start)
+        copy_vectors(velocities, first)
+        copy_vectors(work.acceleration, work.stages[14])
         linearise(tables, work, positions, velocities, False)
     return FINISHED
 

@@ -37,7 +37,7 @@ _PARAMETERS = [
               "needle", "paper 3.1", low=0, high=10, low_open=True, group="friction"),
     Parameter("plate_speed_mm_s", 100.0, "mm s-1", "V", "speed of plate B", "assumed", low=-1e5, high=1e5,
               group="operating point"),
-    Parameter("load_n", 100.0, "N", "P", "load on plate B", "assumed", low=0, high=1e5, low_open=True,
+    Parameter("load_n", 200.0, "N", "P", "load on plate B", "assumed", low=0, high=1e5, low_open=True,
               group="operating point"),
     Parameter("skew_deg", 2.0, "degree", "phi", "skew of the needle, counterclockwise seen from plate B",
               "paper Fig. 8", low=-45, high=45, group="operating point"),
