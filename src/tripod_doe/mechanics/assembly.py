@@ -95,7 +95,7 @@ class Assembly:
             gamma=np.zeros(rows),
             jacobian=np.zeros((rows, 12)),
             weighted=np.zeros((rows, bodies, 6)),
-            schur=np.zeros((rows, rows)),
+            schur=np.zeros((rows, rows + 1)),
             multipliers=np.zeros(rows),
             pivots=np.zeros(2 * rows + 1, np.int64),
             blocks=np.zeros((pivots, 6)),

@@ -106,7 +106,7 @@ def factorise_schur(rows, jacobian, weighted, schur, pivots):
     weighted
         A^-1 Phi_q^T of every row, shape (row, body, 6).
     schur
-        Receives the factors, shape (row, row).
+        Receives the factors and, in its last column, the scale of every equation, shape (row, row + 1).
     pivots
         Receives row order, column order and rank.
     """
@@ -119,6 +119,11 @@ def factorise_schur(rows, jacobian, weighted, schur, pivots):
                 total += jacobian[i, d] * weighted[j, a, d] + jacobian[i, 6 + d] * weighted[j, b, d]
             schur[i, j] = total
         pivots[i], pivots[count + i] = i, i
+    for i in range(count):  # equations of length and of angle made alike: units must not decide what is redundant
+        schur[i, count] = 1.0 / math.sqrt(max(abs(schur[i, i]), 1e-300))
+    for i in range(count):
+        for j in range(count):
+            schur[i, j] *= schur[i, count] * schur[j, count]
     first, rank = 0.0, 0
     for k in range(count):
         best, best_row, best_column = 0.0, k, k
@@ -154,7 +159,7 @@ def solve_schur(schur, pivots, right, multipliers):
     count = right.size
     rank = pivots[2 * count]
     for i in range(count):
-        multipliers[i] = right[pivots[i]]
+        multipliers[i] = right[pivots[i]] * schur[pivots[i], count]
     for i in range(rank):
         for j in range(i):
             multipliers[i] -= schur[i, j] * multipliers[j]
@@ -165,4 +170,4 @@ def solve_schur(schur, pivots, right, multipliers):
     for i in range(count):
         right[pivots[count + i]] = multipliers[i] if i < rank else 0.0
     for i in range(count):
-        multipliers[i] = right[i]
+        multipliers[i] = right[i] * schur[i, count]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from tripod_doe.mechanics.scene import (
-    GROUND, Body, Cylinder, Friction, Plane, Revolute, Scene, SphereRow, Spring, Vector,
+    GROUND, Body, Cylinder, Distance, Friction, Plane, PointInPlane, Revolute, Scene, SphereRow, Spring, Vector,
 )  # fmt: skip
 
 __all__ = ["four_bars", "free_body", "pendulum", "rolling_sphere", "smooth_groove"]
@@ -15,9 +15,9 @@ _GRAVITY = (0.0, -9.81, 0.0)
 
 def pendulum() -> Scene:
     """A mass point on a rod of length 1 that starts horizontally: benchmark A01 of the IFToMM library."""
-    bob = Body("bob", 1.0, (1e-12, 1e-12, 1e-12), position=(-1.0, 0.0, 0.0))
-    joint = Revolute(GROUND, "bob", point_b=(1.0, 0.0, 0.0))
-    return Scene((bob,), constraints=(joint,), gravity=_GRAVITY)
+    bob = Body("bob", 1.0, (1.0, 1.0, 1.0), position=(-1.0, 0.0, 0.0))
+    joints = (Distance(GROUND, "bob", 1.0), PointInPlane(GROUND, "bob"))
+    return Scene((bob,), constraints=joints, gravity=_GRAVITY)
 
 
 def four_bars(loops: int = 2) -> Scene:
@@ -25,8 +25,7 @@ def four_bars(loops: int = 2) -> Scene:
 
     The bars B_i stand on the x axis at i and turn together at 1 m/s at their upper ends.
     """
-    inertia: Vector = (1 / 12, 1e-9, 1 / 12)  # a thin bar along y
-    along: Vector = (1e-9, 1 / 12, 1 / 12)  # a thin bar along x
+    inertia: Vector = (1 / 12, 1 / 12, 1 / 12)  # only that about z matters in a plane
     bodies, joints = [], []
     for i in range(loops + 1):
         bodies.append(
@@ -35,7 +34,7 @@ def four_bars(loops: int = 2) -> Scene:
         )  # fmt: skip
         joints.append(Revolute(GROUND, f"crank {i}", point_a=(i, 0.0, 0.0), point_b=(0.0, -0.5, 0.0)))
     for i in range(loops):
-        bodies.append(Body(f"coupler {i}", 1.0, along, position=(i + 0.5, 1.0, 0.0), velocity=(1.0, 0.0, 0.0)))
+        bodies.append(Body(f"coupler {i}", 1.0, inertia, position=(i + 0.5, 1.0, 0.0), velocity=(1.0, 0.0, 0.0)))
         joints.append(Revolute(f"crank {i}", f"coupler {i}", point_a=(0.0, 0.5, 0.0), point_b=(-0.5, 0.0, 0.0)))
         joints.append(Revolute(f"coupler {i}", f"crank {i + 1}", point_a=(0.5, 0.0, 0.0), point_b=(0.0, 0.5, 0.0)))
     return Scene(tuple(bodies), constraints=tuple(joints), gravity=_GRAVITY)
