@@ -222,13 +222,20 @@ def _add_sphere(contact, row, k, secant, damping, stiffness, scratch):
         across = resistance * laws.secant_slope(t.roll_speed, contact.rolling_transition)
         along = resistance * _slope(secant, t.roll_speed, contact.rolling_transition)
         extra = (along - across) / max(t.roll_speed * t.roll_speed, 1e-300)
-        brake = laws.spinning_moment(contact.spinning, load)
-        brake *= _slope(secant, abs(t.spin), contact.spinning_transition)
+        spinning = laws.spinning_moment(contact.spinning, load)
+        brake = spinning * _slope(secant, abs(t.spin), contact.spinning_transition)
+        held = 4.0 / 3.0 * spinning * laws.secant_slope(abs(t.spin), contact.spinning_transition) * t.spin
+        # a change dN of the normal force changes the moment by -dN times this vector
+        by_load = scale(1.0 / load if load > 0.0 else 0.0, add(scale(across, t.roll), scale(held, normal)))
+        turning = cross(t.lever, normal)
         for i in range(3):
             for j in range(3):
                 unit = 1.0 if i == j else 0.0
                 turned = across * (unit - normal[i] * normal[j]) + extra * t.roll[i] * t.roll[j]
-                damping[3 + i, 3 + j] += turned + brake * normal[i] * normal[j]
+                damping[3 + i, 3 + j] += turned + brake * normal[i] * normal[j] - by_rate * by_load[i] * turning[j]
+                damping[3 + i, j] -= by_rate * by_load[i] * normal[j]
+                stiffness[3 + i, j] -= by_depth * by_load[i] * normal[j]
+                stiffness[3 + i, 3 + j] -= by_depth * by_load[i] * turning[j]
 
 
 @kernel
