@@ -95,7 +95,7 @@ def test_derivatives_are_those_of_the_forces(name):
     assembly = _pair(*SURFACES[name])
     tables, pattern, state = assembly.tables, assembly.tables.pattern, assembly.initial_state()
     work = _forces(assembly, state)
-    linearise(tables, work, state.positions, state.velocities, False)
+    linearise(tables, work, state.positions, state.velocities, 0.0)
     scale = np.abs(work.dissipation).max()
     for column in range(6):
         change = np.zeros((3, 6))

@@ -60,7 +60,8 @@ def test_three_loci(friction_b, sign):
     result = _simulate(friction_b=friction_b, duration_s=0.02)
     drift = result.outputs["axial_drift_mm"].data[0]
     if sign == 0:
-        assert abs(drift) < 1e-8
+        # equal coefficients hold the needle only by the tails of tanh: 1e-3 of half the slip path, 35 um
+        assert abs(drift) < 1e-3 * 0.0349
     else:
         assert math.copysign(1, drift) == sign
         assert drift == pytest.approx(closed_form(_numbers(friction_b=friction_b, duration_s=0.02))[1], rel=2e-4)

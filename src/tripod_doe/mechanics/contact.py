@@ -185,10 +185,9 @@ def _add_at_levers(block, c, left, right):
 
 @inlined_kernel
 def _slope(secant, magnitude, transition):
-    """Slope of a friction law along the motion: secant, or the exact tangent."""
-    if secant:
-        return laws.secant_slope(magnitude, transition)
-    return laws.tangent_slope(magnitude, transition)
+    """Slope of a friction law along the motion: the tangent, but not below a share of the secant."""
+    chord = laws.secant_slope(magnitude, transition)
+    return chord if secant == 1.0 else max(laws.tangent_slope(magnitude, transition), secant * chord)
 
 
 @kernel
@@ -288,7 +287,8 @@ def contact_matrices(contacts, positions, velocities, secant, dissipation, stiff
     contacts, positions, velocities
         As in `contact_forces`.
     secant
-        True for the secant (lagged) slope of every friction law, False for its exact tangent.
+        1 for the secant (lagged) slope of every friction law, 0 for its exact tangent, and between them the tangent but
+        not less than this share of the secant.
     dissipation, stiffness
         Block matrices, shape (block, 6, 6).
     scratch

@@ -1,8 +1,10 @@
 """What implicit methods share: the system matrix M + a D + b K with constraints, and one implicit stage.
 
-D = -dQ/dv and K = -dQ/dq. With the secant (lagged) slope of friction every stage converges where Newton's method with the
-exact tangent diverges: the tangent of tanh is almost zero in slip, so the linear model sees no friction at all
-(Drake's TAMSI and "lagged" contact models).
+D = -dQ/dv and K = -dQ/dq. With the secant (lagged) slope of friction a stage converges where Newton's method with the exact
+tangent diverges: the tangent of tanh is almost zero in slip, so the linear model sees no friction at all (Drake's TAMSI and
+"lagged" contact models). But where a body slips at both of its contacts nothing but the tangents decides where it settles,
+and the secant iteration contracts by 1 - tangent/secant only. So an iteration that has become slow lowers the share of the
+secant below which no slope may fall, and raises it again when its corrections grow.
 """
 
 from __future__ import annotations
@@ -18,6 +20,8 @@ from tripod_doe.mechanics.motion import (
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
 
 __all__ = ["factorise_system", "gather", "largest_correction", "scatter", "solve_stage", "solve_system", "solve_unconstrained"]
+
+_SLOW = 0.3
 
 
 @kernel
@@ -188,11 +192,12 @@ def solve_stage(tables, work, start, base, before, reach, factor, time, settings
     for i in range(tables.bodies.size):
         for d in range(6):
             displacement[i, d] = base[i, d] + reach * velocities[i, d]
+    share, merit = 1.0, math.inf
     for _ in range(settings.iterations):
         work.counters[5] += 1
         _displace(tables, start, base, reach, velocities, displacement, positions)
         generalized_forces(tables, work, positions, velocities)
-        linearise(tables, work, positions, velocities, True)
+        linearise(tables, work, positions, velocities, share)
         if tables.rows.size > 0:
             evaluate_constraints(
                 tables.rows, positions, velocities, time, work.phi, work.phi_t, work.gamma, work.jacobian
@@ -217,4 +222,9 @@ def solve_stage(tables, work, start, base, before, reach, factor, time, settings
             return True
         if not math.isfinite(correction):
             return False
+        before_merit, merit = merit, share * correction  # in full slip a correction grows as the slope falls
+        if merit > before_merit:
+            share = min(4.0 * share, 1.0)
+        elif merit > _SLOW * before_merit:
+            share = max(0.25 * share, 1e-6)
     return False

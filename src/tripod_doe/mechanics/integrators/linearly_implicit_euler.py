@@ -21,7 +21,7 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
     change, rows = work.stages[0], work.stages[1]
     evaluate(tables, work, positions, velocities, begin, 0.0)
     for n in range(count):
-        linearise(tables, work, positions, velocities, True)
+        linearise(tables, work, positions, velocities, 1.0)
         clock[0] = begin + (n + 1) * step
         if tables.rows.size > 0:
             evaluate_constraints(

@@ -126,7 +126,7 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
     copy_vectors(positions, start)
     copy_vectors(velocities, first)
     copy_vectors(work.acceleration, work.stages[14])
-    linearise(tables, work, positions, velocities, False)
+    linearise(tables, work, positions, velocities, 0.0)
     while taken < count if not settings.controlled else clock[0] < end:
         step = min(clock[1], end - clock[0]) if settings.controlled else equal
         if not factorise_system(tables, work, start, step * _GAMMA, (step * _GAMMA) ** 2):
@@ -163,7 +163,7 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         copy_vectors(positions, start)
         copy_vectors(velocities, first)
         copy_vectors(work.acceleration, work.stages[14])
-        linearise(tables, work, positions, velocities, False)
+        linearise(tables, work, positions, velocities, 0.0)
     return FINISHED
 
 

@@ -101,7 +101,7 @@ def build(values: Mapping[str, float]) -> parts.Scene:
     mass = values["needle_mass_factor"] * values["density_kg_m3"] * 1e-12 * math.pi * radius**2 * length
     across = mass * (radius**2 / 4 + length**2 / 12)
     rolling = (math.cos(skew) * speed * math.cos(skew) / 2, math.sin(skew) * speed * math.cos(skew) / 2, 0.0)
-    turning = speed * math.cos(skew) / 2 / (radius - depth)
+    turning = speed * math.cos(skew) / 2 / radius
     needle = parts.Body(
         "needle", mass, (across, mass * radius**2 / 2, across), position=(0.0, 0.0, radius - depth),
         attitude=(math.cos(skew / 2), 0.0, 0.0, math.sin(skew / 2)), velocity=rolling,
