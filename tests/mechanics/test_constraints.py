@@ -9,7 +9,16 @@ from tripod_doe.mechanics.constraints import evaluate_constraints
 from tripod_doe.mechanics.motion import constraint_rate, evaluate
 from tripod_doe.mechanics.rotations import move
 from tripod_doe.mechanics.scene import (
-    GROUND, Body, Distance, Fixed, PointInPlane, PrescribedRotation, Revolute, Scene, Spherical, Universal,
+    GROUND,
+    Body,
+    Distance,
+    Fixed,
+    PointInPlane,
+    PrescribedRotation,
+    Revolute,
+    Scene,
+    Spherical,
+    Universal,
 )  # fmt: skip
 
 POINTS = {"point_a": (0.3, -0.2, 0.5), "point_b": (-0.4, 0.1, 0.2)}
@@ -90,7 +99,7 @@ def test_redundant_joints_leave_accelerations_unchanged():
     np.testing.assert_allclose(results[1], results[0], atol=1e-13)
     # turning about the hinge: moment 0.5 * 1 over Izz + m r^2 = 1.5 + 0.75
     assert results[0][1, 5] == pytest.approx(0.5 / 2.25, rel=1e-12)
-    assert results[0][1, 0] == pytest.approx(-2.0**2 * 0.5, rel=1e-12)
+    assert results[0][1, 0] == pytest.approx(-(2.0**2) * 0.5, rel=1e-12)
 
 
 def test_mistakes_are_named():

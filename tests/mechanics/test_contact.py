@@ -52,7 +52,9 @@ def test_action_is_reaction(name):
 def test_sphere_on_plane_follows_every_law():
     depth, radius = 0.002, 1.0
     velocity, spin = (3.0, 4.0, 0.0), 0.6
-    body = Body("ball", 1.0, (1.0,) * 3, position=(0, 0, radius - depth), velocity=velocity, angular_velocity=(0, 0, spin))
+    body = Body(
+        "ball", 1.0, (1.0,) * 3, position=(0, 0, radius - depth), velocity=velocity, angular_velocity=(0, 0, spin)
+    )
     row = SphereRow("ball", Plane(GROUND), radius, 1e5, exponent=1.5, friction=FRICTION)
     assembly = assemble(Scene((body,), contacts=(row,)))
     work = _forces(assembly, assembly.initial_state())

@@ -52,5 +52,3 @@ def test_moments_and_damping(table):
     np.testing.assert_allclose(out[6], 0.01 * x ** (4 / 3), rtol=1e-13)
     np.testing.assert_allclose(out[7], 0.002 * x * 16.0, rtol=1e-15)
     assert np.all(out[8] == np.maximum(1 - x, 0))  # a contact never pulls
-
-

@@ -93,7 +93,9 @@ def test_explicit_run_within_its_limit_is_right():
 def test_numerics_that_a_method_does_not_use():
     with pytest.raises(InputError, match="step_s = 1e-05: not used by rosenbrock"):
         scene.check({"method": "rosenbrock", "step_s": 1e-5}, {}, [])
-    points = _points(2, duration_s=1e-3, method=["rosenbrock", "bdf2"], step_s=[1e-5, 1e-5], relative_tolerance=[None, None])
+    points = _points(
+        2, duration_s=1e-3, method=["rosenbrock", "bdf2"], step_s=[1e-5, 1e-5], relative_tolerance=[None, None]
+    )
     result = scene.simulate(points, ["axial_drift_mm"])
     assert list(result.outcome) == [Outcome.NOT_APPLICABLE, Outcome.FINISHED]
 

@@ -12,7 +12,17 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.mechanics import scene as parts
 from tripod_doe.mechanics.elimination import elimination_pattern
 from tripod_doe.mechanics.tables import (
-    BODY, CONSTRAINT_ROW, CONTACT, DISTANCE, IN_PLANE, LEDGER, PERPENDICULAR, SPRING, Pattern, Tables, Work,
+    BODY,
+    CONSTRAINT_ROW,
+    CONTACT,
+    DISTANCE,
+    IN_PLANE,
+    LEDGER,
+    PERPENDICULAR,
+    SPRING,
+    Pattern,
+    Tables,
+    Work,
 )  # fmt: skip
 
 __all__ = ["Assembly", "State", "assemble"]
@@ -111,8 +121,9 @@ class Assembly:
 
 
 def _unit(values: Iterable[float]) -> FloatArray:
-    vector = np.asarray(tuple(values), float)
-    return vector / np.linalg.norm(vector)
+    vector: FloatArray = np.asarray(tuple(values), float)
+    unit: FloatArray = vector / np.linalg.norm(vector)
+    return unit
 
 
 def _checked_direction(where: str, values: Iterable[float]) -> FloatArray:

@@ -1,12 +1,12 @@
 """Constraint equations, their Jacobian and the right-hand side gamma of Eq. 1, and the solve for the multipliers.
 
 Three kinds of equation make every joint: a point of b in a plane of a, n_a d = 0; two directions perpendicular,
-a_a b_b = 0, where a_a may turn by a prescribed angle; and a distance, (d d - L^2) / (2 L) = 0. With d the vector between
-the points, gamma = -(Phi_q q')_q q' - 2 Phi_qt q' - Phi_tt.
+a_a b_b = 0, where a_a may turn by a prescribed angle; and a distance, (d d - L^2) / (2 L) = 0. With d the vector
+between the points, gamma = -(Phi_q q')_q q' - 2 Phi_qt q' - Phi_tt.
 
 Multipliers follow from the Schur complement (Phi_q A^-1 Phi_q^T) lambda = r by Gaussian elimination with complete
-pivoting, stopped at its rank: of redundant equations a largest independent set carries the load, the rest have lambda = 0.
-Accelerations are unique although the multipliers are not.
+pivoting, stopped at its rank: of redundant equations a largest independent set carries the load, the rest have
+lambda = 0. Accelerations are unique although the multipliers are not.
 """
 
 from __future__ import annotations
@@ -15,7 +15,14 @@ import math
 
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.rotations import (
-    add, cross, dot, load_attitude, load_vector, rotate, scale, subtract,
+    add,
+    cross,
+    dot,
+    load_attitude,
+    load_vector,
+    rotate,
+    scale,
+    subtract,
 )  # fmt: skip
 from tripod_doe.mechanics.tables import DISTANCE, IN_PLANE
 
@@ -58,9 +65,7 @@ def evaluate_constraints(rows, positions, velocities, time, phi, phi_t, gamma, j
                 pull = rotate(load_attitude(at_a), load_vector(row.direction_a, 0))
                 swing = cross(turn_a, pull)
                 phi[k] = dot(pull, between)
-                gamma[k] = -(
-                    2.0 * dot(swing, closing) + dot(cross(turn_a, swing), between) + dot(pull, central)
-                )
+                gamma[k] = -(2.0 * dot(swing, closing) + dot(cross(turn_a, swing), between) + dot(pull, central))
                 # the plane turns with a: the lever on a reaches to the point of b
                 lever_a = add(arm_a, between)
             else:

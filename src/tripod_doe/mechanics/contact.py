@@ -8,8 +8,8 @@ velocity w = w_n n + w_t,
     f = N n - mu_s N (tanh(|v| / v_st) / |v|) v                                        (Eq. 2, 3)
     M = -mu_r N (D/2) (tanh(|w_t| / w_rt) / |w_t|) w_t - k N^(4/3) tanh(w_n / w_st) n  (Eq. 4, 6, 7)
 
-and their opposites on the surface. The point of contact is on the undeformed sphere: taken in the middle of the overlap,
-a needle that is loaded unevenly along its length would roll like a cone and yaw.
+and their opposites on the surface. The point of contact is on the undeformed sphere: taken in the middle of the
+overlap, a needle that is loaded unevenly along its length would roll like a cone and yaw.
 """
 
 from __future__ import annotations
@@ -20,7 +20,14 @@ from typing import NamedTuple
 from tripod_doe.mechanics import laws
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.rotations import (
-    add, cross, dot, load_attitude, load_vector, rotate, scale, subtract,
+    add,
+    cross,
+    dot,
+    load_attitude,
+    load_vector,
+    rotate,
+    scale,
+    subtract,
 )  # fmt: skip
 
 __all__ = ["contact_forces", "contact_matrices", "largest_penetration"]

@@ -2,8 +2,8 @@
 
 The order of elimination is worked out once an assembly by minimum degree: the needles of a ring go first, each leaving
 one block of fill between its neighbours, the bodies that all of them touch go last. Work and memory grow linearly with
-the needles. Pivot blocks are inverted without looking at other blocks: M - a D - b K with a D and b K mostly semidefinite
-leaves them regular.
+the needles. Pivot blocks are inverted without looking at other blocks: M - a D - b K with a D and b K mostly
+semidefinite leaves them regular.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
 """What implicit methods share: the system matrix M + a D + b K with constraints, and one implicit stage.
 
-D = -dQ/dv and K = -dQ/dq. With the secant (lagged) slope of friction a stage converges where Newton's method with the exact
-tangent diverges: the tangent of tanh is almost zero in slip, so the linear model sees no friction at all (Drake's TAMSI and
-"lagged" contact models). But where a body slips at both of its contacts nothing but the tangents decides where it settles,
-and the secant iteration contracts by 1 - tangent/secant only. So an iteration that has become slow lowers the share of the
-secant below which no slope may fall, and raises it again when its corrections grow.
+D = -dQ/dv and K = -dQ/dq. With the secant (lagged) slope of friction a stage converges where Newton's method with the
+exact tangent diverges: the tangent of tanh is almost zero in slip, so the linear model sees no friction at all
+(Drake's TAMSI and "lagged" contact models). But where a body slips at both of its contacts nothing but the tangents
+decides where it settles, and the secant iteration contracts by 1 - tangent/secant only. So an iteration that has
+become slow lowers the share of the secant below which no slope may fall, and raises it again when its corrections
+grow.
 """
 
 from __future__ import annotations
@@ -15,11 +16,24 @@ from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints, factorise_schur, solve_schur
 from tripod_doe.mechanics.elimination import factorise, solve
 from tripod_doe.mechanics.motion import (
-    add_mass_blocks, add_mass_product, clear, constraint_rate, generalized_forces, linearise,
+    add_mass_blocks,
+    add_mass_product,
+    clear,
+    constraint_rate,
+    generalized_forces,
+    linearise,
 )  # fmt: skip
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
 
-__all__ = ["factorise_system", "gather", "largest_correction", "scatter", "solve_stage", "solve_system", "solve_unconstrained"]
+__all__ = [
+    "factorise_system",
+    "gather",
+    "largest_correction",
+    "scatter",
+    "solve_stage",
+    "solve_system",
+    "solve_unconstrained",
+]
 
 _SLOW = 0.3
 

@@ -84,9 +84,7 @@ def watch(tables, work, positions, velocities, time, step):
                 work.failure[0], work.failure[1] = i, size
                 return DIVERGED
     if tables.rows.size > 0:
-        evaluate_constraints(
-            tables.rows, positions, velocities, time, work.phi, work.phi_t, work.gamma, work.jacobian
-        )
+        evaluate_constraints(tables.rows, positions, velocities, time, work.phi, work.phi_t, work.gamma, work.jacobian)
         for k in range(tables.rows.size):
             if not abs(work.phi[k]) <= work.extremes[0]:
                 work.extremes[0] = abs(work.phi[k])

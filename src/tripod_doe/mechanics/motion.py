@@ -8,12 +8,21 @@ from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints, factorise_schur, solve_schur
 from tripod_doe.mechanics.contact import add_pair, contact_forces, contact_matrices
 from tripod_doe.mechanics.rotations import (
-    add, cross, dot, load_attitude, load_vector, move, rotate, rotate_back, scale, subtract,
+    add,
+    cross,
+    dot,
+    load_attitude,
+    load_vector,
+    move,
+    rotate,
+    rotate_back,
+    scale,
+    subtract,
 )  # fmt: skip
 
 __all__ = [
-    "accelerate", "add_mass_blocks", "add_mass_product", "clear", "constraint_rate", "copy_vectors", "evaluate", "generalized_forces", "kinetic_energy",
-    "linearise", "project_positions", "project_velocities",
+    "accelerate", "add_mass_blocks", "add_mass_product", "clear", "constraint_rate", "copy_vectors", "evaluate",
+    "generalized_forces", "kinetic_energy", "linearise", "project_positions", "project_velocities",
 ]  # fmt: skip
 
 _PROJECTION_SWEEPS = 4
@@ -21,7 +30,7 @@ _PROJECTION_SWEEPS = 4
 
 @kernel
 def clear(array):
-    """Set a flat view of an array to zero. (A loop: numba needs seconds to compile a slice assignment.)"""
+    """Set a flat view of an array to zero, by a loop: numba needs seconds to compile a slice assignment."""
     for i in range(array.size):
         array[i] = 0.0
 

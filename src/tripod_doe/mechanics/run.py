@@ -3,14 +3,14 @@
 What decides an outcome, and where the limits come from
 -------------------------------------------------------
 energy
-    Change of energy against work put in and lost. An explicit step beyond the friction limit chatters: the power mu f |v|
-    at its sampled velocities is not the work it does.
+    Change of energy against work put in and lost. An explicit step beyond the friction limit chatters: the power mu f
+    |v| at its sampled velocities is not the work it does.
 slip reversals
     A slip that reverses from step to step is chatter, not motion.
 halved step
     Short windows along the way are run again from the same state with half the step (or a tenth of the tolerance). The
-    displacements must agree within `Limits.disagreement` of the slip path of the window: a first-order method's error is
-    twice the difference.
+    displacements must agree within `Limits.disagreement` of the slip path of the window: a first-order method's error
+    is twice the difference.
 penetration, drift, runaway, budget, step floor
     Bounds on the state and on the work.
 """
@@ -270,7 +270,9 @@ def _energy_balance(limits: Limits, checks: _Checks) -> float:
     wrong = np.flatnonzero(~(shares <= limits.energy))
     if wrong.size:
         time, share = checks.residuals[wrong[0]][0], 100 * shares[wrong[0]]
-        checks.fail(Outcome.INACCURATE, f"the energy balance misses {share:.3g} % of the energy turned over at t = {time:.6g}")
+        checks.fail(
+            Outcome.INACCURATE, f"the energy balance misses {share:.3g} % of the energy turned over at t = {time:.6g}"
+        )
     return float(shares.max())
 
 

@@ -4,9 +4,10 @@ Every method is a compiled function
 
     integrate(tables, work, positions, velocities, clock, end, count, settings) -> int
 
-that advances positions and velocities in place from time clock[0] to `end`, in `count` equal steps or, if it controls its
-step, in as many as it needs; clock[1:] is the method's own memory between calls (its last step, its next step), zero at
-the start. After every accepted step it calls `monitor.watch` with the forces of the new state. It answers with an outcome.
+that advances positions and velocities in place from time clock[0] to `end`, in `count` equal steps or, if it controls
+its step, in as many as it needs; clock[1:] is the method's own memory between calls (its last step, its next step),
+zero at the start. After every accepted step it calls `monitor.watch` with the forces of the new state. It answers with
+an outcome.
 """
 
 from __future__ import annotations

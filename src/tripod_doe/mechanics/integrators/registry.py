@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 from tripod_doe.mechanics.integrators import (
-    bdf2, generalized_alpha, implicit_euler, linearly_implicit_euler, rk4, rosenbrock, scipy_oracle, symplectic_euler,
+    bdf2,
+    generalized_alpha,
+    implicit_euler,
+    linearly_implicit_euler,
+    rk4,
+    rosenbrock,
+    scipy_oracle,
+    symplectic_euler,
 )  # fmt: skip
 from tripod_doe.mechanics.integrators.contract import Method
 

@@ -18,7 +18,13 @@ from tripod_doe.mechanics.implicit import factorise_system, gather, solve_uncons
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, STEP_LIMIT, watch
 from tripod_doe.mechanics.motion import (
-    add_mass_product, clear, copy_vectors, evaluate, linearise, project_positions, project_velocities,
+    add_mass_product,
+    clear,
+    copy_vectors,
+    evaluate,
+    linearise,
+    project_positions,
+    project_velocities,
 )  # fmt: skip
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
 
@@ -148,7 +154,7 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
             continue
         taken += 1
         whole = clock[0] + step >= end * (1.0 - 1e-15) and settings.controlled
-        clock[0] = end if whole or taken == count and not settings.controlled else clock[0] + step
+        clock[0] = end if whole or (taken == count and not settings.controlled) else clock[0] + step
         if step >= clock[1] or growth < 1.0:  # a step cut short by `end` says nothing about the next one
             clock[1] = step * growth
         if settings.projection and tables.rows.size > 0:

@@ -101,6 +101,8 @@ def _integrate(
                 return status
     except _BudgetSpentError:
         return EVALUATION_LIMIT
+    except (ValueError, np.linalg.LinAlgError):  # SciPy refuses a Jacobian that is not finite
+        return DIVERGED
     return FINISHED
 
 

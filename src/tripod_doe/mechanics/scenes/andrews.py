@@ -1,4 +1,4 @@
-"""Andrews' squeezing mechanism: seven bodies and ten joints in a plane, one degree of freedom, accelerations of 1e7 m/s2.
+"""Andrews' squeezing mechanism: seven bodies and ten joints in a plane, one degree of freedom, very fast.
 
 Data and reference solution: test set for initial value problem solvers (Mazzia and Magherini 2008), problem "Andrews".
 As spatial revolute joints its 50 equations leave 42 - 50 < 0 degrees of freedom on paper: nine are redundant. SI units.
@@ -36,7 +36,18 @@ REFERENCE_RATES = np.array(
 _MASS = (0.04325, 0.00365, 0.02373, 0.00706, 0.07050, 0.00706, 0.05498)
 _INERTIA = (2.194e-6, 4.410e-7, 5.255e-6, 5.667e-7, 1.169e-5, 5.667e-7, 1.912e-5)
 _D, _DA, _E, _EA, _RR, _RA, _SS, _SA, _SB = 0.028, 0.0115, 0.02, 0.01421, 0.007, 0.00092, 0.035, 0.01874, 0.01043
-_SC, _SD, _TA, _TB, _U, _UA, _UB, _ZF, _ZT, _FA = 0.018, 0.02, 0.02308, 0.00916, 0.04, 0.01228, 0.00449, 0.02, 0.04, 0.01421
+_SC, _SD, _TA, _TB, _U, _UA, _UB, _ZF, _ZT, _FA = (
+    0.018,
+    0.02,
+    0.02308,
+    0.00916,
+    0.04,
+    0.01228,
+    0.00449,
+    0.02,
+    0.04,
+    0.01421,
+)
 _A, _B, _C = (-0.06934, -0.00227), (-0.03635, 0.03273), (0.014, 0.072)
 _DRIVE, _SPRING, _FREE_LENGTH = 0.033, 4530.0, 0.07785
 _START = (

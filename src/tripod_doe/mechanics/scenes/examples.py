@@ -5,7 +5,18 @@ from __future__ import annotations
 import math
 
 from tripod_doe.mechanics.scene import (
-    GROUND, Body, Cylinder, Distance, Friction, Plane, PointInPlane, Revolute, Scene, SphereRow, Spring, Vector,
+    GROUND,
+    Body,
+    Cylinder,
+    Distance,
+    Friction,
+    Plane,
+    PointInPlane,
+    Revolute,
+    Scene,
+    SphereRow,
+    Spring,
+    Vector,
 )  # fmt: skip
 
 __all__ = ["four_bars", "free_body", "pendulum", "rolling_sphere", "smooth_groove"]
@@ -47,26 +58,22 @@ def free_body() -> Scene:
 
 
 def rolling_sphere(friction: float = 0.2, transition: float = 1e-3) -> Scene:
-    """A ball that is thrown onto a plane without spin: it slides, then rolls at 5/7 of its speed. SI units, g = 9.81."""
+    """A ball that is thrown onto a plane without spin: it slides, then rolls at 5/7 of its speed. SI units."""
     radius, mass = 0.1, 1.0
     stiffness = 1e6
     depth = (mass * 9.81 / stiffness) ** (2 / 3)
     ball = Body("ball", mass, (0.4 * mass * radius**2,) * 3, position=(0.0, 0.0, radius - depth), velocity=(1.0, 0, 0))
-    touch = SphereRow(
-        "ball", Plane(GROUND), radius, stiffness, damping=1.0, friction=Friction(friction, transition)
-    )
+    touch = SphereRow("ball", Plane(GROUND), radius, stiffness, damping=1.0, friction=Friction(friction, transition))
     return Scene((ball,), contacts=(touch,), gravity=(0.0, 0.0, -9.81), length_scale=0.1, rotation_scale=10.0)
 
 
 def smooth_groove() -> Scene:
-    """A ball that stays in contact with a groove while it rolls, slides and swings, tied to another body: all smooth."""
+    """A ball that stays in contact with a groove while it rolls, slides and swings, tied to another body."""
     ball = Body(
         "ball", 1e-3, (0.1, 0.12, 0.14), position=(0.0, 0.03, -0.138), velocity=(20.0, 10.0, 0.0),
         angular_velocity=(3.0, 1.0, 2.0), force=(0.0, 0.0, -100.0),
     )  # fmt: skip
-    other = Body(
-        "other", 5e-4, (0.03, 0.05, 0.04), position=(12.0, 1.0, 2.0), angular_velocity=(50.0, 20.0, 80.0)
-    )
+    other = Body("other", 5e-4, (0.03, 0.05, 0.04), position=(12.0, 1.0, 2.0), angular_velocity=(50.0, 20.0, 80.0))
     friction = Friction(0.05, 25.0, 0.002, 16.0, 1.0, 0.002, 1.0)
     groove = SphereRow("ball", Cylinder(GROUND, 16.137, concave=True), 16.0, 1e5, damping=1e-3, friction=friction)
     spring = Spring("ball", "other", 50.0, 11.0, point_a=(1.0, 0.5, 0.0), point_b=(0.0, 0.3, 0.4), damping=0.02)

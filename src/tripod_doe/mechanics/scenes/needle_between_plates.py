@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.optimize import brentq
@@ -92,7 +92,11 @@ def closed_form(values: Mapping[str, float]) -> tuple[float, float]:
 
 def build(values: Mapping[str, float]) -> parts.Scene:
     """The scene, at rest in its load, rolling without slip across the needle and without motion along it."""
-    count, length, radius = int(values["spheres_per_needle"]), values["needle_length_mm"], values["needle_diameter_mm"] / 2
+    count, length, radius = (
+        int(values["spheres_per_needle"]),
+        values["needle_length_mm"],
+        values["needle_diameter_mm"] / 2,
+    )
     stiffness = values["contact_stiffness_factor"] * 8.15e4 * length ** (8 / 9) / count  # Table 1
     depth = (values["load_n"] / count / stiffness) ** 0.9
     if values["needle_crown_um"] > 0:
@@ -149,20 +153,23 @@ class NeedleBetweenPlates(SceneSimulator):
     """The needle between two plates as a simulator."""
 
     name = "needle-between-plates"
-    parameters = {parameter.name: parameter for parameter in _PARAMETERS}
-    outputs = {output.name: output for output in _OUTPUTS}
-    steps = {
+    parameters: ClassVar[dict[str, Parameter]] = {parameter.name: parameter for parameter in _PARAMETERS}
+    outputs: ClassVar[dict[str, Output]] = {output.name: output for output in _OUTPUTS}
+    steps: ClassVar[dict[str, float]] = {
         "symplectic-euler": 5e-9, "rk4": 5e-9, "linearly-implicit-euler": 1e-5, "implicit-euler": 1e-4, "bdf2": 1e-4,
         "generalized-alpha": 1e-5,
     }  # fmt: skip
-    tolerances = {"rosenbrock": 1e-5, "scipy-radau": 1e-6, "scipy-bdf": 1e-6, "scipy-lsoda": 1e-6}
+    tolerances: ClassVar[dict[str, float]] = {
+        "rosenbrock": 1e-5,
+        "scipy-radau": 1e-6,
+        "scipy-bdf": 1e-6,
+        "scipy-lsoda": 1e-6,
+    }
 
     def run(self, values: Mapping[str, float], method: str, step: float | None, settings: Settings) -> Run:
         """Simulate one point."""
         assembly = assemble(build(values))
-        return run(
-            assembly, method, values["duration_s"], step=step, samples=PROGRESS.size - 1, settings=settings
-        )
+        return run(assembly, method, values["duration_s"], step=step, samples=PROGRESS.size - 1, settings=settings)
 
     def answer(self, values: Mapping[str, float], result: Run) -> dict[str, Any]:
         """Drift, travel and locus."""

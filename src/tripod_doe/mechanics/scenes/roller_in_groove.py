@@ -1,15 +1,15 @@
 """A tilted roller that is pushed along a cylindrical groove under load: the joint's thrust in its simplest form.
 
-The roller's axis is tilted by beta from the perpendicular to the groove, in the plane of contact. The roller turns freely
-about its axis, so it slips only along it, at v sin(beta), and the groove feels the axial force
-mu_s N tanh(v sin(beta) / v_st) sin(beta).
+The roller's axis is tilted by beta from the perpendicular to the groove, in the plane of contact. The roller turns
+freely about its axis, so it slips only along it, at v sin(beta), and the groove feels the axial force mu_s N tanh(v
+sin(beta) / v_st) sin(beta).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -96,13 +96,18 @@ class RollerInGroove(SceneSimulator):
     """The roller in its groove as a simulator."""
 
     name = "roller-in-groove"
-    parameters = {parameter.name: parameter for parameter in _PARAMETERS}
-    outputs = {output.name: output for output in _OUTPUTS}
-    steps = {
+    parameters: ClassVar[dict[str, Parameter]] = {parameter.name: parameter for parameter in _PARAMETERS}
+    outputs: ClassVar[dict[str, Output]] = {output.name: output for output in _OUTPUTS}
+    steps: ClassVar[dict[str, float]] = {
         "symplectic-euler": 1e-7, "rk4": 2e-7, "linearly-implicit-euler": 1e-6, "implicit-euler": 1e-4, "bdf2": 1e-4,
         "generalized-alpha": 1e-5,
     }  # fmt: skip
-    tolerances = {"rosenbrock": 1e-6, "scipy-radau": 1e-8, "scipy-bdf": 1e-8, "scipy-lsoda": 1e-8}
+    tolerances: ClassVar[dict[str, float]] = {
+        "rosenbrock": 1e-6,
+        "scipy-radau": 1e-8,
+        "scipy-bdf": 1e-8,
+        "scipy-lsoda": 1e-8,
+    }
 
     def run(self, values: Mapping[str, float], method: str, step: float | None, settings: Settings) -> Run:
         """Simulate one point."""

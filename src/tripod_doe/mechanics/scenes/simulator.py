@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +36,8 @@ def numerics_parameters(method: str, evaluation_budget: int) -> tuple[Parameter,
     return (
         Parameter("method", method, "1", "", "time integration method", "numerics", kind="choice",
                   choices=tuple(METHODS), group=_NUMERICS),
-        Parameter("relative_tolerance", None, "1", "", "relative tolerance of a method with step control; by the method "
-                  "unless given", "numerics", low=1e-13, high=0.1, group=_NUMERICS),
+        Parameter("relative_tolerance", None, "1", "", "relative tolerance of a method with step control; by the "
+                  "method unless given", "numerics", low=1e-13, high=0.1, group=_NUMERICS),
         Parameter("step_s", None, "s", "h", "time step of a method without step control; by the method unless given",
                   "numerics", low=1e-10, high=1.0, group=_NUMERICS),
         Parameter("evaluation_budget", evaluation_budget, "1", "", "largest number of force evaluations of a run",
@@ -67,10 +67,10 @@ class SceneSimulator(ABC):
     """
 
     name: str
-    parameters: dict[str, Parameter]
-    outputs: dict[str, Output]
-    steps: Mapping[str, float]
-    tolerances: Mapping[str, float]
+    parameters: ClassVar[dict[str, Parameter]]
+    outputs: ClassVar[dict[str, Output]]
+    steps: ClassVar[dict[str, float]]
+    tolerances: ClassVar[dict[str, float]]
     source_hash = KERNEL_SOURCE_HASH
 
     @abstractmethod
@@ -154,7 +154,5 @@ class SceneSimulator(ABC):
         return BlockResult(outputs, labels, outcome, detail, work[0], work[1])
 
     def _run_point(self, values: Mapping[str, float], method: str) -> Run:
-        settings = Settings(
-            tolerance=values.get("relative_tolerance", 0.0), budget=int(values["evaluation_budget"])
-        )
+        settings = Settings(tolerance=values.get("relative_tolerance", 0.0), budget=int(values["evaluation_budget"]))
         return self.run(values, method, values.get("step_s"), settings)
