@@ -36,6 +36,10 @@ __all__ = [
 ]
 
 _SLOW = 0.3
+"""Contraction above which an iteration is slow."""
+
+_ROUNDING = 1e3
+"""Corrections below this many tolerances that no longer fall are rounding: stiffness times a position's last digit."""
 
 
 @kernel
@@ -206,7 +210,7 @@ def solve_stage(tables, work, start, base, before, reach, factor, time, settings
     for i in range(tables.bodies.size):
         for d in range(6):
             displacement[i, d] = base[i, d] + reach * velocities[i, d]
-    share, merit = 1.0, math.inf
+    share, merit, last = 1.0, math.inf, math.inf
     for _ in range(settings.iterations):
         work.counters[5] += 1
         _displace(tables, start, base, reach, velocities, displacement, positions)
@@ -231,7 +235,9 @@ def solve_stage(tables, work, start, base, before, reach, factor, time, settings
             for d in range(6):
                 velocities[i, d] += change[i, d]
         correction = largest_correction(tables, change, work.failure)
-        if correction <= settings.correction:
+        rounded = correction >= last and correction <= _ROUNDING * settings.correction
+        last = correction
+        if correction <= settings.correction or rounded:
             _displace(tables, start, base, reach, velocities, displacement, positions)
             return True
         if not math.isfinite(correction):
