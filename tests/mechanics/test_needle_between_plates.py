@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from tripod_doe.errors import InputError
-from tripod_doe.mechanics.scenes.needle_between_plates import closed_form, scene
+from tripod_doe.mechanics.assembly import assemble
+from tripod_doe.mechanics.monitor import Settings
+from tripod_doe.mechanics.motion import add_mass_blocks, linearise
+from tripod_doe.mechanics.scenes.needle_between_plates import build, closed_form, scene
 from tripod_doe.results import Outcome
 
 
@@ -88,6 +91,28 @@ def test_explicit_run_within_its_limit_is_right():
     result = _simulate(method="symplectic-euler", **values)
     assert result.outcome[0] == Outcome.FINISHED, result.detail
     assert result.outputs["axial_drift_mm"].data[0] == pytest.approx(closed_form(_numbers(**values))[1], rel=2e-3)
+
+
+@pytest.mark.parametrize(("method", "reach"), [("symplectic-euler", 2.0), ("rk4", 2.785)])
+def test_explicit_limit_is_that_of_the_friction_slope(method, reach):
+    """h < reach / lambda with lambda the largest eigenvalue of M^-1 (-dQ/dv), far below 2 / omega of the contact."""
+    values = _numbers(duration_s=1e-4)
+    settled = scene.run(values, "bdf2", 1e-6, Settings())
+    assembly = assemble(build(values))
+    work = assembly.work()
+    linearise(assembly.tables, work, settled.positions[-1], settled.velocities[-1], 0.0)
+    needle = assembly.tables.pattern.own[assembly.tables.bodies["block"][1]]
+    mass = np.zeros_like(work.matrix)
+    add_mass_blocks(assembly.tables, settled.positions[-1], mass)
+    friction, contact = (
+        np.linalg.eigvals(np.linalg.solve(mass[needle], blocks[needle])).real.max()
+        for blocks in (work.dissipation, work.stiffness)
+    )
+    limit = reach / friction
+    assert limit < 0.05 * 2 / math.sqrt(contact)
+    below, above = (_simulate(method=method, step_s=limit * share, duration_s=1e-4) for share in (0.9, 1.2))
+    assert below.outcome[0] == Outcome.FINISHED, below.detail
+    assert above.outcome[0] in (Outcome.INACCURATE, Outcome.DIVERGED)
 
 
 def test_numerics_that_a_method_does_not_use():

@@ -68,7 +68,10 @@ def closed_form(values: Mapping[str, float]) -> float:
 
 
 def build(values: Mapping[str, float]) -> parts.Scene:
-    """The scene: the roller's axis is y, the groove lies in the horizontal plane, turned by the tilt from x."""
+    """The scene: the roller's axis is y, the groove lies in the horizontal plane, turned by the tilt from x.
+
+    The roller starts with the spin it would have without tilt, and settles by friction.
+    """
     radius, tilt = values["roller_radius_mm"], math.radians(values["tilt_deg"])
     groove = (math.cos(tilt), math.sin(tilt), 0.0)
     speed, slip = values["axial_speed_mm_s"], _slip(values)
@@ -77,7 +80,7 @@ def build(values: Mapping[str, float]) -> parts.Scene:
     roller = parts.Body(
         "roller", _MASS, (_INERTIA,) * 3, position=(0.0, 0.0, radius - groove_radius - depth),
         velocity=(speed * groove[0], speed * groove[1], 0.0),
-        angular_velocity=(0.0, speed * groove[0] / radius, 0.0), force=(0.0, 0.0, -values["load_n"]),
+        angular_velocity=(0.0, speed / radius, 0.0), force=(0.0, 0.0, -values["load_n"]),
         locked=(True, True, False, True, False, True),
     )  # fmt: skip
     contact = parts.SphereRow(
