@@ -18,6 +18,7 @@ from tripod_doe.mechanics.elimination import factorise, solve
 from tripod_doe.mechanics.motion import (
     add_mass_blocks,
     add_mass_product,
+    add_reaction_power,
     clear,
     constraint_rate,
     generalized_forces,
@@ -239,6 +240,7 @@ def solve_stage(tables, work, start, base, before, reach, factor, time, settings
         last = correction
         if correction <= settings.correction or rounded:
             _displace(tables, start, base, reach, velocities, displacement, positions)
+            add_reaction_power(tables, work, velocities, 1.0 / factor)
             return True
         if not math.isfinite(correction):
             return False

@@ -21,8 +21,8 @@ from tripod_doe.mechanics.rotations import (
 )  # fmt: skip
 
 __all__ = [
-    "accelerate", "add_mass_blocks", "add_mass_product", "clear", "constraint_rate", "copy_vectors", "evaluate",
-    "generalized_forces", "kinetic_energy", "linearise", "project_positions", "project_velocities",
+    "accelerate", "add_mass_blocks", "add_mass_product", "add_reaction_power", "clear", "constraint_rate", "copy_vectors",
+    "evaluate", "generalized_forces", "kinetic_energy", "linearise", "project_positions", "project_velocities",
 ]  # fmt: skip
 
 _PROJECTION_SWEEPS = 4
@@ -207,6 +207,23 @@ def constraint_rate(row, jacobian, vectors):
 
 
 @kernel
+def add_reaction_power(tables, work, velocities, factor):
+    """Add to the ledger what reactions put in: the power of a drive, and of locked velocities that a joint pulls at.
+
+    Parameters
+    ----------
+    factor
+        What `work.multipliers` have to be multiplied by.
+    """
+    for k in range(tables.rows.size):
+        for side in range(2):
+            body = tables.rows[k].body_a if side == 0 else tables.rows[k].body_b
+            for d in range(6):
+                speed = tables.bodies[body].free[d] * velocities[body, d]
+                work.ledger[1] -= factor * work.multipliers[k] * work.jacobian[k, 6 * side + d] * speed
+
+
+@kernel
 def accelerate(tables, work, positions, velocities, time, baumgarte):
     """Accelerations and multipliers of Eq. 1 from the forces of the last evaluation.
 
@@ -235,12 +252,7 @@ def accelerate(tables, work, positions, velocities, time, baumgarte):
             for i in (rows[k].body_a, rows[k].body_b):
                 for d in range(6):
                     acceleration[i, d] -= work.multipliers[k] * work.weighted[k, i, d]
-        # the reactions put in this power: that of a drive, and of locked velocities that the joint pulls at
-        for d in range(6):
-            for side in range(2):
-                body = rows[k].body_a if side == 0 else rows[k].body_b
-                free = tables.bodies[body].free[d]
-                work.ledger[1] -= free * work.multipliers[k] * work.jacobian[k, 6 * side + d] * velocities[body, d]
+    add_reaction_power(tables, work, velocities, 1.0)
 
 
 @kernel
