@@ -21,8 +21,9 @@ from tripod_doe.mechanics.rotations import (
 )  # fmt: skip
 
 __all__ = [
-    "accelerate", "add_mass_blocks", "add_mass_product", "add_reaction_power", "clear", "constraint_rate", "copy_vectors",
-    "evaluate", "generalized_forces", "kinetic_energy", "linearise", "project_positions", "project_velocities",
+    "accelerate", "add_mass_blocks", "add_mass_product", "add_reaction_power", "clear", "constraint_rate",
+    "copy_vectors", "evaluate", "generalized_forces", "kinetic_energy", "linearise", "project_positions",
+    "project_velocities",
 ]  # fmt: skip
 
 _PROJECTION_SWEEPS = 4
