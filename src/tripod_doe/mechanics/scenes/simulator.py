@@ -113,6 +113,11 @@ class SceneSimulator(ABC):
                 full[name] = defaults.get(method)
         return full
 
+    def prepare(self) -> None:
+        """Compile the kernels of the default method, or load their machine code from the disk, by a short run."""
+        full = self.effective({"duration_s": 1e-6})
+        self.simulate({name: np.array([value], object) for name, value in full.items()}, ())
+
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
         """Simulate a block of points; see the scene ``joint``."""
         count = len(points["method"])
