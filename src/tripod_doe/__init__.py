@@ -1,1 +1,87 @@
-"""Parameter studies and designs of experiments for the thrust force of tripod constant velocity joints."""
+"""Parameter studies and designs of experiments for the thrust force of tripod constant velocity joints.
+
+>>> import tripod_doe as td
+>>> td.simulate(joint_angle_deg=10)                      # one point
+>>> td.run("studies/thrust_map.toml", out="results")     # a study, on two processes
+>>> td.open_cube("results")                              # what it found, labelled
+
+Names are imported when they are first used, so that workers and short commands load no plotting.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tripod_doe.analysis.sensitivity import morris_effects, sobol_indices
+    from tripod_doe.errors import CubeError, InputError, StorageError, TripodDoeError
+    from tripod_doe.quantities import Output, Parameter
+    from tripod_doe.report.findings import find
+    from tripod_doe.report.page import write_report
+    from tripod_doe.results import Outcome
+    from tripod_doe.study.cube import open_cube
+    from tripod_doe.study.definition import Study, load_study
+    from tripod_doe.study.plan import Plan, plan
+    from tripod_doe.study.query import query
+    from tripod_doe.study.schema import study_schema
+    from tripod_doe.study.simulate import simulate
+    from tripod_doe.workflow.run import RunSummary, run
+
+_HOME = {
+    "CubeError": "errors",
+    "InputError": "errors",
+    "Outcome": "results",
+    "Output": "quantities",
+    "Parameter": "quantities",
+    "Plan": "study.plan",
+    "RunSummary": "workflow.run",
+    "StorageError": "errors",
+    "Study": "study.definition",
+    "TripodDoeError": "errors",
+    "find": "report.findings",
+    "load_study": "study.definition",
+    "morris_effects": "analysis.sensitivity",
+    "open_cube": "study.cube",
+    "plan": "study.plan",
+    "query": "study.query",
+    "run": "workflow.run",
+    "simulate": "study.simulate",
+    "sobol_indices": "analysis.sensitivity",
+    "study_schema": "study.schema",
+    "write_report": "report.page",
+}
+
+__all__ = [
+    "CubeError",
+    "InputError",
+    "Outcome",
+    "Output",
+    "Parameter",
+    "Plan",
+    "RunSummary",
+    "StorageError",
+    "Study",
+    "TripodDoeError",
+    "find",
+    "load_study",
+    "morris_effects",
+    "open_cube",
+    "plan",
+    "query",
+    "run",
+    "simulate",
+    "sobol_indices",
+    "study_schema",
+    "write_report",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'tripod_doe' has no attribute {name!r}")
+    return getattr(importlib.import_module(f"tripod_doe.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

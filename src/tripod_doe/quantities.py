@@ -132,6 +132,11 @@ class Output:
     dims: tuple[str, ...] = ()
     angle: bool = False
 
+    @property
+    def unit_text(self) -> str:
+        """The unit for people: empty where there is none."""
+        return "" if self.unit == "1" else self.unit
+
 
 def check_parameters(parameters: Mapping[str, Parameter], values: Mapping[str, object]) -> dict[str, Value]:
     """Check given values against their parameters.

@@ -64,6 +64,7 @@ FloatArray = NDArray[np.float64]
 _SWEEPS = 30
 _BISECTIONS = 60
 _OUTER = 20
+_LEAST_LOSS = 1e-3  # of the transmitted power; a joint with less friction is measured against that
 
 
 class _Point(NamedTuple):
@@ -123,7 +124,8 @@ class Equilibrium:
     friction_power
         Mean power lost to each mechanism in N mm/s, shape (point, mechanism).
     energy_residual
-        Input less output less friction power, over the friction power, shape (point,).
+        Input less output less friction power, over the friction power (or a thousandth of the transmitted power, where
+        that is larger), shape (point,).
     largest_normal_force, smallest_normal_force
         Of all grooves and angles in N, shape (point,).
     needle_penetration
@@ -296,7 +298,7 @@ def _unsettled(p, slip, lean, root, before, frozen):
 @kernel
 def _bisect_slip(p, cos_phi, sin_phi, cos_psi, sin_psi, lean, root):
     """Slip at which the moment about the trunnion vanishes; the moment falls with the slip."""
-    reach = 10.0 * p.roller_radius * (p.omega + 1e-3)
+    reach = 1e4 * p.roller_radius * (p.omega + 1e-3)  # skewed needles alone may spin a free roller fast
     low, high = -reach, reach
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
@@ -379,7 +381,7 @@ def _solve_block(table, skews, axis_factors, cosines, sines, thrust, power, resi
         if mean_load == 0.0:
             thrust[i] = 0.0
             power[i] = 0.0
-            residual[i], extremes[i, 0], extremes[i, 1], sweeps[i], settled[i] = 0.0, 0.0, 0.0, 0, True
+            extremes[i, 0], extremes[i, 1], settled[i] = 0.0, 0.0, True
             continue
         slip[:], lean[:], frozen[:], before[:] = 0.0, 0.0, 0.0, np.inf
         root[:] = axis_factors[i] * mean_load ** (1.0 / 3.0)
@@ -397,8 +399,10 @@ def _solve_block(table, skews, axis_factors, cosines, sines, thrust, power, resi
         _account(p, cosines, sines, skews[i], slip, lean, root, normal, thrust[i], powers)
         for mechanism in range(5):
             power[i, mechanism] = powers[mechanism].mean()
-        lost = power[i].sum()
-        residual[i] = (powers[5].mean() - p.torque * p.omega - lost) / lost if lost > 0.0 else 0.0
+        lost, transmitted = power[i].sum(), abs(p.torque * p.omega)
+        if transmitted > 0.0:
+            imbalance = powers[5].mean() - p.torque * p.omega - lost
+            residual[i] = imbalance / max(lost, _LEAST_LOSS * transmitted)
         extremes[i, 0], extremes[i, 1] = normal.max(), normal.min()
 
 
@@ -481,7 +485,7 @@ def solve_equilibrium(points: Mapping[str, FloatArray], samples: int) -> Equilib
     skews = np.stack([points[f"initial_skew_{k}_deg"] for k in (1, 2, 3)], axis=1)
     cosines, sines = _groove_angles(samples)
     count = table.shape[0]
-    thrust, power, residual = np.empty((count, 3, samples)), np.empty((count, 5)), np.empty(count)
+    thrust, power, residual = np.empty((count, 3, samples)), np.empty((count, 5)), np.zeros(count)
     extremes, sweeps, settled = np.empty((count, 2)), np.zeros(count, np.int64), np.zeros(count, np.bool_)
     axis_factor = points["groove_axis_factor"]
     _solve_block(table, skews, axis_factor, cosines, sines, thrust, power, residual, extremes, sweeps, settled)

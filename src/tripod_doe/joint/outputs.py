@@ -35,7 +35,8 @@ _OUTPUTS = [
            _GROOVE_ORDER, angle=True),
     Output("friction_power_w", "W", "P", "mean power lost to each friction mechanism", ("mechanism",)),
     Output("largest_penetration_um", "um", "delta", "largest penetration of any contact"),
-    Output("energy_residual", "1", "", "input less output less friction power, over the friction power"),
+    Output("energy_residual", "1", "", "input less output less friction power, over the friction power (or over a "
+           "thousandth of the transmitted power, where that is larger)"),
 ]  # fmt: skip
 
 JOINT_OUTPUTS: dict[str, Output] = {output.name: output for output in _OUTPUTS}

@@ -93,6 +93,13 @@ class JointScene:
                 full[name] = value
         return full
 
+    def prepare(self) -> None:
+        """Compile the kernels, or load their machine code from the disk, by a run that costs nothing."""
+        point: dict[str, NDArray[Any]] = {}
+        for name, value in self.effective({"samples_per_revolution": 30}).items():
+            point[name] = np.array([value if isinstance(value, str) else math.nan if value is None else float(value)])
+        self.simulate(point, ())
+
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
         """Simulate a block of points.
 
@@ -114,15 +121,15 @@ class JointScene:
         work = np.zeros((2, count), np.int64)
         outputs: dict[str, Values] = {}
         groups = {(str(m), int(n)) for m, n in zip(points["model"], points["samples_per_revolution"], strict=True)}
-        for name, samples in sorted(groups):
+        for name, per_revolution in sorted(groups):
             model = models.MODELS[name]
             wanted = [output for output in keep if output in model.outputs]
-            chosen = np.flatnonzero((points["model"] == name) & (points["samples_per_revolution"] == samples))
+            chosen = np.flatnonzero((points["model"] == name) & (points["samples_per_revolution"] == per_revolution))
             columns = {key: np.asarray(column)[chosen] for key, column in points.items()}
             usable = _reject(model, columns, chosen, outcome, detail)
             if usable.size == 0:
                 continue
-            result = model.simulate(_numbers(model, columns, usable), samples, wanted)
+            result = model.simulate(_numbers(model, columns, usable), per_revolution, wanted)
             where = chosen[usable]
             outcome[where] = result.outcome
             for position, text in zip(where, result.detail, strict=True):
@@ -174,11 +181,11 @@ def _reject(
         for position in np.flatnonzero(is_set):
             detail[chosen[position]] = f"{name} is not used by {model.name}"
         usable &= ~is_set
-    for position, reason in _misfits(columns):
-        if usable[position]:
-            outcome[chosen[position]] = Outcome.JAMMED
-            detail[chosen[position]] = reason
-            usable[position] = False
+    for misfit, reason in _misfits(columns):
+        if usable[misfit]:
+            outcome[chosen[misfit]] = Outcome.JAMMED
+            detail[chosen[misfit]] = reason
+            usable[misfit] = False
     return np.flatnonzero(usable)
 
 

@@ -1,0 +1,1 @@
+"""Analyses: functions from cube to cube, found by their kind."""

@@ -1,0 +1,107 @@
+"""All analyses by kind: what a study file may name, checked before anything runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+from pydantic import BaseModel, ValidationError
+
+from tripod_doe.analysis.sensitivity import MorrisSettings, SobolSettings, morris_effects, sobol_indices
+from tripod_doe.errors import InputError, near_match
+from tripod_doe.study.cube import stamp_history, write_dataset
+from tripod_doe.study.definition import Study
+
+__all__ = ["ANALYSES", "Analysis", "check_analyses", "run_analyses"]
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """An analysis that a study file can ask for.
+
+    Attributes
+    ----------
+    settings
+        Its settings in [analysis.NAME].
+    designs
+        Design kinds whose cubes it can read.
+    function
+        (cube, settings) -> result, both labelled.
+    """
+
+    settings: type[BaseModel]
+    designs: tuple[str, ...]
+    function: Callable[[xr.Dataset, Any], xr.Dataset]
+
+
+ANALYSES: dict[str, Analysis] = {
+    "sobol": Analysis(SobolSettings, ("saltelli",), sobol_indices),
+    "morris": Analysis(MorrisSettings, ("morris",), morris_effects),
+}
+"""Analyses by the kind that study files use."""
+
+
+def _settings(study: Study, name: str) -> tuple[Analysis, BaseModel]:
+    table = dict(study.file.analysis[name])
+    kind = table.pop("kind", name)
+    where = f"[analysis.{name}]"
+    if kind not in ANALYSES:
+        raise study.fail(where, f"kind = {kind!r}: unknown analysis{near_match(str(kind), ANALYSES)}")
+    analysis = ANALYSES[kind]
+    if study.file.design.kind not in analysis.designs:
+        raise study.fail(
+            where, f"{kind} needs a {' or '.join(analysis.designs)} design, this study's is {study.file.design.kind}"
+        )
+    try:
+        settings = analysis.settings.model_validate(table)
+    except ValidationError as error:
+        item = error.errors()[0]
+        key = str(item["loc"][0])
+        if item["type"] == "extra_forbidden":
+            hint = near_match(key, analysis.settings.model_fields)
+            raise study.fail(where, f"unknown key {key!r}{hint}") from error
+        raise study.fail(where, f"{key} = {item['input']!r}: {item['msg']}") from error
+    for output in getattr(settings, "outputs", ()):
+        if study.keep and output not in study.keep:
+            raise study.fail(where, f"outputs: {output!r} is not kept{near_match(output, study.keep)}")
+    return analysis, settings
+
+
+def check_analyses(study: Study) -> None:
+    """Check the analyses of a study before anything runs.
+
+    Raises
+    ------
+    InputError
+        If a kind or a setting is unknown, or the design does not serve it.
+    """
+    for name in study.file.analysis:
+        _settings(study, name)
+
+
+def run_analyses(study: Study, cube: xr.Dataset, directory: Path) -> dict[str, str]:
+    """Run all analyses of a study into ``directory/analysis/NAME.nc``.
+
+    Returns
+    -------
+    dict
+        By name, why an analysis could not be made; empty text where it was.
+    """
+    reasons: dict[str, str] = {}
+    for stale in (directory / "analysis").glob("*.nc"):  # of another version of the study, or of other points
+        stale.unlink()
+    for name in study.file.analysis:
+        analysis, settings = _settings(study, name)
+        try:
+            result = analysis.function(cube, settings)
+        except InputError as error:
+            reasons[name] = str(error)
+            continue
+        kept = {key: cube.attrs[key] for key in ("Conventions", "institution", "source", "references", "study_hash")}
+        result = result.assign_attrs(kept | {"title": f"{cube.attrs['title']}: {name}"} | result.attrs)
+        write_dataset(stamp_history(result, f"analysis {name}"), directory / "analysis" / f"{name}.nc")
+        reasons[name] = ""
+    return reasons

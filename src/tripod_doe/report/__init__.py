@@ -1,0 +1,1 @@
+"""Reports: sentences, figures and pages, all made from cubes."""

@@ -1,0 +1,130 @@
+"""A chart: a matplotlib figure in the common style, with its caption, its text alternative and its numbers."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import matplotlib as mpl
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+__all__ = ["COLOURS", "HATCHES", "INK", "LINES", "MARKERS", "MUTED", "Chart", "drawing", "factor_ticks", "legend_above"]
+
+INK, MUTED = "#1d2733", "#5c6875"
+COLOURS = ("#0b5394", "#c4501b", "#2c7a4b", "#7a4a9e", "#8a6d00", "#3d4852")
+LINES = ("-", "--", "-.", ":", (0, (6, 2, 1, 2, 1, 2)), (0, (1, 2)))
+MARKERS = ("o", "s", "^", "D", "v", "P")
+HATCHES = ("", "////", "....", "xxxx")
+
+_OWN_TICKS = 5
+_STYLE: dict[Any, Any] = {
+    "svg.fonttype": "none",
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 8.5,
+    "axes.titlesize": 9,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.titlecolor": INK,
+    "axes.labelsize": 8.5,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": "#8b96a3",
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.limits": (-4, 5),
+    "axes.formatter.use_mathtext": False,
+    "axes.unicode_minus": True,
+    "grid.color": "#e3e8ee",
+    "grid.linewidth": 0.7,
+    "xtick.color": "#8b96a3",
+    "ytick.color": "#8b96a3",
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+    "lines.linewidth": 1.6,
+    "lines.markersize": 4.5,
+    "hatch.linewidth": 0.6,
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
+}
+
+
+@dataclass(frozen=True)
+class Chart:
+    """One figure of a report.
+
+    Attributes
+    ----------
+    name
+        File name of its numbers, without ending; unique in a page, since its SVG identifiers hang on it.
+    caption
+        What is shown, in a sentence or two.
+    figure
+        Drawn in the common style.
+    data
+        The numbers that were drawn.
+    """
+
+    name: str
+    caption: str
+    figure: Figure
+    data: pd.DataFrame
+
+    def svg(self) -> str:
+        """The figure as an SVG element with text as text: the same figure gives the same characters."""
+        buffer = io.StringIO()
+        with mpl.rc_context({**_STYLE, "svg.hashsalt": self.name}):
+            self.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+        return _inline(buffer.getvalue())
+
+    def csv(self) -> str:
+        """The numbers as CSV, in full precision."""
+        return self.data.to_csv(index=False)
+
+
+def _inline(svg: str) -> str:
+    """Strip what only a file of its own needs; the identifiers that are left are salted with the chart's name."""
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    svg = re.sub(r"<style type=\"text/css\">.*?</style>", "", svg, flags=re.DOTALL)  # it would style the whole page
+    used = set(re.findall(r"#([A-Za-z][\w-]*)", svg))
+    svg = re.sub(r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
+    return svg.strip()
+
+
+@contextmanager
+def drawing(width: float, height: float) -> Iterator[tuple[Figure, Axes]]:
+    """A figure with one pair of axes, drawn on in the common style; width and height in inches."""
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        yield figure, figure.add_subplot()
+
+
+def factor_ticks(axes: Axes, levels: NDArray[Any]) -> None:
+    """Ticks of a factor along the bottom: its own values where they are few, else about five round ones."""
+    if levels.size <= _OWN_TICKS:
+        axes.set_xticks(levels, [f"{float(level):.3g}".replace("-", "\N{MINUS SIGN}") for level in levels])
+    else:
+        axes.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+
+
+def legend_above(axes: Axes, columns: int, title: str | None = None) -> None:
+    """Put the legend above the axes, where it hides no data."""
+    axes.legend(
+        loc="lower left", bbox_to_anchor=(0, 1.0), ncols=columns, title=title, alignment="left", borderaxespad=0.3,
+        handlelength=2.6, columnspacing=1.2, title_fontsize=8,
+    )  # fmt: skip

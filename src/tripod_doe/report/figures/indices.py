@@ -1,0 +1,105 @@
+"""Sensitivity of the responses to the factors: Sobol' indices as bars, Morris' effects as a map."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from tripod_doe.report.figures.chart import COLOURS, INK, MARKERS, MUTED, Chart, drawing, legend_above
+from tripod_doe.report.findings import sensitivity_parts
+from tripod_doe.report.responses import spoken, unit_text
+
+__all__ = ["index_charts"]
+
+
+def index_charts(analyses: Mapping[str, xr.Dataset], cube: xr.Dataset) -> list[Chart]:
+    """A chart for every sensitivity analysis and every response a reader asks for first."""
+    charts = []
+    for name, result in analyses.items():
+        level = 100 * float(result.attrs.get("confidence_level", 0.95))
+        for position, part in enumerate(sensitivity_parts(result)):
+            key, indices = f"{name}-{position + 1}", part.indices
+            if "ST" in indices:
+                charts.append(_sobol_chart(key, name, part.what, indices, level))
+            else:
+                attrs = cube[part.output].attrs if part.output in cube else {}
+                unit = unit_text(str(attrs.get("units", "1"))) or "-"
+                charts.append(_morris_chart(key, name, part.what, indices, level, unit))
+    return charts
+
+
+def _frame(part: xr.Dataset, keys: tuple[str, ...]) -> pd.DataFrame:
+    """One row a factor, the largest last index first."""
+    frame = pd.DataFrame({"factor": part["factor"].values} | {key: part[key].values for key in keys})
+    return frame.sort_values(keys[0], ascending=False, kind="stable", ignore_index=True)
+
+
+def _sobol_chart(key: str, name: str, what: str, part: xr.Dataset, level: float) -> Chart:
+    data = _frame(part, ("ST", "ST_conf", "S1", "S1_conf"))
+    rows = np.arange(len(data))[::-1]
+    with drawing(5.0, 1.25 + 0.42 * len(data)) as (figure, axes):
+        for index, offset, face, hatch in (("ST", 0.19, "#b9d0e8", ""), ("S1", -0.19, "#f6d9c9", "////")):
+            edge = COLOURS[0] if index == "ST" else COLOURS[1]
+            label = "total index ST" if index == "ST" else "first-order index S1"
+            axes.barh(rows + offset, data[index], 0.36, color=face, edgecolor=edge, hatch=hatch, lw=0.8, label=label)
+            axes.errorbar(
+                data[index],
+                rows + offset,
+                xerr=data[f"{index}_conf"],
+                fmt="none",
+                ecolor=INK,
+                elinewidth=1.1,
+                capsize=2.5,
+            )
+            for row, value, half in zip(rows, data[index], data[f"{index}_conf"], strict=True):
+                text = f"{value:.2f}".replace("-0.00", "0.00")
+                axes.annotate(
+                    text, (max(value, 0) + half, row + offset), (4, 0), textcoords="offset points",
+                    va="center", fontsize=7.5, color=MUTED,
+                )  # fmt: skip
+        axes.set_yticks(rows, [spoken(str(factor)) for factor in data["factor"]])
+        low, high = float((data["S1"] - data["S1_conf"]).min()), float((data["ST"] + data["ST_conf"]).max())
+        axes.set_xlim(1.2 * min(0.0, low), 1.12 * high)
+        axes.spines["left"].set_visible(False)
+        axes.axvline(0, color=MUTED, lw=0.8)
+        axes.grid(axis="y", visible=False)
+        axes.tick_params(axis="y", length=0)
+        axes.set_xlabel("Sobol' index (part of the variance, -)")
+        legend_above(axes, 2)
+    caption = (
+        f"Sobol' indices of {what} with {level:g} % confidence intervals (analysis {name}). The total index counts "
+        "a factor with all its interactions, the first-order index the factor alone."
+    )
+    return Chart(key, caption, figure, data)
+
+
+def _morris_chart(key: str, name: str, what: str, part: xr.Dataset, level: float, unit: str) -> Chart:
+    data = _frame(part, ("mu_star", "mu_star_conf", "mu", "sigma"))
+    with drawing(5.0, 3.6) as (figure, axes):
+        top = 1.15 * max(float((data["mu_star"] + data["mu_star_conf"]).max()), float(data["sigma"].max()))
+        axes.plot([0, top], [0, top], ":", color=MUTED, lw=1)
+        axes.annotate(
+            "σ = μ*", (0.94 * top, 0.94 * top), (-6, -2), textcoords="offset points", ha="right", va="bottom",
+            fontsize=7.5, color=MUTED,
+        )  # fmt: skip
+        for which, factor in enumerate(data["factor"]):
+            row = data.iloc[which]
+            axes.errorbar(
+                [row["mu_star"]], [row["sigma"]], xerr=[row["mu_star_conf"]], ls="none", ms=6, elinewidth=1,
+                capsize=2.5, color=COLOURS[which % len(COLOURS)], marker=MARKERS[which % len(MARKERS)],
+                label=spoken(str(factor)),
+            )  # fmt: skip
+        axes.set_xlim(-0.02 * top, top)
+        axes.set_ylim(-0.02 * top, top)
+        axes.set_xlabel(f"mean elementary effect μ* ({unit})")
+        axes.set_ylabel(f"standard deviation σ ({unit})")
+        legend_above(axes, 2)
+    caption = (
+        f"Morris' elementary effects on {what}, each over the whole range of its factor, with {level:g} % confidence "
+        f"intervals (analysis {name}). Far right: the factor matters. High up: it acts along a curve or together "
+        "with others."
+    )
+    return Chart(key, caption, figure, data)

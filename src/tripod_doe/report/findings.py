@@ -1,0 +1,230 @@
+"""What a study found, in sentences with numbers taken from its cube."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.report.responses import (
+    ORDINALS,
+    Effect,
+    Response,
+    asked,
+    design_kind,
+    factor_label,
+    factor_names,
+    factor_unit,
+    finished,
+    main_effect,
+    number,
+    numeric_factors,
+    responses,
+    spoken,
+    with_unit,
+)
+from tripod_doe.results import Outcome
+
+__all__ = ["find", "find_in_analyses", "sensitivity_parts"]
+
+_FLAT = 1e-6  # relative change below which a response is the same everywhere
+_MINOR = 0.05  # change over the range of the response below which a factor shares one sentence with others
+_NOISE = 4.0  # standard errors that the effect of a factor in a sampled design must exceed
+_SAMPLED = ("latin-hypercube", "sobol", "saltelli", "morris")
+_ROUNDING = 1e-9  # part of the largest value below which a number is called zero
+_STRAIGHT = 0.98  # R^2 above which a line is a fair summary
+_THROUGH_ZERO = 0.02  # offset of that line over its largest value below which it is a proportion
+
+
+def find(cube: xr.Dataset) -> list[str]:
+    """Sentences on what the cube shows: the dominant order, the effect of every factor, and what did not finish.
+
+    Parameters
+    ----------
+    cube
+        A result cube.
+
+    Returns
+    -------
+    list of str
+        The most important first.
+    """
+    good, total = int(finished(cube).sum()), int(asked(cube).sum())
+    if good == 0:
+        return [f"None of {total:,} points finished: {_reasons(cube)}."]
+    sentences = [_dominant_order(cube)] if "thrust_amplitude" in cube else []
+    for response in responses(cube):
+        sentences.extend(_effects(response, cube))
+    if good < total:
+        failed = f"{total - good:,} of {total:,} points did not finish: {_reasons(cube)}."
+        sentences.insert(0 if good < total / 2 else len(sentences), failed)
+    return sentences
+
+
+def _reasons(cube: xr.Dataset) -> str:
+    outcome = cube["outcome"].values[asked(cube).values]
+    counts = {kind: int((outcome == kind).sum()) for kind in Outcome if kind is not Outcome.FINISHED}
+    return ", ".join(f"{count:,} {kind.label}" for kind, count in counts.items() if count)
+
+
+def _dominant_order(cube: xr.Dataset) -> str:
+    amplitude = cube["thrust_amplitude"]
+    mean = amplitude.mean([dim for dim in amplitude.dims if dim != "order"]).isel(order=slice(1, None))
+    first, second = (int(mean["order"].values[i]) for i in np.argsort(mean.values)[::-1][:2])
+    if float(mean.sel(order=first)) == 0:
+        return "The thrust force has no rotating order: all amplitudes are zero."
+    return (
+        f"The {ORDINALS[first]} carries the thrust force: {number(float(mean.sel(order=first)))} N on average over the "
+        f"study; the next largest is the {ORDINALS[second]} with {number(float(mean.sel(order=second)))} N."
+    )
+
+
+def _effects(response: Response, cube: xr.Dataset) -> Iterator[str]:
+    """The range of a response, then its factors: the strongest first, the weak ones together in one sentence."""
+    values = response.values.values
+    values = values[np.isfinite(values)]
+    if values.size == 0:
+        return
+    low, high, largest = float(values.min()), float(values.max()), float(np.abs(values).max())
+    name = response.label if response.key == response.label else f"the {response.label}"
+    start = name[0].upper() + name[1:] if response.key != response.label else name
+    if high - low <= _FLAT * largest:
+        yield f"{start} is the same at all points: {with_unit(number(high), response.unit)}."
+        return
+    ends = [with_unit(number(_clean(end, largest)), response.unit) for end in (low, high)]
+    yield f"{start} lies between {ends[0]} and {ends[1]}."
+    effects = {factor: main_effect(response, cube, factor) for factor in numeric_factors(cube)}
+    ranked = sorted((f for f in effects if effects[f].mean.size > 1), key=lambda factor: -effects[factor].rise)
+    noisy = design_kind(cube) in _SAMPLED
+    weak = []
+    for factor in ranked:
+        effect = effects[factor]
+        if effect.rise > max(_MINOR * (high - low), _NOISE * effect.standard_error if noisy else 0.0):
+            yield _sentence(name, start, response.unit, cube, factor, effect)
+        else:
+            weak.append(factor)
+    if weak:
+        part = 100 * max(effects[factor].rise for factor in weak) / (high - low)
+        labels = _listed([factor_label(cube, factor) for factor in weak])
+        yield f"{labels[0].upper() if start != name else labels[0]}{labels[1:]} " + (
+            f"{'change' if len(weak) > 1 else 'changes'} {name} by at most {_rounded_up(part)} % of that range"
+            f"{_others(cube, ', ', weak[0] if len(weak) == 1 else '')}."
+        )
+
+
+def _clean(value: float, largest: float) -> float:
+    """Zero for what is only rounding."""
+    return 0.0 if abs(value) < _ROUNDING * largest else value
+
+
+def _rounded_up(percent: float) -> str:
+    """One digit, rounded up, so that "at most" holds."""
+    digit = 10.0 ** math.floor(math.log10(percent)) if percent > 0 else 1.0
+    return f"{math.ceil(percent / min(digit, 1.0)) * min(digit, 1.0):.2g}"
+
+
+def _others(cube: xr.Dataset, before: str, factor: str = "") -> str:
+    """What is done with all other factors while one is looked at."""
+    others = [name for name in factor_names(cube) if name != factor and np.unique(cube[name].values).size > 1]
+    if not others:
+        return ""
+    if "varied" in cube.coords:
+        return f"{before}others at their base values"
+    return f"{before}averaged over {factor_label(cube, others[0]) if len(others) == 1 else 'the other factors'}"
+
+
+def _sentence(name: str, start: str, unit: str, cube: xr.Dataset, factor: str, effect: Effect) -> str:
+    """How the response goes with one factor: in proportion, along a straight line, or between two extremes."""
+    levels, curve = effect.level, effect.mean
+    label, own = factor_label(cube, factor), factor_unit(cube, factor)
+    slope, offset = np.polyfit(levels, curve, 1)
+    residual = curve - (slope * levels + offset)
+    straight = 1 - float(residual @ residual) / max(float(((curve - curve.mean()) ** 2).sum()), 1e-300)
+    if straight >= _STRAIGHT and levels.size > 2:
+        # Without a unit "per 1" is far outside the range of a friction coefficient: say it per 0.01, for instance.
+        step = 1.0 if own else 10.0 ** math.floor(math.log10(float(np.ptp(levels))))
+        per = f"{with_unit(number(abs(slope) * step), unit)} per {own or number(step)}"
+        ends = [f"{float(end):.3g}" for end in (cube[factor].min(), cube[factor].max())]
+        where = with_unit(f"{ends[0]} to {ends[1]}", own) + _others(cube, ", ", factor)
+        if abs(offset) <= _THROUGH_ZERO * np.abs(curve).max():
+            return f"{start} is proportional to {label}: {per} ({where}; R2 = {straight:.4f})."
+        verb = "grows" if slope > 0 else "falls"
+        return f"{start} {verb} with {label} by {per} ({where}; straight line with R2 = {straight:.4f})."
+    largest = float(np.abs(curve).max())
+    least, most = (
+        f"{with_unit(number(_clean(float(curve[at]), largest)), unit)} (at {with_unit(number(levels[at]), own)})"
+        for at in (int(np.argmin(curve)), int(np.argmax(curve)))
+    )
+    return f"With {label} {name} goes from {least} to {most}{_others(cube, ', ', factor)}."
+
+
+def find_in_analyses(analyses: Mapping[str, xr.Dataset]) -> list[str]:
+    """Sentences on the strongest factors of each sensitivity analysis, with their confidence intervals."""
+    sentences = []
+    for name, result in analyses.items():
+        for part in sensitivity_parts(result):
+            tell = _sobol_sentence if "ST" in part.indices else _morris_sentence
+            sentences.append(tell(name, part.what, part.indices))
+    return sentences
+
+
+class Part(NamedTuple):
+    """Indices over ``factor`` alone: of which output of the cube, and what that is in words."""
+
+    output: str
+    what: str
+    indices: xr.Dataset
+
+
+def sensitivity_parts(result: xr.Dataset) -> list[Part]:
+    """The parts of a sensitivity analysis that a reader asks for first.
+
+    The third and second order of the thrust; of a function, its first four outputs. Parts without numbers are left out.
+    """
+    key = next((key for key in ("ST", "mu_star") if key in result), None)
+    if key is None:
+        return []
+    outputs = [str(name) for name in result["output"].values] if "output" in result.dims else []
+    if "thrust_amplitude" in outputs:
+        outputs = ["thrust_amplitude"]
+    parts = []
+    for output in outputs[:4] or [str(result.attrs.get("outputs", "the output"))]:
+        of_output = result.sel(output=output) if outputs else result
+        for order in (3, 2) if "order" in result.dims else (None,):
+            indices = of_output if order is None else of_output.sel(order=order)
+            indices = indices.isel(dict.fromkeys((dim for dim in indices[key].dims if dim != "factor"), 0))
+            if indices[key].notnull().any():
+                parts.append(Part(output, output if order is None else f"the {ORDINALS[order]}", indices))
+    return parts
+
+
+def _sobol_sentence(name: str, what: str, part: xr.Dataset) -> str:
+    first, *others = _ranked(part, "ST")
+    then = _listed([f"{spoken(factor)} ({value:.3g} +- {half:.2g})" for factor, value, half in others[:2]])
+    own = 100 * min(max(float(part["S1"].sum()), 0), 1)
+    return (
+        f"The variance of {what} comes first from {spoken(first[0])} (total Sobol' index {first[1]:.3g} +- "
+        f"{first[2]:.2g}){f', then {then}' if then else ''}; {own:.0f} % of it is the factors' own, the rest their "
+        f"interactions (analysis {name})."
+    )
+
+
+def _morris_sentence(name: str, what: str, part: xr.Dataset) -> str:
+    told = [f"{spoken(factor)} {value:.3g} +- {half:.2g}" for factor, value, half in _ranked(part, "mu_star")[:3]]
+    return (
+        f"The largest mean elementary effects on {what}, in its unit over a factor's whole range: {_listed(told)} "
+        f"(analysis {name})."
+    )
+
+
+def _ranked(part: xr.Dataset, key: str) -> list[tuple[str, float, float]]:
+    """Factor, index and half width of its interval, the largest first."""
+    rows = zip(part["factor"].values, part[key].values, part[f"{key}_conf"].values, strict=True)
+    return sorted(((str(f), float(v), float(c)) for f, v, c in rows if np.isfinite(v)), key=lambda row: -row[1])
+
+
+def _listed(names: list[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

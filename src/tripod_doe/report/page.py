@@ -1,0 +1,135 @@
+"""The report of a result directory: one HTML file that needs nothing else, made from its cubes."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import xarray as xr
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from tripod_doe.errors import InputError, StorageError
+from tripod_doe.report.figures import Chart, effect_charts, index_charts, spectrum_chart, waveform_charts
+from tripod_doe.report.findings import find, find_in_analyses
+from tripod_doe.report.responses import asked, design_kind, factor_names, factor_unit, finished, spoken
+from tripod_doe.report.tables import (
+    cost_rows,
+    factor_rows,
+    failed_points,
+    fixed_rows,
+    numerics_rows,
+    outcome_counts,
+)
+from tripod_doe.study.cube import open_cube, read_dataset
+
+__all__ = ["make_page", "write_report"]
+
+_MOST_FAILED = 50
+
+
+def write_report(directory: Path) -> Path:
+    """Make the report of a result directory from its cube, costs and analyses.
+
+    Parameters
+    ----------
+    directory
+        A result directory.
+
+    Returns
+    -------
+    pathlib.Path
+        The report, ``directory/report/index.html``; an older one is replaced whole.
+
+    Raises
+    ------
+    CubeError
+        If the cube or an analysis is missing or damaged.
+    InputError
+        If this is a file and no directory.
+    StorageError
+        If the report cannot be written; an older one stays.
+    """
+    directory = Path(directory)
+    if directory.is_file():
+        raise InputError(f"{directory}: this is a file; a report is made of the result directory it lies in")
+    cube = open_cube(directory)
+    analyses = {path.stem: read_dataset(path) for path in sorted((directory / "analysis").glob("*.nc"))}
+    page = make_page(cube, analyses)
+    target = directory / "report" / "index.html"
+    fresh = target.with_name(".index.html.new")
+    try:
+        target.parent.mkdir(exist_ok=True)
+        fresh.write_text(page, encoding="utf-8")
+        os.replace(fresh, target)
+    except OSError as error:
+        raise StorageError(f"{target}: cannot write the report: {error.strerror or error}; the cube is kept") from error
+    return target
+
+
+def make_page(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset]) -> str:
+    """The report as HTML: the same cube and analyses give the same text.
+
+    Parameters
+    ----------
+    cube
+        A result cube, with its costs where they are known.
+    analyses
+        Analyses of it by name.
+    """
+    total, good = int(asked(cube).sum()), int(finished(cube).sum())
+    return _environment().get_template("page.html").render(
+        attrs=cube.attrs,
+        design=design_kind(cube),
+        total=total,
+        good=good,
+        findings=find(cube),
+        sensitivity=find_in_analyses(analyses),
+        waveforms=waveform_charts(cube),
+        spectrum=spectrum_chart(cube),
+        effects=effect_charts(cube),
+        indices=index_charts(analyses, cube),
+        analyses=list(analyses),
+        outcomes=outcome_counts(cube),
+        factor_heads=[(spoken(name), factor_unit(cube, name)) for name in factor_names(cube)],
+        failed=failed_points(cube, _MOST_FAILED),
+        costs=cost_rows(cube),
+        numerics=numerics_rows(cube),
+        factors=factor_rows(cube),
+        fixed=fixed_rows(cube),
+        packages=json.loads(str(cube.attrs.get("package_versions", "{}"))),
+        histories={name: data.attrs.get("history", "") for name, data in {"cube": cube, **analyses}.items()},
+    )  # fmt: skip
+
+
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("tripod_doe.report", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"typeset": _typeset, "csv_link": _csv_link, "svg": _svg}
+    return environment
+
+
+def _typeset(text: str) -> str:
+    """Plain-text sentences with the signs of print."""
+    text = text.replace("+-", "±").replace("R2 = ", "R²\u00a0=\u00a0").replace("Sobol' ", "Sobol’ ")
+    text = text.replace("N m", "N\u00a0m")
+    text = re.sub(r"(?<=\d) (?=(?:N|deg|mm|um|rpm|%))", "\u00a0", text)
+    return re.sub(r"(?<![\w.])-(?=\d)", "−", text)
+
+
+def _svg(chart: Chart) -> Markup:
+    """The figure inline; its caption is its text alternative."""
+    return Markup(chart.svg().replace("<svg", Markup('<svg role="img" aria-label="{}"').format(chart.caption), 1))
+
+
+def _csv_link(chart: Chart) -> str:
+    return "data:text/csv;base64," + base64.b64encode(chart.csv().encode()).decode()

@@ -1,0 +1,259 @@
+"""Which numbers of a cube a reader asks for first, as labelled responses over the design."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.results import Outcome
+from tripod_doe.study.cube import COST_VARIABLES
+
+__all__ = [
+    "ORDINALS",
+    "Effect",
+    "Response",
+    "along",
+    "asked",
+    "axis_label",
+    "design_kind",
+    "factor_label",
+    "factor_names",
+    "factor_unit",
+    "finished",
+    "main_effect",
+    "number",
+    "numeric_factors",
+    "point_text",
+    "responses",
+    "spoken",
+    "unit_text",
+    "with_unit",
+]
+
+FloatArray = NDArray[np.float64]
+
+ORDINALS = (
+    "mean thrust force", "first order", "second order", "third order", "fourth order", "fifth order", "sixth order",
+    "seventh order", "eighth order", "ninth order", "tenth order", "eleventh order", "twelfth order",
+)  # fmt: skip
+"""Orders in words."""
+
+_VISIBLE = 5e-3  # orders smaller than this part of the largest one are not worth a sentence
+_CLASSES = 10  # classes of a sampled factor
+_MOST_LEVELS = 40  # a factor with more values than this is a sampled one
+_UNIT_SUFFIX = re.compile(r"_(deg|n_m|rpm|mm_s|mm|um|kg_m2|kg_m3|kg|gpa|s_per_mm|s|w)$")
+
+
+@dataclass(frozen=True)
+class Response:
+    """One number a point.
+
+    Attributes
+    ----------
+    key
+        Its name in tables: that of the variable, with the order where there is one.
+    label
+        In words, for instance ``third order``.
+    unit
+        Its unit for people, empty without dimension.
+    values
+        Over the dimensions of the design; NaN where the point did not finish.
+    """
+
+    key: str
+    label: str
+    unit: str
+    values: xr.DataArray
+
+    @property
+    def axis(self) -> str:
+        """Label of an axis."""
+        words = f"{self.label} of the thrust force" if self.key.startswith("thrust_amplitude") else self.label
+        return f"{words} ({self.unit})" if self.unit else words
+
+
+@dataclass(frozen=True)
+class Effect:
+    """How a response goes with one factor: statistics over all other factors, each array of shape (level,).
+
+    Attributes
+    ----------
+    level
+        Values of the factor, or the means of ten equally filled classes of a sampled one.
+    mean, lower, upper
+        Mean and quartiles of the response.
+    count
+        Finished points.
+    sampled
+        Whether levels are classes.
+    """
+
+    level: FloatArray
+    mean: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    count: NDArray[np.int64]
+    sampled: bool
+
+    @property
+    def standard_error(self) -> float:
+        """Largest standard error of the means, taken from the quartiles as of a normal distribution."""
+        return float(((self.upper - self.lower) / 1.35 / np.sqrt(self.count)).max()) if self.mean.size else 0.0
+
+    @property
+    def rise(self) -> float:
+        """Largest less smallest mean."""
+        return float(np.ptp(self.mean)) if self.mean.size else 0.0
+
+
+def spoken(name: str) -> str:
+    """A parameter's name in words, without its unit: ``joint_angle_deg`` becomes ``joint angle``."""
+    return _UNIT_SUFFIX.sub("", name).replace("_", " ")
+
+
+def unit_text(unit: str) -> str:
+    """A unit for people."""
+    return {"1": "", "degree": "deg", "mm s-1": "mm/s", "kg m-3": "kg/m3", "s mm-1": "s/mm"}.get(unit, unit)
+
+
+def number(value: float) -> str:
+    """A number for people: four digits."""
+    return f"{value:.4g}" if value else "0"
+
+
+def with_unit(value: str, unit: str) -> str:
+    """Value and unit, without a trailing blank where there is no unit."""
+    return f"{value} {unit}" if unit else value
+
+
+def factor_label(cube: xr.Dataset, name: str) -> str:
+    """A factor in words; an argument of a user's function keeps its bare name."""
+    return name if cube[name].attrs.get("source") == "user function" else spoken(name)
+
+
+def factor_unit(cube: xr.Dataset, name: str) -> str:
+    """A factor's unit for people."""
+    return unit_text(str(cube[name].attrs.get("units", "1")))
+
+
+def axis_label(cube: xr.Dataset, name: str) -> str:
+    """A factor as the label of an axis, with its unit."""
+    unit = factor_unit(cube, name)
+    return f"{factor_label(cube, name)} ({unit})" if unit else factor_label(cube, name)
+
+
+def point_text(cube: xr.Dataset, point: xr.Dataset) -> str:
+    """The factors of one point in words: ``joint angle 10 deg, torque 50 N m``."""
+    parts = []
+    for name in factor_names(cube):
+        value = point[name].item()
+        text = number(value) if isinstance(value, int | float) else str(value)
+        parts.append(f"{factor_label(cube, name)} {with_unit(text, factor_unit(cube, name))}")
+    return ", ".join(parts)
+
+
+def design_kind(cube: xr.Dataset) -> str:
+    """Kind of the design as the study file names it; empty where the cube holds no study."""
+    try:
+        return str(tomllib.loads(str(cube.attrs.get("study", ""))).get("design", {}).get("kind", "grid"))
+    except tomllib.TOMLDecodeError:
+        return ""
+
+
+def finished(cube: xr.Dataset) -> xr.DataArray:
+    """Where the points finished, over the dimensions of the design."""
+    return cube["outcome"] == Outcome.FINISHED
+
+
+def asked(cube: xr.Dataset) -> xr.DataArray:
+    """Where there is a point to run: all but those that a constraint excludes."""
+    if "outcome_detail" not in cube:
+        return xr.ones_like(cube["outcome"], dtype=bool)
+    return cube["outcome_detail"] != "excluded by a constraint"
+
+
+def factor_names(cube: xr.Dataset) -> list[str]:
+    """Names of the factors, in the order of the study file."""
+    design = cube["outcome"].dims
+    if design == ("point",):
+        labels = ("point", "varied")
+        return [
+            str(name)
+            for name in cube.coords
+            if cube[name].dims == design and name not in labels and "source" in cube[name].attrs
+        ]
+    return [str(dim) for dim in design]
+
+
+def numeric_factors(cube: xr.Dataset) -> list[str]:
+    """Factors that are numbers and take more than one value."""
+    return [name for name in factor_names(cube) if cube[name].dtype.kind in "fiu" and np.ptp(cube[name].values) > 0]
+
+
+def responses(cube: xr.Dataset) -> list[Response]:
+    """The responses that sentences and figures show: orders of the thrust, or a function's own numbers.
+
+    Orders that are small against the largest one are left out, as are checks of the numerics.
+    """
+    if "thrust_amplitude" in cube:
+        amplitude = cube["thrust_amplitude"]
+        largest = float(amplitude.max()) if amplitude.notnull().any() else 0.0
+        found = []
+        for order in (3, 2, 1):
+            values = amplitude.sel(order=order, drop=True)
+            if order == 3 or float(values.max()) > _VISIBLE * largest:
+                found.append(Response(f"thrust_amplitude_order_{order}", ORDINALS[order], "N", values))
+        return found
+    own = [str(name) for name in cube.data_vars if _is_own(cube, str(name)) and name != "energy_residual"]
+    return [Response(name, _own_label(cube, name), _own_unit(cube, name), cube[name]) for name in own[:6]]
+
+
+def _is_own(cube: xr.Dataset, name: str) -> bool:
+    return name not in COST_VARIABLES and cube[name].dtype.kind == "f" and cube[name].dims == cube["outcome"].dims
+
+
+def _own_label(cube: xr.Dataset, name: str) -> str:
+    return name if cube[name].attrs.get("long_name") == "output of a user function" else spoken(name)
+
+
+def _own_unit(cube: xr.Dataset, name: str) -> str:
+    return unit_text(str(cube[name].attrs.get("units", "1")))
+
+
+def along(response: Response, cube: xr.Dataset, factor: str) -> tuple[FloatArray, FloatArray]:
+    """Every point's factor value and response, shape (point,) each.
+
+    Only finished points; in a one-at-a-time design only the base point and those that vary this factor.
+    """
+    values, levels = xr.broadcast(response.values, cube[factor])
+    good = np.isfinite(values.values)
+    if "varied" in cube.coords:
+        good &= np.isin(cube["varied"].values, ("base", factor))
+    return levels.values[good].astype(float), values.values[good].astype(float)
+
+
+def main_effect(response: Response, cube: xr.Dataset, factor: str) -> Effect:
+    """Mean and quartiles of the response at each value of a factor, over all others."""
+    levels, values = along(response, cube, factor)
+    distinct = np.unique(levels)
+    sampled = distinct.size > _MOST_LEVELS
+    if sampled:
+        edges = np.quantile(levels, np.linspace(0, 1, _CLASSES + 1))
+        group = np.clip(np.searchsorted(edges, levels, side="right") - 1, 0, _CLASSES - 1)
+    else:
+        group = np.searchsorted(distinct, levels)
+    members = [np.flatnonzero(group == which) for which in np.unique(group)]
+    lower, upper = (np.array([np.quantile(values[rows], part) for rows in members]) for part in (0.25, 0.75))
+    return Effect(
+        level=np.array([levels[rows].mean() for rows in members]) if sampled else distinct,
+        mean=np.array([values[rows].mean() for rows in members]),
+        lower=lower,
+        upper=upper,
+        count=np.array([rows.size for rows in members], np.int64),
+        sampled=sampled,
+    )

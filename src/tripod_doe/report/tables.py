@@ -1,0 +1,222 @@
+"""The tables of a report: points that did not finish, costs, and the parameters with their sources."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from markupsafe import Markup, escape
+
+from tripod_doe.errors import InputError
+from tripod_doe.quantities import Parameter
+from tripod_doe.report.responses import asked, factor_names, factor_unit, finished, number, unit_text
+from tripod_doe.results import OUTCOME_MEANINGS, Outcome
+from tripod_doe.study.simulator import load_simulator
+
+__all__ = [
+    "FailedPoint",
+    "OutcomeCount",
+    "ParameterRow",
+    "cost_rows",
+    "factor_rows",
+    "failed_points",
+    "fixed_rows",
+    "numerics_rows",
+    "outcome_counts",
+    "symbol",
+]  # fmt: skip
+
+_GREEK = {"theta": "θ", "omega": "ω", "mu": "μ", "psi": "ψ", "nu": "ν", "delta": "δ"}
+
+
+@dataclass(frozen=True)
+class OutcomeCount:
+    """How many points ended in one way, and what that means."""
+
+    label: str
+    count: int
+    meaning: str
+
+
+@dataclass(frozen=True)
+class FailedPoint:
+    """A point without results: where it is in the design, its factors, and why."""
+
+    position: int
+    inputs: list[str]
+    outcome: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class ParameterRow:
+    """One parameter as the setting lists it."""
+
+    name: str
+    symbol: Markup
+    value: str
+    unit: str
+    meaning: str
+    source: str
+    assumed: bool
+    group: str = ""
+
+
+def outcome_counts(cube: xr.Dataset) -> list[OutcomeCount]:
+    """Points by outcome, those that a constraint excludes apart."""
+    outcome, inside = cube["outcome"].values, asked(cube).values
+    counts = [
+        OutcomeCount(kind.label, int((outcome[inside] == kind).sum()), OUTCOME_MEANINGS[kind])
+        for kind in Outcome
+        if (outcome[inside] == kind).any()
+    ]
+    if not inside.all():
+        counts.append(OutcomeCount("excluded", int((~inside).sum()), "excluded by a constraint of the design"))
+    return counts
+
+
+def failed_points(cube: xr.Dataset, most: int = 50) -> list[FailedPoint]:
+    """The first points that were asked for and did not finish."""
+    failed = np.flatnonzero((asked(cube) & ~finished(cube)).values.ravel())[:most]
+    factors = {name: xr.broadcast(cube["outcome"], cube[name])[1].values.ravel() for name in factor_names(cube)}
+    outcome = cube["outcome"].values.ravel()
+    detail = cube["outcome_detail"].values.ravel() if "outcome_detail" in cube else np.full(outcome.size, "")
+    return [
+        FailedPoint(
+            int(at),
+            [_text(column[at]) for column in factors.values()],
+            Outcome(int(outcome[at])).label,
+            str(detail[at]),
+        )
+        for at in failed
+    ]
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, np.generic):
+        value = value.item()
+    return f"{value:.8g}" if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
+
+
+def cost_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
+    """What the points cost: (what, value, how it was measured); empty where no costs are known."""
+    if "cpu_seconds" not in cube or not bool(cube["cpu_seconds"].notnull().any()):
+        return []
+    run = cube["cpu_seconds"].notnull().values
+    count, cpu, wall = int(run.sum()), float(cube["cpu_seconds"].sum()), cube["wall_seconds"].values[run]
+    rows = [
+        ("CPU time", _duration(cpu), "of all points, without compilation"),
+        ("CPU time a point", _duration(cpu / count), f"mean of {count:,} points that were run"),
+    ]
+    if cpu > 0:
+        rows.append(("Points a CPU second", _rate(count / cpu), "one core, inside the blocks"))
+    if "worker" in cube:
+        workers, which = np.unique(cube["worker"].values[run].astype(str), return_inverse=True)
+        busiest = float(np.bincount(which, wall).max())
+        rows.append(("Workers", f"{workers.size}", ", ".join(workers[:12]) + (", ..." if workers.size > 12 else "")))
+        rows.append(("Wall-clock time", _duration(busiest), "of the busiest worker, inside its blocks"))
+        if busiest > 0:
+            rows.append(("Points a second", _rate(count / busiest), "all workers together, inside the blocks"))
+    for name, label in (("steps", "Steps"), ("force_evaluations", "Force evaluations")):
+        if name in cube:
+            total = float(cube[name].sum())
+            rows.append(
+                (label, f"{total:,.0f}", f"{number(total / count)} a point; {cube[name].attrs.get('long_name', '')}")
+            )
+    return rows
+
+
+def _rate(value: float) -> str:
+    return f"{value:,.0f}" if value >= 100 else number(value)
+
+
+def _duration(seconds: float) -> str:
+    if seconds >= 3600:
+        return f"{number(seconds / 3600)} h"
+    if seconds >= 0.1:
+        return f"{number(seconds)} s" + (f" ({seconds / 3600:.2g} h)" if seconds >= 36 else "")
+    return f"{number(1e3 * seconds)} ms" if seconds >= 1e-4 else f"{number(1e6 * seconds)} μs"
+
+
+def numerics_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
+    """The errors that the cube itself knows of its numbers: (what, largest, meaning)."""
+    rows = []
+    for name in ("energy_residual", "thrust_amplitude_scatter", "largest_penetration_um"):
+        if name in cube and bool(cube[name].notnull().any()):
+            attrs = cube[name].attrs
+            unit = unit_text(str(attrs.get("units", "1")))
+            largest = float(np.abs(cube[name]).max())
+            rows.append(
+                (
+                    name.replace("_um", "").replace("_", " "),
+                    f"{number(largest)} {unit}".strip(),
+                    str(attrs.get("long_name", "")),
+                )
+            )
+    return rows
+
+
+def symbol(text: str) -> Markup:
+    """A symbol with Greek letters and subscripts: ``psi_1`` becomes ψ with the index 1."""
+    greek = re.sub(r"[a-z]+", lambda word: _GREEK.get(word[0], word[0]), text.replace("_", " _"))
+    return Markup(re.sub(r" _(\w+)", r"<sub>\1</sub>", str(escape(greek))))
+
+
+def factor_rows(cube: xr.Dataset) -> list[ParameterRow]:
+    """The factors: their range or values, and the metadata of their coordinates."""
+    rows = []
+    for name in factor_names(cube):
+        attrs = cube[name].attrs
+        source = str(attrs.get("source", "unknown"))
+        rows.append(
+            ParameterRow(
+                name, symbol(str(attrs.get("symbol", ""))), _levels(cube[name].values), factor_unit(cube, name),
+                str(attrs.get("long_name", "")), source, source == "assumed",
+            )
+        )  # fmt: skip
+    return rows
+
+
+def _levels(values: np.ndarray[Any, Any]) -> str:
+    distinct = np.unique(values.astype(float) if values.dtype.kind in "fiu" else values.astype(str))
+    if distinct.size <= 6:
+        return ", ".join(_text(value) for value in distinct)
+    return f"{float(distinct[0]):.4g} to {float(distinct[-1]):.4g}" + (
+        f" ({distinct.size} values)" if distinct.size <= 200 else ", sampled"
+    )
+
+
+def fixed_rows(cube: xr.Dataset) -> list[tuple[str, list[ParameterRow]]]:
+    """The fixed parameters in groups, with unit, meaning and source as far as they are known here."""
+    values: Mapping[str, Any] = json.loads(str(cube.attrs.get("fixed_parameters", "{}")))
+    known, where = _known_parameters(cube)
+    rows = []
+    for name, value in values.items():
+        if name in known:
+            p = known[name]
+            unit, source = unit_text(p.unit), p.source
+            row = ParameterRow(
+                name, symbol(p.symbol), _text(value), unit, p.meaning, source, source == "assumed", p.group
+            )
+        else:
+            row = ParameterRow(name, Markup(""), _text(value), "", where, "study", False, "parameters")
+        rows.append(row)
+    return [(group, list(members)) for group, members in groupby(rows, key=lambda row: row.group)]
+
+
+def _known_parameters(cube: xr.Dataset) -> tuple[dict[str, Parameter], str]:
+    """Metadata of the scene's parameters; a user's function is not imported just to make a report."""
+    try:
+        asked_for = tomllib.loads(str(cube.attrs.get("study", ""))).get("study", {})
+        if function := asked_for.get("function"):
+            return {}, f"argument of {function}"
+        return load_simulator(str(asked_for.get("scene", "joint"))).parameters, ""
+    except (tomllib.TOMLDecodeError, InputError):
+        return {}, "not known to this version of tripod_doe"

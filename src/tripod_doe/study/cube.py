@@ -1,0 +1,322 @@
+"""The result cube: labelled, checked against its declared schema, CF-conforming, and swapped in whole."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.errors import CubeError, StorageError
+from tripod_doe.quantities import Output, Parameter
+from tripod_doe.results import OUTCOME_MEANINGS, BlockResult, Outcome
+from tripod_doe.study.definition import Study
+from tripod_doe.study.designs import Points
+from tripod_doe.study.journal import FinishedBlock
+
+__all__ = ["COST_VARIABLES", "build_cube", "open_cube", "read_dataset", "stamp_history", "write_dataset"]
+
+COST_VARIABLES = {
+    "cpu_seconds": ("s", "CPU time of the point (its share of the block)"),
+    "wall_seconds": ("s", "wall-clock time of the point (its share of the block)"),
+    "steps": ("1", "time steps or sweeps"),
+    "force_evaluations": ("1", "evaluations of all contact and friction forces"),
+}
+"""Units and meanings of the variables of cost.nc; the worker's name stands beside them."""
+
+_DIMENSIONS = {
+    "rotation_deg": ("degree", "rotation angle of the housing"),
+    "order": ("1", "rotating order"),
+    "groove": ("1", "number of the groove"),
+    "trunnion": ("1", "number of the trunnion"),
+    "mechanism": ("", "friction mechanism"),
+    "point": ("1", "number of the point in the design"),
+}
+_PACKAGES = ("tripod-doe", "numpy", "scipy", "numba", "xarray", "netCDF4", "dask", "SALib")
+
+
+def build_cube(
+    study: Study, points: Points, keys: NDArray[np.void], blocks: Iterator[FinishedBlock]
+) -> tuple[xr.Dataset, xr.Dataset]:
+    """Assemble cube and cost from finished blocks; what no block holds stays flagged as not_run.
+
+    Parameters
+    ----------
+    study, points
+        What was asked.
+    keys
+        Fingerprints of the points.
+    blocks
+        Finished blocks, the newest last; blocks of other points are passed over.
+
+    Returns
+    -------
+    cube, cost : xarray.Dataset
+        A dimension a factor for a grid, else one dimension ``point``.
+    """
+    table = _Table(points.count)
+    positions: dict[bytes, list[int]] = {}
+    for position, key in enumerate(keys):
+        if points.allowed[position]:
+            positions.setdefault(key.tobytes(), []).append(position)
+    for block in blocks:
+        found = [(row, at) for row, key in enumerate(block.keys) for at in positions.get(key.tobytes(), ())]
+        if found:
+            rows, at = np.array(found).T
+            table.fill(block, rows, at)
+    table.detail[~points.allowed] = "excluded by a constraint"
+    cube = xr.Dataset(
+        {
+            name: _variable(study.simulator.outputs.get(name), dims, data, points)
+            for name, (dims, data) in table.outputs.items()
+        }
+        | _outcome_variables(table, points),
+        coords=_coordinates(study, points, table.coordinates),
+        attrs=_attributes(study),
+    )
+    cost = xr.Dataset(
+        {
+            name: _shaped(points, (), data, {"units": COST_VARIABLES[name][0], "long_name": COST_VARIABLES[name][1]})
+            for name, data in table.costs.items()
+        }
+        | {"worker": _shaped(points, (), table.worker, {"long_name": "Dask worker that ran the point"})},
+        coords=_coordinates(study, points, {}),
+        attrs=_attributes(study) | {"title": f"{study.file.study.name}: cost"},
+    )
+    _check_schema(study, cube)
+    return cube, cost
+
+
+class _Table:
+    """Results of all points, filled block by block."""
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+        self.outputs: dict[str, tuple[tuple[str, ...], NDArray[Any]]] = {}
+        self.coordinates: dict[str, NDArray[Any]] = {}
+        self.outcome = np.full(count, Outcome.NOT_RUN, np.int8)
+        self.detail = np.full(count, "", dtype=object)
+        self.worker = np.full(count, "", dtype=object)
+        self.costs = {name: np.full(count, np.nan) for name in COST_VARIABLES}
+
+    def fill(self, block: FinishedBlock, rows: NDArray[np.int64], at: NDArray[np.int64]) -> None:
+        """Put the rows of a block where they belong."""
+        result: BlockResult = block.result
+        for name, values in result.outputs.items():
+            if name not in self.outputs:
+                self.outputs[name] = (values.dims, np.full((self.count, *values.data.shape[1:]), np.nan))
+            target = self.outputs[name][1]
+            if target.shape[1:] != values.data.shape[1:]:
+                raise CubeError(f"{name}: points have different shapes {target.shape[1:]} and {values.data.shape[1:]}")
+            target[at] = values.data[rows]
+        self.coordinates |= result.coordinates
+        self.outcome[at] = result.outcome[rows]
+        self.detail[at] = np.array(result.detail, dtype=object)[rows]
+        self.worker[at] = block.worker
+        self.costs["cpu_seconds"][at] = block.cpu_seconds / block.keys.size
+        self.costs["wall_seconds"][at] = block.wall_seconds / block.keys.size
+        self.costs["steps"][at] = result.steps[rows]
+        self.costs["force_evaluations"][at] = result.force_evaluations[rows]
+
+
+def _shaped(points: Points, dims: tuple[str, ...], data: NDArray[Any], attrs: Mapping[str, Any]) -> xr.Variable:
+    return xr.Variable((*points.dims, *dims), data.reshape(*points.shape, *data.shape[1:]), dict(attrs))
+
+
+def _variable(output: Output | None, dims: tuple[str, ...], data: NDArray[Any], points: Points) -> xr.Variable:
+    attrs = {"units": "1", "long_name": "output of a user function"}
+    if output:
+        attrs = {"units": output.unit, "long_name": output.meaning}
+        if output.symbol:
+            attrs["symbol"] = output.symbol
+        if output.angle:
+            attrs["wraps_at"] = "+-180 degree"
+    return _shaped(points, dims, data, attrs)
+
+
+def _outcome_variables(table: _Table, points: Points) -> dict[str, xr.Variable]:
+    flags = {
+        "long_name": "how the point ended",
+        "flag_values": np.array(list(Outcome), np.int8),
+        "flag_meanings": " ".join(outcome.label for outcome in Outcome),
+        "comment": "; ".join(f"{outcome.label}: {text}" for outcome, text in OUTCOME_MEANINGS.items()),
+    }
+    return {
+        "outcome": _shaped(points, (), table.outcome, flags),
+        "outcome_detail": _shaped(
+            points, (), table.detail, {"long_name": "why the point failed; empty where it did not"}
+        ),
+    }
+
+
+def parameter_attributes(parameter: Parameter) -> dict[str, Any]:
+    """Metadata of a factor's coordinate: unit, meaning, symbol, source."""
+    attrs: dict[str, Any] = {"long_name": parameter.meaning, "source": parameter.source}
+    if parameter.kind != "choice":
+        attrs["units"] = parameter.unit
+    if parameter.symbol:
+        attrs["symbol"] = parameter.symbol
+    return attrs
+
+
+def _coordinates(study: Study, points: Points, labels: Mapping[str, NDArray[Any]]) -> dict[str, xr.Variable]:
+    coordinates: dict[str, xr.Variable] = {}
+    for name, column in points.columns.items():
+        attrs = parameter_attributes(study.simulator.parameters[name])
+        if points.dims == ("point",):
+            coordinates[name] = xr.Variable(("point",), column, attrs)
+        else:
+            levels = np.array(study.factors[name].values, dtype=column.dtype)
+            coordinates[name] = xr.Variable((name,), levels, attrs)
+    if points.dims == ("point",):
+        coordinates["point"] = xr.Variable(
+            ("point",), np.arange(points.count, dtype=np.int32), _dimension_attributes("point")
+        )
+    for name, column in points.labels.items():
+        meaning = "factor that is varied" if name == "varied" else "row of the sub-design"
+        coordinates[name] = xr.Variable(("point",), _cf_type(column), {"long_name": meaning})
+    for name, values in labels.items():
+        coordinates[name] = xr.Variable((name,), _cf_type(values), _dimension_attributes(name))
+    return coordinates
+
+
+def _cf_type(labels: NDArray[Any]) -> NDArray[Any]:
+    """CF 1.8 has no 64-bit integers."""
+    return labels.astype(np.int32) if labels.dtype == np.int64 else labels
+
+
+def _dimension_attributes(name: str) -> dict[str, str]:
+    unit, meaning = _DIMENSIONS.get(name, ("1", name.replace("_", " ")))
+    return {"long_name": meaning} | ({"units": unit} if unit else {})
+
+
+def _attributes(study: Study) -> dict[str, Any]:
+    """Provenance: the same for the same study and installation, however it was run."""
+    effective = study.simulator.effective(study.base)
+    fixed = {name: value for name, value in effective.items() if name not in study.factors and value is not None}
+    return {
+        "Conventions": "CF-1.8",
+        "title": study.file.study.name,
+        "institution": "tripod_doe",
+        "source": f"tripod-doe {version('tripod-doe')}, simulator {study.simulator.name}",
+        "references": "Thrust force analysis of tripod constant velocity joint using multibody model",
+        "question": study.file.study.question,
+        "study": study.text,
+        "study_hash": study.hash,
+        "kernel_source_hash": study.simulator.source_hash,
+        "fixed_parameters": json.dumps(fixed),
+        "package_versions": json.dumps(
+            {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()}
+        ),
+    }
+
+
+def _check_schema(study: Study, cube: xr.Dataset) -> None:
+    """Hold the cube against what the simulator declares, before anything is written."""
+    finished = cube["outcome"] == Outcome.FINISHED
+    for name, output in study.simulator.outputs.items():
+        if name not in cube:
+            continue
+        own = cube[name].dims[len(cube["outcome"].dims) :]
+        if own != output.dims:
+            raise CubeError(f"{name}: dimensions {own} where {output.dims} are declared")
+        missing = [dim for dim in output.dims if dim not in cube.coords]
+        if missing:
+            raise CubeError(f"{name}: no labels along {', '.join(missing)}")
+        if not bool(np.isfinite(cube[name].where(finished, 0)).all()):
+            raise CubeError(f"{name}: a finished point is not finite")
+
+
+def stamp_history(dataset: xr.Dataset, action: str) -> xr.Dataset:
+    """Add a line with time and action to the history of a dataset."""
+    line = f"{datetime.now(UTC).isoformat(timespec='seconds')} {action}"
+    earlier = dataset.attrs.get("history")
+    return dataset.assign_attrs(history=f"{line}\n{earlier}" if earlier else line)
+
+
+def write_dataset(dataset: xr.Dataset, path: Path) -> None:
+    """Write a dataset whole beside the old file and swap it in; a kill leaves the old one or the new one.
+
+    Raises
+    ------
+    StorageError
+        If it cannot be written; the old file stays.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fresh = path.with_name(f".{path.name}.new")
+    floats = [name for name, variable in dataset.variables.items() if variable.dtype.kind == "f"]
+    encoding = {name: {"_FillValue": np.nan if name in dataset.data_vars else None} for name in floats}
+    with _storing(path):
+        dataset.to_netcdf(fresh, format="NETCDF4", engine="netcdf4", encoding=encoding)
+        with fresh.open("rb+") as stream:
+            os.fsync(stream.fileno())
+        os.replace(fresh, path)
+
+
+@contextmanager
+def _storing(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except (OSError, RuntimeError) as error:  # netCDF4 reports a full disk as a RuntimeError
+        raise StorageError(
+            f"{path}: cannot write ({error}); finished points are kept in the journal: free space, then run again"
+        ) from error
+
+
+def read_dataset(path: Path) -> xr.Dataset:
+    """Read a netCDF file into memory.
+
+    Raises
+    ------
+    CubeError
+        If the file is missing or damaged.
+    """
+    if not path.exists():
+        raise CubeError(f"{path}: there is no such file")
+    try:
+        with xr.open_dataset(path, engine="netcdf4", decode_timedelta=False) as stored:
+            return stored.load()
+    except (OSError, RuntimeError, ValueError, KeyError) as error:
+        raise CubeError(
+            f"{path}: not a readable cube ({error}); run the study again with the same --out: "
+            "it is rebuilt from the journal"
+        ) from error
+
+
+def open_cube(path: str | Path) -> xr.Dataset:
+    """Open a result cube with its costs.
+
+    Parameters
+    ----------
+    path
+        A result directory, or a netCDF file.
+
+    Returns
+    -------
+    xarray.Dataset
+        In memory. For a directory the variables of cost.nc are joined.
+
+    Raises
+    ------
+    CubeError
+        If there is no cube, or it is damaged.
+    """
+    path = Path(path)
+    if not path.is_dir():
+        return read_dataset(path)
+    if not (path / "cube.nc").exists():
+        raise CubeError(f"{path}: no cube.nc in this directory; run a study with --out {path}")
+    cube = read_dataset(path / "cube.nc")
+    if (path / "cost.nc").exists():
+        cost = read_dataset(path / "cost.nc")
+        cube = cube.assign({name: cost[name] for name in cost.data_vars})
+    return cube

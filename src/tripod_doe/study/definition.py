@@ -1,0 +1,352 @@
+"""Study files: a TOML text becomes a checked, frozen `Study`, or an error that names file, key, value and remedy."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from tripod_doe.errors import InputError, near_match
+from tripod_doe.quantities import Parameter, Value, check_parameters
+from tripod_doe.results import Outcome
+from tripod_doe.study.simulator import Simulator, load_simulator
+
+__all__ = ["DesignTable", "Factor", "Study", "StudyFile", "canonical", "load_study", "parse_file", "parse_study"]
+
+Scalar = Annotated[float | int | str | bool, Field(union_mode="smart")]
+DesignKind = Literal[
+    "grid", "zip", "one-at-a-time", "table", "latin-hypercube", "sobol", "saltelli", "morris", "product"
+]  # fmt: skip
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class StudyTable(_Table):
+    """[study]: what is asked, of which scene or function."""
+
+    name: str = Field(min_length=1, description="short name of the study")
+    question: str = Field("", description="the question it answers, as the report repeats it")
+    scene: str = Field("joint", description="scene that is simulated")
+    function: str | None = Field(None, description="package.module:function to run in place of a scene")
+
+
+class FactorTable(_Table):
+    """[factors.PARAMETER]: values, a range with a count, a range to sample, or a distribution."""
+
+    values: list[Scalar] | None = Field(None, description="the values it takes")
+    low: float | None = Field(None, description="lower end of the range")
+    high: float | None = Field(None, description="upper end of the range")
+    count: int | None = Field(None, ge=1, description="number of values from low to high, ends included")
+    scale: Literal["linear", "log"] = Field("linear", description="spacing of the values from low to high")
+    distribution: (
+        Literal["uniform", "normal", "truncated-normal", "log-uniform", "triangular", "discrete"] | None
+    ) = Field(None, description="distribution of a sampled factor; uniform unless given")  # fmt: skip
+    mean: float | None = Field(None, description="mean of a normal distribution")
+    std: float | None = Field(None, gt=0, description="standard deviation of a normal distribution")
+    mode: float | None = Field(None, description="peak of a triangular distribution")
+    weights: list[float] | None = Field(None, description="relative frequencies of the values of a discrete one")
+
+
+class DesignTable(_Table):
+    """[design]: how the points are made from the factors."""
+
+    kind: DesignKind = Field("grid", description="kind of design")
+    samples: int | None = Field(None, ge=1, description="number of samples (saltelli: SALib's N; morris: trajectories)")
+    seed: int = Field(0, ge=0, description="seed of the random numbers")
+    levels: int | None = Field(None, ge=2, description="levels of a morris design; 4 unless given")
+    second_order: bool = Field(True, description="saltelli: whether the points for second-order indices are added")
+    table: str | None = Field(None, description="CSV file with a column a factor, relative to the study file")
+    constraints: list[str] = Field([], description="conditions on the factors that every point must meet")
+    of: list[str] = Field([], description="product: names of the sub-designs [design.NAME]")
+    factors: list[str] | None = Field(None, description="sub-design: the factors that it varies")
+
+
+class KeepTable(_Table):
+    """[keep]: what goes into the cube."""
+
+    outputs: list[str] = Field([], description="names of the outputs; all unless given")
+
+
+class RunTable(_Table):
+    """[run]: policy that changes no value."""
+
+    block: int | None = Field(None, ge=1, description="points a task; sized by their cost unless given")
+    exclusive: bool = Field(False, description="run one block at a time, so that timings have no neighbour")
+    expected_outcomes: list[str] = Field([], description="outcomes besides finished that do not count as failures")
+
+
+class StudyFile(_Table):
+    """A whole study file."""
+
+    study: StudyTable
+    base: dict[str, Scalar] = Field({}, description="values of parameters that all points share")
+    factors: dict[str, FactorTable] = Field({}, description="what is varied")
+    design: DesignTable = DesignTable()
+    designs: dict[str, DesignTable] = Field({}, description="sub-designs, written [design.NAME]")
+    keep: KeepTable = KeepTable()
+    run: RunTable = RunTable()
+    analysis: dict[str, dict[str, Any]] = Field({}, description="analyses of the cube: [analysis.NAME] with a kind")
+
+
+@dataclass(frozen=True)
+class Factor:
+    """One factor: its parameter, and either its values or a distribution to sample.
+
+    Attributes
+    ----------
+    parameter
+        What is varied.
+    values
+        Checked values in file order; None where it is sampled.
+    table
+        Its entry in the study file.
+    """
+
+    parameter: Parameter
+    values: tuple[Value, ...] | None
+    table: FactorTable
+
+
+@dataclass(frozen=True)
+class Study:
+    """A checked study: static, all its points follow from it.
+
+    Attributes
+    ----------
+    file
+        The parsed study file.
+    simulator
+        What simulates its points.
+    base
+        Checked base values.
+    factors
+        Factors by name, in file order.
+    keep
+        Names of the outputs to keep; empty for a function that keeps all.
+    warnings
+        What the user should know before it runs.
+    text
+        The study file as written.
+    origin
+        Where it came from, for messages.
+    folder
+        Its folder, from which tables and functions are found.
+    """
+
+    file: StudyFile
+    simulator: Simulator
+    base: Mapping[str, Value]
+    factors: Mapping[str, Factor]
+    keep: tuple[str, ...]
+    warnings: tuple[str, ...]
+    text: str
+    origin: str
+    folder: Path
+
+    @property
+    def hash(self) -> str:
+        """Hash of the study text (16 hex digits)."""
+        return hashlib.sha256(self.text.encode()).hexdigest()[:16]
+
+    def fail(self, where: str, error: InputError | str) -> InputError:
+        """An error that names this study file and the key."""
+        return InputError(f"{self.origin}: {where}: {error}")
+
+
+def load_study(path: str | Path) -> Study:
+    """Read and check a study file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or anything in it cannot be used.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        raise InputError(f"{path}: cannot read the study file: {reason}") from error
+    return parse_study(text, origin=str(path), folder=path.resolve().parent)
+
+
+def parse_study(text: str, origin: str = "study", folder: Path | None = None) -> Study:
+    """Check the text of a study file; see `load_study`."""
+    folder = folder or Path.cwd()
+    file = parse_file(text, origin)
+    simulator = _at(origin, "[study]", lambda: load_simulator(file.study.scene, file.study.function, str(folder)))
+    base = _at(origin, "[base]", lambda: check_parameters(simulator.parameters, file.base))
+    for name in file.factors:
+        if name not in simulator.parameters:
+            known = near_match(name, simulator.parameters)
+            raise InputError(f"{origin}: [factors.{name}]: unknown parameter{known}")
+        if name in base:
+            raise InputError(f"{origin}: {name} is both a base value and a factor; remove it from [base]")
+    factors = {
+        name: _at(origin, f"[factors.{name}]", lambda n=name, t=table: _factor(simulator.parameters[n], t))
+        for name, table in file.factors.items()
+    }
+    keep = _at(origin, "[keep]", lambda: _kept(simulator, file.keep.outputs))
+    _check_run(origin, file.run)
+    study = Study(file, simulator, base, factors, keep, (), text, origin, folder)
+    levels = {name: factor.values or () for name, factor in factors.items()}
+    return replace(study, warnings=tuple(_at(origin, "[base]", lambda: simulator.check(base, levels, keep))))
+
+
+def _at(origin: str, where: str, step: Any) -> Any:
+    """Run one step of the check, and put file and key before the message of its error."""
+    try:
+        return step()
+    except InputError as error:
+        raise InputError(f"{origin}: {where}: {error}") from error
+
+
+def parse_file(text: str, origin: str = "study") -> StudyFile:
+    """Parse the text of a study file without looking for its simulator: form is checked, parameters are not."""
+    try:
+        raw = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{origin}: not valid TOML: {error}") from error
+    design = raw.get("design")
+    if isinstance(design, dict):  # [design.NAME] are tables of their own
+        raw["designs"] = {key: value for key, value in design.items() if isinstance(value, dict)}
+        raw["design"] = {key: value for key, value in design.items() if not isinstance(value, dict)}
+    try:
+        return StudyFile.model_validate(raw)
+    except ValidationError as error:
+        raise InputError("\n".join(f"{origin}: {line}" for line in _complaints(error))) from error
+
+
+def _complaints(error: ValidationError) -> Iterator[str]:
+    """Pydantic's complaints in the words of a study file."""
+    for item in error.errors():
+        path = [str(part) for part in item["loc"] if not str(part).startswith(("float", "int", "str", "bool"))]
+        where, key = ".".join(path[:-1]), path[-1]
+        place = f"[{where}]" if where else "the study file"
+        if item["type"] == "extra_forbidden":
+            yield f"{place}: unknown key {key!r}{near_match(key, _known_keys(path[:-1]))}"
+        elif item["type"] == "missing":
+            yield f"{place}: {key} is missing"
+        else:
+            message = item["msg"][0].lower() + item["msg"][1:]
+            yield f"{place}: {key} = {item['input']!r}: {message}"
+
+
+def _known_keys(path: list[str]) -> list[str]:
+    tables: dict[str, type[_Table]] = {
+        "study": StudyTable, "factors": FactorTable, "design": DesignTable, "designs": DesignTable, "keep": KeepTable,
+        "run": RunTable,
+    }  # fmt: skip
+    return list((tables[path[0]] if path else StudyFile).model_fields)
+
+
+def _kept(simulator: Simulator, names: list[str]) -> tuple[str, ...]:
+    if not simulator.outputs:
+        return tuple(names)
+    for name in names:
+        if name not in simulator.outputs:
+            raise InputError(f"outputs: unknown output {name!r}{near_match(name, simulator.outputs)}")
+    return tuple(dict.fromkeys(names)) or tuple(simulator.outputs)
+
+
+def _check_run(origin: str, run: RunTable) -> None:
+    labels = [outcome.label for outcome in Outcome]
+    for label in run.expected_outcomes:
+        if label not in labels:
+            raise InputError(
+                f"{origin}: [run]: expected_outcomes: {label!r} is not an outcome{near_match(label, labels)}"
+            )
+
+
+def _factor(parameter: Parameter, table: FactorTable) -> Factor:
+    """Check one factor: explicit levels are checked here, distributions by their ends."""
+    if table.values is not None and table.distribution != "discrete":
+        if any(value is not None for value in (table.low, table.high, table.count)):
+            raise InputError("give either values, or low and high, not both")
+        return Factor(parameter, _checked_values(parameter, table.values), table)
+    if table.count is not None:
+        low, high = _ends(parameter, table)
+        if table.scale == "log" and low <= 0:
+            raise InputError(f"low = {low:g}: must be above 0 on a logarithmic scale")
+        spaced = np.geomspace(low, high, table.count) if table.scale == "log" else np.linspace(low, high, table.count)
+        return Factor(parameter, _checked_values(parameter, [float(value) for value in spaced]), table)
+    _check_distribution(parameter, table)
+    return Factor(parameter, None, table)
+
+
+def _checked_values(parameter: Parameter, values: list[Scalar]) -> tuple[Value, ...]:
+    if not values:
+        raise InputError("values is empty; give at least one")
+    return tuple(parameter.check(value) for value in values)
+
+
+def _ends(parameter: Parameter, table: FactorTable) -> tuple[float, float]:
+    if table.low is None or table.high is None:
+        raise InputError("give values, or low and high (with count for a grid), or a distribution")
+    if parameter.kind == "choice":
+        raise InputError(f"{parameter.name} is a choice; give values ({parameter.range_text})")
+    for value in (table.low, table.high):
+        parameter.check(value)
+    if not table.low < table.high:
+        raise InputError(f"low = {table.low:g} must be below high = {table.high:g}")
+    return table.low, table.high
+
+
+_NEEDED: dict[str, tuple[str, ...]] = {
+    "uniform": ("low", "high"),
+    "log-uniform": ("low", "high"),
+    "triangular": ("low", "high", "mode"),
+    "normal": ("mean", "std"),
+    "truncated-normal": ("mean", "std", "low", "high"),
+    "discrete": ("values",),
+}
+
+
+def _check_distribution(parameter: Parameter, table: FactorTable) -> None:
+    kind = table.distribution or "uniform"
+    missing = [name for name in _NEEDED[kind] if getattr(table, name) is None]
+    if missing and table.distribution is None and not table.model_fields_set:
+        return  # a table design takes its values from a file
+    if missing:
+        raise InputError(f"a {kind} distribution needs {', '.join(missing)}")
+    given = table.model_fields_set - {"distribution", "scale"} - set(_NEEDED[kind])
+    if given - ({"weights"} if kind == "discrete" else set()):
+        raise InputError(f"a {kind} distribution does not use {', '.join(sorted(given))}")
+    if kind == "discrete":
+        values = _checked_values(parameter, table.values or [])
+        weights = table.weights or [1.0] * len(values)
+        if len(weights) != len(values) or not all(w >= 0 for w in weights) or not 0 < sum(weights) < math.inf:
+            raise InputError("weights must be one number >= 0 for each of the values, and not all 0")
+    elif kind != "normal":
+        low, high = _ends(parameter, table)
+        if kind == "log-uniform" and low <= 0:
+            raise InputError(f"low = {low:g}: must be above 0 for a log-uniform distribution")
+        if kind == "triangular" and not low <= (table.mode or 0) <= high:
+            raise InputError(f"mode = {table.mode} must lie between low and high")
+
+
+def canonical(study: Study) -> dict[str, str]:
+    """What decides the points and values of a study, key by key, for comparing two versions of it."""
+    flat: dict[str, str] = {}
+
+    def walk(prefix: str, value: Any) -> None:
+        if isinstance(value, dict):
+            for key, item in value.items():
+                walk(f"{prefix}.{key}" if prefix else key, item)
+        elif value is not None:
+            flat[prefix] = json.dumps(value)
+
+    content = study.file.model_dump()
+    walk("", {key: content[key] for key in ("base", "factors", "design", "designs", "keep")})
+    walk("study", {key: content["study"][key] for key in ("scene", "function")})
+    return flat

@@ -1,0 +1,88 @@
+"""From the unit interval to a factor's values: the quantile function of its distribution."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from tripod_doe.errors import InputError
+from tripod_doe.study.definition import Factor
+
+__all__ = ["is_unbounded", "quantile"]
+
+_INSIDE = 1e-12  # keeps the ends of the unit interval off the infinite tails
+
+
+def is_unbounded(factor: Factor) -> bool:
+    """Whether the factor's distribution has infinite tails."""
+    return factor.table.distribution == "normal"
+
+
+def quantile(factor: Factor, unit: NDArray[np.float64]) -> NDArray[Any]:
+    """Values of a sampled factor at given points of the unit interval.
+
+    Parameters
+    ----------
+    factor
+        A factor with a range or a distribution. Whole-number parameters and switches take every whole number of a
+        uniform range with equal probability.
+    unit
+        Numbers in [0, 1], shape (point,).
+
+    Returns
+    -------
+    ndarray, shape (point,)
+
+    Raises
+    ------
+    InputError
+        If the factor has explicit values without distribution = "discrete", or if a tail reaches values that the
+        parameter does not allow.
+    """
+    parameter, table = factor.parameter, factor.table
+    if factor.values is not None or (table.low is None and table.mean is None and table.values is None):
+        raise InputError(
+            f"[factors.{parameter.name}]: this design samples; give low and high or a distribution "
+            '(distribution = "discrete" for a list of values)'
+        )
+    unit = np.clip(unit, _INSIDE, 1 - _INSIDE)
+    if table.distribution == "discrete":
+        values: NDArray[Any] = np.array([parameter.check(value) for value in table.values or []], dtype=_dtype(factor))
+        weights = np.array(table.weights or [1.0] * len(values))
+        chosen = np.searchsorted(np.cumsum(weights) / weights.sum(), unit, side="right")
+        return values[np.minimum(chosen, len(values) - 1)]
+    if parameter.kind in ("integer", "switch"):
+        low, high = math.ceil(table.low or 0), math.floor(table.high or 0)
+        return np.floor(low + unit * (high - low + 1))
+    sampled = np.asarray(_frozen(factor).ppf(unit), float)
+    for extreme in (sampled.min(), sampled.max()):
+        try:
+            parameter.check(float(extreme))
+        except InputError as error:
+            raise InputError(f"[factors.{parameter.name}]: {error}; use a truncated-normal distribution") from error
+    return sampled
+
+
+def _dtype(factor: Factor) -> type:
+    return object if factor.parameter.kind == "choice" else float
+
+
+def _frozen(factor: Factor) -> Any:
+    """The scipy distribution of a continuous factor."""
+    table = factor.table
+    low, high, mean, std = table.low or 0.0, table.high or 0.0, table.mean or 0.0, table.std or 1.0
+    match table.distribution:
+        case "normal":
+            return stats.norm(mean, std)
+        case "truncated-normal":
+            return stats.truncnorm((low - mean) / std, (high - mean) / std, mean, std)
+        case "log-uniform":
+            return stats.loguniform(low, high)
+        case "triangular":
+            return stats.triang(((table.mode or 0.0) - low) / (high - low), low, high - low)
+        case _:
+            return stats.uniform(low, high - low)

@@ -1,0 +1,118 @@
+"""Expressions over named columns, parsed and never evaluated as Python: constraints of designs, --where of queries."""
+
+from __future__ import annotations
+
+import ast
+import operator
+from collections.abc import Callable, Collection, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.errors import InputError, near_match
+
+__all__ = ["Expression"]
+
+_BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+}  # fmt: skip
+_UNARY: dict[type[ast.unaryop], Callable[[Any], Any]] = {
+    ast.USub: operator.neg, ast.UAdd: operator.pos, ast.Not: np.logical_not,
+}  # fmt: skip
+_COMPARE: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
+    ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge,
+    ast.Eq: operator.eq, ast.NotEq: operator.ne,
+}  # fmt: skip
+_FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "abs": np.abs, "min": np.minimum, "max": np.maximum, "sqrt": np.sqrt,
+}  # fmt: skip
+_ALLOWED = "names, numbers, 'text', + - * / **, < <= > >= == !=, and or not, abs min max sqrt"
+
+
+class Expression:
+    """A condition over columns, for instance ``initial_skew_1_deg < initial_skew_2_deg and torque_n_m > 25``.
+
+    Parameters
+    ----------
+    text
+        The condition.
+    names
+        Names that it may use.
+
+    Raises
+    ------
+    InputError
+        If the text does not parse, uses an unknown name, or anything but arithmetic, comparison and logic.
+    """
+
+    def __init__(self, text: str, names: Collection[str]) -> None:
+        self.text = text
+        try:
+            self._tree = ast.parse(text, mode="eval").body
+        except (SyntaxError, ValueError) as error:
+            raise InputError(f"{text!r}: not an expression ({getattr(error, 'msg', error)})") from error
+        self._check(self._tree, names)
+
+    def _check(self, node: ast.expr, names: Collection[str]) -> None:
+        children: list[ast.expr] = []
+        match node:
+            case ast.Name(id=name):
+                if name not in names:
+                    raise InputError(f"{self.text!r}: unknown name {name!r}{near_match(name, names)}")
+            case ast.Constant(value=int() | float() | str()):
+                pass
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
+                children = [left, right]
+            case ast.UnaryOp(op=op, operand=operand) if type(op) in _UNARY:
+                children = [operand]
+            case ast.BoolOp(values=values):
+                children = values
+            case ast.Compare(left=left, ops=ops, comparators=others) if all(type(op) in _COMPARE for op in ops):
+                children = [left, *others]
+            case ast.Call(func=ast.Name(id=function), args=arguments, keywords=[]) if function in _FUNCTIONS:
+                if len(arguments) != (1 if function in ("abs", "sqrt") else 2):
+                    raise InputError(f"{self.text!r}: wrong number of arguments for {function}")
+                children = arguments
+            case _:
+                raise InputError(f"{self.text!r}: {ast.unparse(node)!r} is not allowed here; use {_ALLOWED}")
+        for child in children:
+            self._check(child, names)
+
+    def __call__(self, columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
+        """Evaluate for every row of the columns; a comparison with NaN is false.
+
+        Raises
+        ------
+        InputError
+            If values cannot be compared, for instance a number with a text.
+        """
+        try:
+            with np.errstate(all="ignore"):
+                answer = np.asarray(self._value(self._tree, columns))
+        except TypeError as error:
+            raise InputError(f"{self.text!r}: {error}") from error
+        rows = np.shape(next(iter(columns.values())))
+        return np.broadcast_to(answer.astype(bool), rows)
+
+    def _value(self, node: ast.expr, columns: Mapping[str, NDArray[Any]]) -> Any:
+        match node:
+            case ast.Name(id=name):
+                return columns[name]
+            case ast.Constant(value=value):
+                return value
+            case ast.BinOp(left=left, op=op, right=right):
+                return _BINARY[type(op)](self._value(left, columns), self._value(right, columns))
+            case ast.UnaryOp(op=op, operand=operand):
+                return _UNARY[type(op)](self._value(operand, columns))
+            case ast.BoolOp(op=op, values=values):
+                combine = np.logical_and if isinstance(op, ast.And) else np.logical_or
+                return combine.reduce(np.broadcast_arrays(*(self._value(value, columns) for value in values)))
+            case ast.Compare(left=left, ops=ops, comparators=others):
+                terms = [self._value(term, columns) for term in (left, *others)]
+                links = [_COMPARE[type(op)](terms[i], terms[i + 1]) for i, op in enumerate(ops)]
+                return np.logical_and.reduce(np.broadcast_arrays(*links))
+            case ast.Call(func=ast.Name(id=function), args=arguments):
+                return _FUNCTIONS[function](*(self._value(argument, columns) for argument in arguments))
+        raise AssertionError(node)

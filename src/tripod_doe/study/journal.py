@@ -1,0 +1,182 @@
+"""The journal: finished blocks in SQLite, committed one by one, so that a kill loses no finished point."""
+
+from __future__ import annotations
+
+import fcntl
+import io
+import json
+import os
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.errors import CubeError, InputError, StorageError
+from tripod_doe.results import BlockResult, Values
+
+__all__ = ["FinishedBlock", "Journal"]
+
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS block (
+    id INTEGER PRIMARY KEY,
+    keys BLOB NOT NULL,          -- fingerprints of its points, 16 bytes each
+    payload BLOB NOT NULL,       -- the results, a npz archive
+    cpu_seconds REAL NOT NULL,
+    wall_seconds REAL NOT NULL,
+    worker TEXT NOT NULL
+);
+CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
+"""
+
+
+@dataclass(frozen=True)
+class FinishedBlock:
+    """A block of points as it came back from a worker.
+
+    Attributes
+    ----------
+    keys
+        Fingerprints of its points, shape (point,).
+    result
+        What was simulated.
+    cpu_seconds, wall_seconds
+        Of the whole block.
+    worker
+        Where it ran.
+    """
+
+    keys: NDArray[np.void]
+    result: BlockResult
+    cpu_seconds: float
+    wall_seconds: float
+    worker: str
+
+
+class Journal:
+    """Finished blocks of one result directory. One process at a time may hold it open for writing.
+
+    Parameters
+    ----------
+    directory
+        The result directory; it must exist.
+
+    Raises
+    ------
+    InputError
+        If another run holds it, or it cannot be written.
+    CubeError
+        If the file is not a journal.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self.path = directory / "journal.sqlite"
+        try:
+            self._lock = os.open(directory / ".lock", os.O_CREAT | os.O_RDWR)
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            os.close(self._lock)
+            raise InputError(
+                f"{directory}: another run is writing here; wait for it or choose another --out"
+            ) from error
+        except OSError as error:
+            raise InputError(f"{directory}: cannot write here: {error.strerror}; choose another --out") from error
+        self._connection = sqlite3.connect(self.path)
+        try:
+            self._connection.execute("PRAGMA journal_mode = WAL")
+            self._connection.execute("PRAGMA synchronous = FULL")
+            self._connection.executescript(_SCHEMA)
+        except sqlite3.DatabaseError as error:
+            self.close()
+            raise CubeError(
+                f"{self.path}: not a readable journal ({error}); move it away or choose another --out"
+            ) from error
+
+    def close(self) -> None:
+        """Give the directory free."""
+        self._connection.close()
+        os.close(self._lock)
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def remember(self, key: str, value: str) -> None:
+        """Store a note that outlives the process."""
+        with self._writing():
+            self._connection.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (key, value))
+
+    def recall(self, key: str) -> str | None:
+        """Read a note, None where there is none."""
+        row = self._connection.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
+        return row[0] if row else None
+
+    def commit(self, block: FinishedBlock) -> None:
+        """Store a block durably; when this returns, no kill can lose it.
+
+        Raises
+        ------
+        StorageError
+            If the disk is full or fails.
+        """
+        with self._writing():
+            self._connection.execute(
+                "INSERT INTO block (keys, payload, cpu_seconds, wall_seconds, worker) VALUES (?, ?, ?, ?, ?)",
+                (block.keys.tobytes(), _pack(block.result), block.cpu_seconds, block.wall_seconds, block.worker),
+            )
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            with self._connection:
+                yield
+        except sqlite3.Error as error:
+            raise StorageError(
+                f"{self.path}: cannot write ({error}); finished points are kept: free space, then run again"
+            ) from error
+
+    def keys(self) -> NDArray[np.void]:
+        """Fingerprints of all committed points, in order of their commits; one that was run again stands twice."""
+        rows = self._connection.execute("SELECT keys FROM block ORDER BY id")
+        return np.frombuffer(b"".join(row[0] for row in rows), dtype="V16")
+
+    def blocks(self) -> Iterator[FinishedBlock]:
+        """All committed blocks, oldest first, one at a time."""
+        rows = self._connection.execute(
+            "SELECT keys, payload, cpu_seconds, wall_seconds, worker FROM block ORDER BY id"
+        )
+        for keys, payload, cpu, wall, worker in rows:
+            yield FinishedBlock(np.frombuffer(keys, "V16"), _unpack(payload), cpu, wall, worker)
+
+
+def _pack(result: BlockResult) -> bytes:
+    header = {"dims": {name: values.dims for name, values in result.outputs.items()}, "detail": result.detail}
+    arrays: dict[str, Any] = {f"output/{name}": values.data for name, values in result.outputs.items()}
+    arrays |= {f"coordinate/{name}": labels for name, labels in result.coordinates.items()}
+    arrays |= {"outcome": result.outcome, "steps": result.steps, "force_evaluations": result.force_evaluations}
+    buffer = io.BytesIO()
+    np.savez(buffer, header=np.frombuffer(json.dumps(header).encode(), np.uint8), **arrays)
+    return buffer.getvalue()
+
+
+def _unpack(payload: bytes) -> BlockResult:
+    with np.load(io.BytesIO(payload), allow_pickle=False) as archive:
+        header = json.loads(archive["header"].tobytes())
+        outputs = {name: Values(tuple(dims), archive[f"output/{name}"]) for name, dims in header["dims"].items()}
+        coordinates = {
+            name.removeprefix("coordinate/"): archive[name] for name in archive.files if name.startswith("coordinate/")
+        }
+        return BlockResult(
+            outputs,
+            coordinates,
+            archive["outcome"],
+            header["detail"],
+            archive["steps"],
+            archive["force_evaluations"],
+        )

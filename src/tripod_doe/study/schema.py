@@ -1,0 +1,42 @@
+"""The schema of study files, made from the checked tables and from the parameters' metadata."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tripod_doe.study.definition import StudyFile
+from tripod_doe.study.simulator import SCENES, load_simulator
+
+__all__ = ["study_schema"]
+
+
+def study_schema(scene: str = "joint") -> dict[str, Any]:
+    """JSON Schema of study files of a scene: every table and key, and every parameter with unit, range and source."""
+    schema = StudyFile.model_json_schema()
+    simulator = load_simulator(scene)
+    described = {}
+    for parameter in simulator.parameters.values():
+        entry: dict[str, Any] = {
+            "description": f"{parameter.meaning} ({parameter.unit_text or '-'}; {parameter.range_text})",
+            "unit": parameter.unit,
+            "symbol": parameter.symbol,
+            "source": parameter.source,
+            "default": parameter.default,
+        }
+        if parameter.kind == "choice":
+            entry["enum"] = list(parameter.choices)
+        else:
+            entry["type"] = "number" if parameter.kind == "number" else "integer"
+            limits = {"exclusiveMinimum" if parameter.low_open else "minimum": parameter.low, "maximum": parameter.high}
+            entry |= {key: value for key, value in limits.items() if abs(value) != float("inf")}
+        described[parameter.name] = entry
+    schema["properties"]["base"] |= {"properties": described, "additionalProperties": False}
+    factors = schema["properties"]["factors"]
+    factors["properties"] = {name: {"$ref": "#/$defs/FactorTable"} for name in described}
+    factors["additionalProperties"] = False
+    schema["x-scenes"] = sorted(SCENES)
+    schema["x-outputs"] = {
+        output.name: {"unit": output.unit, "dims": list(output.dims), "description": output.meaning}
+        for output in simulator.outputs.values()
+    }
+    return schema

@@ -1,0 +1,71 @@
+"""One point, without a study: parameters in, a labelled Dataset out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.quantities import Value, check_parameters
+from tripod_doe.results import Outcome
+from tripod_doe.study.simulator import load_simulator
+from tripod_doe.study.task import Task, run_task
+
+__all__ = ["simulate"]
+
+
+def simulate(scene: str = "joint", **parameters: Any) -> xr.Dataset:
+    """Simulate one point.
+
+    Parameters
+    ----------
+    scene
+        Name of the scene.
+    **parameters
+        Parameters by name, in the units of their names; all others keep their defaults.
+
+    Returns
+    -------
+    xarray.Dataset
+        Every output of the model; ``outcome`` and ``outcome_detail``; the attributes ``parameters`` (all values that
+        were used) and ``cost`` (CPU and wall seconds without compilation, steps, force evaluations). Outputs are
+        missing where the point did not finish.
+
+    Raises
+    ------
+    InputError
+        If a parameter is unknown, out of range, or not used by the method.
+
+    Examples
+    --------
+    >>> import tripod_doe as td
+    >>> result = td.simulate(joint_angle_deg=10)
+    >>> round(float(result["thrust_amplitude"].sel(order=3)), 1)
+    14.1
+    """
+    simulator = load_simulator(scene)
+    values: dict[str, Value] = {
+        n: v for n, v in check_parameters(simulator.parameters, parameters).items() if v is not None
+    }
+    keep = tuple(simulator.outputs)
+    simulator.check(values, {}, keep)
+    result, cpu, wall = run_task(Task(scene, None, "", simulator.source_hash, values, {}, 1, keep))
+    variables: dict[str, Any] = {}
+    for name, output in result.outputs.items():
+        meta = simulator.outputs[name]
+        variables[name] = (output.dims, output.data[0], {"units": meta.unit, "long_name": meta.meaning})
+    variables["outcome"] = ((), result.outcome[0])
+    variables["outcome_detail"] = ((), result.detail[0])
+    cost = {
+        "cpu_seconds": cpu,
+        "wall_seconds": wall,
+        "steps": int(result.steps[0]),
+        "force_evaluations": int(result.force_evaluations[0]),
+    }
+    attrs = {
+        "parameters": simulator.effective(values),
+        "cost": cost,
+        "finished": int(result.outcome[0]) == Outcome.FINISHED,
+    }
+    return xr.Dataset(variables, coords={k: np.asarray(v) for k, v in result.coordinates.items()}, attrs=attrs)

@@ -1,0 +1,64 @@
+"""A block of points as a task: small enough to send to any process, and run there without Dask."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.errors import InputError
+from tripod_doe.quantities import Value
+from tripod_doe.results import BlockResult
+from tripod_doe.study.simulator import load_simulator, point_columns
+
+if TYPE_CHECKING:  # for their names only: a single point needs no designs
+    from tripod_doe.study.definition import Study
+    from tripod_doe.study.designs import Points
+
+__all__ = ["Task", "make_task", "run_task"]
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a worker needs to simulate a block; small enough to send with every block."""
+
+    scene: str
+    function: str | None
+    folder: str
+    source_hash: str
+    base: Mapping[str, Value]
+    columns: dict[str, NDArray[Any]]
+    count: int
+    keep: tuple[str, ...]
+
+
+def run_task(task: Task) -> tuple[BlockResult, float, float]:
+    """Simulate one block: results, CPU seconds, wall seconds; compilation is not counted."""
+    simulator = load_simulator(task.scene, task.function, task.folder)
+    if simulator.source_hash != task.source_hash:
+        raise InputError("the worker runs another version of the kernels; install the same tripod-doe on all machines")
+    simulator.prepare()
+    points = point_columns(simulator, task.base, task.columns, task.count)
+    wall, cpu = time.perf_counter(), time.thread_time()
+    result = simulator.simulate(points, task.keep)
+    return result, time.thread_time() - cpu, time.perf_counter() - wall
+
+
+def make_task(study: Study, points: Points, chosen: NDArray[np.int64]) -> Task:
+    """The task that simulates the chosen points."""
+    table = study.file.study
+    columns = {name: column[chosen] for name, column in points.columns.items()}
+    return Task(
+        table.scene,
+        table.function,
+        str(study.folder),
+        study.simulator.source_hash,
+        study.base,
+        columns,
+        chosen.size,
+        study.keep,
+    )

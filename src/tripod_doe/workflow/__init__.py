@@ -1,0 +1,1 @@
+"""Workflows: chains of studies, analyses and reports; `run` is the workflow of one study."""

@@ -1,0 +1,152 @@
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tripod_doe.report.figures import effect_charts, index_charts, spectrum_chart, waveform_charts
+from tripod_doe.report.figures.waveforms import chosen_points
+
+
+@pytest.fixture
+def data_of(read_table):
+    return lambda chart: read_table(chart.csv())
+
+
+def texts_of(chart) -> list[str]:
+    return re.findall(r"<text[^>]*>([^<]*)</text>", chart.svg())
+
+
+def test_chosen_points_have_the_smallest_median_and_largest_third_order(joint_cube):
+    third = np.sort(joint_cube["thrust_amplitude"].sel(order=3).values.ravel())
+    third = third[np.isfinite(third)]
+    shown = [float(chosen.data["thrust_amplitude"].sel(order=3)) for chosen in chosen_points(joint_cube)]
+    assert shown == [third[0], third[(third.size - 1) // 2], third[-1]]
+    assert chosen_points(joint_cube)[-1].text == "joint angle 12 deg, torque 200 N m, needle count 27"
+
+
+def test_waveform_numbers_are_those_of_the_cube(joint_cube, data_of):
+    chart = waveform_charts(joint_cube)[-1]
+    point = joint_cube.sel(joint_angle_deg=12, torque_n_m=200, needle_count=27)
+    data = data_of(chart)
+    assert (data["rotation_deg"] == joint_cube["rotation_deg"].values).all()
+    assert (data["thrust_n"] == point["thrust"].values).all()
+    for groove in (1, 2, 3):
+        assert (data[f"groove_{groove}_thrust_n"] == point["groove_thrust"].sel(groove=groove).values).all()
+    assert {"sum", "groove 1", "groove 2", "groove 3", "thrust force (N)"} <= set(texts_of(chart))
+
+
+def test_spectrum_at_the_chosen_points_is_that_of_the_cube(joint_cube, data_of):
+    data = data_of(spectrum_chart(joint_cube))
+    point = joint_cube.sel(joint_angle_deg=12, torque_n_m=200, needle_count=27)
+    assert (data["amplitude_n_largest"] == point["thrust_amplitude"].values).all()
+
+
+def test_spectrum_of_a_study_without_waveforms_has_mean_and_extremes(grid_cube, data_of):
+    data = data_of(spectrum_chart(grid_cube.drop_vars("thrust")))
+    amplitude = grid_cube["thrust_amplitude"].values.reshape(-1, 13)
+    assert data["mean_n"].to_numpy() == pytest.approx(amplitude.mean(axis=0))
+    assert (data["min_n"] == amplitude.min(axis=0)).all()
+    assert (data["max_n"] == amplitude.max(axis=0)).all()
+
+
+def test_lines_and_map_of_a_grid_hold_the_numbers_of_the_cube(grid_cube, data_of):
+    third = grid_cube["thrust_amplitude"].sel(order=3)
+    charts = {chart.name: chart for chart in effect_charts(grid_cube)[0].charts}
+    assert list(charts) == [
+        "thrust_amplitude_order_3-joint_angle_deg", "thrust_amplitude_order_3-torque_n_m", "thrust_amplitude_order_3-map",
+    ]  # fmt: skip
+    lines = data_of(charts["thrust_amplitude_order_3-joint_angle_deg"])
+    assert (lines["thrust_amplitude_order_3[torque_n_m=50]"] == third.sel(torque_n_m=50).values).all()
+    shown = data_of(charts["thrust_amplitude_order_3-map"]).set_index("torque_n_m")
+    assert (shown.to_numpy() == third.transpose("torque_n_m", "joint_angle_deg").values).all()
+    cells = texts_of(charts["thrust_amplitude_order_3-map"])
+    assert {f"{value:#.3g}".rstrip(".") for value in third.values.ravel()} <= set(cells)
+    assert "joint angle (deg)" in cells
+    assert "torque (N m)" in cells
+
+
+def test_a_level_without_finished_points_has_no_line(joint_cube):
+    chart = effect_charts(joint_cube.isel(torque_n_m=1))[0].charts[0]
+    assert "27" in texts_of(chart)
+    assert "29" not in texts_of(chart)
+
+
+def test_a_mean_over_failed_points_says_so(joint_cube, grid_cube):
+    assert "mean over needle count (finished points only)" in effect_charts(joint_cube)[0].charts[0].caption
+    assert not any("finished points only" in chart.caption for chart in effect_charts(grid_cube)[0].charts)
+
+
+def test_a_fine_grid_is_drawn_as_contours_not_as_cells(grid_cube):
+    levels = np.linspace(1, 20, 20)
+    fine = grid_cube[["thrust_amplitude", "outcome", "outcome_detail"]].interp(
+        joint_angle_deg=np.linspace(4, 12, 20), torque_n_m=10 * levels, kwargs={"fill_value": "extrapolate"}
+    ).assign(outcome=(("joint_angle_deg", "torque_n_m"), np.zeros((20, 20), int)))  # fmt: skip
+    chart = effect_charts(fine)[0].charts[-1]
+    assert "labelled contours" in chart.caption
+    assert len(texts_of(chart)) < 60
+
+
+def sampled(count: int) -> xr.Dataset:
+    rng = np.random.default_rng(0)
+    x, z = rng.random((2, count))
+    point = ("point", np.arange(count))
+    meta = {"source": "user function", "units": "1"}
+    return xr.Dataset(
+        {"y": ("point", x + z, {"units": "N", "long_name": "output of a user function"}),
+         "outcome": ("point", np.zeros(count, np.int8)), "outcome_detail": ("point", np.full(count, ""))},
+        coords={"point": point, "x": ("point", x, meta), "z": ("point", z, meta)},
+    )  # fmt: skip
+
+
+def test_a_large_sample_makes_a_small_figure(data_of):
+    charts = effect_charts(sampled(50_000))[0].charts
+    assert [chart.name for chart in charts] == ["y-x", "y-z"]
+    assert all(len(chart.svg()) < 40_000 for chart in charts)
+    assert data_of(charts[0])["points"].sum() == 50_000
+
+
+def test_the_same_cube_gives_the_same_picture(grid_cube):
+    assert spectrum_chart(grid_cube).svg() == spectrum_chart(grid_cube).svg()
+
+
+def indices(**variables: list[float]) -> xr.Dataset:
+    return xr.Dataset(
+        {key: ("factor", values) for key, values in variables.items()},
+        coords={"factor": ["x", "z"]},
+        attrs={"outputs": "y", "confidence_level": 0.9},
+    )
+
+
+def test_sobol_chart_shows_both_indices_with_their_intervals(data_of):
+    result = indices(S1=[0.1, 0.6], S1_conf=[0.01, 0.02], ST=[0.2, 0.7], ST_conf=[0.03, 0.04])
+    (chart,) = index_charts({"sobol": result}, sampled(3))
+    data = data_of(chart)
+    assert data.to_numpy().tolist() == [["z", 0.7, 0.04, 0.6, 0.02], ["x", 0.2, 0.03, 0.1, 0.01]]
+    assert {"0.70", "0.60", "0.20", "0.10", "total index ST", "first-order index S1"} <= set(texts_of(chart))
+    assert "90 % confidence" in chart.caption
+
+
+def test_morris_chart_shows_every_factor_in_the_unit_of_the_output(data_of):
+    result = indices(mu=[1.0, -2.0], mu_star=[1.0, 2.0], mu_star_conf=[0.1, 0.2], sigma=[0.5, 0.0])
+    (chart,) = index_charts({"morris": result}, sampled(3))
+    assert data_of(chart)["mu_star"].tolist() == [2.0, 1.0]
+    assert {"x", "z", "mean elementary effect μ* (N)"} <= set(texts_of(chart))
+
+
+def test_levels_out_of_order_are_drawn_in_order(grid_cube):
+    shuffled = effect_charts(grid_cube.isel(joint_angle_deg=[2, 0, 1], torque_n_m=[1, 3, 0, 2]))[0].charts
+    ordered = effect_charts(grid_cube)[0].charts
+    assert shuffled[0].data["joint_angle_deg"].tolist() == [4, 8, 12]
+    assert shuffled[-1].data.equals(ordered[-1].data)
+
+
+def test_a_factor_with_one_level_needs_no_line_of_its_own(grid_cube):
+    (group,) = [
+        group for group in effect_charts(grid_cube.isel(torque_n_m=[2])) if group.response.label == "third order"
+    ]
+    (chart,) = group.charts
+    third = grid_cube["thrust_amplitude"].sel(order=3, torque_n_m=100)
+    assert (chart.data["thrust_amplitude_order_3"] == third.values).all()

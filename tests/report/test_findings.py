@@ -1,0 +1,129 @@
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tripod_doe.report.findings import find, find_in_analyses
+from tripod_doe.report.responses import main_effect, responses
+
+LINE = """
+[study]
+name = "Line"
+function = "report_functions:line"
+[factors]
+x = {{ values = [1, 2, 3, 4] }}
+z = {{ values = [0.1, 0.2] }}
+[base]
+offset = {offset}
+"""
+
+
+def test_dominant_order_is_that_of_the_cube(grid_cube):
+    mean = grid_cube["thrust_amplitude"].mean(["joint_angle_deg", "torque_n_m"])
+    first = find(grid_cube)[0]
+    assert first.startswith("The third order carries the thrust force")
+    assert f"{float(mean.sel(order=3)):.4g} N on average" in first
+    assert f"ninth order with {float(mean.sel(order=9)):.4g} N" in first
+
+
+def test_slope_over_joint_angle_is_that_of_a_fit_to_the_cube(grid_cube):
+    mean = grid_cube["thrust_amplitude"].sel(order=3).mean("torque_n_m")
+    slope = np.polyfit(grid_cube["joint_angle_deg"], mean, 1)[0]
+    assert any(f"grows with joint angle by {slope:.4g} N per deg (4 to 12 deg, averaged over torque" in s
+               for s in find(grid_cube))  # fmt: skip
+
+
+def test_proportion_is_told_from_a_straight_line(make_cube):
+    assert any("y is proportional to x: 3 per 1 (1 to 4" in s for s in find(make_cube(LINE.format(offset=0))))
+    assert any("y grows with x by 3 per 1 (1 to 4" in s for s in find(make_cube(LINE.format(offset=5))))
+
+
+def test_a_factor_without_effect_is_said_to_have_none(make_cube):
+    assert "z changes y by at most 0 % of that range, averaged over x." in find(make_cube(LINE.format(offset=0)))
+
+
+def test_a_user_variable_has_no_article(make_cube):
+    assert not any(re.search(r"\b(The|the|a) (y|x|z)\b", s) for s in find(make_cube(LINE.format(offset=0))))
+
+
+def test_failures_are_counted_and_named(joint_cube):
+    assert find(joint_cube)[-1] == "12 of 24 points did not finish: 12 jammed."
+
+
+def test_failures_come_first_where_they_are_the_rule(make_cube):
+    cube = make_cube(LINE.format(offset=0), part=slice(0, 3))
+    assert find(cube)[0] == "5 of 8 points did not finish: 5 not_run."
+
+
+def test_cells_that_a_constraint_excludes_are_no_failures(make_cube):
+    cube = make_cube(LINE.format(offset=0) + '[design]\nconstraints = ["x > 1.5"]\n', part=slice(0, 5))
+    assert find(cube)[-1] == "1 of 6 points did not finish: 1 not_run."
+
+
+def test_no_finished_point(make_cube):
+    cube = make_cube('[study]\nname = "F"\nfunction = "report_functions:failing"\n[factors]\nx = { values = [1, 2] }\n')
+    assert find(cube) == ["None of 2 points finished: 2 error."]
+
+
+def test_one_at_a_time_effects_leave_out_the_points_of_other_factors(make_cube):
+    cube = make_cube(
+        """
+        [study]
+        name = "One"
+        [factors.torque_n_m]
+        values = [25, 50, 100]
+        [factors.joint_angle_deg]
+        values = [4, 8]
+        [design]
+        kind = "one-at-a-time"
+        [keep]
+        outputs = ["thrust_amplitude"]
+        """
+    )
+    third = cube["thrust_amplitude"].sel(order=3)
+    own = third.where((cube["varied"] == "torque_n_m") & (cube["torque_n_m"] == 50), drop=True).item()
+    effect = main_effect(responses(cube)[0], cube, "torque_n_m")
+    assert effect.level == pytest.approx([25, 50, 100])
+    assert effect.mean[1] == pytest.approx(own)
+    assert any("others at their base values" in sentence for sentence in find(cube))
+
+
+def sobol_result() -> xr.Dataset:
+    index = np.array([[0.1, np.nan], [0.7, np.nan]])
+    return xr.Dataset(
+        dict.fromkeys(("S1", "S1_conf", "ST", "ST_conf"), (("factor", "order"), index)),
+        coords={"factor": ["torque_n_m", "joint_angle_deg"], "order": [3, 2]},
+    )
+
+
+def test_the_largest_index_is_named_and_orders_without_numbers_are_left_out():
+    sentences = find_in_analyses({"mine": sobol_result()})
+    assert len(sentences) == 1
+    assert "third order comes first from joint angle (total Sobol' index 0.7 +- 0.7), then torque (0.1" in sentences[0]
+    assert "80 % of it is the factors' own" in sentences[0]
+    assert "(analysis mine)" in sentences[0]
+
+
+def test_main_effect_of_a_sampled_factor_is_the_mean_of_its_classes(make_cube):
+    cube = make_cube(
+        """
+        [study]
+        name = "Sampled"
+        function = "report_functions:uneven"
+        [factors]
+        x = { low = 0, high = 1 }
+        z = { low = 0, high = 1 }
+        [design]
+        kind = "latin-hypercube"
+        samples = 1000
+        """
+    )
+    effect = main_effect(responses(cube)[0], cube, "x")
+    assert effect.sampled
+    assert effect.count.sum() == 1000
+    lowest = cube["y"].values[cube["x"].values < np.quantile(cube["x"], 0.1)]
+    assert effect.mean[0] == pytest.approx(lowest.mean())
+    assert effect.lower[0] == pytest.approx(np.quantile(lowest, 0.25))

@@ -1,0 +1,128 @@
+"""Cubes: labelled, conforming, honest about what failed."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import tripod_doe as td
+from tripod_doe.study.cube import build_cube, write_dataset
+from tripod_doe.study.definition import parse_study
+from tripod_doe.study.designs import make_points, point_keys
+from tripod_doe.study.journal import FinishedBlock
+from tripod_doe.study.task import make_task, run_task
+
+GRID = """
+[study]
+name = "grid"
+question = "?"
+[factors]
+joint_angle_deg = {values = [5, 10, 15]}
+model = {values = ["equilibrium"]}
+"""
+SAMPLED = """
+[study]
+name = "sampled"
+[factors]
+joint_angle_deg = {low = 5, high = 15}
+torque_n_m = {low = 25, high = 100}
+[design]
+kind = "saltelli"
+samples = 8
+[keep]
+outputs = ["thrust_amplitude", "thrust_phase_deg", "largest_penetration_um"]
+"""
+
+
+def cube_of(text, blocks=1):
+    study = parse_study(text)
+    points = make_points(study)
+    keys = point_keys(study, points)
+    finished = []
+    for chosen in np.array_split(np.arange(points.count), blocks):
+        result, cpu, wall = run_task(make_task(study, points, chosen))
+        finished.append(FinishedBlock(keys[chosen], result, cpu, wall, "0"))
+    return build_cube(study, points, keys, iter(finished))
+
+
+@pytest.mark.parametrize("kind", ["grid", "sampled", "analysis", "cost"])
+def test_cubes_conform_to_cf(tmp_path, kind):
+    """The checker's own verdict, CF 1.8; every file kind that a run writes."""
+    cube, cost = cube_of(GRID if kind == "grid" else SAMPLED)
+    if kind == "analysis":
+        attrs = {key: cube.attrs[key] for key in ("Conventions", "title", "institution", "source", "references")}
+        cube = td.sobol_indices(cube).assign_attrs(attrs | {"history": "made by a test"})
+    path = tmp_path / "cube.nc"
+    write_dataset((cost if kind == "cost" else cube).assign_attrs(history="made by a test"), path)
+    report = tmp_path / "report.json"
+    command = [
+        str(Path(sys.executable).with_name("compliance-checker")), "-t", "cf:1.8", "-c", "strict",
+        "-f", "json", "-o", str(report), str(path),
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert report.exists(), done.stdout + done.stderr
+    verdict = json.loads(report.read_text())["cf:1.8"]
+    errors = [
+        f"{check['name']}: {check['msgs']}"
+        for check in verdict["high_priorities"]
+        if check["value"][0] < check["value"][1]
+    ]
+    assert not errors, "\n".join(errors)
+
+
+def test_a_cube_survives_the_disk(tmp_path):
+    cube, _ = cube_of(GRID)
+    write_dataset(cube, tmp_path / "cube.nc")
+    stored = td.open_cube(tmp_path / "cube.nc")
+    xr.testing.assert_equal(stored, cube)
+    for name in cube.variables:
+        assert stored[name].attrs.keys() >= {"long_name"} & cube[name].attrs.keys()
+    assert stored["joint_angle_deg"].attrs["units"] == "degree"
+    assert stored["outcome"].attrs["flag_meanings"].split()[:2] == ["finished", "diverged"]
+
+
+def test_every_variable_says_what_it_is():
+    cube, cost = cube_of(GRID)
+    for dataset in (cube, cost):
+        for name, variable in dataset.variables.items():
+            assert variable.attrs.get("long_name"), name
+    for key in ("Conventions", "study", "study_hash", "kernel_source_hash", "package_versions", "source"):
+        assert cube.attrs[key]
+
+
+def test_what_was_not_run_is_flagged():
+    study = parse_study(GRID)
+    points = make_points(study)
+    cube, _ = build_cube(study, points, point_keys(study, points), iter(()))
+    assert (cube["outcome"] == td.Outcome.NOT_RUN).all()
+
+
+def test_blocks_do_not_matter():
+    one, three = cube_of(SAMPLED)[0], cube_of(SAMPLED, blocks=5)[0]
+    xr.testing.assert_identical(one, three)
+
+
+def test_a_failed_write_keeps_the_old_file(tmp_path):
+    cube, _ = cube_of(GRID)
+    write_dataset(cube, tmp_path / "cube.nc")
+    before = (tmp_path / "cube.nc").read_bytes()
+    (tmp_path / ".cube.nc.new").mkdir()
+    with pytest.raises(td.StorageError, match="finished points are kept"):
+        write_dataset(cube, tmp_path / "cube.nc")
+    assert (tmp_path / "cube.nc").read_bytes() == before
+
+
+def test_a_metric_that_is_not_finite_does_not_pass():
+    study = parse_study(SAMPLED)
+    points = make_points(study)
+    keys = point_keys(study, points)
+    result, cpu, wall = run_task(make_task(study, points, np.arange(points.count)))
+    result.outputs["thrust_amplitude"].data[3, 3] = np.nan
+    with pytest.raises(td.CubeError, match="thrust_amplitude: a finished point is not finite"):
+        build_cube(study, points, keys, iter([FinishedBlock(keys, result, cpu, wall, "0")]))

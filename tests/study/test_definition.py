@@ -1,0 +1,71 @@
+"""Study files: what is wrong is named with file, key, value and remedy."""
+
+from __future__ import annotations
+
+import pytest
+
+from tripod_doe.errors import InputError
+from tripod_doe.study.definition import load_study, parse_study
+
+HEAD = '[study]\nname = "d"\n'
+FACTOR = "[factors]\njoint_angle_deg = {values = [5, 10]}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[study", "not valid TOML"),
+        ("[base]\n", r"study is missing"),
+        ('[study]\nname="a"\nscene="joynt"', "did you mean 'joint'"),
+        ('[study]\nname="a"\nquestoin="?"', r"\[study\]: unknown key 'questoin'; did you mean 'question'"),
+        ('[study]\nname="a"\nfunction="math"', "package.module:function"),
+        ('[study]\nname="a"\nfunction="no_such_module:f"', "cannot import"),
+        ('[study]\nname="a"\nfunction="math:sinn"', "no sinn in math"),
+        (HEAD + "[bse]\n", "did you mean 'base'"),
+        (HEAD + "[base]\ntorque_nm = 5", "did you mean 'torque_n_m'"),
+        (HEAD + '[base]\ntorque_n_m = "much"', "torque_n_m = 'much': expected a number"),
+        (HEAD + "[base]\ntorque_n_m = nan", "must be finite"),
+        (HEAD + "[base]\njoint_angle_deg = 60", r"must be >= 0 and <= 40 degree"),
+        (HEAD + "[base]\nneedle_count = 27.5", "whole number"),
+        (HEAD + "[base]\ngroove_sliding = 2", "0 or 1"),
+        (HEAD + '[base]\nmodel = "equilibrum"', "did you mean 'equilibrium'"),
+        (HEAD + "[base]\nstep_s = 1e-5\n" + FACTOR, r"\[base\]: step_s = 1e-05: not used by equilibrium"),
+        (HEAD + FACTOR + "[base]\njoint_angle_deg = 5", "both a base value and a factor"),
+        (HEAD + FACTOR + "[factors.joint_angle_deg]\nvalues=[1]", "not valid TOML"),
+        (HEAD + "[factors.joint_angle_deg]\nvalues = []", "values is empty"),
+        (HEAD + "[factors.joint_angle_deg]\nlow = 5", "needs high"),
+        (HEAD + "[factors.joint_angle_deg]\nlow = 9\nhigh = 5\ncount = 2", "must be below"),
+        (HEAD + "[factors.joint_angle_deg]\nvalues = [1]\nlow = 5", "not both"),
+        (HEAD + "[factors.joint_angle_deg]\ndistribution = 'gauss'", "distribution = 'gauss'"),
+        (HEAD + "[factors.joint_angle_deg]\ndistribution = 'normal'\nmean = 5", "needs std"),
+        (HEAD + "[factors.speed_rpm]\nlow = 0\nhigh = 5\ncount = 3\nscale = 'log'", "logarithmic"),
+        (HEAD + FACTOR + "[design]\nkind = 'gird'", "kind = 'gird'"),
+        (HEAD + FACTOR + "[keep]\noutputs = ['thrust_amplitud']", "did you mean 'thrust_amplitude'"),
+        (HEAD + FACTOR + "[run]\nexpected_outcomes = ['jamed']", "did you mean 'jammed'"),
+        (HEAD + FACTOR + "[run]\nblock = 0", "block = 0"),
+        (HEAD + "[factors.samples_per_revolution]\nvalues = [360, 720]", "different lengths"),
+    ],
+)  # fmt: skip
+def test_mistakes_are_named(text, message):
+    with pytest.raises(InputError, match=message) as caught:
+        parse_study(text, origin="my.toml")
+    assert str(caught.value).startswith("my.toml")
+
+
+def test_a_file_that_is_not_there():
+    with pytest.raises(InputError, match="cannot read"):
+        load_study("nowhere.toml")
+
+
+def test_a_factor_that_the_model_ignores_is_told():
+    study = parse_study(HEAD + "[factors]\nshaft_mass_kg = {values = [1, 2]}")
+    assert "does not change" in study.warnings[0] or "same answer" in study.warnings[0]
+
+
+def test_functions_get_their_arguments_checked(tmp_path):
+    (tmp_path / "my_function.py").write_text("def f(x, y=2):\n    return {'z': x * y}\n")
+    text = '[study]\nname="f"\nfunction="my_function:f"\n'
+    study = parse_study(text + "[factors]\nx={values=[1, 2]}", folder=tmp_path)
+    assert list(study.simulator.parameters) == ["x", "y"]
+    with pytest.raises(InputError, match="needs x"):
+        parse_study(text + "[factors]\ny={values=[1, 2]}", folder=tmp_path)

@@ -1,0 +1,171 @@
+"""Designs: the points that a study promises, always the same ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tripod_doe.errors import InputError
+from tripod_doe.study.definition import load_study, parse_study
+from tripod_doe.study.designs import make_points, point_keys
+
+HEAD = '[study]\nname = "d"\n'
+
+
+def points_of(text, folder=None):
+    return make_points(parse_study(HEAD + text, folder=folder))
+
+
+def keys_of(text):
+    study = parse_study(HEAD + text)
+    return point_keys(study, make_points(study))
+
+
+def test_grid_runs_in_file_order():
+    points = points_of("[factors]\ntorque_n_m = {values = [50, 25]}\njoint_angle_deg = {low = 4, high = 8, count = 3}")
+    assert points.dims == ("torque_n_m", "joint_angle_deg")
+    assert points.shape == (2, 3)
+    assert points.columns["torque_n_m"].tolist() == [50, 50, 50, 25, 25, 25]
+    assert points.columns["joint_angle_deg"].tolist() == [4, 6, 8, 4, 6, 8]
+
+
+def test_logarithmic_levels():
+    points = points_of('[factors]\nspeed_rpm = {low = 10, high = 1000, count = 3, scale = "log"}')
+    assert points.columns["speed_rpm"] == pytest.approx([10, 100, 1000])
+
+
+def test_zip_pairs_values():
+    points = points_of(
+        "[factors]\ninitial_skew_1_deg = {values = [1, 0]}\ninitial_skew_2_deg = {values = [-1, 0]}\n"
+        '[design]\nkind = "zip"'
+    )
+    assert points.dims == ("point",)
+    assert points.columns["initial_skew_2_deg"].tolist() == [-1, 0]
+
+
+def test_one_at_a_time_comes_back_to_the_base():
+    points = points_of(
+        "[base]\ntorque_n_m = 60\n[factors]\njoint_angle_deg = {values = [5, 15]}\nspeed_rpm = {values = [300]}\n"
+        '[design]\nkind = "one-at-a-time"'
+    )
+    assert points.columns["joint_angle_deg"].tolist() == [10, 5, 15, 10]
+    assert points.columns["speed_rpm"].tolist() == [600, 600, 600, 300]
+    assert points.labels["varied"].tolist() == ["base", "joint_angle_deg", "joint_angle_deg", "speed_rpm"]
+
+
+def test_table_reads_its_columns(tmp_path):
+    (tmp_path / "cases.csv").write_text("joint_angle_deg,model\n5,equilibrium\n7.5,equilibrium\n")
+    points = points_of('[design]\nkind = "table"\ntable = "cases.csv"', tmp_path)
+    assert points.columns["joint_angle_deg"].tolist() == [5, 7.5]
+    assert points.columns["model"].tolist() == ["equilibrium", "equilibrium"]
+
+
+@pytest.mark.parametrize("kind", ["latin-hypercube", "sobol"])
+def test_samples_fill_their_ranges_and_repeat(kind):
+    text = (
+        "[factors]\njoint_angle_deg = {low = 4, high = 14}\nneedle_count = {low = 20, high = 23}\n"
+        f'[design]\nkind = "{kind}"\nsamples = 256\nseed = 5'
+    )
+    points, again = points_of(text), points_of(text)
+    angle, needles = points.columns.values()
+    assert np.array_equal(angle, again.columns["joint_angle_deg"])
+    assert angle.min() >= 4
+    assert angle.max() <= 14
+    assert np.histogram(angle, 16, (4, 14))[0].tolist() == [16] * 16
+    assert sorted(set(needles)) == [20, 21, 22, 23]
+
+
+def test_sobol_sequence_keeps_its_points_when_it_grows():
+    text = '[factors]\njoint_angle_deg = {low = 4, high = 14}\n[design]\nkind = "sobol"\nsamples = '
+    assert np.array_equal(keys_of(text + "64")[:16], keys_of(text + "16"))
+
+
+def test_distributions_have_their_moments():
+    text = (
+        '[factors]\ntorque_n_m = {distribution = "normal", mean = 50, std = 5}\n'
+        'joint_angle_deg = {distribution = "truncated-normal", mean = 10, std = 5, low = 8, high = 12}\n'
+        'speed_rpm = {distribution = "log-uniform", low = 10, high = 1000}\n'
+        'groove_sliding_friction = {distribution = "triangular", low = 0.02, high = 0.08, mode = 0.05}\n'
+        'needle_sliding_friction = {distribution = "discrete", values = [0.01, 0.03], weights = [1, 3]}\n'
+        '[design]\nkind = "sobol"\nsamples = 1024'
+    )
+    columns = points_of(text).columns
+    assert columns["torque_n_m"].mean() == pytest.approx(50, abs=0.05)
+    assert columns["torque_n_m"].std() == pytest.approx(5, rel=0.02)
+    assert 8 <= columns["joint_angle_deg"].min() < columns["joint_angle_deg"].max() <= 12
+    assert np.log10(columns["speed_rpm"]).mean() == pytest.approx(2, abs=0.01)
+    assert columns["groove_sliding_friction"].mean() == pytest.approx(0.05, abs=1e-4)
+    assert (columns["needle_sliding_friction"] == 0.03).mean() == pytest.approx(0.75, abs=0.01)
+
+
+def test_product_crosses_its_parts():
+    points = points_of(
+        "[factors]\njoint_angle_deg = {values = [5, 10]}\ninitial_skew_1_deg = {values = [1, 0]}\n"
+        'initial_skew_2_deg = {values = [-1, 0]}\n[design]\nkind = "product"\nof = ["angle", "skew"]\n'
+        '[design.angle]\nfactors = ["joint_angle_deg"]\n'
+        '[design.skew]\nkind = "zip"\nfactors = ["initial_skew_1_deg", "initial_skew_2_deg"]'
+    )
+    rows = list(zip(*points.columns.values(), strict=True))
+    assert rows == [(5, 1, -1), (5, 0, 0), (10, 1, -1), (10, 0, 0)]
+    assert points.labels["skew_row"].tolist() == [0, 1, 0, 1]
+
+
+def test_constraints_leave_points_out():
+    grid = points_of(
+        "[factors]\njoint_angle_deg = {values = [5, 10]}\ntorque_n_m = {values = [25, 50]}\n"
+        '[design]\nconstraints = ["joint_angle_deg * torque_n_m < 400"]'
+    )
+    assert grid.allowed.tolist() == [True, True, True, False]
+    sampled = points_of(
+        "[factors]\njoint_angle_deg = {low = 5, high = 10}\ntorque_n_m = {low = 25, high = 50}\n"
+        '[design]\nkind = "sobol"\nsamples = 64\nconstraints = ["joint_angle_deg > 7.5"]'
+    )
+    assert 20 < sampled.count < 44
+    assert sampled.columns["joint_angle_deg"].min() > 7.5
+
+
+def test_keys_know_a_point_by_its_values():
+    base = keys_of("[base]\ntorque_n_m = 50\n[factors]\njoint_angle_deg = {values = [5]}")
+    factor = keys_of("[factors]\njoint_angle_deg = {values = [5]}\ntorque_n_m = {values = [50, 60]}")
+    assert base[0] == factor[0] != factor[1]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('[factors]\nspeed_rpm={values=[1,2]}\ntorque_n_m={values=[1]}\n[design]\nkind="zip"', "speed_rpm has 2, torque_n_m has 1"),
+        ("[factors]\nspeed_rpm={values=[1,1]}", "twice"),
+        ("[factors]\nspeed_rpm={low=1,high=2}", "needs levels"),
+        ('[factors]\nspeed_rpm={values=[1,2]}\n[design]\nkind="sobol"\nsamples=4', "samples; give low and high"),
+        ('[factors]\nspeed_rpm={low=1,high=2}\n[design]\nkind="sobol"', "needs samples"),
+        ('[factors]\nspeed_rpm={low=1,high=2}\n[design]\nkind="saltelli"\nsamples=100', "128"),
+        ('[factors]\nspeed_rpm={distribution="normal",mean=1,std=1}\n[design]\nkind="sobol"\nsamples=64', "truncated-normal"),
+        ('[factors]\ntorque_n_m={distribution="normal",mean=1,std=1}\n[design]\nkind="morris"\nsamples=4', "bounded"),
+        ("[factors]\nspeed_rpm={values=[1]}\n[design]\nconstraints=['speed_rpm > 5']", "exclude every point"),
+        ("[factors]\nspeed_rpm={values=[1]}\n[design]\nconstraints=['speed > 5']", "speed_rpm"),
+        ('[factors]\nspeed_rpm={low=1,high=9}\n[design]\nkind="morris"\nsamples=4\nconstraints=["speed_rpm > 5"]', "cannot leave points out"),
+        ('[design]\nkind="table"\ntable="nowhere.csv"', "cannot read"),
+        ("[design]\nkind='grid'", "no factors"),
+        ('[factors]\nspeed_rpm={values=[1]}\n[design]\nkind="product"\nof=["a"]', "two sub-designs"),
+        ('[factors]\nspeed_rpm={values=[1]}\n[design]\nkind="product"\nof=["a","b"]\n[design.a]\nfactors=["speed_rpm"]', r"design.b"),
+    ],
+)  # fmt: skip
+def test_designs_that_cannot_be_made(text, message):
+    with pytest.raises(InputError, match=message):
+        points_of(text)
+
+
+def test_table_errors_name_line_and_column(tmp_path):
+    (tmp_path / "a.csv").write_text("joint_angle_deg\n5\nmany\n")
+    with pytest.raises(InputError, match=r"line 3: joint_angle_deg"):
+        points_of('[design]\nkind = "table"\ntable = "a.csv"', tmp_path)
+    (tmp_path / "b.csv").write_text("joint_angel_deg\n5\n")
+    with pytest.raises(InputError, match="did you mean 'joint_angle_deg'"):
+        points_of('[design]\nkind = "table"\ntable = "b.csv"', tmp_path)
+    with pytest.raises(InputError, match="no column 'torque_n_m'"):
+        points_of('[factors.torque_n_m]\n[design]\nkind = "table"\ntable = "b.csv"', tmp_path)
+
+
+def test_shipped_studies_make_points():
+    for path in __import__("pathlib").Path("studies").glob("*.toml"):
+        assert make_points(load_study(path)).count > 1

@@ -1,0 +1,57 @@
+"""Queries: the right cells, labelled, for grids and for points."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tripod_doe.errors import InputError
+from tripod_doe.study.query import parse_selection, query, to_frame
+
+
+@pytest.fixture
+def cube():
+    return xr.Dataset(
+        {
+            "f": (("point", "order"), np.arange(8.0).reshape(4, 2)),
+            "outcome": ("point", np.array([0, 0, 1, 0], np.int8)),
+        },
+        coords={
+            "point": np.arange(4),
+            "x": ("point", [0.1, 0.2, 0.3, 0.4]),
+            "model": ("point", np.array(["a", "b", "a", "b"], object)),
+            "order": [2, 3],
+        },
+    )
+
+
+def test_points_are_found_by_their_factors(cube):
+    answer = query(cube, "f", ["x=0.2:0.35", "order=3"])
+    assert answer["f"].values.tolist() == [[3.0], [5.0]]
+    assert query(cube, "f", ["model=b"])["f"].values[:, 0].tolist() == [2, 6]
+    assert query(cube, "f", ["x=0.2,0.4"])["f"].sizes["point"] == 2
+
+
+def test_values_match_to_1e_9(cube):
+    assert query(cube, "f", [f"x={0.3 * (1 + 1e-12)!r}"])["f"].sizes["point"] == 1
+    assert query(cube, "f", ["x=0.3000001"])["f"].sizes["point"] == 0
+    assert query(cube, "f", ["x=0.3000001"], nearest=True)["x"].values.tolist() == [0.3]
+
+
+def test_conditions_see_coordinates_outcome_and_values(cube):
+    frame = to_frame(query(cube, "f", where="outcome == 'finished' and f > 2 and order == 3"))
+    assert frame["x"].tolist() == [0.2, 0.4]
+    assert frame["outcome"].tolist() == ["finished", "finished"]
+    assert to_frame(query(cube, "f"))["outcome"].tolist().count("diverged") == 2
+
+
+@pytest.mark.parametrize("text", ["x", "=3", "x=", "x=a:b"])
+def test_selections_that_are_none(text):
+    with pytest.raises(InputError, match="--select"):
+        parse_selection(text)
+
+
+def test_open_ranges():
+    assert parse_selection("x=:3").high == 3
+    assert parse_selection("x=1:").low == 1

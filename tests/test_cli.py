@@ -1,0 +1,223 @@
+"""The command line as a user meets it: answers on standard output, messages on standard error, exit codes."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import tripod_doe as td
+from tripod_doe.cli import main
+from tripod_doe.joint.parameters import JOINT_PARAMETERS
+
+STUDY = """
+    [study]
+    name = "small"
+    [factors]
+    joint_angle_deg = {values = [5, 10]}
+    needle_count = {values = [27, 28]}
+    [keep]
+    outputs = ["thrust_amplitude", "largest_penetration_um"]
+    [run]
+    expected_outcomes = ["jammed"]
+"""
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("results")
+    (folder / "study.toml").write_text("\n".join(line[4:] for line in STUDY.splitlines()))
+    td.run(folder / "study.toml", out=folder / "out", progress=False)
+    return folder / "out"
+
+
+def call(capsys, *words):
+    code = main([str(word) for word in words])
+    captured = capsys.readouterr()
+    assert "Traceback" not in captured.err
+    return code, captured.out, captured.err
+
+
+def test_simulate_answers_one_json_object(capsys):
+    code, out, _ = call(capsys, "simulate", "--joint_angle_deg", "5", "--torque-n-m=-50", "--format", "json")
+    answer = json.loads(out)
+    assert code == 0
+    assert answer["outcome"] == "finished"
+    assert set(answer["parameters"]) == set(JOINT_PARAMETERS)
+    assert answer["parameters"]["torque_n_m"] == -50
+    assert answer["parameters"]["groove_spin_friction"] == 0.05
+    assert len(answer["thrust_amplitude"]) == 13
+    assert [len(groove) for groove in answer["groove_thrust_amplitude"]] == [13, 13, 13]
+    assert len(answer["thrust"]) == 720
+    assert set(answer["cost"]) == {"cpu_seconds", "wall_seconds", "steps", "force_evaluations"}
+    assert answer["cost"]["cpu_seconds"] < 0.1
+    direct = td.simulate(joint_angle_deg=5, torque_n_m=-50)
+    assert answer["thrust_amplitude"] == direct["thrust_amplitude"].values.tolist()
+
+
+def test_simulate_that_does_not_finish_exits_3(capsys):
+    code, out, _ = call(capsys, "simulate", "--needle-count", "40", "--format", "json")
+    assert code == 3
+    assert json.loads(out)["outcome"] == "jammed"
+
+
+def test_simulate_table_is_for_people(capsys):
+    code, out, _ = call(capsys, "simulate")
+    assert code == 0
+    assert "thrust_amplitude [N]" in out
+
+
+def test_query_answers_records(capsys, results):
+    code, out, _ = call(
+        capsys, "query", results, "--variable", "thrust_amplitude", "--select", "order=2,3", "--select",
+        "joint_angle_deg=6:", "--format", "json",
+    )  # fmt: skip
+    records = json.loads(out)
+    assert code == 0
+    assert [(r["joint_angle_deg"], r["needle_count"], r["order"]) for r in records] == [
+        (10, 27, 2), (10, 27, 3), (10, 28, 2), (10, 28, 3),
+    ]  # fmt: skip
+    assert records[1]["thrust_amplitude"] == pytest.approx(14.08, abs=0.01)
+    assert records[3] == {
+        "joint_angle_deg": 10.0, "needle_count": 28.0, "order": 3, "thrust_amplitude": None, "outcome": "jammed",
+    }  # fmt: skip
+
+
+def test_query_forms_and_conditions(capsys, results, tmp_path):
+    condition = "outcome == 'finished' and largest_penetration_um > 0 and order == 3"
+    _, out, _ = call(
+        capsys, "query", results, "--variable", "thrust_amplitude", "--where", condition, "--format", "csv"
+    )
+    assert len(out.strip().splitlines()) == 3
+    code, out, _ = call(
+        capsys, "query", results, "--variable", "thrust_amplitude", "--select", "joint_angle_deg=7", "--format", "json"
+    )
+    assert (code, json.loads(out)) == (0, [])
+    _, out, _ = call(
+        capsys,
+        "query",
+        results,
+        "--variable",
+        "outcome",
+        "--select",
+        "joint_angle_deg=7",
+        "--nearest",
+        "--format",
+        "json",
+    )
+    assert {r["outcome"] for r in json.loads(out)} == {"finished", "jammed"}
+    assert {r["joint_angle_deg"] for r in json.loads(out)} == {5}
+    code, _, _ = call(
+        capsys, "query", results, "--variable", "cpu_seconds", "--format", "netcdf", "--output", tmp_path / "q.nc"
+    )
+    assert code == 0
+    with xr.open_dataset(tmp_path / "q.nc") as answer:
+        assert answer["cpu_seconds"].dims == ("joint_angle_deg", "needle_count")
+
+
+def test_plan_counts_and_writes_nothing(capsys, write_study, tmp_path):
+    study = write_study(STUDY)
+    before = sorted(tmp_path.iterdir())
+    code, out, _ = call(capsys, "plan", study, "--no-timing")
+    assert code == 0
+    assert "points       4" in out
+    code, out, _ = call(capsys, "plan", study)
+    assert "CPU time" in out
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_schema_holds_every_parameter(capsys):
+    _, out, _ = call(capsys, "schema", "study")
+    schema = json.loads(out)
+    assert set(schema["properties"]["base"]["properties"]) == set(JOINT_PARAMETERS)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["simulate", "--joint-angel-deg", "5"], "did you mean '--joint-angle-deg'"),
+        (["simulate", "--joint-angle-deg", "steep"], "expected a number"),
+        (["simulate", "--joint-angle-deg", "nan"], "must be finite"),
+        (["simulate", "--joint-angle-deg", "60"], "must be >= 0 and <= 40"),
+        (["simulate", "--model", "needels"], "allowed: equilibrium"),
+        (["simulate", "--step-s", "1e-5"], "not used by equilibrium"),
+        (["simulate", "--scene", "jiont"], "did you mean 'joint'"),
+        (["run", "nowhere.toml", "--out", "x"], "cannot read"),
+        (["run", "{study}"], "--out"),
+        (["run", "{study}", "--out", "/proc/nowhere"], "cannot make this directory"),
+        (["run", "{study}", "--out", "{file}"], "cannot make this directory"),
+        (["run", "{study}", "--out", "{out}", "--workers", "0"], "at least 1"),
+        (["run", "{study}", "--out", "{out}", "--workers", "many"], "--workers"),
+        (["plan", "{bad}"], "did you mean 'torque_n_m'"),
+        (["query", "{out}", "--variable", "y"], "there is no such file"),
+        (["query", "{empty}", "--variable", "y"], "no cube.nc"),
+        (["query", "{truncated}", "--variable", "y"], "not a readable cube"),
+        (["query", "{results}", "--variable", "thrust_amplitud"], "did you mean 'thrust_amplitude'"),
+        (
+            ["query", "{results}", "--variable", "outcome", "--select", "joint_angle=5"],
+            "did you mean 'joint_angle_deg'",
+        ),
+        (["query", "{results}", "--variable", "outcome", "--select", "joint_angle_deg"], "name=value"),
+        (["query", "{results}", "--variable", "outcome", "--where", "import os"], "not an expression"),
+        (["query", "{results}", "--variable", "outcome", "--format", "netcdf"], "--output"),
+        (["report", "{empty}"], "no cube.nc"),
+        (["schema", "studdy"], "invalid choice"),
+        (["fly"], "invalid choice"),
+        ([], "required"),
+    ],
+)
+def test_bad_calls_are_told_and_start_nothing(capsys, write_study, tmp_path, results, words, message):
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "file").write_text("")
+    (tmp_path / "cut.nc").write_bytes((results / "cube.nc").read_bytes()[:3000])
+    places = {
+        "study": write_study(STUDY),
+        "bad": write_study('[study]\nname="b"\n[base]\ntorque_nm = 5\n', "bad.toml"),
+        "out": tmp_path / "out",
+        "file": tmp_path / "file" / "below",
+        "empty": tmp_path / "empty",
+        "truncated": tmp_path / "cut.nc",
+        "results": results,
+    }
+    code, out, err = call(capsys, *[word.format(**places) for word in words])
+    assert code == 2
+    assert out == ""
+    assert message in err
+    assert not (tmp_path / "out").exists() or words[0] == "run"
+
+
+def test_a_damaged_cube_is_rebuilt_from_the_journal(capsys, results):
+    whole = (results / "cube.nc").read_bytes()
+    (results / "cube.nc").write_bytes(whole[:5000])
+    code, _, err = call(capsys, "query", results, "--variable", "thrust_amplitude")
+    assert code == 2
+    assert "run the study again" in err
+    code, _, err = call(capsys, "run", results / "study.toml", "--out", results)
+    assert code == 0
+    assert "0 points computed, 4 were there" in err
+    assert np.isfinite(td.open_cube(results)["thrust_amplitude"].sel(joint_angle_deg=10, needle_count=27)).all()
+
+
+def limited(bytes_):
+    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (bytes_, bytes_))
+
+
+def test_a_full_disk_loses_nothing(write_study, tmp_path):
+    """The file size limit stands in for a full disk: writes fail in mid-run."""
+    (tmp_path / "wide.py").write_text("import numpy as np\ndef f(x):\n    return {'y': np.full(20000, x)}\n")
+    study = write_study('[study]\nname="w"\nfunction="wide:f"\n[factors.x]\nlow=0\nhigh=1\ncount=60\n[run]\nblock=4\n')
+    command = [sys.executable, "-m", "tripod_doe.cli", "run", str(study), "--out", str(tmp_path / "out")]
+    stopped = subprocess.run(command, preexec_fn=limited(3_000_000), capture_output=True, text=True, env=os.environ)
+    assert stopped.returncode == 1, stopped.stderr
+    assert "finished points are kept" in stopped.stderr
+    assert "Traceback" not in stopped.stderr
+    summary = td.run(study, out=tmp_path / "out", progress=False)
+    assert summary.good
+    assert summary.reused > 0
+    assert summary.computed + summary.reused == 60

@@ -1,0 +1,93 @@
+"""The rules of the house: layers, types, style, names, and that nothing public goes undocumented."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import tripod_doe as td
+from tripod_doe.cli import _parser
+from tripod_doe.joint.models import MODELS
+from tripod_doe.joint.scene import scene
+from tripod_doe.study.definition import StudyFile
+
+ROOT = Path(__file__).parent.parent
+SOURCES = sorted((ROOT / "src").rglob("*.py"))
+
+
+def tool(name, *arguments):
+    command = [str(Path(sys.executable).with_name(name)), *arguments]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_imports_run_one_way():
+    tool("lint-imports")
+
+
+def test_types_are_strict():
+    tool("mypy")
+
+
+def test_style():
+    tool("ruff", "check", ".")
+    tool("ruff", "format", "--check", ".")
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.stem)
+def test_modules_are_of_one_size_and_named_for_what_they_do(path):
+    assert path.stem not in {"utils", "util", "helpers", "common", "core", "base", "misc"}
+    assert len(path.read_text().splitlines()) <= 500
+
+
+def test_public_names_are_where_they_say():
+    assert sorted(td.__all__) == sorted(td._HOME)
+    for name in td.__all__:
+        assert getattr(td, name).__doc__, name
+
+
+def test_every_public_function_has_a_docstring_of_numpy_style():
+    for path in SOURCES:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+                assert ast.get_docstring(node), f"{path}: {node.name}"
+
+
+def test_every_parameter_and_output_says_what_it_is():
+    for parameter in scene.parameters.values():
+        assert parameter.meaning, parameter.name
+        assert parameter.source, parameter.name
+        assert re.search(r"paper|assumed|steel|CONTRACT|DESIGN|numerics", parameter.source), parameter.name
+        if parameter.default is not None:
+            assert parameter.check(parameter.default) == parameter.default
+    for output in scene.outputs.values():
+        assert output.meaning, output.name
+        assert output.unit, output.name
+    for model in MODELS.values():
+        assert model.ignores <= set(scene.parameters)
+        assert model.outputs <= set(scene.outputs)
+
+
+def test_every_key_of_a_study_file_is_described():
+    schema = StudyFile.model_json_schema()
+    for name, table in schema["$defs"].items():
+        for key, entry in table["properties"].items():
+            assert entry.get("description"), f"{name}.{key}"
+
+
+def test_every_flag_has_help():
+    parsers = _parser(["simulate"])._subparsers._group_actions[0].choices
+    for command, parser in parsers.items():
+        for action in parser._actions:
+            assert action.help, f"{command} {action.option_strings or action.dest}"
+
+
+def test_readme_names_every_command():
+    readme = (ROOT / "README.md").read_text()
+    for command in _parser(["simulate"])._subparsers._group_actions[0].choices:
+        assert f"tripod-doe {command}" in readme, command

@@ -1,0 +1,235 @@
+"""Runs: same cube whatever the policy, nothing lost to kills, only what is missing runs."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import psutil
+import pytest
+import xarray as xr
+
+import tripod_doe as td
+from tripod_doe.study.definition import load_study
+from tripod_doe.study.designs import make_points, point_keys
+from tripod_doe.study.journal import Journal
+
+GRID = """
+    [study]
+    name = "grid"
+    [factors]
+    joint_angle_deg = {values = [5, 10, 15]}
+    torque_n_m = {values = [25, 50]}
+    [keep]
+    outputs = ["thrust_amplitude", "thrust", "friction_power_w"]
+    [base]
+    samples_per_revolution = 60
+"""
+
+SLOW = """
+    [study]
+    name = "slow"
+    function = "slow_function:slow"
+    [factors]
+    x = {low = 0, high = 1, count = 600}
+    [run]
+    block = 2
+"""
+
+SLOW_FUNCTION = """
+import os, time
+def slow(x):
+    with open(os.environ["SLOW_LOG"], "a") as log:
+        log.write(f"{x}\\n")
+    time.sleep(0.03)
+    return {"y": x * x}
+"""
+
+
+def run(study, out, **options):
+    return td.run(study, out=out, progress=False, **options)
+
+
+def assert_same_cube(one, other):
+    first, second = (td.open_cube(path).drop_vars(["cpu_seconds", "wall_seconds", "worker"]) for path in (one, other))
+    for cube in (first, second):
+        cube.attrs.pop("history")
+    xr.testing.assert_identical(first, second)
+
+
+def test_the_cube_does_not_depend_on_workers_blocks_or_interruptions(write_study, tmp_path):
+    whole = write_study(GRID, "whole.toml")
+    assert run(whole, tmp_path / "two").good
+    assert run(whole, tmp_path / "one", workers=1).good
+    assert_same_cube(tmp_path / "two", tmp_path / "one")
+    blocks = write_study(GRID + "    [run]\n    block = 1\n", "blocks.toml")
+    assert run(blocks, tmp_path / "blocks").good
+    names = ["thrust_amplitude", "thrust", "friction_power_w", "outcome"]
+    xr.testing.assert_equal(td.open_cube(tmp_path / "two")[names], td.open_cube(tmp_path / "blocks")[names])
+    again = run(whole, tmp_path / "two")
+    assert (again.computed, again.reused) == (0, 6)
+    cube = td.open_cube(tmp_path / "two")
+    assert cube["thrust"].dims == ("joint_angle_deg", "torque_n_m", "rotation_deg")
+    assert cube["thrust"].sizes["rotation_deg"] == 120
+    direct = td.simulate(joint_angle_deg=15, torque_n_m=25, samples_per_revolution=60)
+    cell = cube["thrust_amplitude"].sel(joint_angle_deg=15, torque_n_m=25)
+    assert np.array_equal(cell.values, direct["thrust_amplitude"].values)
+
+
+def test_a_study_that_grew_reuses_and_one_that_changed_is_refused(write_study, tmp_path):
+    out = tmp_path / "out"
+    run(write_study(GRID), out)
+    grown = run(write_study(GRID.replace("[25, 50]", "[25, 50, 100]")), out)
+    assert (grown.computed, grown.reused) == (3, 6)
+    before = (out / "cube.nc").read_bytes()
+    with pytest.raises(td.InputError, match=r"factors\.torque_n_m\.values.*\n?.*") as caught:
+        run(write_study(GRID.replace("[25, 50]", "[30, 50]")), out)
+    assert "samples_per_revolution" not in str(caught.value)
+    with pytest.raises(td.InputError, match=r"base\.samples_per_revolution: 60 -> 90"):
+        run(write_study(GRID.replace("[25, 50]", "[25, 50, 100]").replace("= 60", "= 90")), out)
+    with pytest.raises(td.InputError, match=r"keep\.outputs"):
+        run(write_study(GRID.replace("[25, 50]", "[25, 50, 100]").replace('"thrust", ', "")), out)
+    assert (out / "cube.nc").read_bytes() == before
+
+
+def test_failed_points_are_flagged_told_and_retried(write_study, tmp_path):
+    text = """
+        [study]
+        name = "misfit"
+        [factors.needle_count]
+        values = [27, 28]
+        [keep]
+        outputs = ["thrust_amplitude"]
+    """
+    summary = run(write_study(text), tmp_path / "out")
+    assert summary.failed == {"jammed": 1}
+    assert not summary.good
+    cube = td.open_cube(tmp_path / "out").sel(needle_count=28)
+    assert int(cube["outcome"]) == td.Outcome.JAMMED
+    assert "do not fit" in str(cube["outcome_detail"].values)
+    assert bool(cube["thrust_amplitude"].isnull().all())
+    expected = run(write_study(text + '        [run]\n        expected_outcomes = ["jammed"]\n'), tmp_path / "out")
+    assert expected.good
+    retried = run(write_study(text), tmp_path / "out", retry_failed=True)
+    assert (retried.computed, retried.reused) == (1, 1)
+
+
+def test_a_point_that_kills_its_worker_costs_only_itself(write_study, tmp_path):
+    (tmp_path / "deadly.py").write_text(
+        "import os\ndef f(x):\n    if x == 3:\n        os._exit(9)\n    return {'y': 2 * x}\n"
+    )
+    study = write_study(
+        '[study]\nname = "deadly"\nfunction = "deadly:f"\n[factors.x]\nvalues = [1, 2, 3, 4]\n[run]\nblock = 2\n'
+    )
+    summary = run(study, tmp_path / "out")
+    assert summary.failed == {"worker_lost": 1}
+    cube = td.open_cube(tmp_path / "out")
+    assert cube["y"].sel(x=[1, 2, 4]).values.tolist() == [2, 4, 8]
+    assert int(cube["outcome"].sel(x=3)) == td.Outcome.WORKER_LOST
+
+
+def test_an_error_in_a_function_is_a_flagged_cell(write_study, tmp_path):
+    (tmp_path / "fragile.py").write_text("def g(x):\n    return {'y': 1 / x, 'z': [x, x]}\n")
+    study = write_study('[study]\nname = "fragile"\nfunction = "fragile:g"\n[factors.x]\nvalues = [0, 4]\n')
+    summary = run(study, tmp_path / "out")
+    assert summary.failed == {"error": 1}
+    cube = td.open_cube(tmp_path / "out")
+    assert "ZeroDivisionError" in str(cube["outcome_detail"].sel(x=0).values)
+    assert float(cube["y"].sel(x=4)) == 0.25
+    assert cube["z"].sel(x=4).values.tolist() == [4, 4]
+
+
+def test_constraints_and_fail_fast(write_study, tmp_path):
+    text = GRID + '    [design]\n    constraints = ["joint_angle_deg * torque_n_m < 600"]\n'
+    assert run(write_study(text), tmp_path / "out").good
+    cube = td.open_cube(tmp_path / "out")
+    assert int(cube["outcome"].sel(joint_angle_deg=15, torque_n_m=50)) == td.Outcome.NOT_RUN
+    (tmp_path / "bad.py").write_text("def h(x):\n    raise RuntimeError(x)\n")
+    study = write_study('[study]\nname="b"\nfunction="bad:h"\n[factors.x]\nlow=0\nhigh=1\ncount=200\n[run]\nblock=1\n')
+    summary = run(study, tmp_path / "stopped", fail_fast=True)
+    assert summary.computed < 200
+    assert not summary.complete
+
+
+def start(study, out, log):
+    environment = os.environ | {"SLOW_LOG": str(log)}
+    command = [sys.executable, "-m", "tripod_doe.cli", "run", str(study), "--out", str(out)]
+    return subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, start_new_session=True, text=True)
+
+
+def test_ten_kills_lose_nothing_and_run_no_committed_block_twice(write_study, tmp_path):
+    """kill -9 of the whole process group at random moments; then the cube equals the uninterrupted one."""
+    (tmp_path / "slow_function.py").write_text(SLOW_FUNCTION)
+    study, log, out = write_study(SLOW), tmp_path / "log", tmp_path / "killed"
+    moments = random.Random(0)
+    committed = []
+    for _ in range(10):
+        process = start(study, out, log)
+        time.sleep(moments.uniform(1.5, 3.5))
+        os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+        if (out / "journal.sqlite").exists():
+            with Journal(out) as journal:
+                committed.append(len(journal.keys()))
+    process = start(study, out, log)
+    _, message = process.communicate()
+    assert process.returncode == 0, message
+    assert committed == sorted(committed)
+    assert len(set(committed)) > 2, "no kill hit the work"
+    with Journal(out) as journal:
+        keys = journal.keys()
+    assert len(keys) == len(np.unique(keys)) == 600
+    os.environ["SLOW_LOG"] = str(log)
+    run(study, tmp_path / "whole")
+    assert_same_cube(out, tmp_path / "whole")
+
+
+def test_a_worker_killed_in_mid_block_loses_nothing(write_study, tmp_path):
+    (tmp_path / "slow_function.py").write_text(SLOW_FUNCTION)
+    study, log, out = write_study(SLOW), tmp_path / "log", tmp_path / "out"
+    process = start(study, out, log)
+    while not log.exists():
+        time.sleep(0.05)
+    children = psutil.Process(process.pid).children(recursive=True)
+    workers = [child.pid for child in children if any("spawn_main" in word for word in child.cmdline())]
+    os.kill(random.Random(1).choice(workers), signal.SIGKILL)
+    _, message = process.communicate()
+    assert process.returncode == 0, message
+    cube = td.open_cube(out)
+    assert (cube["outcome"] == td.Outcome.FINISHED).all()
+    np.testing.assert_allclose(cube["y"], cube["x"] ** 2)
+
+
+def test_an_existing_scheduler_gives_the_same_cube(write_study, tmp_path):
+    from distributed import LocalCluster
+
+    study = write_study(GRID)
+    run(study, tmp_path / "own")
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50) as cluster:
+        run(study, tmp_path / "theirs", scheduler=cluster.scheduler_address)
+    assert_same_cube(tmp_path / "own", tmp_path / "theirs")
+    with pytest.raises(td.InputError, match="no Dask scheduler"):
+        run(study, tmp_path / "nowhere", scheduler="tcp://127.0.0.1:9")
+
+
+def test_two_runs_do_not_share_a_directory(write_study, tmp_path):
+    (tmp_path / "out").mkdir()
+    with Journal(tmp_path / "out"), pytest.raises(td.InputError, match="another run"):
+        run(write_study(GRID), tmp_path / "out")
+
+
+def test_keys_are_the_journals(write_study, tmp_path):
+    study = write_study(GRID)
+    run(study, tmp_path / "out")
+    checked = load_study(study)
+    keys = point_keys(checked, make_points(checked))
+    with Journal(tmp_path / "out") as journal:
+        assert sorted(keys.tolist()) == sorted(journal.keys().tolist())
+    cube = td.open_cube(tmp_path / "out")
+    assert json.loads(cube.attrs["fixed_parameters"])["speed_rpm"] == 600
