@@ -8,12 +8,12 @@ from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints
 from tripod_doe.mechanics.motion import copy_vectors, evaluate
 
-__all__ = ["DIVERGED", "EVALUATION_LIMIT", "FINISHED", "STEP_LIMIT", "Settings", "begin_watch", "watch"]
+__all__ = ["DIVERGED", "EVALUATION_LIMIT", "FINISHED", "RUNAWAY", "STEP_LIMIT", "Settings", "begin_watch", "watch"]
 
 FINISHED, DIVERGED, STEP_LIMIT, EVALUATION_LIMIT = 0, 1, 3, 4
 """How a stretch of a run ended; the integers are those of `results.Outcome`."""
 
-_RUNAWAY = 1e6
+RUNAWAY = 1e6
 """A speed this many times the scene's scale is no motion of the scene."""
 
 
@@ -80,7 +80,7 @@ def watch(tables, work, positions, velocities, time, step):
     for i in range(tables.bodies.size):
         for d in range(6):
             size = abs(velocities[i, d]) / (tables.scales[1] if d < 3 else tables.scales[2])
-            if not size <= _RUNAWAY:
+            if not size <= RUNAWAY:
                 work.failure[0], work.failure[1] = i, size
                 return DIVERGED
     if tables.rows.size > 0:

@@ -28,7 +28,7 @@ from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.contact import largest_penetration
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.mechanics.monitor import Settings, begin_watch
+from tripod_doe.mechanics.monitor import RUNAWAY, Settings, begin_watch
 from tripod_doe.mechanics.motion import evaluate, kinetic_energy
 from tripod_doe.mechanics.tables import Work
 from tripod_doe.results import Outcome
@@ -232,9 +232,11 @@ def _energy(assembly: Assembly, memory: Work, state: State) -> float:
 
 def _stopped(assembly: Assembly, memory: Work, outcome: Outcome, time: float) -> str:
     body = assembly.names[int(memory.failure[0])]
+    size = float(memory.failure[1])
+    left = not size <= RUNAWAY
     reason = {
-        Outcome.DIVERGED: "the motion left all bounds or the iteration did not converge",
-        Outcome.STEP_LIMIT: f"the step fell to {memory.failure[1]:.3g}",
+        Outcome.DIVERGED: "the motion left all bounds" if left else "the iteration of a step did not converge",
+        Outcome.STEP_LIMIT: f"the step fell to {size:.3g}",
         Outcome.EVALUATION_LIMIT: f"{int(memory.counters[0])} force evaluations are used up",
     }[outcome]
     return f"{reason} at t = {time:.6g}, body {body}"
