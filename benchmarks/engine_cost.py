@@ -44,19 +44,20 @@ def best(action, repetitions: int = 7) -> float:
     return min(times)
 
 
-def contact_cost(needles: int = 27) -> tuple[float, float]:
-    """Nanoseconds a touching sphere, with all its friction laws, and one that does not touch."""
+def contact_cost(needles: int = 27) -> list[float]:
+    """Nanoseconds a touching sphere with rolling resistance, one without, and one that does not touch."""
     costs = []
-    for preload in (1e-3, -1e-3):
+    for preload, rolling in ((1e-3, True), (1e-3, False), (-1e-3, True)):
         assembly = assemble(needle_ring(needles, preload=preload))
         state, work = assembly.initial_state(), assembly.work()
         rows = assembly.tables.contacts[assembly.tables.contacts["count"] > 1]
         rows = np.ascontiguousarray(rows[np.arange(rows.size) % 3 < 2])  # trunnion and bore, all in the same state
+        rows["rolling"] *= rolling
         arguments = (rows, state.positions, state.velocities, work.force, work.ledger, work.slip)
         contact_forces(*arguments)
         seconds = best(lambda arguments=arguments: [contact_forces(*arguments) for _ in range(200)]) / 200
         costs.append(1e9 * seconds / rows["count"].sum())
-    return costs[0], costs[1]
+    return costs
 
 
 def step_cost(assembly: Assembly, method: str, count: int, step: float) -> float:
@@ -88,8 +89,8 @@ def main() -> None:
     parser.add_argument("--compile", action="store_true")
     if parser.parse_args().compile:
         compile_cost()
-    touching, apart = contact_cost()
-    print(f"contact: {touching:.0f} ns a touching sphere, {apart:.0f} ns one that does not touch")
+    rolling, sliding, apart = contact_cost()
+    print(f"contact: {sliding:.0f} ns a touching sphere, {rolling:.0f} ns with rolling resistance, {apart:.0f} ns apart")
     print("us a step, and us a step and needle")
     for needles in (3, 9, 27, 81):
         assembly = assemble(needle_ring(needles))
