@@ -1,0 +1,303 @@
+"""Assembly: a scene turned into tables, checked once, with the block graph and its order of elimination."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.errors import InputError, near_match
+from tripod_doe.mechanics import scene as parts
+from tripod_doe.mechanics.elimination import elimination_pattern
+from tripod_doe.mechanics.tables import (
+    BODY,
+    CONSTRAINT_ROW,
+    CONTACT,
+    DISTANCE,
+    IN_PLANE,
+    LEDGER,
+    PERPENDICULAR,
+    SPRING,
+    Pattern,
+    Tables,
+    Work,
+)  # fmt: skip
+
+__all__ = ["Assembly", "State", "assemble"]
+
+FloatArray = NDArray[np.float64]
+_AXES = np.eye(3)
+
+
+@dataclass
+class State:
+    """Positions and velocities of all bodies at one time: the only thing that changes.
+
+    Attributes
+    ----------
+    time
+        Time.
+    positions
+        Centre of mass and quaternion, shape (body, 7); body 0 is the ground.
+    velocities
+        Velocity and angular velocity in world axes, shape (body, 6).
+    """
+
+    time: float
+    positions: FloatArray
+    velocities: FloatArray
+
+    def copy(self) -> State:
+        """An independent copy."""
+        return State(self.time, self.positions.copy(), self.velocities.copy())
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """A scene ready to run.
+
+    Attributes
+    ----------
+    scene
+        What it was made from.
+    names
+        Body names in the order of the tables; the ground is first.
+    tables
+        What kernels read.
+    """
+
+    scene: parts.Scene
+    names: tuple[str, ...]
+    tables: Tables
+
+    @property
+    def sphere_count(self) -> int:
+        """Number of spheres of all contacts."""
+        return int(self.tables.contacts["count"].sum())
+
+    def initial_state(self) -> State:
+        """The state that the scene describes, at time 0."""
+        positions, velocities = np.zeros((len(self.names), 7)), np.zeros((len(self.names), 6))
+        positions[:, 3] = 1.0
+        for i, body in enumerate(self.scene.bodies, start=1):
+            positions[i] = *body.position, *_unit(body.attitude)
+            velocities[i] = *body.velocity, *body.angular_velocity
+        return State(0.0, positions, velocities)
+
+    def work(self) -> Work:
+        """Memory for one run."""
+        bodies, rows, spheres = len(self.names), self.tables.rows.size, self.sphere_count
+        blocks = max(self.tables.pattern.row.size, 1)
+        pivots = max(self.tables.pattern.order.size, 1)
+        return Work(
+            force=np.zeros((bodies, 6)),
+            acceleration=np.zeros((bodies, 6)),
+            ledger=np.zeros(len(LEDGER)),
+            slip=np.zeros((spheres, 3)),
+            slip_before=np.zeros((spheres, 3)),
+            stiffness=np.zeros((blocks, 6, 6)),
+            dissipation=np.zeros((blocks, 6, 6)),
+            matrix=np.zeros((blocks, 6, 6)),
+            phi=np.zeros(rows),
+            phi_t=np.zeros(rows),
+            gamma=np.zeros(rows),
+            jacobian=np.zeros((rows, 12)),
+            weighted=np.zeros((rows, bodies, 6)),
+            schur=np.zeros((rows, rows + 1)),
+            multipliers=np.zeros(rows),
+            pivots=np.zeros(2 * rows + 1, np.int64),
+            blocks=np.zeros((pivots, 6)),
+            stages=np.zeros((20, bodies, 7)),
+            pair=np.zeros((8, 6, 6)),
+            counters=np.zeros(6, np.int64),
+            balance=np.zeros(5),
+            power_before=np.zeros(5),
+            reversals=np.zeros((spheres, 2), np.int64),
+            extremes=np.zeros(1),
+            failure=np.zeros(2),
+        )
+
+
+def _unit(values: Iterable[float]) -> FloatArray:
+    vector: FloatArray = np.asarray(tuple(values), float)
+    unit: FloatArray = vector / np.linalg.norm(vector)
+    return unit
+
+
+def _checked_direction(where: str, values: Iterable[float]) -> FloatArray:
+    vector = np.asarray(tuple(values), float)
+    if not np.all(np.isfinite(vector)) or np.linalg.norm(vector) == 0:
+        raise InputError(f"{where}: {tuple(values)} is no direction")
+    return _unit(vector)
+
+
+def _rotation(quaternion: Iterable[float]) -> FloatArray:
+    w, x, y, z = _unit(quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def _across(direction: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Two unit vectors that complete a direction to a right-handed frame."""
+    first = _unit(np.cross(direction, _AXES[np.argmin(np.abs(direction))]))
+    return first, np.cross(direction, first)
+
+
+def _index(names: dict[str, int], name: str, where: str) -> int:
+    if name not in names:
+        raise InputError(f"{where}: no body is called {name!r}{near_match(name, names)}")
+    return names[name]
+
+
+def _body_table(scene: parts.Scene) -> NDArray[np.void]:
+    table = np.zeros(len(scene.bodies) + 1, BODY)
+    table["mass"], table["inertia"], table["block"] = 1.0, 1.0, -1
+    blocks = 0
+    for row, body in zip(table[1:], scene.bodies, strict=True):
+        if not (body.mass > 0 and min(body.inertia) > 0):
+            raise InputError(f"body {body.name!r}: mass and moments of inertia must be positive")
+        row["mass"], row["inertia"] = body.mass, body.inertia
+        row["load"] = *body.force, *body.moment
+        row["free"] = [0.0 if locked else 1.0 for locked in body.locked]
+        if not all(body.locked) or any(body.velocity) or any(body.angular_velocity):  # its motion stays in the matrix
+            row["block"], blocks = blocks, blocks + 1
+    return table
+
+
+def _contact_table(scene: parts.Scene, names: dict[str, int]) -> NDArray[np.void]:
+    table = np.zeros(len(scene.contacts), CONTACT)
+    first = 0
+    for number, (row, contact) in enumerate(zip(table, scene.contacts, strict=True)):
+        where = f"contact {number} ({contact.body} on {contact.surface.body})"
+        row["body_a"] = _index(names, contact.body, where)
+        row["body_b"] = _index(names, contact.surface.body, where)
+        if row["body_a"] == row["body_b"]:
+            raise InputError(f"{where}: a body cannot touch itself")
+        if contact.count < 1 or contact.stiffness < 0 or contact.exponent < 1:
+            raise InputError(f"{where}: count and exponent must be at least 1, the stiffness not negative")
+        friction = contact.friction
+        if min(friction.sliding_transition, friction.rolling_transition, friction.spinning_transition) <= 0:
+            raise InputError(f"{where}: transition velocities must be positive")
+        surface = contact.surface
+        if isinstance(surface, parts.Plane):
+            row["direction"] = _checked_direction(where, surface.normal)
+        else:
+            row["direction"] = _checked_direction(where, surface.axis)
+            row["sign"] = -1.0 if surface.concave else 1.0
+            row["surface_radius"] = surface.radius
+        row["count"], row["first"], row["point"] = contact.count, first, surface.point
+        first += contact.count
+        row["centre"], row["axis"] = contact.centre, _checked_direction(where, contact.axis)
+        for name in ("length", "radius", "crown", "stiffness", "exponent", "damping"):
+            row[name] = getattr(contact, name)
+        for name in ("sliding", "rolling", "spinning"):
+            row[name] = getattr(friction, name)
+            row[f"{name}_transition"] = getattr(friction, f"{name}_transition")
+        row["lever"] = friction.lever
+    return table
+
+
+def _spring_table(scene: parts.Scene, names: dict[str, int]) -> NDArray[np.void]:
+    table = np.zeros(len(scene.springs), SPRING)
+    for number, (row, spring) in enumerate(zip(table, scene.springs, strict=True)):
+        row["body_a"] = _index(names, spring.body_a, f"spring {number}")
+        row["body_b"] = _index(names, spring.body_b, f"spring {number}")
+        for name in ("point_a", "point_b", "stiffness", "damping", "free_length"):
+            row[name] = getattr(spring, name)
+    return table
+
+
+def _constraint_rows(scene: parts.Scene, names: dict[str, int], state: State) -> NDArray[np.void]:
+    """Every joint as rows of the three kinds of equation."""
+    rows: list[NDArray[np.void]] = []
+    for number, joint in enumerate(scene.constraints):
+        where = f"constraint {number} ({type(joint).__name__})"
+        a, b = _index(names, joint.body_a, where), _index(names, joint.body_b, where)
+        if a == b:
+            raise InputError(f"{where}: a body cannot be joined to itself")
+
+        def row(kind: int, a: int = a, b: int = b, **values: object) -> None:
+            new = np.zeros((), CONSTRAINT_ROW)
+            new["kind"], new["body_a"], new["body_b"] = kind, a, b
+            for name, value in values.items():
+                new[name] = value
+            rows.append(new)
+
+        def coincide(point_a: object, point_b: object) -> None:
+            for axis in _AXES:
+                row(IN_PLANE, point_a=point_a, point_b=point_b, direction_a=axis)
+
+        match joint:
+            case parts.Distance():
+                if joint.length <= 0:
+                    raise InputError(f"{where}: the length must be positive")
+                row(DISTANCE, point_a=joint.point_a, point_b=joint.point_b, length=joint.length)
+            case parts.PointInPlane():
+                normal = _checked_direction(where, joint.normal_a)
+                row(IN_PLANE, point_a=joint.point_a, point_b=joint.point_b, direction_a=normal)
+            case parts.PrescribedRotation():
+                axis = _checked_direction(where, joint.axis_a)
+                ahead = _checked_direction(where, joint.reference_a)
+                motion = (joint.angle, joint.rate, joint.acceleration)
+                side = np.cross(axis, ahead)  # across the reference: zero where b's reference is at the angle
+                reference = _checked_direction(where, joint.reference_b)
+                row(PERPENDICULAR, direction_a=side, turned_a=-ahead, direction_b=reference, motion=motion)
+            case parts.Fixed():
+                turn_a, turn_b = _rotation(state.positions[a, 3:]), _rotation(state.positions[b, 3:])
+                coincide(turn_a.T @ (state.positions[b, :3] - state.positions[a, :3]), parts.ORIGIN)
+                relative = turn_b.T @ turn_a
+                for i, j in ((0, 1), (1, 2), (2, 0)):
+                    row(PERPENDICULAR, direction_a=_AXES[i], direction_b=relative[:, j])
+            case _:
+                coincide(joint.point_a, joint.point_b)
+                if isinstance(joint, parts.Revolute):
+                    for across in _across(_checked_direction(where, joint.axis_a)):
+                        axis = _checked_direction(where, joint.axis_b)
+                        row(PERPENDICULAR, direction_a=across, direction_b=axis)
+                elif isinstance(joint, parts.Universal):
+                    axes = (_checked_direction(where, joint.axis_a), _checked_direction(where, joint.axis_b))
+                    row(PERPENDICULAR, direction_a=axes[0], direction_b=axes[1])
+    return np.array(rows, CONSTRAINT_ROW) if rows else np.zeros(0, CONSTRAINT_ROW)
+
+
+def assemble(scene: parts.Scene) -> Assembly:
+    """Check a scene and turn it into tables.
+
+    Raises
+    ------
+    InputError
+        If a body is missing, named twice or without mass, or an element cannot be.
+    """
+    names = (parts.GROUND, *(body.name for body in scene.bodies))
+    index = {name: i for i, name in enumerate(names)}
+    if len(index) < len(names):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        raise InputError(f"bodies named twice: {', '.join(twice)}")
+    bodies = _body_table(scene)
+    contacts, springs = _contact_table(scene, index), _spring_table(scene, index)
+    pattern = elimination_pattern(bodies["block"], (contacts, springs))
+    state = Assembly(scene, names, _tables(scene, bodies, contacts, springs, np.zeros(0, CONSTRAINT_ROW), pattern))
+    rows = _constraint_rows(scene, index, state.initial_state())
+    return Assembly(scene, names, _tables(scene, bodies, contacts, springs, rows, pattern))
+
+
+def _tables(
+    scene: parts.Scene,
+    bodies: NDArray[np.void],
+    contacts: NDArray[np.void],
+    springs: NDArray[np.void],
+    rows: NDArray[np.void],
+    pattern: Pattern,
+) -> Tables:
+    scales = np.array([scene.length_scale, scene.speed_scale, scene.rotation_scale])
+    return Tables(
+        bodies, contacts, springs, rows, np.array(scene.gravity, float), scales,
+        np.flatnonzero(bodies["block"] >= 0), pattern,
+    )  # fmt: skip

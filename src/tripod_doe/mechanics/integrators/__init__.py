@@ -1,0 +1,1 @@
+"""Time integration: one method a file, one contract (`contract`), one registry (`registry`)."""

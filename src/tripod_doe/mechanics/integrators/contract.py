@@ -1,0 +1,50 @@
+"""The contract of a time integration method.
+
+Every method is a compiled function
+
+    integrate(tables, work, positions, velocities, clock, end, count, settings) -> int
+
+that advances positions and velocities in place from time clock[0] to `end`, in `count` equal steps or, if it controls
+its step, in as many as it needs; clock[1:] is the method's own memory between calls (its last step, its next step),
+zero at the start. After every accepted step it calls `monitor.watch` with the forces of the new state. It answers with
+an outcome.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+__all__ = ["Method"]
+
+
+@dataclass(frozen=True)
+class Method:
+    """A time integration method.
+
+    Attributes
+    ----------
+    name
+        The value of the parameter ``method``.
+    order
+        Declared order of convergence; for methods that run with step control, that of their fixed-step form.
+    meaning
+        One phrase.
+    integrate
+        The compiled time loop, or for SciPy's methods a Python function of the same signature.
+    controlled
+        Whether it chooses its own steps from `relative_tolerance`; else it takes steps of `step_s`.
+    explicit
+        Whether its step is limited by stiffness.
+    compiled
+        False for SciPy's methods, whose time loop runs in Python.
+    """
+
+    name: str
+    order: int
+    meaning: str
+    integrate: Callable[..., Any]
+    controlled: bool = False
+    explicit: bool = False
+    compiled: bool = True

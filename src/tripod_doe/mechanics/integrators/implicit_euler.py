@@ -1,0 +1,35 @@
+"""Implicit Euler with secant iterations for friction: first order, no limit on the step but accuracy."""
+
+from __future__ import annotations
+
+from tripod_doe.mechanics.compilation import kernel
+from tripod_doe.mechanics.implicit import solve_stage
+from tripod_doe.mechanics.integrators.contract import Method
+from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, watch
+from tripod_doe.mechanics.motion import clear, copy_vectors
+
+__all__ = ["METHOD"]
+
+
+@kernel
+def integrate(tables, work, positions, velocities, clock, end, count, settings):
+    """Advance by equal steps; see `contract`."""
+    step, begin = (end - clock[0]) / count, clock[0]
+    start, before, base = work.stages[0], work.stages[1], work.stages[2]
+    clear(base.ravel())
+    for n in range(count):
+        copy_vectors(positions, start)
+        copy_vectors(velocities, before)
+        time = begin + (n + 1) * step
+        if not solve_stage(tables, work, start, base, before, step, step, time, settings, positions, velocities):
+            return DIVERGED
+        clock[0] = time
+        status = watch(tables, work, positions, velocities, time, step)
+        if status != FINISHED:
+            return status
+        if work.counters[0] > settings.budget:
+            return EVALUATION_LIMIT
+    return FINISHED
+
+
+METHOD = Method("implicit-euler", 1, "implicit Euler with secant iterations", integrate)

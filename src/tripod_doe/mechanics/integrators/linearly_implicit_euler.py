@@ -1,0 +1,55 @@
+"""Linearly implicit Euler with the secant slope of friction: one linear solve a step."""
+
+from __future__ import annotations
+
+from tripod_doe.mechanics.compilation import kernel
+from tripod_doe.mechanics.constraints import evaluate_constraints
+from tripod_doe.mechanics.elimination import multiply
+from tripod_doe.mechanics.implicit import factorise_system, gather, solve_system
+from tripod_doe.mechanics.integrators.contract import Method
+from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, watch
+from tripod_doe.mechanics.motion import clear, constraint_rate, evaluate, linearise
+from tripod_doe.mechanics.rotations import move
+
+__all__ = ["METHOD"]
+
+
+@kernel
+def integrate(tables, work, positions, velocities, clock, end, count, settings):
+    """Advance by equal steps; see `contract`."""
+    step, begin = (end - clock[0]) / count, clock[0]
+    change, rows = work.stages[0], work.stages[1]
+    evaluate(tables, work, positions, velocities, begin, 0.0)
+    for n in range(count):
+        linearise(tables, work, positions, velocities, 1.0)
+        clock[0] = begin + (n + 1) * step
+        if tables.rows.size > 0:
+            evaluate_constraints(
+                tables.rows, positions, velocities, clock[0], work.phi, work.phi_t, work.gamma, work.jacobian
+            )
+            for k in range(tables.rows.size):  # positions at the end of the step meet the linearised equations
+                rate = constraint_rate(tables.rows[k], work.jacobian[k], velocities)
+                work.gamma[k] = -rate - work.phi[k] / step
+        if not factorise_system(tables, work, positions, step, step * step):
+            return DIVERGED
+        clear(rows.ravel())
+        gather(tables, velocities, 1.0, rows)
+        clear(work.blocks.ravel())
+        multiply(tables.pattern, work.stiffness, rows, -step * step, work.blocks)
+        gather(tables, work.force, step, work.blocks)
+        solve_system(tables, work, work.gamma, change)
+        for i in range(tables.bodies.size):
+            for d in range(6):
+                velocities[i, d] += change[i, d]
+                change[i, d] = step * velocities[i, d]
+            move(positions[i], change[i], positions[i])
+        evaluate(tables, work, positions, velocities, clock[0], 0.0)
+        status = watch(tables, work, positions, velocities, clock[0], step)
+        if status != FINISHED:
+            return status
+        if work.counters[0] > settings.budget:
+            return EVALUATION_LIMIT
+    return FINISHED
+
+
+METHOD = Method("linearly-implicit-euler", 1, "linearly implicit Euler with secant friction", integrate)

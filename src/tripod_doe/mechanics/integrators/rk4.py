@@ -1,0 +1,62 @@
+"""The classical Runge-Kutta method of order 4 on rotation vectors from the start of the step (Munthe-Kaas)."""
+
+from __future__ import annotations
+
+from tripod_doe.mechanics.compilation import kernel
+from tripod_doe.mechanics.integrators.contract import Method
+from tripod_doe.mechanics.monitor import EVALUATION_LIMIT, FINISHED, watch
+from tripod_doe.mechanics.motion import clear, copy_vectors, evaluate, project_positions, project_velocities
+from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
+
+__all__ = ["METHOD"]
+
+
+@kernel
+def integrate(tables, work, positions, velocities, clock, end, count, settings):
+    """Advance by equal steps; see `contract`."""
+    bodies = tables.bodies.size
+    step, begin = (end - clock[0]) / count, clock[0]
+    start, first = work.stages[0], work.stages[1]
+    shift, shift_sum, change_sum, displacement = work.stages[2], work.stages[3], work.stages[4], work.stages[5]
+    evaluate(tables, work, positions, velocities, begin, settings.baumgarte)
+    for n in range(count):
+        copy_vectors(positions, start)
+        copy_vectors(velocities, first)
+        clear(shift.ravel())
+        clear(shift_sum.ravel())
+        clear(change_sum.ravel())
+        time = begin + n * step
+        for stage in range(4):
+            weight = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
+            reach = step if stage == 2 else 0.5 * step
+            if stage > 0:
+                lag = 0.5 * step if stage < 3 else step
+                evaluate(tables, work, positions, velocities, time + lag, settings.baumgarte)
+            for i in range(bodies):
+                rate = tangent_rate(load_vector(shift[i], 3), load_vector(velocities[i], 3))
+                for d in range(6):
+                    speed = velocities[i, d] if d < 3 else rate[d - 3]
+                    shift_sum[i, d] += weight * speed
+                    change_sum[i, d] += weight * work.acceleration[i, d]
+                    shift[i, d] = reach * speed
+                    velocities[i, d] = first[i, d] + reach * work.acceleration[i, d]
+                    displacement[i, d] = shift[i, d]
+                if stage == 3:
+                    for d in range(6):
+                        displacement[i, d] = shift_sum[i, d]
+                        velocities[i, d] = first[i, d] + change_sum[i, d]
+                move(start[i], displacement[i], positions[i])
+        clock[0] = begin + (n + 1) * step
+        if settings.projection and tables.rows.size > 0:
+            project_positions(tables, work, positions, velocities, clock[0])
+            project_velocities(tables, work, positions, velocities, clock[0])
+        evaluate(tables, work, positions, velocities, clock[0], settings.baumgarte)
+        status = watch(tables, work, positions, velocities, clock[0], step)
+        if status != FINISHED:
+            return status
+        if work.counters[0] > settings.budget:
+            return EVALUATION_LIMIT
+    return FINISHED
+
+
+METHOD = Method("rk4", 4, "classical Runge-Kutta, explicit, for what it shows", integrate, explicit=True)

@@ -1,0 +1,176 @@
+"""ROS34PW2, a Rosenbrock-W method of order 3 with step control (Rang and Angermann, BIT 45, 2005).
+
+Its order holds for any approximation of the Jacobian, so the stiffness matrices may leave out geometric terms and
+constraints; with the exact tangent of the contact and friction laws it is L-stable. Stages solve
+(I - h g J) k_i = h f(y + sum a_ij k_j) + h J sum g_ij k_j with y the displacement from the start of the step and the
+velocity; eliminating the displacement leaves M + h g D + (h g)^2 K for the velocity.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tripod_doe.mechanics.compilation import kernel
+from tripod_doe.mechanics.elimination import multiply
+from tripod_doe.mechanics.implicit import factorise_system, gather, solve_unconstrained
+from tripod_doe.mechanics.integrators.contract import Method
+from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, STEP_LIMIT, watch
+from tripod_doe.mechanics.motion import (
+    add_mass_product,
+    clear,
+    copy_vectors,
+    evaluate,
+    linearise,
+    project_positions,
+    project_velocities,
+)  # fmt: skip
+from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
+
+__all__ = ["METHOD"]
+
+_GAMMA = 4.3586652150845900e-01
+_A = np.array(
+    [
+        [0.0, 0.0, 0.0, 0.0],
+        [8.7173304301691801e-01, 0.0, 0.0, 0.0],
+        [8.4457060015369423e-01, -1.1299064236484185e-01, 0.0, 0.0],
+        [0.0, 0.0, 1.0, 0.0],
+    ]
+)
+_G = np.array(
+    [
+        [0.0, 0.0, 0.0, 0.0],
+        [-8.7173304301691801e-01, 0.0, 0.0, 0.0],
+        [-9.0338057013044082e-01, 5.4180672388095326e-02, 0.0, 0.0],
+        [2.4212380706095346e-01, -1.2232505839045147e00, 5.4526025533510214e-01, 0.0],
+    ]
+)
+_B = np.array([2.4212380706095346e-01, -1.2232505839045147e00, 1.5452602553351020e00, 4.3586652150845900e-01])
+_EMBEDDED = np.array([3.7810903145819369e-01, -9.6042292212423178e-02, 5.0e-01, 2.1793326075422950e-01])
+
+
+@kernel
+def _stage(tables, work, start, first, stage, time, step, settings, positions, velocities):
+    """Compute one stage: increments of displacement in stages[2 + stage], of velocity in stages[6 + stage]."""
+    shift, mixed, mixed_speed, right = work.stages[10], work.stages[11], work.stages[12], work.stages[13]
+    for i in range(tables.bodies.size):
+        for d in range(6):
+            shift[i, d], mixed[i, d], mixed_speed[i, d] = 0.0, 0.0, 0.0
+            speed = first[i, d]
+            for j in range(stage):
+                shift[i, d] += _A[stage, j] * work.stages[2 + j, i, d]
+                speed += _A[stage, j] * work.stages[6 + j, i, d]
+                mixed[i, d] += _G[stage, j] * work.stages[2 + j, i, d]
+                mixed_speed[i, d] += _G[stage, j] * work.stages[6 + j, i, d]
+            velocities[i, d] = speed
+        move(start[i], shift[i], positions[i])
+    if stage > 0:
+        lag = step * (_A[stage, 0] + _A[stage, 1] + _A[stage, 2])
+        evaluate(tables, work, positions, velocities, time + lag, settings.baumgarte)
+        copy_vectors(work.acceleration, work.stages[16])
+    else:
+        copy_vectors(work.stages[14], work.stages[16])
+    # right-hand sides: h T u + h G u for displacements, h M0 a - h (K G q + D G u) for velocities
+    for i in range(tables.bodies.size):
+        rate = tangent_rate(load_vector(shift[i], 3), load_vector(velocities[i], 3))
+        for d in range(6):
+            speed = velocities[i, d] if d < 3 else rate[d - 3]
+            right[i, d] = step * (speed + mixed_speed[i, d])
+    reach = step * _GAMMA
+    rows = work.stages[15]
+    clear(work.blocks.ravel())
+    add_mass_product(tables, start, work.stages[16], step, work.blocks)
+    clear(rows.ravel())
+    gather(tables, mixed, step, rows)
+    gather(tables, right, reach, rows)
+    multiply(tables.pattern, work.stiffness, rows, -1.0, work.blocks)
+    clear(rows.ravel())
+    gather(tables, mixed_speed, step, rows)
+    multiply(tables.pattern, work.dissipation, rows, -1.0, work.blocks)
+    solve_unconstrained(tables, work, work.stages[6 + stage])
+    for i in range(tables.bodies.size):
+        for d in range(6):
+            work.stages[2 + stage, i, d] = right[i, d] + reach * work.stages[6 + stage, i, d]
+
+
+@kernel
+def _combine(tables, work, start, first, tolerance, positions, velocities):
+    """State at the end of the step, and its error relative to the tolerance."""
+    worst = 0.0
+    shift = work.stages[10]
+    for i in range(tables.bodies.size):
+        for d in range(6):
+            total, error, speed, speed_error = 0.0, 0.0, 0.0, 0.0
+            for j in range(4):
+                total += _B[j] * work.stages[2 + j, i, d]
+                error += (_B[j] - _EMBEDDED[j]) * work.stages[2 + j, i, d]
+                speed += _B[j] * work.stages[6 + j, i, d]
+                speed_error += (_B[j] - _EMBEDDED[j]) * work.stages[6 + j, i, d]
+            shift[i, d] = total
+            velocities[i, d] = first[i, d] + speed
+            scale = tables.scales[1] if d < 3 else tables.scales[2]
+            length = tables.scales[0] * scale / tables.scales[1]
+            size = max(abs(error) / length, abs(speed_error) / scale) / tolerance
+            if not size <= worst:
+                worst = size
+                work.failure[0] = i
+        move(start[i], shift[i], positions[i])
+    return worst
+
+
+@kernel
+def integrate(tables, work, positions, velocities, clock, end, count, settings):
+    """Advance with step control, or by equal steps without; see `contract`. clock[1] holds the next step."""
+    start, first = work.stages[0], work.stages[1]
+    begin, taken = clock[0], 0
+    equal = (end - begin) / count
+    if clock[1] == 0.0:
+        clock[1] = 1e-4 * (end - begin)
+    evaluate(tables, work, positions, velocities, begin, settings.baumgarte)
+    copy_vectors(positions, start)
+    copy_vectors(velocities, first)
+    copy_vectors(work.acceleration, work.stages[14])
+    linearise(tables, work, positions, velocities, 0.0)
+    while taken < count if not settings.controlled else clock[0] < end:
+        step = min(clock[1], end - clock[0]) if settings.controlled else equal
+        if not factorise_system(tables, work, start, step * _GAMMA, (step * _GAMMA) ** 2):
+            return DIVERGED
+        for stage in range(4):
+            _stage(tables, work, start, first, stage, clock[0], step, settings, positions, velocities)
+        error = _combine(tables, work, start, first, settings.tolerance, positions, velocities)
+        growth = min(max(0.9 * max(error, 1e-9) ** (-1.0 / 3.0), 0.2), 5.0) if math.isfinite(error) else 0.1
+        if settings.controlled and not error <= 1.0:
+            work.counters[4] += 1
+            copy_vectors(start, positions)
+            copy_vectors(first, velocities)
+            clock[1] = step * growth
+            work.failure[1] = clock[1]
+            if clock[1] < settings.floor:
+                return STEP_LIMIT
+            if work.counters[0] > settings.budget:
+                return EVALUATION_LIMIT
+            continue
+        taken += 1
+        whole = clock[0] + step >= end * (1.0 - 1e-15) and settings.controlled
+        clock[0] = end if whole or (taken == count and not settings.controlled) else clock[0] + step
+        if step >= clock[1] or growth < 1.0:  # a step cut short by `end` says nothing about the next one
+            clock[1] = step * growth
+        if settings.projection and tables.rows.size > 0:
+            project_positions(tables, work, positions, velocities, clock[0])
+            project_velocities(tables, work, positions, velocities, clock[0])
+        evaluate(tables, work, positions, velocities, clock[0], settings.baumgarte)
+        status = watch(tables, work, positions, velocities, clock[0], step)
+        if status != FINISHED:
+            return status
+        if work.counters[0] > settings.budget:
+            return EVALUATION_LIMIT
+        copy_vectors(positions, start)
+        copy_vectors(velocities, first)
+        copy_vectors(work.acceleration, work.stages[14])
+        linearise(tables, work, positions, velocities, 0.0)
+    return FINISHED
+
+
+METHOD = Method("rosenbrock", 3, "Rosenbrock-W method of order 3(2) with step control", integrate, controlled=True)

@@ -1,0 +1,117 @@
+"""SciPy's Radau, BDF and LSODA on the same right-hand side: slow, and an oracle for the methods of this package."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy.integrate
+from numpy.typing import NDArray
+
+from tripod_doe.mechanics.compilation import kernel
+from tripod_doe.mechanics.integrators.contract import Method
+from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, Settings, watch
+from tripod_doe.mechanics.motion import evaluate
+from tripod_doe.mechanics.tables import Tables, Work
+
+__all__ = ["METHODS"]
+
+FloatArray = NDArray[np.float64]
+_ORDERS = {"Radau": 5, "BDF": 5, "LSODA": 5}
+
+
+class _BudgetSpentError(Exception):
+    """Raised out of SciPy's loop when the evaluations are used up."""
+
+
+@kernel
+def _unpack(y, positions, velocities):
+    """Split a flat state; quaternions are normalised here, not by the solver."""
+    for i in range(1, positions.shape[0]):
+        at = 13 * (i - 1)
+        norm = 0.0
+        for d in range(7):
+            positions[i, d] = y[at + d]
+        for d in range(3, 7):
+            norm += positions[i, d] * positions[i, d]
+        norm = 1.0 / np.sqrt(norm)
+        for d in range(3, 7):
+            positions[i, d] *= norm
+        for d in range(6):
+            velocities[i, d] = y[at + 7 + d]
+
+
+@kernel
+def _rates(tables, work, time, y, baumgarte, positions, velocities, out):
+    """Right-hand side y' = f(t, y) for centre of mass, quaternion and velocities of every body."""
+    _unpack(y, positions, velocities)
+    evaluate(tables, work, positions, velocities, time, baumgarte)
+    for i in range(1, positions.shape[0]):
+        at = 13 * (i - 1)
+        w, x, y_, z = positions[i, 3], positions[i, 4], positions[i, 5], positions[i, 6]
+        a, b, c = 0.5 * velocities[i, 3], 0.5 * velocities[i, 4], 0.5 * velocities[i, 5]
+        for d in range(3):
+            out[at + d] = velocities[i, d]
+        out[at + 3] = -a * x - b * y_ - c * z
+        out[at + 4] = a * w + b * z - c * y_
+        out[at + 5] = b * w + c * x - a * z
+        out[at + 6] = c * w + a * y_ - b * x
+        for d in range(6):
+            out[at + 7 + d] = work.acceleration[i, d]
+
+
+def _pack(positions: FloatArray, velocities: FloatArray) -> FloatArray:
+    return np.hstack([positions[1:], velocities[1:]]).ravel()
+
+
+def _tolerances(tables: Tables, tolerance: float) -> FloatArray:
+    length, speed, rotation = tables.scales
+    each = np.array([length] * 3 + [length * rotation / speed] * 4 + [speed] * 3 + [rotation] * 3)
+    return tolerance * np.tile(each, tables.bodies.size - 1)
+
+
+def _integrate(
+    solver: str, tables: Tables, work: Work, positions: FloatArray, velocities: FloatArray, clock: FloatArray,
+    end: float, count: int, settings: Settings,
+) -> int:  # fmt: skip
+    """Advance with SciPy's step control; see `contract`. Its own flag is not trusted: the caller checks the result."""
+    rates = np.empty(13 * (positions.shape[0] - 1))
+
+    def right_hand_side(time: float, y: FloatArray) -> FloatArray:
+        if work.counters[0] > settings.budget:
+            raise _BudgetSpentError
+        _rates(tables, work, time, y, settings.baumgarte, positions, velocities, rates)
+        return rates.copy()
+
+    options: dict[str, Any] = {"rtol": settings.tolerance, "atol": _tolerances(tables, settings.tolerance)}
+    start = _pack(positions, velocities)
+    try:
+        stepper = getattr(scipy.integrate, solver)(right_hand_side, clock[0], start, end, **options)
+        while stepper.status == "running":
+            before = stepper.t
+            with np.errstate(all="ignore"):
+                stepper.step()
+            if stepper.status == "failed" or not np.all(np.isfinite(stepper.y)):
+                work.failure[0] = 0
+                return DIVERGED
+            right_hand_side(stepper.t, stepper.y)
+            clock[0] = stepper.t
+            status = int(watch(tables, work, positions, velocities, stepper.t, stepper.t - before))
+            if status != FINISHED:
+                return status
+    except _BudgetSpentError:
+        return EVALUATION_LIMIT
+    except (ValueError, np.linalg.LinAlgError):  # SciPy refuses a Jacobian that is not finite
+        return DIVERGED
+    return FINISHED
+
+
+def _method(solver: str) -> Method:
+    def integrate(*arguments: Any) -> int:
+        return _integrate(solver, *arguments)
+
+    name = f"scipy-{solver.lower()}"
+    return Method(name, _ORDERS[solver], f"SciPy's {solver}, an oracle", integrate, controlled=True, compiled=False)
+
+
+METHODS = tuple(_method(solver) for solver in _ORDERS)

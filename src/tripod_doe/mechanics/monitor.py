@@ -1,0 +1,91 @@
+"""What a run notes about itself after every accepted step: energy balance, slip reversals, drift and runaway."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from tripod_doe.mechanics.compilation import kernel
+from tripod_doe.mechanics.constraints import evaluate_constraints
+from tripod_doe.mechanics.motion import copy_vectors, evaluate
+
+__all__ = ["DIVERGED", "EVALUATION_LIMIT", "FINISHED", "RUNAWAY", "STEP_LIMIT", "Settings", "begin_watch", "watch"]
+
+FINISHED, DIVERGED, STEP_LIMIT, EVALUATION_LIMIT = 0, 1, 3, 4
+"""How a stretch of a run ended; the integers are those of `results.Outcome`."""
+
+RUNAWAY = 1e6
+"""A speed this many times the scene's scale is no motion of the scene."""
+
+
+class Settings(NamedTuple):
+    """Numerics of a run.
+
+    Attributes
+    ----------
+    tolerance
+        Relative tolerance of methods that control their step.
+    floor
+        Smallest step before a run gives up.
+    budget
+        Largest number of force evaluations.
+    iterations, correction
+        Largest number of iterations of an implicit stage, and the relative correction at which they end.
+    baumgarte
+        Rate of Baumgarte's stabilisation, 0 for none.
+    projection
+        Whether states are projected onto the constraints after every step.
+    controlled
+        Whether methods with step control use it; without they take equal steps.
+    """
+
+    tolerance: float = 1e-6
+    floor: float = 1e-13
+    budget: int = 2_000_000_000
+    iterations: int = 60
+    correction: float = 1e-9
+    baumgarte: float = 0.0
+    projection: bool = True
+    controlled: bool = True
+
+
+@kernel
+def begin_watch(tables, work, positions, velocities, time):
+    """Note the state that a run starts from."""
+    evaluate(tables, work, positions, velocities, time, 0.0)
+    for p in range(5):
+        work.power_before[p] = work.ledger[1 + p]
+    copy_vectors(work.slip, work.slip_before)
+
+
+@kernel
+def watch(tables, work, positions, velocities, time, step):
+    """Note an accepted step; the ledger and the slips must be those of this state.
+
+    Returns
+    -------
+    int
+        `FINISHED` to go on, or why to stop.
+    """
+    work.counters[3] += 1
+    for p in range(5):
+        power = work.ledger[1 + p]
+        work.balance[p] += 0.5 * step * (power + work.power_before[p])
+        work.power_before[p] = power
+    slip, before = work.slip, work.slip_before
+    for k in range(slip.shape[0]):
+        product = slip[k, 0] * before[k, 0] + slip[k, 1] * before[k, 1] + slip[k, 2] * before[k, 2]
+        work.reversals[k, 0] += product < 0.0
+        work.reversals[k, 1] += product != 0.0
+        before[k, 0], before[k, 1], before[k, 2] = slip[k, 0], slip[k, 1], slip[k, 2]
+    for i in range(tables.bodies.size):
+        for d in range(6):
+            size = abs(velocities[i, d]) / (tables.scales[1] if d < 3 else tables.scales[2])
+            if not size <= RUNAWAY:
+                work.failure[0], work.failure[1] = i, size
+                return DIVERGED
+    if tables.rows.size > 0:
+        evaluate_constraints(tables.rows, positions, velocities, time, work.phi, work.phi_t, work.gamma, work.jacobian)
+        for k in range(tables.rows.size):
+            if not abs(work.phi[k]) <= work.extremes[0]:
+                work.extremes[0] = abs(work.phi[k])
+    return FINISHED

@@ -1,0 +1,335 @@
+"""Equations of motion, Eq. 1: generalized forces, accelerations and multipliers of a scene, and its energy."""
+
+from __future__ import annotations
+
+import math
+
+from tripod_doe.mechanics.compilation import inlined_kernel, kernel
+from tripod_doe.mechanics.constraints import evaluate_constraints, factorise_schur, solve_schur
+from tripod_doe.mechanics.contact import add_pair, contact_forces, contact_matrices
+from tripod_doe.mechanics.rotations import (
+    add,
+    cross,
+    dot,
+    load_attitude,
+    load_vector,
+    move,
+    rotate,
+    rotate_back,
+    scale,
+    subtract,
+)  # fmt: skip
+
+__all__ = [
+    "accelerate", "add_mass_blocks", "add_mass_product", "add_reaction_power", "clear", "constraint_rate",
+    "copy_vectors", "evaluate", "generalized_forces", "kinetic_energy", "linearise", "project_positions",
+    "project_velocities",
+]  # fmt: skip
+
+_PROJECTION_SWEEPS = 4
+
+
+@kernel
+def clear(array):
+    """Set a flat view of an array to zero, by a loop: numba needs seconds to compile a slice assignment."""
+    for i in range(array.size):
+        array[i] = 0.0
+
+
+@kernel
+def copy_vectors(source, target):
+    """Copy rows of bodies, as many columns as both have."""
+    for i in range(source.shape[0]):
+        for d in range(min(source.shape[1], target.shape[1])):
+            target[i, d] = source[i, d]
+
+
+@inlined_kernel
+def _angular_momentum(body, attitude, omega):
+    """Inertia times angular velocity, in world axes."""
+    local = rotate_back(attitude, omega)
+    return rotate(attitude, (body.inertia[0] * local[0], body.inertia[1] * local[1], body.inertia[2] * local[2]))
+
+
+@inlined_kernel
+def _spring_state(spring, positions, velocities):
+    """Arms, unit vector from a to b, length and its rate."""
+    a, b = spring.body_a, spring.body_b
+    arm_a = rotate(load_attitude(positions[a]), load_vector(spring.point_a, 0))
+    arm_b = rotate(load_attitude(positions[b]), load_vector(spring.point_b, 0))
+    between = subtract(add(load_vector(positions[b], 0), arm_b), add(load_vector(positions[a], 0), arm_a))
+    closing = subtract(
+        add(load_vector(velocities[b], 0), cross(load_vector(velocities[b], 3), arm_b)),
+        add(load_vector(velocities[a], 0), cross(load_vector(velocities[a], 3), arm_a)),
+    )
+    length = math.sqrt(dot(between, between)) + 1e-300
+    along = scale(1.0 / length, between)
+    return arm_a, arm_b, along, length, dot(along, closing)
+
+
+@kernel
+def _spring_forces(springs, positions, velocities, force, ledger):
+    """Add the forces of springs and dampers, and their energies."""
+    for i in range(springs.size):
+        spring = springs[i]
+        arm_a, arm_b, along, length, rate = _spring_state(spring, positions, velocities)
+        stretch = length - spring.free_length
+        tension = spring.stiffness * stretch + spring.damping * rate
+        ledger[0] += 0.5 * spring.stiffness * stretch * stretch
+        ledger[5] += spring.damping * rate * rate
+        moment_a, moment_b = cross(arm_a, along), cross(arm_b, along)
+        for d in range(3):
+            force[spring.body_a, d] += tension * along[d]
+            force[spring.body_a, 3 + d] += tension * moment_a[d]
+            force[spring.body_b, d] -= tension * along[d]
+            force[spring.body_b, 3 + d] -= tension * moment_b[d]
+
+
+@kernel
+def _spring_matrices(springs, positions, velocities, dissipation, stiffness, scratch):
+    """Add -dQ/dv and -dQ/dq of springs and dampers."""
+    for i in range(springs.size):
+        spring = springs[i]
+        arm_a, arm_b, along, length, _ = _spring_state(spring, positions, velocities)
+        across = spring.stiffness * (1.0 - spring.free_length / length)
+        clear(scratch[2].ravel())
+        clear(scratch[3].ravel())
+        for d in range(3):
+            scratch[3, d, d] = across
+            for e in range(3):
+                scratch[2, d, e] = spring.damping * along[d] * along[e]
+                scratch[3, d, e] += (spring.stiffness - across) * along[d] * along[e]
+        add_pair(dissipation, spring.pair, scratch[2], arm_a, arm_b, scratch)
+        add_pair(stiffness, spring.pair, scratch[3], arm_a, arm_b, scratch)
+
+
+@kernel
+def generalized_forces(tables, work, positions, velocities):
+    """Evaluate Q of Eq. 1: loads, gravity, contacts, springs and gyroscopic moments, and the energy ledger.
+
+    The power of locked velocities is that of the reaction -Q which keeps them.
+    """
+    force, ledger = work.force, work.ledger
+    work.counters[0] += 1
+    clear(ledger)
+    for i in range(tables.bodies.size):
+        body = tables.bodies[i]
+        for d in range(6):
+            force[i, d] = body.load[d]
+        if body.block >= 0:
+            for d in range(3):
+                force[i, d] += body.mass * tables.gravity[d]
+        for d in range(6):
+            ledger[1] += force[i, d] * velocities[i, d]
+    contact_forces(tables.contacts, positions, velocities, force, ledger, work.slip)
+    _spring_forces(tables.springs, positions, velocities, force, ledger)
+    for i in range(tables.bodies.size):
+        body = tables.bodies[i]
+        if body.block >= 0:
+            omega = load_vector(velocities[i], 3)
+            turned = cross(omega, _angular_momentum(body, load_attitude(positions[i]), omega))
+            for d in range(3):
+                force[i, 3 + d] -= turned[d]
+        for d in range(6):
+            if body.free[d] == 0.0:
+                ledger[1] -= force[i, d] * velocities[i, d]
+
+
+@inlined_kernel
+def _divide_by_mass(body, position, force, start, out):
+    """Acceleration of one body by a force and moment at force[start:start + 6]; zero where it is locked."""
+    attitude = load_attitude(position)
+    moment = (force[start + 3] * body.free[3], force[start + 4] * body.free[4], force[start + 5] * body.free[5])
+    local = rotate_back(attitude, moment)
+    turned = rotate(attitude, (local[0] / body.inertia[0], local[1] / body.inertia[1], local[2] / body.inertia[2]))
+    for d in range(3):
+        out[d] = body.free[d] * force[start + d] / body.mass
+        out[3 + d] = body.free[3 + d] * turned[d]
+
+
+@kernel
+def add_mass_product(tables, positions, vectors, factor, out):
+    """Add `factor` times M(q) times vectors to out, row by row of the block matrix.
+
+    Parameters
+    ----------
+    vectors
+        Shape (body, 6 or more).
+    out
+        Shape (row, 6).
+    """
+    for i in range(tables.bodies.size):
+        body = tables.bodies[i]
+        if body.block < 0:
+            continue
+        momentum = _angular_momentum(body, load_attitude(positions[i]), load_vector(vectors[i], 3))
+        for d in range(3):
+            out[body.block, d] += factor * body.mass * vectors[i, d]
+            out[body.block, 3 + d] += factor * momentum[d]
+
+
+@kernel
+def add_mass_blocks(tables, positions, matrix):
+    """Add M(q) to the diagonal blocks of a block matrix."""
+    for i in range(tables.bodies.size):
+        body = tables.bodies[i]
+        if body.block < 0:
+            continue
+        block = matrix[tables.pattern.own[body.block]]
+        attitude = load_attitude(positions[i])
+        for d in range(3):
+            block[d, d] += body.mass
+            unit = (1.0 if d == 0 else 0.0, 1.0 if d == 1 else 0.0, 1.0 if d == 2 else 0.0)
+            column = _angular_momentum(body, attitude, unit)
+            for e in range(3):
+                block[3 + e, 3 + d] += column[e]
+
+
+@kernel
+def _weigh_by_mass(tables, work, positions):
+    """M^-1 Phi_q^T of every constraint equation, and the factors of their Schur complement."""
+    for k in range(tables.rows.size):
+        clear(work.weighted[k].ravel())
+        a, b = tables.rows[k].body_a, tables.rows[k].body_b
+        if tables.bodies[a].block >= 0:
+            _divide_by_mass(tables.bodies[a], positions[a], work.jacobian[k], 0, work.weighted[k, a])
+        if tables.bodies[b].block >= 0:
+            _divide_by_mass(tables.bodies[b], positions[b], work.jacobian[k], 6, work.weighted[k, b])
+    factorise_schur(tables.rows, work.jacobian, work.weighted, work.schur, work.pivots)
+
+
+@inlined_kernel
+def constraint_rate(row, jacobian, vectors):
+    """Phi_q times the vectors of the two bodies of one equation."""
+    total = 0.0
+    for d in range(6):
+        total += jacobian[d] * vectors[row.body_a, d] + jacobian[6 + d] * vectors[row.body_b, d]
+    return total
+
+
+@kernel
+def add_reaction_power(tables, work, velocities, factor):
+    """Add to the ledger what reactions put in: the power of a drive, and of locked velocities that a joint pulls at.
+
+    Parameters
+    ----------
+    factor
+        What `work.multipliers` have to be multiplied by.
+    """
+    for k in range(tables.rows.size):
+        for side in range(2):
+            body = tables.rows[k].body_a if side == 0 else tables.rows[k].body_b
+            for d in range(6):
+                speed = tables.bodies[body].free[d] * velocities[body, d]
+                work.ledger[1] -= factor * work.multipliers[k] * work.jacobian[k, 6 * side + d] * speed
+
+
+@kernel
+def accelerate(tables, work, positions, velocities, time, baumgarte):
+    """Accelerations and multipliers of Eq. 1 from the forces of the last evaluation.
+
+    Parameters
+    ----------
+    baumgarte
+        Rate alpha of gamma - 2 alpha Phi' - alpha^2 Phi; zero for none.
+    """
+    acceleration = work.acceleration
+    clear(acceleration.ravel())
+    for i in range(tables.bodies.size):
+        if tables.bodies[i].block >= 0:
+            _divide_by_mass(tables.bodies[i], positions[i], work.force[i], 0, acceleration[i])
+    if tables.rows.size == 0:
+        return
+    rows = tables.rows
+    evaluate_constraints(rows, positions, velocities, time, work.phi, work.phi_t, work.gamma, work.jacobian)
+    _weigh_by_mass(tables, work, positions)
+    for k in range(rows.size):
+        rate = constraint_rate(rows[k], work.jacobian[k], velocities) + work.phi_t[k]
+        wanted = work.gamma[k] - baumgarte * (2.0 * rate + baumgarte * work.phi[k])
+        work.gamma[k] = constraint_rate(rows[k], work.jacobian[k], acceleration) - wanted
+    solve_schur(work.schur, work.pivots, work.gamma, work.multipliers)
+    for k in range(rows.size):
+        if work.multipliers[k] != 0.0:
+            for i in (rows[k].body_a, rows[k].body_b):
+                for d in range(6):
+                    acceleration[i, d] -= work.multipliers[k] * work.weighted[k, i, d]
+    add_reaction_power(tables, work, velocities, 1.0)
+
+
+@kernel
+def evaluate(tables, work, positions, velocities, time, baumgarte):
+    """Forces and accelerations of a state."""
+    generalized_forces(tables, work, positions, velocities)
+    accelerate(tables, work, positions, velocities, time, baumgarte)
+
+
+@kernel
+def project_positions(tables, work, positions, velocities, time):
+    """Put positions back onto the constraints along M^-1 Phi_q^T, by Newton's method."""
+    rows = tables.rows
+    for _ in range(_PROJECTION_SWEEPS):
+        evaluate_constraints(rows, positions, velocities, time, work.phi, work.phi_t, work.gamma, work.jacobian)
+        worst = 0.0
+        for k in range(rows.size):
+            worst = max(worst, abs(work.phi[k]))
+        if worst <= 1e-14 * tables.scales[0]:
+            return
+        _weigh_by_mass(tables, work, positions)
+        solve_schur(work.schur, work.pivots, work.phi, work.multipliers)
+        shift = work.acceleration
+        clear(shift.ravel())
+        for k in range(rows.size):
+            for i in (rows[k].body_a, rows[k].body_b):
+                for d in range(6):
+                    shift[i, d] -= work.multipliers[k] * work.weighted[k, i, d]
+        for i in range(tables.bodies.size):
+            move(positions[i], shift[i], positions[i])
+
+
+@kernel
+def project_velocities(tables, work, positions, velocities, time):
+    """Put velocities back onto Phi_q q' + Phi_t = 0 along M^-1 Phi_q^T."""
+    rows = tables.rows
+    evaluate_constraints(rows, positions, velocities, time, work.phi, work.phi_t, work.gamma, work.jacobian)
+    _weigh_by_mass(tables, work, positions)
+    for k in range(rows.size):
+        work.gamma[k] = constraint_rate(rows[k], work.jacobian[k], velocities) + work.phi_t[k]
+    solve_schur(work.schur, work.pivots, work.gamma, work.multipliers)
+    for k in range(rows.size):
+        for i in (rows[k].body_a, rows[k].body_b):
+            for d in range(6):
+                velocities[i, d] -= work.multipliers[k] * work.weighted[k, i, d]
+
+
+@kernel
+def linearise(tables, work, positions, velocities, secant):
+    """Fill the block matrices -dQ/dv and -dQ/dq at a state."""
+    work.counters[1] += 1
+    clear(work.dissipation.ravel())
+    clear(work.stiffness.ravel())
+    contact_matrices(tables.contacts, positions, velocities, secant, work.dissipation, work.stiffness, work.pair)
+    _spring_matrices(tables.springs, positions, velocities, work.dissipation, work.stiffness, work.pair)
+    for i in range(tables.bodies.size):
+        body = tables.bodies[i]
+        if body.block < 0:
+            continue
+        block = work.dissipation[tables.pattern.own[body.block]]
+        attitude, omega = load_attitude(positions[i]), load_vector(velocities[i], 3)
+        momentum = _angular_momentum(body, attitude, omega)
+        for d in range(3):  # -d(-omega x I omega): omega x I e - I omega x e, column by column
+            unit = (1.0 if d == 0 else 0.0, 1.0 if d == 1 else 0.0, 1.0 if d == 2 else 0.0)
+            column = add(cross(omega, _angular_momentum(body, attitude, unit)), cross(unit, momentum))
+            for e in range(3):
+                block[3 + e, 3 + d] += column[e]
+
+
+@kernel
+def kinetic_energy(bodies, positions, velocities):
+    """Kinetic energy of all bodies that can move freely in some direction."""
+    total = 0.0
+    for i in range(bodies.size):
+        if bodies[i].block >= 0:
+            speed, omega = load_vector(velocities[i], 0), load_vector(velocities[i], 3)
+            momentum = _angular_momentum(bodies[i], load_attitude(positions[i]), omega)
+            total += 0.5 * (bodies[i].mass * dot(speed, speed) + dot(omega, momentum))
+    return total

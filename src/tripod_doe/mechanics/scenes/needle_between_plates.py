@@ -1,0 +1,187 @@
+"""A skewed needle roller between two plates: the validation of the paper's 2.3.3 and Fig. 8.
+
+Plate A is fixed, plate B moves with constant velocity V along x and carries the load; the needle lies between them, its
+axis turned by the skew from y. Across its axis the needle rolls freely at V cos(skew) / 2; along its axis it slips at u
+against A and at V sin(skew) - u against B, and in steady motion both frictions are equal,
+
+    mu_A tanh(u / v_st) = mu_B tanh((V sin(skew) - u) / v_st),     drift = T cos(skew) (V/2 sin(skew) - u).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from scipy.optimize import brentq
+
+from tripod_doe.mechanics import scene as parts
+from tripod_doe.mechanics.assembly import assemble
+from tripod_doe.mechanics.monitor import Settings
+from tripod_doe.mechanics.run import Run, run
+from tripod_doe.mechanics.scenes.simulator import PROGRESS, RUN_OUTPUTS, SceneSimulator, numerics_parameters
+from tripod_doe.quantities import Output, Parameter
+
+__all__ = ["NeedleBetweenPlates", "build", "closed_form", "scene", "transition_velocity"]
+
+_PLATE_MASS = 1e-4
+"""Mass of the loaded plate (0.1 kg, assumed): it moves only across its plane, and only while the load settles."""
+
+_PARAMETERS = [
+    Parameter("friction_a", 0.03, "1", "mu_sA", "sliding friction coefficient on plate A, the fixed one",
+              "FACTS: closed form", low=0, high=1, group="friction"),
+    Parameter("friction_b", 0.02, "1", "mu_sB", "sliding friction coefficient on plate B, the moving one",
+              "FACTS: closed form", low=0, high=1, group="friction"),
+    Parameter("transition_ratio", 0.25, "1", "v_st/v_max", "transition velocity over half the plate's speed along the "
+              "needle", "paper 3.1", low=0, high=10, low_open=True, group="friction"),
+    Parameter("plate_speed_mm_s", 100.0, "mm s-1", "V", "speed of plate B", "assumed", low=-1e5, high=1e5,
+              group="operating point"),
+    Parameter("load_n", 200.0, "N", "P", "load on plate B", "assumed", low=0, high=1e5, low_open=True,
+              group="operating point"),
+    Parameter("skew_deg", 2.0, "degree", "phi", "skew of the needle, counterclockwise seen from plate B",
+              "paper Fig. 8", low=-45, high=45, group="operating point"),
+    Parameter("duration_s", 0.1, "s", "T", "duration", "assumed", low=0, high=100, low_open=True,
+              group="operating point"),
+    Parameter("needle_diameter_mm", 2.0, "mm", "d_n", "needle diameter", "assumed", low=0.2, high=10,
+              group="geometry"),
+    Parameter("needle_length_mm", 10.0, "mm", "l", "length of the needle's line contact", "assumed", low=0.5, high=80,
+              group="geometry"),
+    Parameter("spheres_per_needle", 7, "1", "N_s", "spheres that stand for a needle", "paper 3.1", low=1, high=51,
+              kind="integer", group="geometry"),
+    Parameter("needle_crown_um", 0.0, "um", "", "crown of the needle: drop of its profile at the ends", "assumed",
+              low=0, high=100, group="geometry"),
+    Parameter("density_kg_m3", 7850.0, "kg m-3", "", "density of the needle", "steel", low=100, high=25000,
+              group="material"),
+    Parameter("contact_damping_s_per_mm", 0.001, "s mm-1", "", "Hunt-Crossley factor on the penetration rate",
+              "assumed", low=0, high=1, group="material"),
+    Parameter("contact_stiffness_factor", 1.0, "1", "", "factor on every contact stiffness",
+              "CONTRACT: for stability studies", low=1e-4, high=1e4, group="stability studies"),
+    Parameter("needle_mass_factor", 1.0, "1", "", "factor on the needle's mass and inertia",
+              "CONTRACT: for stability studies", low=1e-4, high=1e4, group="stability studies"),
+    *numerics_parameters("bdf2", 200_000_000),
+]  # fmt: skip
+
+_OUTPUTS = [
+    Output("axial_drift_mm", "mm", "y", "drift of the needle across the plate's velocity, in its plane"),
+    Output("travel_mm", "mm", "x", "travel of the needle along the plate's velocity"),
+    Output("axial_path_mm", "mm", "y", "locus of the needle: drift across the plate's velocity", ("progress",)),
+    Output("travel_path_mm", "mm", "x", "locus of the needle: travel along the plate's velocity", ("progress",)),
+    *RUN_OUTPUTS,
+]
+
+
+def transition_velocity(values: Mapping[str, float]) -> float:
+    """v_st: transition_ratio times (V/2) sin(skew), not below 1e-3 mm/s."""
+    slip = abs(values["plate_speed_mm_s"] / 2 * math.sin(math.radians(values["skew_deg"])))
+    return max(values["transition_ratio"] * slip, 1e-3)
+
+
+def closed_form(values: Mapping[str, float]) -> tuple[float, float]:
+    """Axial slip u against plate A and drift in steady motion; mm/s and mm."""
+    skew, speed = math.radians(values["skew_deg"]), values["plate_speed_mm_s"]
+    along, v_st = speed * math.sin(skew), transition_velocity(values)
+
+    def balance(u: float) -> float:
+        hold = values["friction_a"] * math.tanh(u / v_st)
+        return float(hold - values["friction_b"] * math.tanh((along - u) / v_st))
+
+    slip = 0.0 if along == 0.0 else float(brentq(balance, min(0.0, along), max(0.0, along), xtol=1e-15, rtol=1e-14))
+    return slip, values["duration_s"] * math.cos(skew) * (along / 2 - slip)
+
+
+def build(values: Mapping[str, float]) -> parts.Scene:
+    """The scene, at rest in its load, rolling without slip across the needle and without motion along it."""
+    count, length, radius = (
+        int(values["spheres_per_needle"]),
+        values["needle_length_mm"],
+        values["needle_diameter_mm"] / 2,
+    )
+    stiffness = values["contact_stiffness_factor"] * 8.15e4 * length ** (8 / 9) / count  # Table 1
+    depth = (values["load_n"] / count / stiffness) ** 0.9
+    if values["needle_crown_um"] > 0:
+        depth = _crowned_depth(values, stiffness, count)
+    skew, speed = math.radians(values["skew_deg"]), values["plate_speed_mm_s"]
+    mass = values["needle_mass_factor"] * values["density_kg_m3"] * 1e-12 * math.pi * radius**2 * length
+    across = mass * (radius**2 / 4 + length**2 / 12)
+    rolling = (math.cos(skew) * speed * math.cos(skew) / 2, math.sin(skew) * speed * math.cos(skew) / 2, 0.0)
+    turning = speed * math.cos(skew) / 2 / radius
+    needle = parts.Body(
+        "needle", mass, (across, mass * radius**2 / 2, across), position=(0.0, 0.0, radius - depth),
+        attitude=(math.cos(skew / 2), 0.0, 0.0, math.sin(skew / 2)), velocity=rolling,
+        angular_velocity=(-math.sin(skew) * turning, math.cos(skew) * turning, 0.0),
+    )  # fmt: skip
+    plate = parts.Body(
+        "plate B", _PLATE_MASS, (1.0, 1.0, 1.0), position=(0.0, 0.0, 2 * (radius - depth)), velocity=(speed, 0.0, 0.0),
+        force=(0.0, 0.0, -values["load_n"]), locked=(True, True, False, True, True, True),
+    )  # fmt: skip
+    v_st = transition_velocity(values)
+
+    def row(surface: parts.Plane, friction: float) -> parts.SphereRow:
+        return parts.SphereRow(
+            "needle", surface, radius, stiffness, exponent=10 / 9, axis=(0.0, 1.0, 0.0), count=count, length=length,
+            crown=values["needle_crown_um"] / 1e3, damping=values["contact_damping_s_per_mm"],
+            friction=parts.Friction(sliding=friction, sliding_transition=v_st),
+        )  # fmt: skip
+
+    slip = max(abs(speed * math.sin(skew)) / 2, 1e-3 * abs(speed), 1e-3)
+    return parts.Scene(
+        (needle, plate),
+        contacts=(
+            row(parts.Plane(parts.GROUND), values["friction_a"]),
+            row(parts.Plane("plate B", normal=(0.0, 0.0, -1.0)), values["friction_b"]),
+        ),
+        length_scale=max(slip * values["duration_s"], 0.01),
+        speed_scale=slip,
+        rotation_scale=slip / radius,
+    )
+
+
+def _crowned_depth(values: Mapping[str, float], stiffness: float, count: int) -> float:
+    """Penetration of the middle of a crowned needle that carries the load."""
+    place = (np.arange(count) + 0.5) / count - 0.5
+    drop = 4 * values["needle_crown_um"] / 1e3 * place**2
+
+    def missing(depth: float) -> float:
+        return float((stiffness * np.maximum(depth - drop, 0) ** (10 / 9)).sum() - values["load_n"])
+
+    highest = (values["load_n"] / stiffness) ** 0.9 + drop.max()
+    return float(brentq(missing, 0.0, highest, xtol=1e-15))
+
+
+class NeedleBetweenPlates(SceneSimulator):
+    """The needle between two plates as a simulator."""
+
+    name = "needle-between-plates"
+    parameters: ClassVar[dict[str, Parameter]] = {parameter.name: parameter for parameter in _PARAMETERS}
+    outputs: ClassVar[dict[str, Output]] = {output.name: output for output in _OUTPUTS}
+    steps: ClassVar[dict[str, float]] = {
+        "symplectic-euler": 5e-9, "rk4": 5e-9, "linearly-implicit-euler": 1e-5, "implicit-euler": 1e-4, "bdf2": 1e-4,
+        "generalized-alpha": 1e-5,
+    }  # fmt: skip
+    tolerances: ClassVar[dict[str, float]] = {
+        "rosenbrock": 1e-5,
+        "scipy-radau": 1e-6,
+        "scipy-bdf": 1e-6,
+        "scipy-lsoda": 1e-6,
+    }
+
+    def run(self, values: Mapping[str, float], method: str, step: float | None, settings: Settings) -> Run:
+        """Simulate one point."""
+        assembly = assemble(build(values))
+        return run(assembly, method, values["duration_s"], step=step, samples=PROGRESS.size - 1, settings=settings)
+
+    def answer(self, values: Mapping[str, float], result: Run) -> dict[str, Any]:
+        """Drift, travel and locus."""
+        path = result.positions[:, 1, :]
+        progress = result.times / values["duration_s"]
+        return {
+            "axial_drift_mm": path[-1, 1],
+            "travel_mm": path[-1, 0],
+            "axial_path_mm": np.interp(PROGRESS, progress, path[:, 1]),
+            "travel_path_mm": np.interp(PROGRESS, progress, path[:, 0]),
+        }
+
+
+scene = NeedleBetweenPlates()
+"""The scene that study files reach as ``needle-between-plates``."""

@@ -1,0 +1,130 @@
+"""A tilted roller that is pushed along a cylindrical groove under load: the joint's thrust in its simplest form.
+
+The roller's axis is tilted by beta from the perpendicular to the groove, in the plane of contact. The roller turns
+freely about its axis, so it slips only along it, at v sin(beta), and the groove feels the axial force mu_s N tanh(v
+sin(beta) / v_st) sin(beta).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from tripod_doe.mechanics import scene as parts
+from tripod_doe.mechanics.assembly import assemble
+from tripod_doe.mechanics.monitor import Settings
+from tripod_doe.mechanics.motion import generalized_forces
+from tripod_doe.mechanics.run import Run, run
+from tripod_doe.mechanics.scenes.simulator import RUN_OUTPUTS, SceneSimulator, numerics_parameters
+from tripod_doe.quantities import Output, Parameter
+
+__all__ = ["RollerInGroove", "build", "closed_form", "scene"]
+
+_MASS, _INERTIA = 7e-5, 1e-2
+"""Mass (0.07 kg) and moment of inertia of the roller, assumed: they matter only while the load settles."""
+
+_PARAMETERS = [
+    Parameter("tilt_deg", 10.0, "degree", "beta", "tilt of the roller's axis from the perpendicular to the groove",
+              "FACTS: closed form", low=-80, high=80, group="operating point"),
+    Parameter("axial_speed_mm_s", 233.0, "mm s-1", "v_z", "speed of the roller along the groove",
+              "FACTS: peak at the reference point", low=-1e5, high=1e5, group="operating point"),
+    Parameter("load_n", 800.0, "N", "N", "load of the roller on the groove", "FACTS: closed form", low=0, high=1e6,
+              low_open=True, group="operating point"),
+    Parameter("duration_s", 0.02, "s", "T", "duration; the force is that at its end", "assumed", low=0, high=10,
+              low_open=True, group="operating point"),
+    Parameter("friction", 0.05, "1", "mu_s", "sliding friction coefficient", "paper 3.1", low=0, high=1,
+              group="friction"),
+    Parameter("transition_ratio", 0.25, "1", "v_st/v_max", "transition velocity over the steady slip", "paper 3.1",
+              low=0, high=10, low_open=True, group="friction"),
+    Parameter("roller_radius_mm", 16.0, "mm", "R_s", "radius of the spherical roller", "assumed", low=3, high=80,
+              group="geometry"),
+    Parameter("groove_radius_ratio", 1.0086, "1", "R_g/R_s", "groove radius over roller radius", "paper 2.3.1", low=1,
+              high=2, low_open=True, group="geometry"),
+    Parameter("contact_stiffness_n_mm15", 2.938e6, "N mm-1.5", "C", "contact stiffness of Eq. 2 with m = 3/2",
+              "paper Table 1 at the reference geometry", low=1, high=1e9, group="material"),
+    Parameter("contact_damping_s_per_mm", 0.001, "s mm-1", "", "Hunt-Crossley factor on the penetration rate",
+              "assumed", low=0, high=1, group="material"),
+    *numerics_parameters("bdf2", 50_000_000),
+]  # fmt: skip
+
+_OUTPUTS = [
+    Output("axial_force_n", "N", "F", "magnitude of the axial force on the groove"),
+    *RUN_OUTPUTS,
+]
+
+
+def _slip(values: Mapping[str, float]) -> float:
+    return abs(values["axial_speed_mm_s"] * math.sin(math.radians(values["tilt_deg"])))
+
+
+def closed_form(values: Mapping[str, float]) -> float:
+    """Steady axial force, N."""
+    slip = _slip(values)
+    sign = math.tanh(slip / max(values["transition_ratio"] * slip, 1e-3))
+    return values["friction"] * values["load_n"] * sign * abs(math.sin(math.radians(values["tilt_deg"])))
+
+
+def build(values: Mapping[str, float]) -> parts.Scene:
+    """The scene: the roller's axis is y, the groove lies in the horizontal plane, turned by the tilt from x.
+
+    The roller starts with the spin it would have without tilt, and settles by friction.
+    """
+    radius, tilt = values["roller_radius_mm"], math.radians(values["tilt_deg"])
+    groove = (math.cos(tilt), math.sin(tilt), 0.0)
+    speed, slip = values["axial_speed_mm_s"], _slip(values)
+    depth = (values["load_n"] / values["contact_stiffness_n_mm15"]) ** (2 / 3)
+    groove_radius = radius * values["groove_radius_ratio"]
+    roller = parts.Body(
+        "roller", _MASS, (_INERTIA,) * 3, position=(0.0, 0.0, radius - groove_radius - depth),
+        velocity=(speed * groove[0], speed * groove[1], 0.0),
+        angular_velocity=(0.0, speed / radius, 0.0), force=(0.0, 0.0, -values["load_n"]),
+        locked=(True, True, False, True, False, True),
+    )  # fmt: skip
+    contact = parts.SphereRow(
+        "roller", parts.Cylinder(parts.GROUND, groove_radius, axis=groove, concave=True), radius,
+        values["contact_stiffness_n_mm15"], exponent=1.5, damping=values["contact_damping_s_per_mm"],
+        friction=parts.Friction(values["friction"], max(values["transition_ratio"] * slip, 1e-3)),
+    )  # fmt: skip
+    scale = max(slip, 1e-3 * abs(speed), 1e-3)
+    return parts.Scene(
+        (roller,), contacts=(contact,), length_scale=max(scale * values["duration_s"], 0.01), speed_scale=scale,
+        rotation_scale=scale / radius,
+    )  # fmt: skip
+
+
+class RollerInGroove(SceneSimulator):
+    """The roller in its groove as a simulator."""
+
+    name = "roller-in-groove"
+    parameters: ClassVar[dict[str, Parameter]] = {parameter.name: parameter for parameter in _PARAMETERS}
+    outputs: ClassVar[dict[str, Output]] = {output.name: output for output in _OUTPUTS}
+    steps: ClassVar[dict[str, float]] = {
+        "symplectic-euler": 1e-7, "rk4": 2e-7, "linearly-implicit-euler": 1e-6, "implicit-euler": 1e-4, "bdf2": 1e-4,
+        "generalized-alpha": 1e-5,
+    }  # fmt: skip
+    tolerances: ClassVar[dict[str, float]] = {
+        "rosenbrock": 1e-6,
+        "scipy-radau": 1e-8,
+        "scipy-bdf": 1e-8,
+        "scipy-lsoda": 1e-8,
+    }
+
+    def run(self, values: Mapping[str, float], method: str, step: float | None, settings: Settings) -> Run:
+        """Simulate one point."""
+        assembly = assemble(build(values))
+        return run(assembly, method, values["duration_s"], step=step, samples=20, settings=settings)
+
+    def answer(self, values: Mapping[str, float], result: Run) -> dict[str, Any]:
+        """Axial force on the groove at the end."""
+        assembly = assemble(build(values))
+        work = assembly.work()
+        generalized_forces(assembly.tables, work, result.positions[-1], result.velocities[-1])
+        tilt = math.radians(values["tilt_deg"])
+        return {"axial_force_n": float(abs(work.force[0, :2] @ np.array([math.cos(tilt), math.sin(tilt)])))}
+
+
+scene = RollerInGroove()
+"""The scene that study files reach as ``roller-in-groove``."""

@@ -1,0 +1,163 @@
+"""What small scenes share as simulators: the protocol of studies over one run a point."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.errors import InputError
+from tripod_doe.mechanics.compilation import KERNEL_SOURCE_HASH
+from tripod_doe.mechanics.integrators.registry import METHODS
+from tripod_doe.mechanics.monitor import Settings
+from tripod_doe.mechanics.run import Run
+from tripod_doe.quantities import Output, Parameter, Value
+from tripod_doe.results import BlockResult, Outcome, Values
+
+__all__ = ["PROGRESS", "RUN_OUTPUTS", "SceneSimulator", "numerics_parameters"]
+
+PROGRESS = np.linspace(0.0, 1.0, 101)
+"""Parts of the duration at which paths are sampled."""
+
+RUN_OUTPUTS = (
+    Output("largest_penetration_um", "um", "delta", "largest penetration of all contacts"),
+    Output("energy_residual", "1", "", "energy residual over the energy turned over"),
+)
+"""What every run tells about itself."""
+
+_NUMERICS = "numerics"
+
+
+def numerics_parameters(method: str, evaluation_budget: int) -> tuple[Parameter, ...]:
+    """Parameters of the time integration, with the scene's default method and budget."""
+    return (
+        Parameter("method", method, "1", "", "time integration method", "numerics", kind="choice",
+                  choices=tuple(METHODS), group=_NUMERICS),
+        Parameter("relative_tolerance", None, "1", "", "relative tolerance of a method with step control; by the "
+                  "method unless given", "numerics", low=1e-13, high=0.1, group=_NUMERICS),
+        Parameter("step_s", None, "s", "h", "time step of a method without step control; by the method unless given",
+                  "numerics", low=1e-10, high=1.0, group=_NUMERICS),
+        Parameter("evaluation_budget", evaluation_budget, "1", "", "largest number of force evaluations of a run",
+                  "numerics", low=1, high=1e12, kind="integer", group=_NUMERICS),
+        Parameter("replicate", 0, "1", "", "number of the repetition; changes nothing but the timing", "numerics",
+                  low=0, high=1e6, kind="integer", group=_NUMERICS),
+    )  # fmt: skip
+
+
+def _unset(value: object) -> bool:
+    return value is None or (isinstance(value, float) and np.isnan(value))
+
+
+class SceneSimulator(ABC):
+    """A scene of mechanics as a simulator of studies.
+
+    Attributes
+    ----------
+    name
+        Name of the scene in study files.
+    parameters, outputs
+        Everything that can be set and kept, by name.
+    steps, tolerances
+        Default step of each method without, and default tolerance of each with step control.
+    source_hash
+        Hash of all kernel sources: results with different hashes must not be mixed.
+    """
+
+    name: str
+    parameters: ClassVar[dict[str, Parameter]]
+    outputs: ClassVar[dict[str, Output]]
+    steps: ClassVar[dict[str, float]]
+    tolerances: ClassVar[dict[str, float]]
+    source_hash = KERNEL_SOURCE_HASH
+
+    @abstractmethod
+    def run(self, values: Mapping[str, float], method: str, step: float | None, settings: Settings) -> Run:
+        """Simulate one point, all values in the units of their names."""
+
+    @abstractmethod
+    def answer(self, values: Mapping[str, float], result: Run) -> dict[str, Any]:
+        """Make every output of the scene from a run, but those of `RUN_OUTPUTS`."""
+
+    def misfit(self, values: Mapping[str, float]) -> str:
+        """Say why the parts do not fit, or nothing."""
+        return ""
+
+    def check(
+        self, base: Mapping[str, Value], factors: Mapping[str, Collection[Value]], keep: Collection[str]
+    ) -> list[str]:
+        """Check what no single value shows, and return warnings.
+
+        Raises
+        ------
+        InputError
+            If a base value sets a numerics parameter that no method in play uses.
+        """
+        methods = [str(m) for m in factors.get("method") or [base.get("method") or self.parameters["method"].default]]
+        for parameter, usable in (("relative_tolerance", self.tolerances), ("step_s", self.steps)):
+            if not _unset(base.get(parameter)) and not any(method in usable for method in methods):
+                raise InputError(
+                    f"{parameter} = {base[parameter]}: not used by {', '.join(methods)}; leave it out "
+                    f"(used by {', '.join(usable)})"
+                )
+        return []
+
+    def effective(self, values: Mapping[str, Value]) -> dict[str, Value]:
+        """Complete the values of one point by defaults, and by the numerics of its method."""
+        full = {name: values.get(name, parameter.default) for name, parameter in self.parameters.items()}
+        method = str(full["method"])
+        for name, defaults in (("step_s", self.steps), ("relative_tolerance", self.tolerances)):
+            if _unset(full[name]):
+                full[name] = defaults.get(method)
+        return full
+
+    def prepare(self) -> None:
+        """Compile the kernels of the default method, or load their machine code from the disk, by a short run."""
+        full = self.effective({"duration_s": 1e-6})
+        self.simulate({name: np.array([value], object) for name, value in full.items()}, ())
+
+    def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
+        """Simulate a block of points; see the scene ``joint``."""
+        count = len(points["method"])
+        outcome, detail = np.full(count, Outcome.NOT_APPLICABLE, np.int8), [""] * count
+        work = np.zeros((2, count), np.int64)
+        shapes = {name: (PROGRESS.size,) if self.outputs[name].dims else () for name in keep}
+        outputs = {
+            name: Values(self.outputs[name].dims, np.full((count, *shape), np.nan)) for name, shape in shapes.items()
+        }
+        for i in range(count):
+            point = {name: column[i] for name, column in points.items()}
+            method = str(point["method"])
+            numerics = (("step_s", self.steps), ("relative_tolerance", self.tolerances))
+            unused = [name for name, users in numerics if not _unset(point[name]) and method not in users]
+            if unused:
+                detail[i] = f"{' and '.join(unused)} is not used by {method}"
+                continue
+            full = self.effective({name: None if _unset(value) else value for name, value in point.items()})
+            values = {
+                name: float(value)
+                for name, value in full.items()
+                if isinstance(value, int | float | np.number) and self.parameters[name].kind != "choice"
+            }
+            if reason := self.misfit(values):
+                outcome[i], detail[i] = Outcome.JAMMED, reason
+                continue
+            result = self._run_point(values, method)
+            outcome[i], detail[i] = result.outcome, result.detail
+            work[:, i] = result.steps, result.force_evaluations + result.check_evaluations
+            if result.outcome == Outcome.FINISHED:
+                found = self.answer(values, result) | {
+                    "largest_penetration_um": 1e3 * result.penetration,
+                    "energy_residual": result.energy_residual,
+                }
+                for name in keep:
+                    outputs[name].data[i] = found[name]
+        used = {dim for values in outputs.values() for dim in values.dims}
+        labels = {"progress": PROGRESS} if "progress" in used else {}
+        return BlockResult(outputs, labels, outcome, detail, work[0], work[1])
+
+    def _run_point(self, values: Mapping[str, float], method: str) -> Run:
+        settings = Settings(tolerance=values.get("relative_tolerance", 0.0), budget=int(values["evaluation_budget"]))
+        return self.run(values, method, values.get("step_s"), settings)

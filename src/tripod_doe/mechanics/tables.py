@@ -1,0 +1,203 @@
+"""Tables: the typed contiguous form of a scene that kernels read, and the memory that they work in."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "BODY", "CONSTRAINT_ROW", "CONTACT", "DISTANCE", "IN_PLANE", "LEDGER", "PERPENDICULAR", "SPRING", "Pattern",
+    "Tables", "Work",
+]  # fmt: skip
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_VECTOR = (np.float64, (3,))
+
+BODY = np.dtype(
+    [
+        ("mass", np.float64),
+        ("inertia", *_VECTOR),
+        ("load", np.float64, (6,)),
+        ("free", np.float64, (6,)),  # 1 where a velocity component is free, 0 where it is locked
+        ("block", np.int64),  # row in the block matrix, -1 for a body that never moves
+    ],
+    align=True,
+)
+
+CONTACT = np.dtype(
+    [
+        ("body_a", np.int64),  # carries the spheres
+        ("body_b", np.int64),  # carries the surface
+        ("count", np.int64),
+        ("first", np.int64),  # number of the row's first sphere in the scene
+        ("pair", np.int64, (4,)),  # blocks aa, ab, ba, bb of the block matrix, -1 where there is none
+        ("sign", np.float64),  # 0 plane, +1 convex, -1 concave cylinder
+        ("centre", *_VECTOR),
+        ("axis", *_VECTOR),
+        ("length", np.float64),
+        ("radius", np.float64),
+        ("crown", np.float64),
+        ("point", *_VECTOR),
+        ("direction", *_VECTOR),  # normal of the plane, axis of the cylinder
+        ("surface_radius", np.float64),
+        ("stiffness", np.float64),
+        ("exponent", np.float64),
+        ("damping", np.float64),
+        ("sliding", np.float64),
+        ("sliding_transition", np.float64),
+        ("rolling", np.float64),
+        ("lever", np.float64),
+        ("rolling_transition", np.float64),
+        ("spinning", np.float64),
+        ("spinning_transition", np.float64),
+    ],
+    align=True,
+)
+
+SPRING = np.dtype(
+    [
+        ("body_a", np.int64),
+        ("body_b", np.int64),
+        ("pair", np.int64, (4,)),
+        ("point_a", *_VECTOR),
+        ("point_b", *_VECTOR),
+        ("stiffness", np.float64),
+        ("damping", np.float64),
+        ("free_length", np.float64),
+    ],
+    align=True,
+)
+
+IN_PLANE, PERPENDICULAR, DISTANCE = 0, 1, 2
+"""Kinds of constraint equation; every joint is made of these three."""
+
+CONSTRAINT_ROW = np.dtype(
+    [
+        ("kind", np.int64),
+        ("body_a", np.int64),
+        ("body_b", np.int64),
+        ("point_a", *_VECTOR),
+        ("point_b", *_VECTOR),
+        ("direction_a", *_VECTOR),
+        ("turned_a", *_VECTOR),  # direction_a turned by a right angle, for prescribed rotations
+        ("direction_b", *_VECTOR),
+        ("length", np.float64),
+        ("motion", *_VECTOR),  # angle, rate and acceleration of a prescribed rotation
+    ],
+    align=True,
+)
+
+LEDGER = ("elastic_energy", "input_power", "sliding", "spinning", "rolling", "damping")
+"""Entries of the energy ledger: stored energy, power put in by loads and drives, and power lost by mechanism."""
+
+
+class Pattern(NamedTuple):
+    """Elimination of the block matrix, worked out once: which 6 x 6 blocks exist, and what each pivot does.
+
+    Attributes
+    ----------
+    diagonal
+        Block number of each pivot, in order of elimination, shape (pivot,).
+    order
+        Row of each pivot, shape (pivot,).
+    start
+        Where each pivot's neighbours begin, shape (pivot + 1,).
+    neighbour, lower, upper
+        Row of each neighbour, and the blocks (neighbour, pivot) and (pivot, neighbour).
+    target_start, target
+        Blocks (i, j) that a pivot's neighbours i and j update, i slowest.
+    own
+        Diagonal block of each row.
+    row, column
+        Place of every block.
+    """
+
+    diagonal: IntArray
+    order: IntArray
+    start: IntArray
+    neighbour: IntArray
+    lower: IntArray
+    upper: IntArray
+    target_start: IntArray
+    target: IntArray
+    own: IntArray
+    row: IntArray
+    column: IntArray
+
+
+class Tables(NamedTuple):
+    """Everything a kernel reads about a scene."""
+
+    bodies: NDArray[Any]
+    contacts: NDArray[Any]
+    springs: NDArray[Any]
+    rows: NDArray[Any]
+    gravity: FloatArray
+    scales: FloatArray  # length, speed, angular velocity
+    body_of_row: IntArray
+    pattern: Pattern
+
+
+class Work(NamedTuple):
+    """Memory of one run, allocated once.
+
+    Attributes
+    ----------
+    force, acceleration
+        Generalized force and acceleration, shape (body, 6).
+    ledger
+        Energies and powers at the last force evaluation (`LEDGER`).
+    slip, slip_before
+        Slip vector of every sphere at the last force evaluation and at the last accepted step, shape (sphere, 3).
+    stiffness, dissipation, matrix
+        Block matrices -dQ/dq, -dQ/dv and the one that is factorised, shape (block, 6, 6).
+    phi, phi_t, gamma, jacobian, weighted, schur, multipliers, pivots
+        Constraint equations: residuals, partial time derivatives, right-hand side of Eq. 1, Phi_q as (row, 12), its
+        product with the inverse matrix (row, body, 6), Schur complement, lambda, and the order of its pivots.
+    blocks
+        A right-hand side of the block solver, shape (row, 6).
+    stages
+        Memory of a method for positions, increments and velocities, shape (16, body, 7).
+    pair
+        Scratch for one pair of bodies, shape (8, 6, 6).
+    counters
+        Force evaluations, linearisations, factorisations, accepted steps, rejected steps, iterations.
+    balance, power_before
+        Time integrals of ledger entries 1 to 5, and their values at the last accepted step.
+    reversals
+        Of every sphere, slip reversals from one accepted step to the next, and steps with slip, shape (sphere, 2).
+    extremes
+        Largest constraint drift.
+    failure
+        Body and size of what made a run stop.
+    """
+
+    force: FloatArray
+    acceleration: FloatArray
+    ledger: FloatArray
+    slip: FloatArray
+    slip_before: FloatArray
+    stiffness: FloatArray
+    dissipation: FloatArray
+    matrix: FloatArray
+    phi: FloatArray
+    phi_t: FloatArray
+    gamma: FloatArray
+    jacobian: FloatArray
+    weighted: FloatArray
+    schur: FloatArray
+    multipliers: FloatArray
+    pivots: IntArray
+    blocks: FloatArray
+    stages: FloatArray
+    pair: FloatArray
+    counters: IntArray
+    balance: FloatArray
+    power_before: FloatArray
+    reversals: IntArray
+    extremes: FloatArray
+    failure: FloatArray

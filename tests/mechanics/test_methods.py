@@ -1,0 +1,44 @@
+"""Every method on one smooth scene: observed order, and agreement (exact mathematics)."""
+
+import numpy as np
+import pytest
+
+from tripod_doe.mechanics.assembly import assemble
+from tripod_doe.mechanics.integrators.registry import METHODS
+from tripod_doe.mechanics.monitor import Settings, begin_watch
+from tripod_doe.mechanics.scenes.examples import smooth_groove
+
+END = 2e-3
+FIXED = {name: method for name, method in METHODS.items() if method.compiled}
+
+
+def _end(method, count, **settings):
+    assembly = assemble(smooth_groove())
+    state, work = assembly.initial_state(), assembly.work()
+    begin_watch(assembly.tables, work, state.positions, state.velocities, 0.0)
+    numerics = Settings(**{"correction": 1e-13, "controlled": False} | settings)
+    status = method.integrate(
+        assembly.tables, work, state.positions, state.velocities, np.zeros(3), END, count, numerics
+    )
+    assert status == 0
+    return np.concatenate([state.positions[1:].ravel(), 1e-3 * state.velocities[1:].ravel()])
+
+
+@pytest.fixture(scope="module")
+def reference():
+    return _end(METHODS["rk4"], 25600)
+
+
+@pytest.mark.parametrize("name", FIXED)
+def test_observed_order_is_the_declared_one(name, reference):
+    method = FIXED[name]
+    counts = {1: (6400, 12800), 2: (1600, 3200), 3: (800, 1600), 4: (400, 800)}[method.order]
+    errors = [np.abs(_end(method, count) - reference).max() for count in counts]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(method.order, abs=0.2)
+
+
+@pytest.mark.parametrize("name", [name for name, method in METHODS.items() if method.controlled])
+def test_tolerance_is_met(name, reference):
+    end = _end(METHODS[name], 1, controlled=True, tolerance=1e-8)
+    # a tolerance a step, some hundred steps, scales of 1 mm and 20 to 50 in the velocities (here times 1e-3)
+    assert np.abs(end - reference).max() < 1e-6

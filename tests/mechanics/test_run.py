@@ -1,0 +1,139 @@
+"""Runs check themselves, and constrained motion by every method (exact physics)."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tripod_doe.errors import InputError
+from tripod_doe.mechanics.assembly import assemble
+from tripod_doe.mechanics.integrators.registry import METHODS
+from tripod_doe.mechanics.monitor import Settings
+from tripod_doe.mechanics.run import Limits, run
+from tripod_doe.mechanics.scene import (
+    GROUND,
+    Body,
+    Fixed,
+    Friction,
+    Plane,
+    PrescribedRotation,
+    Revolute,
+    Scene,
+    SphereRow,
+    Universal,
+)  # fmt: skip
+from tripod_doe.mechanics.scenes.examples import pendulum, rolling_sphere
+from tripod_doe.results import Outcome
+
+
+def _driven_arm():
+    """An arm that a drive turns about z with angle 0.3 + 2 t + 1.5 t^2, and a box fixed to its end."""
+    arm = Body(
+        "arm", 2.0, (0.1, 0.2, 0.3), position=(0.5 * math.cos(0.3), 0.5 * math.sin(0.3), 0.0),
+        attitude=(math.cos(0.15), 0.0, 0.0, math.sin(0.15)), angular_velocity=(0.0, 0.0, 2.0),
+        velocity=(-math.sin(0.3), math.cos(0.3), 0.0),
+    )  # fmt: skip
+    box = Body(
+        "box", 1.0, (0.05, 0.05, 0.05), position=(math.cos(0.3), math.sin(0.3), 0.0),
+        velocity=(-2.0 * math.sin(0.3), 2.0 * math.cos(0.3), 0.0), angular_velocity=(0.0, 0.0, 2.0),
+    )  # fmt: skip
+    joints = (
+        Revolute(GROUND, "arm", point_b=(-0.5, 0.0, 0.0)),
+        PrescribedRotation(GROUND, "arm", angle=0.3, rate=2.0, acceleration=3.0),
+        Fixed("arm", "box"),
+    )
+    return Scene((arm, box), constraints=joints)
+
+
+@pytest.mark.parametrize(
+    ("method", "step", "error"),
+    [
+        ("rk4", 1e-3, 1e-9),
+        ("rosenbrock", None, 1e-6),
+        ("bdf2", 1e-3, 1e-3),
+        ("generalized-alpha", 1e-3, 1e-3),
+        ("linearly-implicit-euler", 1e-3, 1e-2),
+    ],
+)
+def test_driven_arm_follows_its_drive_and_takes_its_work(method, step, error):
+    result = run(assemble(_driven_arm()), method, 1.0, step=step, samples=10)
+    assert result.outcome == Outcome.FINISHED, result.detail
+    angle = 0.3 + 2.0 + 1.5
+    np.testing.assert_allclose(result.positions[-1, 2, :2], [math.cos(angle), math.sin(angle)], atol=max(error, 1e-12))
+    inertia = 0.3 + 2.0 * 0.25 + 0.05 + 1.0
+    assert result.work[0] == pytest.approx(0.5 * inertia * (5.0**2 - 2.0**2), rel=max(error, 1e-5))
+
+
+@pytest.mark.parametrize("method", [name for name, method in METHODS.items() if method.compiled])
+def test_pendulum_by_every_method(method):
+    reference = run(assemble(pendulum()), "rk4", 1.0, step=1e-3).positions[-1, 1, :2]
+    # first order: half a step times the acceleration of up to 3 g, and what the second follows from
+    errors = {1: 6e-3, 2: 2e-5, 3: 1e-6, 4: 1e-10}
+    settings = Settings(tolerance=1e-8)
+    result = run(assemble(pendulum()), method, 1.0, step=2.5e-4, settings=settings)
+    assert result.outcome == Outcome.FINISHED, result.detail
+    np.testing.assert_allclose(result.positions[-1, 1, :2], reference, atol=errors[METHODS[method].order])
+    assert np.linalg.norm(result.positions[-1, 1, :3]) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_universal_joint_transmits_rotation_with_its_known_ratio():
+    """Two shafts at 0.5 rad through a universal joint: tan(output) = tan(input) / cos(0.5), or its inverse."""
+    bend = 0.5
+    first = Body("in", 1.0, (1.0, 1.0, 1.0), angular_velocity=(1.0, 0.0, 0.0))
+    # the output shaft's axis is its body x, turned by the bend about z
+    second = Body("out", 1.0, (1.0, 1.0, 1.0), attitude=(math.cos(bend / 2), 0.0, 0.0, math.sin(bend / 2)),
+                  angular_velocity=(math.cos(bend) ** 2, math.cos(bend) * math.sin(bend), 0.0))  # fmt: skip
+    x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    joints = (
+        Revolute(GROUND, "in", axis_a=x, axis_b=x),
+        PrescribedRotation(GROUND, "in", axis_a=x, reference_a=y, reference_b=y, rate=1.0),
+        Revolute(GROUND, "out", axis_a=(math.cos(bend), math.sin(bend), 0.0), axis_b=x),
+        Universal("in", "out", axis_a=y, axis_b=z),
+    )
+    result = run(assemble(Scene((first, second), constraints=joints)), "rk4", 1.0, step=1e-3)
+    w, i, _, k = result.positions[-1, 2, 3:]
+    # attitude of the output: the bend, then a turn about its own axis
+    turned = 2 * math.atan2(i, w) if abs(k) < 1e-12 else 2 * math.atan2(i / math.cos(bend / 2), w / math.cos(bend / 2))
+    known = (math.atan(math.tan(1.0) / math.cos(bend)), math.atan(math.tan(1.0) * math.cos(bend)))
+    assert min(abs(turned - value) for value in known) < 1e-9
+
+
+def _ball(**friction):
+    ball = Body("ball", 1e-3, (1e-2,) * 3, position=(0, 0, 5.0 - 0.01), velocity=(10.0, 0, 0), force=(0, 0, -10.0))
+    touch = SphereRow("ball", Plane(GROUND), 5.0, 1e4, damping=0.1, friction=Friction(0.1, 0.1))
+    return Scene((ball,), contacts=(touch,), speed_scale=10.0)
+
+
+def test_outcomes_name_time_and_body():
+    assembly = assemble(_ball())
+    diverged = run(assembly, "rk4", 0.1, step=5e-2)
+    assert diverged.outcome in (Outcome.DIVERGED, Outcome.INACCURATE)
+    assert "t = " in diverged.detail
+    spent = run(assembly, "rk4", 0.1, step=1e-6, settings=Settings(budget=100))
+    assert spent.outcome == Outcome.EVALUATION_LIMIT
+    floor = run(assembly, "rosenbrock", 0.1, settings=Settings(tolerance=1e-12, floor=1e-3))
+    assert floor.outcome == Outcome.STEP_LIMIT
+    assert "body ball" in floor.detail
+    deep = run(assembly, "bdf2", 1e-3, step=1e-5, limits=Limits(penetration=1e-4))
+    assert deep.outcome == Outcome.INACCURATE
+    assert "penetration" in deep.detail
+    assert "body ball" in deep.detail
+
+
+def test_a_coarse_step_is_found_by_its_halves():
+    """A ball that changes from sliding to rolling, in steps that jump over the change."""
+    result = run(assemble(rolling_sphere()), "linearly-implicit-euler", 0.4, step=0.05)
+    assert result.outcome != Outcome.FINISHED
+
+
+def test_checks_cost_less_than_a_tenth():
+    result = run(assemble(rolling_sphere()), "bdf2", 0.4, step=1e-4)
+    assert result.outcome == Outcome.FINISHED, result.detail
+    assert 0 < result.check_evaluations < 0.1 * result.force_evaluations
+
+
+def test_bad_calls():
+    with pytest.raises(InputError, match="did you mean 'bdf2'"):
+        run(assemble(_ball()), "bdf3", 0.1, step=1e-4)
+    with pytest.raises(InputError, match="needs a step"):
+        run(assemble(_ball()), "bdf2", 0.1)
