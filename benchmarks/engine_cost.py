@@ -90,7 +90,9 @@ def main() -> None:
     if parser.parse_args().compile:
         compile_cost()
     rolling, sliding, apart = contact_cost()
-    print(f"contact: {sliding:.0f} ns a touching sphere, {rolling:.0f} ns with rolling resistance, {apart:.0f} ns apart")
+    print(
+        f"contact: {sliding:.0f} ns a touching sphere, {rolling:.0f} ns with rolling resistance, {apart:.0f} ns apart"
+    )
     print("us a step, and us a step and needle")
     for needles in (3, 9, 27, 81):
         assembly = assemble(needle_ring(needles))

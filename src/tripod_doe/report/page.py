@@ -14,7 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from tripod_doe.errors import InputError, StorageError
-from tripod_doe.report.figures import Chart, effect_charts, index_charts, spectrum_chart, waveform_charts
+from tripod_doe.report.figures import Chart, effect_charts, index_charts, locus_chart, spectrum_chart, waveform_charts
 from tripod_doe.report.findings import find, find_in_analyses
 from tripod_doe.report.responses import asked, design_kind, factor_names, factor_unit, finished, spoken
 from tripod_doe.report.tables import (
@@ -89,6 +89,7 @@ def make_page(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset]) -> str:
         good=good,
         findings=find(cube),
         sensitivity=find_in_analyses(analyses),
+        loci=locus_chart(cube),
         waveforms=waveform_charts(cube),
         spectrum=spectrum_chart(cube),
         effects=effect_charts(cube),

@@ -20,7 +20,11 @@ from tripod_doe.results import BlockResult, Outcome, Values
 
 __all__ = ["SCENES", "FunctionSimulator", "Simulator", "load_simulator", "point_columns"]
 
-SCENES = {"joint": "tripod_doe.joint.scene:scene"}
+SCENES = {
+    "joint": "tripod_doe.joint.scene:scene",
+    "needle-between-plates": "tripod_doe.mechanics.scenes.needle_between_plates:scene",
+    "roller-in-groove": "tripod_doe.mechanics.scenes.roller_in_groove:scene",
+}
 """Scenes by the name that study files and the command line use, each ``package.module:object``."""
 
 

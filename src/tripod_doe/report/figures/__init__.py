@@ -3,6 +3,7 @@
 from tripod_doe.report.figures.chart import Chart
 from tripod_doe.report.figures.effects import effect_charts
 from tripod_doe.report.figures.indices import index_charts
+from tripod_doe.report.figures.loci import locus_chart
 from tripod_doe.report.figures.waveforms import spectrum_chart, waveform_charts
 
-__all__ = ["Chart", "effect_charts", "index_charts", "spectrum_chart", "waveform_charts"]
+__all__ = ["Chart", "effect_charts", "index_charts", "locus_chart", "spectrum_chart", "waveform_charts"]
