@@ -1,7 +1,7 @@
 """Error against CPU time on the needle and the roller scene: this engine, SciPy and Exudyn side by side, in one run.
 
     pip install exudyn
-    python benchmarks/needle_scene.py [--out benchmarks/results]
+    python benchmarks/needle_scene.py [--out benchmarks/charts]
 
 Every run is one of 0.1 s (needle) or 0.02 s (roller) without the checks, warm, CPU seconds of one core. The needle's
 error is that of the drift against the Rosenbrock method at 1e-9; the roller's is relative to its closed form. Explicit
@@ -126,7 +126,7 @@ def chart(rows, out: Path) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results")
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "charts")
     out = parser.parse_args().out
     out.mkdir(exist_ok=True)
     warnings.simplefilter("ignore")
