@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import dask
 import numpy as np
@@ -20,13 +21,13 @@ from tripod_doe.results import BlockResult, Outcome
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.journal import FinishedBlock
-from tripod_doe.study.task import Task, make_task, run_task
+from tripod_doe.study.task import Task, make_task, prepared_simulator, run_task
 
 __all__ = ["Policy", "run_blocks"]
 
 _TARGET_SECONDS = 1.0
-_FIRST_BLOCK = 16
-_LARGEST_GROWTH = 8
+_FIRST_BLOCK = 1  # a point may take seconds; cheap ones are told by the first answer
+_LARGEST_GROWTH = 32
 _SMALLEST_SHARE = 16  # the last blocks shrink to this part of the usual ones
 _IN_FLIGHT = 2  # blocks a worker: one at work, one waiting, so that no worker waits for this process
 _ALLOWED_FAILURES = 2
@@ -52,6 +53,11 @@ class Policy:
     scheduler: str | None = None
     block: int | None = None
     exclusive: bool = False
+
+
+def _get_ready(*what: Any) -> None:
+    """Import and compile on a worker before its first block."""
+    prepared_simulator(*what)
 
 
 def _on_worker(task: Task) -> tuple[BlockResult, float, float, str]:
@@ -117,7 +123,7 @@ def run_blocks(
     Returns
     -------
     float
-        Wall seconds from the first block sent to the last one committed, the start of the cluster not counted.
+        Wall seconds from the first block sent to the last one committed, the start of the workers not counted.
 
     Notes
     -----
@@ -127,6 +133,8 @@ def run_blocks(
     study.simulator.prepare()  # compiles once here; the workers load the machine code from the disk
     queue = _Queue(missing, policy.block)
     with _client(policy) as client:
+        table = study.file.study
+        client.run(_get_ready, table.scene, table.function, str(study.folder), study.simulator.source_hash)
         workers = max(len(client.nthreads()), 1)
         slots = 1 if policy.exclusive else _IN_FLIGHT * workers
         running: dict[Future, NDArray[np.int64]] = {}

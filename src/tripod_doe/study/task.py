@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import Value
 from tripod_doe.results import BlockResult
-from tripod_doe.study.simulator import load_simulator, point_columns
+from tripod_doe.study.simulator import Simulator, load_simulator, point_columns
 
 if TYPE_CHECKING:  # for their names only: a single point needs no designs
     from tripod_doe.study.definition import Study
     from tripod_doe.study.designs import Points
 
-__all__ = ["Task", "make_task", "run_task"]
+__all__ = ["Task", "make_task", "prepared_simulator", "run_task"]
 
 
 @dataclass(frozen=True)
@@ -36,12 +36,24 @@ class Task:
     keep: tuple[str, ...]
 
 
+def prepared_simulator(scene: str, function: str | None, folder: str, source_hash: str) -> Simulator:
+    """The simulator of a study on this machine, compiled.
+
+    Raises
+    ------
+    InputError
+        If this machine has another version of the kernels than the one that plans the study.
+    """
+    simulator = load_simulator(scene, function, folder)
+    if simulator.source_hash != source_hash:
+        raise InputError("a worker has another version of the kernels; install the same tripod-doe on all machines")
+    simulator.prepare()
+    return simulator
+
+
 def run_task(task: Task) -> tuple[BlockResult, float, float]:
     """Simulate one block: results, CPU seconds, wall seconds; compilation is not counted."""
-    simulator = load_simulator(task.scene, task.function, task.folder)
-    if simulator.source_hash != task.source_hash:
-        raise InputError("the worker runs another version of the kernels; install the same tripod-doe on all machines")
-    simulator.prepare()
+    simulator = prepared_simulator(task.scene, task.function, task.folder, task.source_hash)
     points = point_columns(simulator, task.base, task.columns, task.count)
     wall, cpu = time.perf_counter(), time.thread_time()
     result = simulator.simulate(points, task.keep)
