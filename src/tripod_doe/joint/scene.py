@@ -70,7 +70,7 @@ class JointScene:
                     f"leave it out{_usable(in_play)}"
                 )
         long = [name for name in keep if "rotation_deg" in JOINT_OUTPUTS[name].dims]
-        if long and len(set(factors.get("samples_per_revolution", ()))) > 1:
+        if long and "samples_per_revolution" in factors and len(set(factors["samples_per_revolution"])) != 1:
             raise InputError(
                 f"samples_per_revolution is a factor, so {' and '.join(long)} would have different lengths; "
                 "keep other outputs, for instance thrust_amplitude"

@@ -1,0 +1,86 @@
+"""The joint as a simulator: outcomes instead of silent numbers, and a point that is the same in any company."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from tripod_doe.errors import InputError
+from tripod_doe.joint.parameters import MECHANISMS
+from tripod_doe.joint.scene import scene
+from tripod_doe.results import Outcome
+from tripod_doe.study.simulator import point_columns
+
+KEEP = ["thrust_amplitude", "friction_power_w", "largest_penetration_um", "energy_residual"]
+
+
+def simulate(**given):
+    count = max((np.size(value) for value in given.values()), default=1)
+    columns = {name: np.broadcast_to(np.asarray(value, float), (count,)) for name, value in given.items()}
+    return scene.simulate(point_columns(scene, {}, columns, count), KEEP)
+
+
+def test_numerics_that_the_model_does_not_use_are_flagged_in_a_grid():
+    result = simulate(step_s=[1e-5, np.nan])
+    assert result.outcome.tolist() == [Outcome.NOT_APPLICABLE, Outcome.FINISHED]
+    assert "step_s" in result.detail[0]
+    assert np.isnan(result.outputs["thrust_amplitude"].data[0]).all()
+    with pytest.raises(InputError, match="step_s"):
+        scene.check({"step_s": 1e-5}, {}, KEEP)
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        ({"needle_count": 28}, "do not fit on the pitch circle"),
+        ({"needle_diameter_mm": 9, "needle_pitch_diameter_mm": 8}, "leave no trunnion"),
+        ({"roller_radius_mm": 9}, "bore is larger"),
+    ],
+)
+def test_parts_that_do_not_fit_are_jammed(given, reason):
+    result = simulate(**given)
+    assert result.outcome.tolist() == [Outcome.JAMMED]
+    assert reason in result.detail[0]
+
+
+def test_a_roller_that_lifts_off_is_out_of_range():
+    """A joint so steep and rough that the balance wants a groove to pull."""
+    result = simulate(joint_angle_deg=40, groove_sliding_friction=0.6, needle_sliding_friction=0.3)
+    assert result.outcome.tolist() == [Outcome.OUT_OF_RANGE]
+    assert "lifts off" in result.detail[0]
+
+
+def test_all_mechanism_combinations_finish_at_the_reference_point():
+    """The contribution breakdown needs all 2^5; 1e-5 is the model's own limit on its energy balance."""
+    switches = np.array(list(itertools.product((0, 1), repeat=len(MECHANISMS)))).T
+    result = simulate(**dict(zip(MECHANISMS, switches, strict=True)), initial_skew_1_deg=0.4)
+    assert (result.outcome == Outcome.FINISHED).all()
+    third = dict(zip(map(tuple, switches.T), result.outputs["thrust_amplitude"].data[:, 3], strict=True))
+    assert third[1, 1, 1, 1, 1] == pytest.approx(14.077, abs=1e-3)
+    assert all(value < 1e-6 for key, value in third.items() if key[0] == 0)
+    power = result.outputs["friction_power_w"].data
+    assert (power[switches.T == 0] == 0).all()
+
+
+def test_random_joints_end_in_an_outcome():
+    """Invariance: finished means finite and balanced; anything else says why."""
+    rng = np.random.default_rng(7)
+    result = simulate(
+        joint_angle_deg=rng.uniform(0, 40, 60), torque_n_m=rng.uniform(-500, 500, 60),
+        speed_rpm=rng.uniform(0, 5000, 60), groove_sliding_friction=rng.uniform(0.02, 0.3, 60),
+        needle_sliding_friction=rng.uniform(0, 0.2, 60), pitch_radius_mm=rng.uniform(12, 40, 60),
+        initial_skew_1_deg=rng.uniform(-10, 10, 60),
+    )  # fmt: skip
+    finished = result.outcome == Outcome.FINISHED
+    assert finished.mean() > 0.8
+    assert np.isfinite(result.outputs["thrust_amplitude"].data[finished]).all()
+    assert np.abs(result.outputs["energy_residual"].data[finished]).max() <= 1e-5
+    assert all(result.detail[i] for i in np.flatnonzero(~finished))
+
+
+def test_waveforms_of_different_lengths_are_refused():
+    with pytest.raises(InputError, match="different lengths"):
+        scene.check({}, {"samples_per_revolution": ()}, ["thrust"])
+    assert scene.check({}, {"samples_per_revolution": (60, 90)}, KEEP) == []
