@@ -189,3 +189,17 @@ def test_a_start_off_the_constraints_is_refused():
     body = Body("bob", 1.0, (1.0, 1.0, 1.0), position=(1.0, 0.0, 0.0), velocity=(0.3, 0.0, 0.0))
     with pytest.raises(InputError, match="start moving apart by"):
         run(assemble(Scene((body,), constraints=(joint,))), "rk4", 0.1, step=1e-2)
+
+
+def test_a_small_sphere_too_deep_is_not_hidden_by_a_large_one():
+    """Both balls rest on the plane: 0.05 into it is nothing for a radius of 100 and 0.02 too much for one of 0.1."""
+    bodies, contacts = [], []
+    for name, place, radius, depth in (("large", 0.0, 100.0, 0.05), ("small", 200.0, 0.1, 0.02)):
+        bodies.append(Body(name, 1.0, (1.0, 1.0, 1.0), position=(place, 0.0, radius - depth),
+                           force=(0.0, 0.0, -1e3 * depth**1.5)))  # fmt: skip
+        contacts.append(SphereRow(name, Plane(GROUND), radius, 1e3))
+    result = run(assemble(Scene(tuple(bodies), contacts=tuple(contacts))), "bdf2", 1e-3, step=1e-4)
+    assert result.penetration == pytest.approx(0.05, rel=1e-6)
+    assert result.outcome == Outcome.INACCURATE
+    assert "a penetration of 0.02 is outside the contact law" in result.detail
+    assert "body small" in result.detail

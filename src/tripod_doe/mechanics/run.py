@@ -53,7 +53,8 @@ class Limits:
         Difference to the halved step over the slip path: one per cent stands for an error of two of it at first order.
         Turns count by the length that speed_scale is at rotation_scale.
     penetration
-        Penetration over the sphere's radius (or the scene's length, for a radius of zero).
+        Penetration over the largest radius of the body's spheres (over the scene's length if they are points); every
+        sphere is looked at, at the samples.
     drift
         Residual of a constraint over the scene's length.
     windows, share
@@ -273,14 +274,14 @@ def _inspect(assembly: Assembly, memory: Work, state: State, limits: Limits, che
     checks.residuals.append((state.time, change - put_in + lost))
     at = f"at t = {state.time:.6g}"
     tables = assembly.tables
-    depth, body = largest_penetration(tables.contacts, state.positions, state.velocities)
-    checks.penetration = max(checks.penetration, float(depth))
-    if depth > 0:
-        radii = tables.contacts["radius"][tables.contacts["body_a"] == body]
-        allowed = limits.penetration * (float(radii.max()) or assembly.scene.length_scale)
-        if depth > allowed:
-            text = f"a penetration of {depth:.3g} is outside the contact law {at}, body {assembly.names[int(body)]}"
-            checks.fail(Outcome.INACCURATE, text)
+    radii = np.zeros(tables.bodies.size)
+    np.maximum.at(radii, tables.contacts["body_a"], tables.contacts["radius"])
+    sizes = np.where(radii > 0, radii, assembly.scene.length_scale)[tables.contacts["body_a"]]
+    deepest, share, depth, body = largest_penetration(tables.contacts, sizes, state.positions, state.velocities)
+    checks.penetration = max(checks.penetration, float(deepest))
+    if share > limits.penetration:
+        text = f"a penetration of {depth:.3g} is outside the contact law {at}, body {assembly.names[int(body)]}"
+        checks.fail(Outcome.INACCURATE, text)
     if not memory.extremes[0] <= limits.drift * assembly.scene.length_scale:
         checks.fail(Outcome.INACCURATE, f"constraints have drifted by {memory.extremes[0]:.3g} {at}")
 
