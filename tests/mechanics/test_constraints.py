@@ -13,10 +13,13 @@ from tripod_doe.mechanics.scene import (
     Body,
     Distance,
     Fixed,
+    Friction,
+    Plane,
     PointInPlane,
     PrescribedRotation,
     Revolute,
     Scene,
+    SphereRow,
     Spherical,
     Universal,
 )  # fmt: skip
@@ -109,3 +112,13 @@ def test_mistakes_are_named():
         assemble(Scene((Body("a", 1.0, (1, 1, 1)), Body("a", 1.0, (1, 1, 1)))))
     with pytest.raises(InputError, match="must be positive"):
         assemble(Scene((Body("a", 0.0, (1, 1, 1)),)))
+    drive = PrescribedRotation(GROUND, "a", axis_a=(1.0, 0.0, 0.0), rate=1.0)
+    with pytest.raises(InputError, match=r"reference_a .* is not across axis_a"):  # it would drive nothing
+        assemble(Scene((Body("a", 1.0, (1, 1, 1)),), constraints=(drive,)))
+    half = (True, False, False, True, False, True)
+    assemble(Scene((Body("a", 1.0, (1, 2, 3), locked=half),)))
+    with pytest.raises(InputError, match="principal axes"):
+        assemble(Scene((Body("a", 1.0, (1, 2, 3), attitude=(0.9, 0.3, 0.2, 0.1), locked=half),)))
+    slippery = SphereRow("a", Plane(GROUND), 1.0, 1e5, friction=Friction(-0.1))
+    with pytest.raises(InputError, match="must not be negative"):
+        assemble(Scene((Body("a", 1.0, (1, 1, 1)),), contacts=(slippery,)))

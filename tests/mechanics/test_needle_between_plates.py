@@ -132,6 +132,21 @@ def test_values_do_not_depend_on_the_block():
     assert list(together) == alone
 
 
+def test_an_error_of_one_point_stays_its_own(monkeypatch):
+    right = type(scene).run
+
+    def run(self, values, *rest):
+        if values["skew_deg"] == 2.0:
+            raise ZeroDivisionError("no such needle")
+        return right(self, values, *rest)
+
+    monkeypatch.setattr(type(scene), "run", run)
+    result = _simulate(count=3, skew_deg=[1.0, 2.0, 3.0], duration_s=1e-3)
+    assert list(result.outcome) == [Outcome.FINISHED, Outcome.ERROR, Outcome.FINISHED]
+    assert result.detail[1] == "ZeroDivisionError: no such needle"
+    assert list(np.isnan(result.outputs["axial_drift_mm"].data)) == [False, True, False]
+
+
 def test_evaluation_budget():
     result = _simulate(method="implicit-euler", evaluation_budget=50)
     assert result.outcome[0] == Outcome.EVALUATION_LIMIT

@@ -166,9 +166,18 @@ def _body_table(scene: parts.Scene) -> NDArray[np.void]:
         row["mass"], row["inertia"] = body.mass, body.inertia
         row["load"] = *body.force, *body.moment
         row["free"] = [0.0 if locked else 1.0 for locked in body.locked]
+        _check_locked_rotation(body)
         if not all(body.locked) or any(body.velocity) or any(body.angular_velocity):  # its motion stays in the matrix
             row["block"], blocks = blocks, blocks + 1
     return table
+
+
+def _check_locked_rotation(body: parts.Body) -> None:
+    """Refuse locked and free rotations that the inertia couples: dividing by the inertia would need the free part."""
+    turn, locked = _rotation(body.attitude), np.array(body.locked[3:], bool)
+    coupling = (turn * np.array(body.inertia)) @ turn.T
+    if np.abs(coupling[np.ix_(locked, ~locked)]).max(initial=0.0) > 1e-9 * max(body.inertia):
+        raise InputError(f"body {body.name!r}: lock all three rotations, or about principal axes of inertia")
 
 
 def _contact_table(scene: parts.Scene, names: dict[str, int]) -> NDArray[np.void]:
@@ -183,6 +192,8 @@ def _contact_table(scene: parts.Scene, names: dict[str, int]) -> NDArray[np.void
         if contact.count < 1 or contact.stiffness < 0 or contact.exponent < 1:
             raise InputError(f"{where}: count and exponent must be at least 1, the stiffness not negative")
         friction = contact.friction
+        if min(contact.radius, contact.damping, friction.sliding, friction.rolling, friction.spinning) < 0:
+            raise InputError(f"{where}: radius, damping and friction coefficients must not be negative")
         if min(friction.sliding_transition, friction.rolling_transition, friction.spinning_transition) <= 0:
             raise InputError(f"{where}: transition velocities must be positive")
         surface = contact.surface
@@ -245,6 +256,8 @@ def _constraint_rows(scene: parts.Scene, names: dict[str, int], state: State) ->
             case parts.PrescribedRotation():
                 axis = _checked_direction(where, joint.axis_a)
                 ahead = _checked_direction(where, joint.reference_a)
+                if abs(axis @ ahead) > 1e-9:
+                    raise InputError(f"{where}: reference_a {joint.reference_a} is not across axis_a {joint.axis_a}")
                 motion = (joint.angle, joint.rate, joint.acceleration)
                 side = np.cross(axis, ahead)  # across the reference: zero where b's reference is at the angle
                 reference = _checked_direction(where, joint.reference_b)
@@ -273,7 +286,7 @@ def assemble(scene: parts.Scene) -> Assembly:
     Raises
     ------
     InputError
-        If a body is missing, named twice or without mass, or an element cannot be.
+        If a body is missing, named twice, without mass or locked across its principal axes, or an element cannot be.
     """
     names = (parts.GROUND, *(body.name for body in scene.bodies))
     index = {name: i for i, name in enumerate(names)}

@@ -325,14 +325,27 @@ def contact_matrices(contacts, positions, velocities, secant, dissipation, stiff
 
 
 @kernel
-def largest_penetration(contacts, positions, velocities):
-    """Deepest penetration of all spheres, and the body that carries that sphere; zero where nothing touches."""
-    deepest, body = 0.0, 0
+def largest_penetration(contacts, sizes, positions, velocities):
+    """Deepest penetration of all spheres, and the one that is the largest share of the size of its contact.
+
+    Parameters
+    ----------
+    sizes
+        Length that a contact's penetrations are small against, shape (contact,).
+
+    Returns
+    -------
+    tuple
+        The deepest penetration; the largest share, its penetration and the body that carries its sphere; zeros where
+        nothing touches.
+    """
+    deepest, worst, depth_there, body = 0.0, 0.0, 0.0, 0
     for i in range(contacts.size):
         contact = contacts[i]
         row = _row(contact, positions, velocities)
         for k in range(contact.count):
             depth = _penetration(contact, row, k)[0]
-            if depth > deepest:
-                deepest, body = depth, contact.body_a
-    return deepest, body
+            deepest = max(deepest, depth)
+            if depth > worst * sizes[i]:
+                worst, depth_there, body = depth / sizes[i], depth, contact.body_a
+    return deepest, worst, depth_there, body

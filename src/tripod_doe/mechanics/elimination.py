@@ -122,6 +122,16 @@ def _copy_block(source, target):
             target[i, j] = source[i, j]
 
 
+@inlined_kernel
+def _add_product(block, x, factor, y):
+    """Add `factor` times the product of a 6 x 6 block with x to y."""
+    for i in range(6):
+        total = 0.0
+        for j in range(6):
+            total += block[i, j] * x[j]
+        y[i] += factor * total
+
+
 @kernel
 def factorise(pattern, matrix, scratch):
     """Eliminate in place: diagonal blocks become their inverses, lower blocks the factors L_ik = A_ik / A_kk.
@@ -175,21 +185,11 @@ def solve(pattern, matrix, x):
     for k in range(pattern.order.size):
         pivot = pattern.order[k]
         for m in range(pattern.start[k], pattern.start[k + 1]):
-            lower, row = matrix[pattern.lower[m]], pattern.neighbour[m]
-            for i in range(6):
-                total = 0.0
-                for j in range(6):
-                    total += lower[i, j] * x[pivot, j]
-                x[row, i] -= total
+            _add_product(matrix[pattern.lower[m]], x[pivot], -1.0, x[pattern.neighbour[m]])
     for k in range(pattern.order.size - 1, -1, -1):
         pivot = pattern.order[k]
         for m in range(pattern.start[k], pattern.start[k + 1]):
-            upper, row = matrix[pattern.upper[m]], pattern.neighbour[m]
-            for i in range(6):
-                total = 0.0
-                for j in range(6):
-                    total += upper[i, j] * x[row, j]
-                x[pivot, i] -= total
+            _add_product(matrix[pattern.upper[m]], x[pattern.neighbour[m]], -1.0, x[pivot])
         inverse = matrix[pattern.diagonal[k]]
         y0, y1, y2, y3, y4, y5 = x[pivot, 0], x[pivot, 1], x[pivot, 2], x[pivot, 3], x[pivot, 4], x[pivot, 5]
         for i in range(6):
@@ -203,9 +203,4 @@ def solve(pattern, matrix, x):
 def multiply(pattern, matrix, x, factor, y):
     """Add `factor` times the product of a block matrix (not factorised) with x to y; both of shape (row, 6)."""
     for block in range(pattern.row.size):
-        row, column = pattern.row[block], pattern.column[block]
-        for i in range(6):
-            total = 0.0
-            for j in range(6):
-                total += matrix[block, i, j] * x[column, j]
-            y[row, i] += factor * total
+        _add_product(matrix[block], x[pattern.column[block]], factor, y[pattern.row[block]])

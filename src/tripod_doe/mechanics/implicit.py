@@ -22,6 +22,7 @@ from tripod_doe.mechanics.motion import (
     clear,
     constraint_rate,
     generalized_forces,
+    larger,
     linearise,
 )  # fmt: skip
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
@@ -152,9 +153,8 @@ def solve_system(tables, work, wanted, out):
     for k in range(tables.rows.size):
         wanted[k] = constraint_rate(tables.rows[k], work.jacobian[k], out) - wanted[k]
     solve_schur(work.schur, work.pivots, wanted, work.multipliers)
-    for k in range(tables.rows.size):
-        row = tables.rows[k]
-        for i in (row.body_a, row.body_b):
+    for k in range(tables.rows.size):  # a reaction moves every body that contacts and springs join to its own two
+        for i in range(tables.bodies.size):
             for d in range(6):
                 out[i, d] -= work.multipliers[k] * work.weighted[k, i, d]
 
@@ -179,8 +179,8 @@ def largest_correction(tables, correction, failure):
         for d in range(6):
             size = abs(correction[i, d]) / (tables.scales[1] if d < 3 else tables.scales[2])
             if not size <= worst:
-                worst = size
                 failure[0], failure[1] = i, size
+            worst = larger(worst, size)
     return worst
 
 

@@ -1,4 +1,4 @@
-"""What a run notes about itself after every accepted step: energy balance, slip reversals, drift and runaway."""
+"""The end of every step: the clock is set, and the run notes its energy balance, slip reversals, drift and runaway."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints
-from tripod_doe.mechanics.motion import copy_vectors, evaluate
+from tripod_doe.mechanics.motion import copy_vectors, evaluate, larger
 
-__all__ = ["DIVERGED", "EVALUATION_LIMIT", "FINISHED", "RUNAWAY", "STEP_LIMIT", "Settings", "begin_watch", "watch"]
+__all__ = ["DIVERGED", "EVALUATION_LIMIT", "FINISHED", "RUNAWAY", "STEP_LIMIT", "Settings", "accept", "begin_watch"]
 
 FINISHED, DIVERGED, STEP_LIMIT, EVALUATION_LIMIT = 0, 1, 3, 4
 """How a stretch of a run ended; the integers are those of `results.Outcome`."""
@@ -50,7 +50,7 @@ class Settings(NamedTuple):
 
 @kernel
 def begin_watch(tables, work, positions, velocities, time):
-    """Note the state that a run starts from."""
+    """Note the state that a run starts from, so that the first step has powers and slips to compare with."""
     evaluate(tables, work, positions, velocities, time, 0.0)
     for p in range(5):
         work.power_before[p] = work.ledger[1 + p]
@@ -58,14 +58,24 @@ def begin_watch(tables, work, positions, velocities, time):
 
 
 @kernel
-def watch(tables, work, positions, velocities, time, step):
-    """Note an accepted step; the ledger and the slips must be those of this state.
+def accept(tables, work, positions, velocities, clock, time, step, settings):
+    """End a step that is accepted; the ledger and the slips must be those of its state.
+
+    Parameters
+    ----------
+    clock
+        Receives the time in clock[0].
+    time, step
+        Time of the state, and the step that led to it.
+    settings
+        Numerics: the budget of force evaluations.
 
     Returns
     -------
     int
         `FINISHED` to go on, or why to stop.
     """
+    clock[0] = time
     work.counters[3] += 1
     for p in range(5):
         power = work.ledger[1 + p]
@@ -86,6 +96,5 @@ def watch(tables, work, positions, velocities, time, step):
     if tables.rows.size > 0:
         evaluate_constraints(tables.rows, positions, velocities, time, work.phi, work.phi_t, work.gamma, work.jacobian)
         for k in range(tables.rows.size):
-            if not abs(work.phi[k]) <= work.extremes[0]:
-                work.extremes[0] = abs(work.phi[k])
-    return FINISHED
+            work.extremes[0] = larger(work.extremes[0], abs(work.phi[k]))
+    return EVALUATION_LIMIT if work.counters[0] > settings.budget else FINISHED

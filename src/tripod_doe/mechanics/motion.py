@@ -22,8 +22,8 @@ from tripod_doe.mechanics.rotations import (
 
 __all__ = [
     "accelerate", "add_mass_blocks", "add_mass_product", "add_reaction_power", "clear", "constraint_rate",
-    "copy_vectors", "evaluate", "generalized_forces", "kinetic_energy", "linearise", "project_positions",
-    "project_velocities",
+    "copy_vectors", "evaluate", "generalized_forces", "kinetic_energy", "larger", "linearise", "project_positions",
+    "project_velocities", "settle",
 ]  # fmt: skip
 
 _PROJECTION_SWEEPS = 4
@@ -42,6 +42,14 @@ def copy_vectors(source, target):
     for i in range(source.shape[0]):
         for d in range(min(source.shape[1], target.shape[1])):
             target[i, d] = source[i, d]
+
+
+@inlined_kernel
+def larger(worst, size):
+    """The larger of two sizes that are not negative, infinite where one is not a number: NaN must not be lost."""
+    if size <= worst:
+        return worst
+    return size if size > worst else math.inf
 
 
 @inlined_kernel
@@ -299,6 +307,15 @@ def project_velocities(tables, work, positions, velocities, time):
         for i in (rows[k].body_a, rows[k].body_b):
             for d in range(6):
                 velocities[i, d] -= work.multipliers[k] * work.weighted[k, i, d]
+
+
+@kernel
+def settle(tables, work, positions, velocities, time, settings):
+    """Put a new state back onto its constraints if that is asked for, and evaluate it: forces, slips and ledger."""
+    if settings.projection and tables.rows.size > 0:
+        project_positions(tables, work, positions, velocities, time)
+        project_velocities(tables, work, positions, velocities, time)
+    evaluate(tables, work, positions, velocities, time, settings.baumgarte)
 
 
 @kernel

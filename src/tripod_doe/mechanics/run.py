@@ -9,8 +9,8 @@ slip reversals
     A slip that reverses from step to step is chatter, not motion.
 halved step
     Short windows along the way are run again from the same state with half the step (or a tenth of the tolerance). The
-    displacements must agree within `Limits.disagreement` of the slip path of the window: a first-order method's error
-    is twice the difference.
+    displacements and turns must agree within `Limits.disagreement` of the slip path of the window (of its travel where
+    nothing slips): a first-order method's error is twice the difference.
 penetration, drift, runaway, budget, step floor
     Bounds on the state and on the work.
 """
@@ -51,8 +51,10 @@ class Limits:
         Share of the steps in which a sphere's slip reversed, for the sphere that did it most.
     disagreement
         Difference to the halved step over the slip path: one per cent stands for an error of two of it at first order.
+        Turns count by the length that speed_scale is at rotation_scale.
     penetration
-        Penetration over the sphere's radius (or the scene's length, for a radius of zero).
+        Penetration over the largest radius of the body's spheres (over the scene's length if they are points); every
+        sphere is looked at, at the samples.
     drift
         Residual of a constraint over the scene's length.
     windows, share
@@ -166,9 +168,11 @@ def run(
     Raises
     ------
     InputError
-        If the method is unknown or needs a step.
+        If the method is unknown or needs a step, the duration is not positive, or the start violates a constraint.
     """
     chosen = method_named(method)
+    if not (0 < duration < math.inf and samples >= 1):
+        raise InputError(f"duration = {duration}, samples = {samples}: a run needs some time and at least one sample")
     settings = settings or Settings()
     limits = limits or Limits()
     steps_wanted = not (chosen.controlled and settings.controlled)
@@ -179,6 +183,7 @@ def run(
     state, memory = assembly.initial_state(), assembly.work()
     clock, checks = np.zeros(3), _Checks()
     begin_watch(assembly.tables, memory, state.positions, state.velocities, 0.0)
+    _check_start(assembly, memory, state, limits)
     checks.initial_energy = _energy(assembly, memory, state)
     times, positions, velocities = [0.0], [state.positions.copy()], [state.velocities.copy()]
     done = 0
@@ -225,6 +230,23 @@ def _stops(count: int, samples: int, limits: Limits) -> tuple[list[tuple[int, bo
     return [(edge, edge in sampled) for edge in sorted(edges)], windows
 
 
+def _check_start(assembly: Assembly, memory: Work, state: State, limits: Limits) -> None:
+    """Refuse a scene that starts off its constraints: the first step would throw its bodies somewhere else."""
+    rows, jacobian, speeds = assembly.tables.rows, memory.jacobian, state.velocities
+    rates = memory.phi_t + np.einsum("kd,kd->k", jacobian[:, :6], speeds[rows["body_a"]])
+    rates += np.einsum("kd,kd->k", jacobian[:, 6:], speeds[rows["body_b"]])
+    scene = assembly.scene
+    for what, sizes, unit in (("apart", memory.phi, scene.length_scale), ("moving apart", rates, scene.speed_scale)):
+        wrong = np.flatnonzero(~(np.abs(sizes) <= limits.drift * unit))
+        if wrong.size:
+            row = rows[wrong[0]]
+            a, b = assembly.names[int(row["body_a"])], assembly.names[int(row["body_b"])]
+            raise InputError(
+                f"bodies {a} and {b} start {what} by {abs(sizes[wrong[0]]):.3g} against their constraint; "
+                "give them positions and velocities that obey it"
+            )
+
+
 def _energy(assembly: Assembly, memory: Work, state: State) -> float:
     """Kinetic and stored energy; the ledger must be that of the state."""
     return float(kinetic_energy(assembly.tables.bodies, state.positions, state.velocities) + memory.ledger[0])
@@ -252,14 +274,14 @@ def _inspect(assembly: Assembly, memory: Work, state: State, limits: Limits, che
     checks.residuals.append((state.time, change - put_in + lost))
     at = f"at t = {state.time:.6g}"
     tables = assembly.tables
-    depth, body = largest_penetration(tables.contacts, state.positions, state.velocities)
-    checks.penetration = max(checks.penetration, float(depth))
-    if depth > 0:
-        radii = tables.contacts["radius"][tables.contacts["body_a"] == body]
-        allowed = limits.penetration * (float(radii.max()) or assembly.scene.length_scale)
-        if depth > allowed:
-            text = f"a penetration of {depth:.3g} is outside the contact law {at}, body {assembly.names[int(body)]}"
-            checks.fail(Outcome.INACCURATE, text)
+    radii = np.zeros(tables.bodies.size)
+    np.maximum.at(radii, tables.contacts["body_a"], tables.contacts["radius"])
+    sizes = np.where(radii > 0, radii, assembly.scene.length_scale)[tables.contacts["body_a"]]
+    deepest, share, depth, body = largest_penetration(tables.contacts, sizes, state.positions, state.velocities)
+    checks.penetration = max(checks.penetration, float(deepest))
+    if share > limits.penetration:
+        text = f"a penetration of {depth:.3g} is outside the contact law {at}, body {assembly.names[int(body)]}"
+        checks.fail(Outcome.INACCURATE, text)
     if not memory.extremes[0] <= limits.drift * assembly.scene.length_scale:
         checks.fail(Outcome.INACCURATE, f"constraints have drifted by {memory.extremes[0]:.3g} {at}")
 
@@ -299,14 +321,28 @@ def _compare(
     path = float(np.mean(slips)) * (after.time - before.time)
     travel = float(np.abs(after.positions[:, :3] - before.positions[:, :3]).max())
     apart = np.sqrt(((again.positions[:, :3] - after.positions[:, :3]) ** 2).sum(axis=1))
-    scale = max(path if path > 0 else travel, 1e-9 * assembly.scene.length_scale)
-    disagreement = float(apart.max()) / scale
+    least = 1e-9 * assembly.scene.length_scale
+    lever = assembly.scene.speed_scale / assembly.scene.rotation_scale
+    spun = lever * float(np.abs(after.velocities[:, 3:]).max()) * (after.time - before.time)
+    turned = lever * _turns_between(again.positions, after.positions)
+    apart = np.maximum(
+        apart / max(path if path > 0 else travel, least), turned / max(path if path > 0 else spun, least)
+    )
+    disagreement = float(apart.max())
     checks.windows.append(disagreement)
     checks.disagreement = max(checks.windows)
     if not disagreement <= limits.disagreement:
         body = assembly.names[int(apart.argmax())]
-        text = f"half the step leads {100 * disagreement:.3g} % of the slip path elsewhere {at}, body {body}"
+        way = "slip path" if path > 0 else "travel"
+        text = f"half the step leads {100 * disagreement:.3g} % of the {way} elsewhere {at}, body {body}"
         checks.fail(Outcome.INACCURATE, text)
+
+
+def _turns_between(positions: FloatArray, others: FloatArray) -> FloatArray:
+    """Angle between two near attitudes of every body, from the chord of their quaternions; rad, shape (body,)."""
+    sign = np.where((positions[:, 3:] * others[:, 3:]).sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
+    angles: FloatArray = 2 * np.sqrt(((positions[:, 3:] - sign * others[:, 3:]) ** 2).sum(axis=1))
+    return angles
 
 
 def _reversals(assembly: Assembly, memory: Work, limits: Limits, time: float, checks: _Checks) -> float:

@@ -39,7 +39,7 @@ class Body:
         Constant load at the centre of mass, in world axes.
     locked
         Velocity components (three of translation, three of rotation, world axes) that keep their starting value. A
-        locked rotation needs all three locked, or its axis to be a principal one.
+        locked rotation needs all three locked, or the locked axes to be principal ones (checked at the start).
     """
 
     name: str

@@ -161,7 +161,7 @@ class Work(NamedTuple):
     blocks
         A right-hand side of the block solver, shape (row, 6).
     stages
-        Memory of a method for positions, increments and velocities, shape (16, body, 7).
+        Memory of a method for positions, increments and velocities, shape (20, body, 7).
     pair
         Scratch for one pair of bodies, shape (8, 6, 6).
     counters

@@ -10,7 +10,7 @@ from __future__ import annotations
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.implicit import solve_stage
 from tripod_doe.mechanics.integrators.contract import Method
-from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, watch
+from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
 from tripod_doe.mechanics.motion import copy_vectors
 from tripod_doe.mechanics.rotations import load_attitude, rotation_vector
 
@@ -40,12 +40,10 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         copy_vectors(velocities, old_velocities)
         if not solve_stage(tables, work, start, base, before, factor, factor, time, settings, positions, velocities):
             return DIVERGED
-        clock[0], clock[1] = time, step
-        status = watch(tables, work, positions, velocities, time, step)
+        clock[1] = step
+        status = accept(tables, work, positions, velocities, clock, time, step, settings)
         if status != FINISHED:
             return status
-        if work.counters[0] > settings.budget:
-            return EVALUATION_LIMIT
     return FINISHED
 
 

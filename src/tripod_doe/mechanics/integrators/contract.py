@@ -6,8 +6,8 @@ Every method is a compiled function
 
 that advances positions and velocities in place from time clock[0] to `end`, in `count` equal steps or, if it controls
 its step, in as many as it needs; clock[1:] is the method's own memory between calls (its last step, its next step),
-zero at the start. After every accepted step it calls `monitor.watch` with the forces of the new state. It answers with
-an outcome.
+zero at the start. It ends every step with `monitor.accept`, which sets clock[0] and needs the forces, slips and ledger
+of the new state (explicit and Rosenbrock methods call `motion.settle` for them). It answers with an outcome.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from __future__ import annotations
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.implicit import solve_stage
 from tripod_doe.mechanics.integrators.contract import Method
-from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, watch
+from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
 from tripod_doe.mechanics.motion import copy_vectors
 
 __all__ = ["METHOD"]
@@ -57,12 +57,10 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
                 algorithmic[i, d] = (velocities[i, d] - algorithmic[i, d]) / (step * _GAMMA)
                 if starting:
                     algorithmic[i, d] = true[i, d]
-        clock[0], clock[1] = time, 1.0
-        status = watch(tables, work, positions, velocities, time, step)
+        clock[1] = 1.0
+        status = accept(tables, work, positions, velocities, clock, time, step, settings)
         if status != FINISHED:
             return status
-        if work.counters[0] > settings.budget:
-            return EVALUATION_LIMIT
     return FINISHED
 
 

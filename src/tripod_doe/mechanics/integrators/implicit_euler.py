@@ -5,7 +5,7 @@ from __future__ import annotations
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.implicit import solve_stage
 from tripod_doe.mechanics.integrators.contract import Method
-from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, watch
+from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
 from tripod_doe.mechanics.motion import clear, copy_vectors
 
 __all__ = ["METHOD"]
@@ -23,12 +23,9 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         time = begin + (n + 1) * step
         if not solve_stage(tables, work, start, base, before, step, step, time, settings, positions, velocities):
             return DIVERGED
-        clock[0] = time
-        status = watch(tables, work, positions, velocities, time, step)
+        status = accept(tables, work, positions, velocities, clock, time, step, settings)
         if status != FINISHED:
             return status
-        if work.counters[0] > settings.budget:
-            return EVALUATION_LIMIT
     return FINISHED
 
 

@@ -7,7 +7,7 @@ from tripod_doe.mechanics.constraints import evaluate_constraints
 from tripod_doe.mechanics.elimination import multiply
 from tripod_doe.mechanics.implicit import factorise_system, gather, solve_system
 from tripod_doe.mechanics.integrators.contract import Method
-from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, watch
+from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
 from tripod_doe.mechanics.motion import clear, constraint_rate, evaluate, linearise
 from tripod_doe.mechanics.rotations import move
 
@@ -22,10 +22,10 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
     evaluate(tables, work, positions, velocities, begin, 0.0)
     for n in range(count):
         linearise(tables, work, positions, velocities, 1.0)
-        clock[0] = begin + (n + 1) * step
+        time = begin + (n + 1) * step
         if tables.rows.size > 0:
             evaluate_constraints(
-                tables.rows, positions, velocities, clock[0], work.phi, work.phi_t, work.gamma, work.jacobian
+                tables.rows, positions, velocities, time, work.phi, work.phi_t, work.gamma, work.jacobian
             )
             for k in range(tables.rows.size):  # positions at the end of the step meet the linearised equations
                 rate = constraint_rate(tables.rows[k], work.jacobian[k], velocities)
@@ -43,12 +43,10 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
                 velocities[i, d] += change[i, d]
                 change[i, d] = step * velocities[i, d]
             move(positions[i], change[i], positions[i])
-        evaluate(tables, work, positions, velocities, clock[0], 0.0)
-        status = watch(tables, work, positions, velocities, clock[0], step)
+        evaluate(tables, work, positions, velocities, time, 0.0)
+        status = accept(tables, work, positions, velocities, clock, time, step, settings)
         if status != FINISHED:
             return status
-        if work.counters[0] > settings.budget:
-            return EVALUATION_LIMIT
     return FINISHED
 
 

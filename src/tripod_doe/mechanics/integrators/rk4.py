@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.integrators.contract import Method
-from tripod_doe.mechanics.monitor import EVALUATION_LIMIT, FINISHED, watch
-from tripod_doe.mechanics.motion import clear, copy_vectors, evaluate, project_positions, project_velocities
+from tripod_doe.mechanics.monitor import FINISHED, accept
+from tripod_doe.mechanics.motion import clear, copy_vectors, evaluate, settle
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
 
 __all__ = ["METHOD"]
@@ -25,7 +25,7 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         clear(shift.ravel())
         clear(shift_sum.ravel())
         clear(change_sum.ravel())
-        time = begin + n * step
+        time, end_time = begin + n * step, begin + (n + 1) * step
         for stage in range(4):
             weight = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
             reach = step if stage == 2 else 0.5 * step
@@ -46,16 +46,10 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
                         displacement[i, d] = shift_sum[i, d]
                         velocities[i, d] = first[i, d] + change_sum[i, d]
                 move(start[i], displacement[i], positions[i])
-        clock[0] = begin + (n + 1) * step
-        if settings.projection and tables.rows.size > 0:
-            project_positions(tables, work, positions, velocities, clock[0])
-            project_velocities(tables, work, positions, velocities, clock[0])
-        evaluate(tables, work, positions, velocities, clock[0], settings.baumgarte)
-        status = watch(tables, work, positions, velocities, clock[0], step)
+        settle(tables, work, positions, velocities, end_time, settings)
+        status = accept(tables, work, positions, velocities, clock, end_time, step, settings)
         if status != FINISHED:
             return status
-        if work.counters[0] > settings.budget:
-            return EVALUATION_LIMIT
     return FINISHED
 
 

@@ -16,15 +16,15 @@ from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.elimination import multiply
 from tripod_doe.mechanics.implicit import factorise_system, gather, solve_unconstrained
 from tripod_doe.mechanics.integrators.contract import Method
-from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, STEP_LIMIT, watch
+from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, STEP_LIMIT, accept
 from tripod_doe.mechanics.motion import (
     add_mass_product,
     clear,
     copy_vectors,
     evaluate,
+    larger,
     linearise,
-    project_positions,
-    project_velocities,
+    settle,
 )  # fmt: skip
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
 
@@ -114,8 +114,8 @@ def _combine(tables, work, start, first, tolerance, positions, velocities):
             length = tables.scales[0] * scale / tables.scales[1]
             size = max(abs(error) / length, abs(speed_error) / scale) / tolerance
             if not size <= worst:
-                worst = size
                 work.failure[0] = i
+            worst = larger(worst, size)
         move(start[i], shift[i], positions[i])
     return worst
 
@@ -154,18 +154,13 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
             continue
         taken += 1
         whole = clock[0] + step >= end * (1.0 - 1e-15) and settings.controlled
-        clock[0] = end if whole or (taken == count and not settings.controlled) else clock[0] + step
+        time = end if whole or (taken == count and not settings.controlled) else clock[0] + step
         if step >= clock[1] or growth < 1.0:  # a step cut short by `end` says nothing about the next one
             clock[1] = step * growth
-        if settings.projection and tables.rows.size > 0:
-            project_positions(tables, work, positions, velocities, clock[0])
-            project_velocities(tables, work, positions, velocities, clock[0])
-        evaluate(tables, work, positions, velocities, clock[0], settings.baumgarte)
-        status = watch(tables, work, positions, velocities, clock[0], step)
+        settle(tables, work, positions, velocities, time, settings)
+        status = accept(tables, work, positions, velocities, clock, time, step, settings)
         if status != FINISHED:
             return status
-        if work.counters[0] > settings.budget:
-            return EVALUATION_LIMIT
         copy_vectors(positions, start)
         copy_vectors(velocities, first)
         copy_vectors(work.acceleration, work.stages[14])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.integrators.contract import Method
-from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, Settings, watch
+from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, Settings, accept
 from tripod_doe.mechanics.motion import evaluate
 from tripod_doe.mechanics.tables import Tables, Work
 
@@ -95,8 +95,8 @@ def _integrate(
                 work.failure[0] = 0
                 return DIVERGED
             right_hand_side(stepper.t, stepper.y)
-            clock[0] = stepper.t
-            status = int(watch(tables, work, positions, velocities, stepper.t, stepper.t - before))
+            step = stepper.t - before
+            status = int(accept(tables, work, positions, velocities, clock, stepper.t, step, settings))
             if status != FINISHED:
                 return status
     except _BudgetSpentError:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.integrators.contract import Method
-from tripod_doe.mechanics.monitor import EVALUATION_LIMIT, FINISHED, watch
-from tripod_doe.mechanics.motion import evaluate, project_positions, project_velocities
+from tripod_doe.mechanics.monitor import FINISHED, accept
+from tripod_doe.mechanics.motion import evaluate, settle
 from tripod_doe.mechanics.rotations import move
 
 __all__ = ["METHOD"]
@@ -14,26 +14,20 @@ __all__ = ["METHOD"]
 @kernel
 def integrate(tables, work, positions, velocities, clock, end, count, settings):
     """Advance by equal steps; see `contract`."""
-    step = (end - clock[0]) / count
-    begin = clock[0]
+    step, begin = (end - clock[0]) / count, clock[0]
     displacement = work.stages[0]
-    evaluate(tables, work, positions, velocities, clock[0], settings.baumgarte)
+    evaluate(tables, work, positions, velocities, begin, settings.baumgarte)
     for n in range(count):
         for i in range(tables.bodies.size):
             for d in range(6):
                 velocities[i, d] += step * work.acceleration[i, d]
                 displacement[i, d] = step * velocities[i, d]
             move(positions[i], displacement[i], positions[i])
-        clock[0] = begin + (n + 1) * step
-        if settings.projection and tables.rows.size > 0:
-            project_positions(tables, work, positions, velocities, clock[0])
-            project_velocities(tables, work, positions, velocities, clock[0])
-        evaluate(tables, work, positions, velocities, clock[0], settings.baumgarte)
-        status = watch(tables, work, positions, velocities, clock[0], step)
+        time = begin + (n + 1) * step
+        settle(tables, work, positions, velocities, time, settings)
+        status = accept(tables, work, positions, velocities, clock, time, step, settings)
         if status != FINISHED:
             return status
-        if work.counters[0] > settings.budget:
-            return EVALUATION_LIMIT
     return FINISHED
 
 

@@ -144,16 +144,16 @@ class SceneSimulator(ABC):
             if reason := self.misfit(values):
                 outcome[i], detail[i] = Outcome.JAMMED, reason
                 continue
-            result = self._run_point(values, method)
+            try:
+                result = self._run_point(values, method)
+                found = self._answer_point(values, result)
+            except Exception as error:  # one point's error is not its neighbours'
+                outcome[i], detail[i] = Outcome.ERROR, f"{type(error).__name__}: {error}"
+                continue
             outcome[i], detail[i] = result.outcome, result.detail
             work[:, i] = result.steps, result.force_evaluations + result.check_evaluations
-            if result.outcome == Outcome.FINISHED:
-                found = self.answer(values, result) | {
-                    "largest_penetration_um": 1e3 * result.penetration,
-                    "energy_residual": result.energy_residual,
-                }
-                for name in keep:
-                    outputs[name].data[i] = found[name]
+            for name in keep if found else ():
+                outputs[name].data[i] = found[name]
         used = {dim for values in outputs.values() for dim in values.dims}
         labels = {"progress": PROGRESS} if "progress" in used else {}
         return BlockResult(outputs, labels, outcome, detail, work[0], work[1])
@@ -161,3 +161,12 @@ class SceneSimulator(ABC):
     def _run_point(self, values: Mapping[str, float], method: str) -> Run:
         settings = Settings(tolerance=values.get("relative_tolerance", 0.0), budget=int(values["evaluation_budget"]))
         return self.run(values, method, values.get("step_s"), settings)
+
+    def _answer_point(self, values: Mapping[str, float], result: Run) -> dict[str, Any]:
+        """All outputs of a run that may be used, none of any other."""
+        if result.outcome != Outcome.FINISHED:
+            return {}
+        return self.answer(values, result) | {
+            "largest_penetration_um": 1e3 * result.penetration,
+            "energy_residual": result.energy_residual,
+        }
