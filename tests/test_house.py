@@ -20,23 +20,23 @@ ROOT = Path(__file__).parent.parent
 SOURCES = sorted((ROOT / "src").rglob("*.py"))
 
 
-def tool(name, *arguments):
+def expect_success(name, *arguments):
     command = [str(Path(sys.executable).with_name(name)), *arguments]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_imports_run_one_way():
-    tool("lint-imports")
+    expect_success("lint-imports")
 
 
 def test_types_are_strict():
-    tool("mypy")
+    expect_success("mypy")
 
 
 def test_style():
-    tool("ruff", "check", ".")
-    tool("ruff", "format", "--check", ".")
+    expect_success("ruff", "check", ".")
+    expect_success("ruff", "format", "--check", ".")
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.stem)

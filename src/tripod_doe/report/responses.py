@@ -43,6 +43,7 @@ ORDINALS = (
 )  # fmt: skip
 """Orders in words."""
 
+_CHECKS = ("energy_residual", "largest_penetration_um")  # of the numerics: shown among the settings
 _VISIBLE = 5e-3  # orders smaller than this part of the largest one are not worth a sentence
 _CLASSES = 10  # classes of a sampled factor
 _MOST_LEVELS = 40  # a factor with more values than this is a sampled one
@@ -209,7 +210,7 @@ def responses(cube: xr.Dataset) -> list[Response]:
             if order == 3 or float(values.max()) > _VISIBLE * largest:
                 found.append(Response(f"thrust_amplitude_order_{order}", ORDINALS[order], "N", values))
         return found
-    own = [str(name) for name in cube.data_vars if _is_own(cube, str(name)) and name != "energy_residual"]
+    own = [str(name) for name in cube.data_vars if _is_own(cube, str(name)) and name not in _CHECKS]
     return [Response(name, _own_label(cube, name), _own_unit(cube, name), cube[name]) for name in own[:6]]
 
 
