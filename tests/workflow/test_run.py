@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -222,6 +223,14 @@ def test_an_existing_scheduler_gives_the_same_cube(write_study, tmp_path):
     assert_same_cube(tmp_path / "own", tmp_path / "theirs")
     with pytest.raises(td.InputError, match="no Dask scheduler"):
         run(study, tmp_path / "nowhere", scheduler="tcp://127.0.0.1:9")
+
+
+def test_a_disk_that_is_too_small_is_told_before_anything_starts(write_study, tmp_path, monkeypatch):
+    usage = shutil.disk_usage(tmp_path)._replace(free=1_000_000)
+    monkeypatch.setattr("tripod_doe.workflow.run.shutil.disk_usage", lambda path: usage)
+    with pytest.raises(td.InputError, match=r"1\.0 MB free, but journal and cube need 20\.0 MB"):
+        run(write_study(GRID), tmp_path / "out")
+    assert not (tmp_path / "out" / "study.toml").exists()
 
 
 def test_two_runs_do_not_share_a_directory(write_study, tmp_path):

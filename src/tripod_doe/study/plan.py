@@ -15,7 +15,7 @@ from tripod_doe.study.definition import Study, load_study, parse_study
 from tripod_doe.study.designs import Points, make_points, point_keys
 from tripod_doe.study.task import make_task, run_task
 
-__all__ = ["Plan", "plan"]
+__all__ = ["Plan", "cube_bytes", "plan"]
 
 _TIMING_SECONDS = 10.0
 _SAMPLES = 12
@@ -111,13 +111,13 @@ def plan(study: Study | str | Path, timing: bool = True) -> Plan:
         int((~points.allowed).sum()),
         blocks,
         hours,
-        _cube_bytes(study, points),
+        cube_bytes(study, points),
         len(seconds),
         study.warnings,
     )
 
 
-def _cube_bytes(study: Study, points: Points) -> int | None:
+def cube_bytes(study: Study, points: Points) -> int | None:
     """Size of outputs that declare their shape; a function's are not known beforehand."""
     if not study.simulator.outputs:
         return None

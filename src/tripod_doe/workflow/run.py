@@ -23,6 +23,7 @@ from tripod_doe.study.definition import Study, canonical, load_study, parse_stud
 from tripod_doe.study.designs import Points, make_points, point_keys
 from tripod_doe.study.execution import Policy, run_blocks
 from tripod_doe.study.journal import FinishedBlock, Journal
+from tripod_doe.study.plan import cube_bytes
 
 __all__ = ["RunSummary", "run"]
 
@@ -111,7 +112,7 @@ def run(
         keys = point_keys(study, points)
         _refuse_changes(study, keys[points.allowed], journal, directory)
         missing = _missing(study, points, keys, journal, retry_failed)
-        _check_space(study, directory, points.count)
+        _check_space(study, directory, points)
         _adopt(study, journal, directory)
         policy = Policy(workers, scheduler, study.file.run.block, study.file.run.exclusive)
         computed, seconds = _run_missing(study, points, keys, missing, journal, policy, fail_fast, progress)
@@ -189,11 +190,14 @@ def _expected(study: Study) -> set[int]:
     return {int(o) for o in Outcome if o.label in study.file.run.expected_outcomes}
 
 
-def _check_space(study: Study, directory: Path, count: int) -> None:
+def _check_space(study: Study, directory: Path, points: Points) -> None:
+    """Refuse to start where journal and cube will not fit."""
+    needed = _SPARE_BYTES + 2 * (cube_bytes(study, points) or 0)
     free = shutil.disk_usage(directory).free
-    if free < _SPARE_BYTES:
+    if free < needed:
         raise InputError(
-            f"--out {directory}: only {free / 1e6:.1f} MB free; {_SPARE_BYTES / 1e6:.0f} MB are needed to start"
+            f"--out {directory}: {free / 1e6:.1f} MB free, but journal and cube need {needed / 1e6:.1f} MB; "
+            "keep fewer outputs or choose another --out"
         )
 
 
