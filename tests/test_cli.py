@@ -65,6 +65,7 @@ def test_simulate_that_does_not_finish_exits_3(capsys):
     code, out, _ = call(capsys, "simulate", "--needle-count", "40", "--format", "json")
     assert code == 3
     assert json.loads(out)["outcome"] == "jammed"
+    assert json.loads(out)["thrust_amplitude"] is None
 
 
 def test_simulate_table_is_for_people(capsys):

@@ -226,13 +226,12 @@ def _simulate(options: argparse.Namespace) -> int:
     }
     result = simulate(options.scene, **given)
     outcome = Outcome(int(result["outcome"]))
-    outputs = {
-        str(name): _plain(result[name].values) for name in result.data_vars if not str(name).startswith("outcome")
-    }
+    names = [str(name) for name in result.data_vars if not str(name).startswith("outcome")]
+    outputs = {name: _plain(result[name].values) for name in names}
     answer = {
         "scene": options.scene,
         "parameters": result.attrs["parameters"],
-        **outputs,
+        **(dict.fromkeys(simulator.outputs) | outputs),  # null where the point did not get that far
         "coordinates": {str(name): _plain(values.values) for name, values in result.coords.items()},
         "outcome": outcome.label,
         "outcome_detail": str(result["outcome_detail"].values),
