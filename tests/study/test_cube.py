@@ -96,6 +96,21 @@ def test_every_variable_says_what_it_is():
         assert cube.attrs[key]
 
 
+def test_fixed_parameters_are_those_that_all_points_share(tmp_path):
+    text = '[study]\nname="f"\n[base]\ntorque_n_m=60\n[factors]\ngroove_sliding_friction={values=[0.03, 0.05]}'
+    fixed = json.loads(cube_of(text)[0].attrs["fixed_parameters"])
+    assert fixed["torque_n_m"] == 60
+    assert "groove_sliding_friction" not in fixed
+    assert "groove_spin_friction" not in fixed  # it follows the sliding friction
+    given = json.loads(cube_of(text.replace("torque_n_m=60", "groove_spin_friction=0.04"))[0].attrs["fixed_parameters"])
+    assert given["groove_spin_friction"] == 0.04
+    (tmp_path / "t.csv").write_text("joint_angle_deg\n5\n7\n")
+    table = parse_study('[study]\nname="t"\n[design]\nkind="table"\ntable="t.csv"', folder=tmp_path)
+    points = make_points(table)
+    cube, _ = build_cube(table, points, point_keys(table, points), iter(()))
+    assert "joint_angle_deg" not in json.loads(cube.attrs["fixed_parameters"])
+
+
 def test_what_was_not_run_is_flagged():
     study = parse_study(GRID)
     points = make_points(study)

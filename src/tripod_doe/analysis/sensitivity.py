@@ -18,6 +18,7 @@ from SALib.analyze import sobol as salib_sobol
 
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.results import Outcome
+from tripod_doe.study.cube import COST_VARIABLES
 from tripod_doe.study.definition import DesignTable, parse_file
 from tripod_doe.study.designs import salib_problem, unit_sample
 
@@ -138,7 +139,7 @@ def _chosen(cube: xr.Dataset, settings: SobolSettings) -> list[str]:
     outputs = [
         str(name)
         for name, variable in cube.data_vars.items()
-        if variable.dtype.kind == "f" and name not in ("cpu_seconds", "wall_seconds", "steps", "force_evaluations")
+        if variable.dtype.kind == "f" and name not in COST_VARIABLES
     ]
     for name in settings.outputs:
         if name not in outputs:

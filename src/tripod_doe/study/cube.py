@@ -17,7 +17,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.errors import CubeError, StorageError
-from tripod_doe.quantities import Output, Parameter
+from tripod_doe.quantities import Output, Parameter, Value
 from tripod_doe.results import OUTCOME_MEANINGS, BlockResult, Outcome
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points
@@ -70,6 +70,7 @@ def build_cube(
     for block in blocks:
         table.fill(block, *_places(sorted_keys, by_key, block.keys))
     table.detail[~points.allowed] = "excluded by a constraint"
+    attributes = _attributes(study, points)
     cube = xr.Dataset(
         {
             name: _variable(study.simulator.outputs.get(name), dims, data, points)
@@ -77,7 +78,7 @@ def build_cube(
         }
         | _outcome_variables(table, points),
         coords=_coordinates(study, points, table.coordinates),
-        attrs=_attributes(study),
+        attrs=attributes,
     )
     cost = xr.Dataset(
         {
@@ -86,7 +87,7 @@ def build_cube(
         }
         | {"worker": _shaped(points, (), table.worker, {"long_name": "Dask worker that ran the point"})},
         coords=_coordinates(study, points, {}),
-        attrs=_attributes(study) | {"title": f"{study.file.study.name}: cost"},
+        attrs=attributes | {"title": f"{study.file.study.name}: cost"},
     )
     _check_schema(study, cube)
     return cube, cost
@@ -206,10 +207,22 @@ def _dimension_attributes(name: str) -> dict[str, str]:
     return {"long_name": meaning} | ({"units": unit} if unit else {})
 
 
-def _attributes(study: Study) -> dict[str, Any]:
+def _fixed_parameters(study: Study, points: Points) -> dict[str, Value]:
+    """Values that all points share, without those that follow from a factor (spin friction from sliding)."""
+    ends = []
+    for at in (0, -1):
+        varied = {name: column[[at]].tolist()[0] for name, column in points.columns.items()}
+        ends.append(study.simulator.effective({**study.base, **varied}))
+    first, last = ends
+    return {
+        name: value
+        for name, value in first.items()
+        if name not in points.columns and value is not None and last[name] == value
+    }
+
+
+def _attributes(study: Study, points: Points) -> dict[str, Any]:
     """Provenance: the same for the same study and installation, however it was run."""
-    effective = study.simulator.effective(study.base)
-    fixed = {name: value for name, value in effective.items() if name not in study.factors and value is not None}
     return {
         "Conventions": "CF-1.8",
         "title": study.file.study.name,
@@ -220,7 +233,7 @@ def _attributes(study: Study) -> dict[str, Any]:
         "study": study.text,
         "study_hash": study.hash,
         "kernel_source_hash": study.simulator.source_hash,
-        "fixed_parameters": json.dumps(fixed),
+        "fixed_parameters": json.dumps(_fixed_parameters(study, points)),
         "package_versions": json.dumps(
             {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()}
         ),

@@ -179,15 +179,16 @@ def _missing(
             for block in journal.blocks()
             for key, o in zip(block.keys, block.result.outcome, strict=True)
         }
-        good = {Outcome.FINISHED, *_expected(study)}
+        good = _good_outcomes(study)
         done = np.array([key for key in done if ended[key.tobytes()] in good], dtype="V16")
     _, first = np.unique(keys, return_index=True)
     first = np.sort(first)
     return first[points.allowed[first] & ~np.isin(keys[first], done)]
 
 
-def _expected(study: Study) -> set[int]:
-    return {int(o) for o in Outcome if o.label in study.file.run.expected_outcomes}
+def _good_outcomes(study: Study) -> set[int]:
+    """Outcomes that do not count as failures: finished, and what the study expects."""
+    return {int(Outcome.FINISHED)} | {int(o) for o in Outcome if o.label in study.file.run.expected_outcomes}
 
 
 def _check_space(study: Study, directory: Path, points: Points) -> None:
@@ -225,7 +226,7 @@ def _run_missing(
     """Run the missing points under a progress bar; returns how many came back, and in how many seconds."""
     if missing.size == 0:
         return 0, 0.0
-    good = {int(Outcome.FINISHED), *_expected(study)}
+    good = _good_outcomes(study)
     computed = 0
     with tqdm(total=int(missing.size), unit="point", disable=not progress, file=sys.stderr, smoothing=0.05) as bar:
 
@@ -242,7 +243,7 @@ def _run_missing(
 
 def _failures(study: Study, points: Points, cube: xr.Dataset) -> dict[str, int]:
     outcome = cube["outcome"].values.ravel()[points.allowed]
-    good = {int(Outcome.FINISHED), *_expected(study)}
+    good = _good_outcomes(study)
     return {
         kind.label: int((outcome == kind).sum())
         for kind in Outcome
