@@ -16,7 +16,7 @@ from numba import njit
 
 from tripod_doe.mechanics.scenes.needle_between_plates import build, transition_velocity
 
-__all__ = ["simulate_in_exudyn"]
+__all__ = ["simulate_in_exudyn", "solve"]
 
 
 @njit
@@ -46,6 +46,22 @@ def _force(x, v, w, axis, plate, row, friction, out):
             out[3] += ly * fz - lz * fy
             out[4] += lz * fx - lx * fz
             out[5] += lx * fy - ly * fx
+
+
+def solve(system: exu.MainSystem, duration: float, step: float) -> float:
+    """Integrate an assembled system by generalised-alpha with equal steps; returns the solver's CPU seconds."""
+    settings = exu.SimulationSettings()
+    settings.timeIntegration.numberOfSteps = round(duration / step)
+    settings.timeIntegration.endTime = duration
+    settings.timeIntegration.generalizedAlpha.spectralRadius = 0.8
+    settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False
+    settings.timeIntegration.newton.relativeTolerance = 1e-8
+    settings.timeIntegration.newton.maxIterations = 50
+    settings.timeIntegration.verboseMode = 0
+    settings.solution.file.write = False
+    begun = time.process_time()
+    system.SolveDynamic(settings)
+    return time.process_time() - begun
 
 
 def simulate_in_exudyn(values: Mapping[str, float], step: float) -> tuple[float, float]:
@@ -84,16 +100,5 @@ def simulate_in_exudyn(values: Mapping[str, float], step: float) -> tuple[float,
         items.ObjectConnectorRigidBodySpringDamper(markerNumbers=markers, springForceTorqueUserFunction=contact)
     )
     system.Assemble()
-    settings = exu.SimulationSettings()
-    settings.timeIntegration.numberOfSteps = round(values["duration_s"] / step)
-    settings.timeIntegration.endTime = values["duration_s"]
-    settings.timeIntegration.generalizedAlpha.spectralRadius = 0.8
-    settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False
-    settings.timeIntegration.newton.relativeTolerance = 1e-8
-    settings.timeIntegration.newton.maxIterations = 50
-    settings.timeIntegration.verboseMode = 0
-    settings.solution.file.write = False
-    begun = time.process_time()
-    system.SolveDynamic(settings)
-    seconds = time.process_time() - begun
+    seconds = solve(system, values["duration_s"], step)
     return float(system.GetNodeOutput(node, exu.OutputVariableType.Position)[1]), seconds

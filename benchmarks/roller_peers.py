@@ -21,6 +21,7 @@ def roller_in_exudyn(values: Mapping[str, float], step: float) -> tuple[float, f
     """Axial force and CPU seconds of the solver."""
     import exudyn as exu
     import exudyn.itemInterface as items  # noqa: N813
+    from exudyn_needle import solve
 
     scene = build(values)
     roller, contact = scene.bodies[0], scene.contacts[0]
@@ -54,18 +55,7 @@ def roller_in_exudyn(values: Mapping[str, float], step: float) -> tuple[float, f
     mass = np.diag([roller.mass, roller.inertia[1]])
     system.AddObject(items.ObjectGenericODE2(nodeNumbers=[node], massMatrix=mass, forceUserFunction=force))
     system.Assemble()
-    settings = exu.SimulationSettings()
-    settings.timeIntegration.numberOfSteps = round(values["duration_s"] / step)
-    settings.timeIntegration.endTime = values["duration_s"]
-    settings.timeIntegration.generalizedAlpha.spectralRadius = 0.8
-    settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False
-    settings.timeIntegration.newton.relativeTolerance = 1e-8
-    settings.timeIntegration.newton.maxIterations = 50
-    settings.timeIntegration.verboseMode = 0
-    settings.solution.file.write = False
-    begun = time.process_time()
-    system.SolveDynamic(settings)
-    seconds = time.process_time() - begun
+    seconds = solve(system, values["duration_s"], step)
     q = system.GetNodeOutput(node, exu.OutputVariableType.Coordinates)
     v = system.GetNodeOutput(node, exu.OutputVariableType.Coordinates_t)
     fx, fy, _ = contact_force(q[0], v[0], v[1])
