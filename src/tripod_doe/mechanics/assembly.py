@@ -311,6 +311,6 @@ def _tables(
 ) -> Tables:
     scales = np.array([scene.length_scale, scene.speed_scale, scene.rotation_scale])
     return Tables(
-        bodies, contacts, springs, rows, np.array(scene.gravity, float), scales,
+        bodies, contacts, springs, rows, np.array(scene.gravity, float), np.array(scene.frame, float), scales,
         np.flatnonzero(bodies["block"] >= 0), pattern,
     )  # fmt: skip

@@ -248,6 +248,9 @@ class Scene:
         The parts; a body is known by its name.
     gravity
         Acceleration of free fall, in world axes.
+    frame
+        Constant angular velocity of the world axes and the ground about their origin: a scene that turns as a whole is
+        slow, and its positions almost constant, when it is described in axes that turn with it.
     length_scale, speed_scale, rotation_scale
         Displacement, speed and angular velocity that matter in this scene: tolerances and bounds are relative to them.
     """
@@ -257,6 +260,7 @@ class Scene:
     springs: tuple[Spring, ...] = ()
     constraints: tuple[Constraint, ...] = ()
     gravity: Vector = ORIGIN
+    frame: Vector = ORIGIN
     length_scale: float = 1.0
     speed_scale: float = 1.0
     rotation_scale: float = 1.0

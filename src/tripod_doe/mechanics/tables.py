@@ -137,6 +137,7 @@ class Tables(NamedTuple):
     springs: NDArray[Any]
     rows: NDArray[Any]
     gravity: FloatArray
+    frame: FloatArray  # angular velocity of the world axes
     scales: FloatArray  # length, speed, angular velocity
     body_of_row: IntArray
     pattern: Pattern
