@@ -141,8 +141,10 @@ def generalized_forces(tables, work, positions, velocities):
         for d in range(6):
             force[i, d] = body.load[d]
         if body.block >= 0:
+            own = rotate(load_attitude(positions[i]), load_vector(body.own_moment, 0))
             for d in range(3):
                 force[i, d] += body.mass * tables.gravity[d]
+                force[i, 3 + d] += own[d]
         for d in range(6):
             ledger[1] += force[i, d] * velocities[i, d]
     contact_forces(tables.contacts, positions, velocities, force, ledger, work.slip)

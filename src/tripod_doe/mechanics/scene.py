@@ -37,6 +37,8 @@ class Body:
         In world axes at the start.
     force, moment
         Constant load at the centre of mass, in world axes.
+    own_moment
+        Constant moment in body axes: a torque that turns with the body's axis.
     locked
         Velocity components (three of translation, three of rotation, world axes) that keep their starting value. A
         locked rotation needs all three locked, or the locked axes to be principal ones (checked at the start).
@@ -51,6 +53,7 @@ class Body:
     angular_velocity: Vector = ORIGIN
     force: Vector = ORIGIN
     moment: Vector = ORIGIN
+    own_moment: Vector = ORIGIN
     locked: tuple[bool, bool, bool, bool, bool, bool] = (False,) * 6
 
 

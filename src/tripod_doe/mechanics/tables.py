@@ -22,6 +22,7 @@ BODY = np.dtype(
         ("mass", np.float64),
         ("inertia", *_VECTOR),
         ("load", np.float64, (6,)),
+        ("own_moment", *_VECTOR),
         ("free", np.float64, (6,)),  # 1 where a velocity component is free, 0 where it is locked
         ("block", np.int64),  # row in the block matrix, -1 for a body that never moves
     ],
