@@ -6,7 +6,7 @@ import math
 
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints, factorise_schur, solve_schur
-from tripod_doe.mechanics.contact import add_pair, contact_forces, contact_matrices
+from tripod_doe.mechanics.contact import add_contacts, add_pair
 from tripod_doe.mechanics.rotations import (
     add,
     cross,
@@ -61,7 +61,7 @@ def _angular_momentum(body, attitude, omega):
 
 @inlined_kernel
 def _spring_state(spring, positions, velocities):
-    """Arms, unit vector from a to b, length and its rate."""
+    """Arms, unit vector from a to b, velocity of b's end against a's, and length."""
     a, b = spring.body_a, spring.body_b
     arm_a = rotate(load_attitude(positions[a]), load_vector(spring.point_a, 0))
     arm_b = rotate(load_attitude(positions[b]), load_vector(spring.point_b, 0))
@@ -71,44 +71,43 @@ def _spring_state(spring, positions, velocities):
         add(load_vector(velocities[a], 0), cross(load_vector(velocities[a], 3), arm_a)),
     )
     length = math.sqrt(dot(between, between)) + 1e-300
-    along = scale(1.0 / length, between)
-    return arm_a, arm_b, along, length, dot(along, closing)
+    return arm_a, arm_b, scale(1.0 / length, between), closing, length
 
 
 @kernel
-def _spring_forces(springs, positions, velocities, force, ledger):
-    """Add the forces of springs and dampers, and their energies."""
-    for i in range(springs.size):
-        spring = springs[i]
-        arm_a, arm_b, along, length, rate = _spring_state(spring, positions, velocities)
-        stretch = length - spring.free_length
+def _add_springs(tables, work, positions, velocities, by_velocity, by_position, matrix):
+    """Add the forces of springs and dampers, their energies and, unless both factors are zero, their derivatives."""
+    force, drift, ledger = work.force, work.drift, work.ledger
+    for i in range(tables.springs.size):
+        spring = tables.springs[i]
+        arm_a, arm_b, along, closing, length = _spring_state(spring, positions, velocities)
+        rate, stretch = dot(along, closing), length - spring.free_length
         tension = spring.stiffness * stretch + spring.damping * rate
         ledger[0] += 0.5 * spring.stiffness * stretch * stretch
         ledger[5] += spring.damping * rate * rate
-        moment_a, moment_b = cross(arm_a, along), cross(arm_b, along)
-        for d in range(3):
-            force[spring.body_a, d] += tension * along[d]
-            force[spring.body_a, 3 + d] += tension * moment_a[d]
-            force[spring.body_b, d] -= tension * along[d]
-            force[spring.body_b, 3 + d] -= tension * moment_b[d]
+        _apply_between(force, spring, arm_a, arm_b, scale(tension, along))
+        if by_velocity != 0.0 or by_position != 0.0:
+            across = spring.stiffness * stretch / length
+            axial = spring.stiffness - across
+            _apply_between(drift, spring, arm_a, arm_b, add(scale(-across, closing), scale(-axial * rate, along)))
+            block = work.pair[0]
+            clear(block.ravel())
+            for d in range(3):
+                block[d, d] = by_position * across
+                for e in range(3):
+                    block[d, e] += (by_velocity * spring.damping + by_position * axial) * along[d] * along[e]
+            add_pair(matrix, spring.pair, block, arm_a, arm_b)
 
 
-@kernel
-def _spring_matrices(springs, positions, velocities, dissipation, stiffness, scratch):
-    """Add -dQ/dv and -dQ/dq of springs and dampers."""
-    for i in range(springs.size):
-        spring = springs[i]
-        arm_a, arm_b, along, length, _ = _spring_state(spring, positions, velocities)
-        across = spring.stiffness * (1.0 - spring.free_length / length)
-        clear(scratch[2].ravel())
-        clear(scratch[3].ravel())
-        for d in range(3):
-            scratch[3, d, d] = across
-            for e in range(3):
-                scratch[2, d, e] = spring.damping * along[d] * along[e]
-                scratch[3, d, e] += (spring.stiffness - across) * along[d] * along[e]
-        add_pair(dissipation, spring.pair, scratch[2], arm_a, arm_b, scratch)
-        add_pair(stiffness, spring.pair, scratch[3], arm_a, arm_b, scratch)
+@inlined_kernel
+def _apply_between(force, spring, arm_a, arm_b, pull):
+    """Add a force that pulls body a, and its opposite on body b."""
+    moment_a, moment_b = cross(arm_a, pull), cross(arm_b, pull)
+    for d in range(3):
+        force[spring.body_a, d] += pull[d]
+        force[spring.body_a, 3 + d] += moment_a[d]
+        force[spring.body_b, d] -= pull[d]
+        force[spring.body_b, 3 + d] -= moment_b[d]
 
 
 @kernel
@@ -117,8 +116,46 @@ def generalized_forces(tables, work, positions, velocities):
 
     The power of locked velocities is that of the reaction -Q which keeps them.
     """
-    force, ledger = work.force, work.ledger
     work.counters[0] += 1
+    _add_elements(tables, work, positions, velocities, 1.0, 0.0, 0.0, work.matrix)
+
+
+@kernel
+def linearise(tables, work, positions, velocities, secant, by_velocity, by_position, matrix):
+    """Evaluate Q as `generalized_forces` does, and by_velocity D + by_position K with D = -dQ/dv and K = -dQ/dq.
+
+    Parameters
+    ----------
+    secant
+        1 for the secant slope of friction, 0 for its tangent; see `contact.add_contacts`.
+    by_velocity, by_position
+        Factors, not both zero.
+    matrix
+        Receives the sum, shape (block, 6, 8); `work.drift` receives K times the velocities.
+    """
+    work.counters[0] += 1
+    work.counters[1] += 1
+    clear(matrix.ravel())
+    clear(work.drift.ravel())
+    _add_elements(tables, work, positions, velocities, secant, by_velocity, by_position, matrix)
+    for i in range(tables.bodies.size):
+        body = tables.bodies[i]
+        if body.block < 0:
+            continue
+        block = matrix[tables.pattern.own[body.block]]
+        attitude, omega = load_attitude(positions[i]), load_vector(velocities[i], 3)
+        momentum = _angular_momentum(body, attitude, omega)
+        for d in range(3):  # -d(-omega x I omega): omega x I e - I omega x e, column by column
+            unit = (1.0 if d == 0 else 0.0, 1.0 if d == 1 else 0.0, 1.0 if d == 2 else 0.0)
+            column = add(cross(omega, _angular_momentum(body, attitude, unit)), cross(unit, momentum))
+            for e in range(3):
+                block[3 + e, 3 + d] += by_velocity * column[e]
+
+
+@kernel
+def _add_elements(tables, work, positions, velocities, secant, by_velocity, by_position, matrix):
+    """Evaluate all forces and the ledger and add, unless both factors are zero, what elements have of D and K."""
+    force, ledger = work.force, work.ledger
     clear(ledger)
     for i in range(tables.bodies.size):
         body = tables.bodies[i]
@@ -129,8 +166,11 @@ def generalized_forces(tables, work, positions, velocities):
                 force[i, d] += body.mass * tables.gravity[d]
         for d in range(6):
             ledger[1] += force[i, d] * velocities[i, d]
-    contact_forces(tables.contacts, positions, velocities, force, ledger, work.slip)
-    _spring_forces(tables.springs, positions, velocities, force, ledger)
+    add_contacts(
+        tables.contacts, 0, tables.contacts.size, positions, velocities, secant, by_velocity, by_position,
+        force, work.drift, ledger, work.slip, work.touching, matrix, work.pair,
+    )  # fmt: skip
+    _add_springs(tables, work, positions, velocities, by_velocity, by_position, matrix)
     for i in range(tables.bodies.size):
         body = tables.bodies[i]
         if body.block >= 0:
@@ -316,28 +356,6 @@ def settle(tables, work, positions, velocities, time, settings):
         project_positions(tables, work, positions, velocities, time)
         project_velocities(tables, work, positions, velocities, time)
     evaluate(tables, work, positions, velocities, time, settings.baumgarte)
-
-
-@kernel
-def linearise(tables, work, positions, velocities, secant):
-    """Fill the block matrices -dQ/dv and -dQ/dq at a state."""
-    work.counters[1] += 1
-    clear(work.dissipation.ravel())
-    clear(work.stiffness.ravel())
-    contact_matrices(tables.contacts, positions, velocities, secant, work.dissipation, work.stiffness, work.pair)
-    _spring_matrices(tables.springs, positions, velocities, work.dissipation, work.stiffness, work.pair)
-    for i in range(tables.bodies.size):
-        body = tables.bodies[i]
-        if body.block < 0:
-            continue
-        block = work.dissipation[tables.pattern.own[body.block]]
-        attitude, omega = load_attitude(positions[i]), load_vector(velocities[i], 3)
-        momentum = _angular_momentum(body, attitude, omega)
-        for d in range(3):  # -d(-omega x I omega): omega x I e - I omega x e, column by column
-            unit = (1.0 if d == 0 else 0.0, 1.0 if d == 1 else 0.0, 1.0 if d == 2 else 0.0)
-            column = add(cross(omega, _angular_momentum(body, attitude, unit)), cross(unit, momentum))
-            for e in range(3):
-                block[3 + e, 3 + d] += column[e]
 
 
 @kernel

@@ -248,6 +248,8 @@ class Scene:
         The parts; a body is known by its name.
     gravity
         Acceleration of free fall, in world axes.
+    core
+        Bodies that many others touch: they are eliminated last, as all that take part in constraints are.
     length_scale, speed_scale, rotation_scale
         Displacement, speed and angular velocity that matter in this scene: tolerances and bounds are relative to them.
     """
@@ -260,3 +262,4 @@ class Scene:
     length_scale: float = 1.0
     speed_scale: float = 1.0
     rotation_scale: float = 1.0
+    core: tuple[str, ...] = ()
