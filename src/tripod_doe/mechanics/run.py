@@ -277,7 +277,7 @@ def _inspect(assembly: Assembly, memory: Work, state: State, limits: Limits, che
     radii = np.zeros(tables.bodies.size)
     np.maximum.at(radii, tables.contacts["body_a"], tables.contacts["radius"])
     sizes = np.where(radii > 0, radii, assembly.scene.length_scale)[tables.contacts["body_a"]]
-    deepest, share, depth, body = largest_penetration(tables.contacts, sizes, state.positions, state.velocities)
+    deepest, share, depth, body = largest_penetration(tables.contacts, sizes, state.positions)
     checks.penetration = max(checks.penetration, float(deepest))
     if share > limits.penetration:
         text = f"a penetration of {depth:.3g} is outside the contact law {at}, body {assembly.names[int(body)]}"
