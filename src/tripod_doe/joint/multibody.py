@@ -311,6 +311,7 @@ def build_joint(values: Mapping[str, float], needles: bool) -> Scene:
         (*contacts, *(contact for _, contact in rollers)),
         constraints=tuple(constraints),
         frame=(0.0, 0.0, speed),
+        core=tuple(body.name for body, _ in rollers),
         length_scale=0.1,
         speed_scale=values["pitch_radius_mm"] * speed * math.tan(values["joint_angle_deg"]) + 1.0,
         rotation_scale=speed,

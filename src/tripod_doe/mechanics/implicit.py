@@ -16,7 +16,6 @@ from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints, factorise_schur, solve_schur
 from tripod_doe.mechanics.elimination import eliminate, reduce_right_side, substitute_back
 from tripod_doe.mechanics.motion import (
-    add_inertia_forces,
     add_mass_blocks,
     add_momenta,
     add_reaction_power,
@@ -199,12 +198,24 @@ def _displace(tables, start, base, reach, velocities, displacement, positions):
 
 
 @kernel
-def largest_correction(tables, correction, failure):
-    """Largest correction of a velocity relative to the scene's scales; notes its body in `failure`."""
-    worst = 0.0
-    for i in range(tables.bodies.size):
+def largest_correction(tables, correction, light, failure):
+    """Largest correction of a velocity relative to the scene's scales; notes its body in `failure`.
+
+    Parameters
+    ----------
+    correction
+        Shape (body, 6 or more).
+    light
+        Bodies outside the core count this much less, if there is a core.
+    failure
+        Receives body and size.
+    """
+    pattern, worst = tables.pattern, 0.0
+    for pivot in range(pattern.order.size):
+        i = tables.body_of_row[pattern.order[pivot]]
+        weight = 1.0 / light if pivot < pattern.tail < pattern.order.size else 1.0
         for d in range(6):
-            size = abs(correction[i, d]) / (tables.scales[1] if d < 3 else tables.scales[2])
+            size = weight * abs(correction[i, d]) / (tables.scales[1] if d < 3 else tables.scales[2])
             if not size <= worst:
                 failure[0], failure[1] = i, size
             worst = larger(worst, size)
@@ -212,21 +223,24 @@ def largest_correction(tables, correction, failure):
 
 
 @kernel
-def solve_stage(tables, work, start, base, momenta, reach, factor, time, settings, positions, velocities):
-    """Solve p(q, u) = momenta + factor Q(q, u) with q at base + reach u from `start`, by secant iterations.
+def solve_stage(
+    tables, work, start, base, reach, factor, time, iterations, tolerance, light, positions, velocities
+):  # fmt: skip
+    """Solve p(q, u) = p_0 + factor Q(q, u) with q at base + reach u from `start`, by secant iterations.
 
-    p are the momenta in axes at rest (`motion.add_momenta`).
+    p are the momenta in axes at rest (`motion.add_momenta`), p_0 those in `work.momenta`.
 
     Parameters
     ----------
     start, base
         Positions that displacements count from, shape (body, 7), and the known part of the displacement, (body, 6).
-    momenta
-        Their known part, shape (row of the block matrix, 6).
     reach, factor
         The method's multiples of the step for positions and velocities.
     time
         Time of the stage.
+    iterations, tolerance, light
+        Largest number of iterations, the relative correction of a velocity at which they end, and how many times that
+        bodies outside the core are granted.
     positions, velocities
         Receive the stage; the velocities hold the first guess.
 
@@ -241,7 +255,7 @@ def solve_stage(tables, work, start, base, momenta, reach, factor, time, setting
         for d in range(6):
             displacement[i, d] = base[i, d] + reach * velocities[i, d]
     share, merit, last = 1.0, math.inf, math.inf
-    for _ in range(settings.iterations):
+    for _ in range(iterations):
         work.counters[5] += 1
         _displace(tables, start, base, reach, velocities, displacement, positions)
         linearise_elements(tables, work, positions, velocities, share, factor, factor * reach, work.matrix)
@@ -253,20 +267,19 @@ def solve_stage(tables, work, start, base, momenta, reach, factor, time, setting
                 wanted[k] = -work.phi[k] / reach
         if not factorise_system(tables, work, positions):
             return False
-        copy_vectors(momenta, work.blocks)
+        copy_vectors(work.momenta, work.blocks)
         add_momenta(tables, positions, velocities, -1.0, 0.0, work.blocks)
         gather(tables, work.force, factor, work.blocks)
         solve_system(tables, work, wanted, change)
         for i in range(tables.bodies.size):
             for d in range(6):
                 velocities[i, d] += change[i, d]
-        correction = largest_correction(tables, change, work.failure)
+        correction = largest_correction(tables, change, light, work.failure)
         rounded = correction >= last and correction <= _ROUNDING
         last = correction
-        if correction <= settings.correction or rounded:
+        if correction <= tolerance or rounded:
             _displace(tables, start, base, reach, velocities, displacement, positions)
-            add_inertia_forces(tables, work, positions, velocities)
-            add_reaction_power(tables, work, velocities, 1.0 / factor)
+            add_reaction_power(tables, work, positions, velocities, 1.0 / factor)
             return True
         if not math.isfinite(correction):
             return False

@@ -24,7 +24,7 @@ from tripod_doe.mechanics.rotations import (
 __all__ = [
     "accelerate", "add_inertia_forces", "add_mass_blocks", "add_mass_product", "add_momenta", "add_reaction_power", "clear", "constraint_rate",
     "copy_vectors", "evaluate", "generalized_forces", "kinetic_energy", "larger", "linearise", "linearise_elements", "project_positions",
-    "project_velocities", "settle",
+    "project_velocities", "settle", "velocity_at_rest",
 ]  # fmt: skip
 
 _PROJECTION_SWEEPS = 4
@@ -72,6 +72,24 @@ def _inertia_force(body, frame, position, velocity):
     turned = cross(whole, _angular_momentum(body, attitude, whole))
     carried = _angular_momentum(body, attitude, cross(omega, frame))
     return scale(-body.mass, cross(frame, swing)), subtract(carried, turned)
+
+
+@inlined_kernel
+def velocity_at_rest(frame, position, velocity):
+    """Velocity and angular velocity of a body in axes at rest."""
+    carried = cross(frame, load_vector(position, 0))
+    return add(load_vector(velocity, 0), carried), add(load_vector(velocity, 3), frame)
+
+
+@inlined_kernel
+def _power(frame, position, velocity, force, free, kind):
+    """Power, in axes at rest, of the components of force and moment whose velocities are free (1) or locked (0)."""
+    linear, angular = velocity_at_rest(frame, position, velocity)
+    power = 0.0
+    for d in range(3):
+        power += force[d] * linear[d] if free[d] == kind else 0.0
+        power += force[3 + d] * angular[d] if free[3 + d] == kind else 0.0
+    return power
 
 
 @inlined_kernel
@@ -129,8 +147,7 @@ def _apply_between(force, spring, arm_a, arm_b, pull):
 def generalized_forces(tables, work, positions, velocities):
     """Evaluate Q of Eq. 1: loads, gravity, contacts, springs and inertia forces, and the energy ledger.
 
-    The power of locked velocities is that of the reaction -Q which keeps them; the power of the inertia forces of a
-    turning frame counts as put in.
+    Energies are those in axes at rest. The power of locked velocities is that of the reaction -Q which keeps them.
     """
     work.counters[0] += 1
     _add_elements(tables, work, positions, velocities, 1.0, 0.0, 0.0, work.matrix)
@@ -168,7 +185,7 @@ def linearise_elements(tables, work, positions, velocities, secant, by_velocity,
 @kernel
 def _add_elements(tables, work, positions, velocities, secant, by_velocity, by_position, matrix):
     """Evaluate all forces and the ledger and add, unless both factors are zero, what elements have of D and K."""
-    force, ledger = work.force, work.ledger
+    force, ledger, frame = work.force, work.ledger, load_vector(tables.frame, 0)
     clear(ledger)
     for i in range(tables.bodies.size):
         body = tables.bodies[i]
@@ -179,22 +196,19 @@ def _add_elements(tables, work, positions, velocities, secant, by_velocity, by_p
             for d in range(3):
                 force[i, d] += body.mass * tables.gravity[d]
                 force[i, 3 + d] += own[d]
-        for d in range(6):
-            ledger[1] += force[i, d] * velocities[i, d]
+        ledger[1] += _power(frame, positions[i], velocities[i], force[i], body.free, 1.0)
     add_contacts(
         tables.contacts, 0, tables.contacts.size, positions, velocities, secant, by_velocity, by_position,
         force, work.drift, ledger, work.slip, work.touching, matrix, work.pair,
     )  # fmt: skip
     _add_springs(tables, work, positions, velocities, by_velocity, by_position, matrix)
-    for i in range(tables.bodies.size):
-        for d in range(6):
-            if tables.bodies[i].free[d] == 0.0:
-                ledger[1] -= force[i, d] * velocities[i, d]
+    for i in range(tables.bodies.size):  # what keeps a locked body, and the ground, going
+        ledger[1] -= _power(frame, positions[i], velocities[i], force[i], tables.bodies[i].free, 0.0)
 
 
 @kernel
 def add_inertia_forces(tables, work, positions, velocities):
-    """Add gyroscopic, Coriolis and centrifugal forces, and their power to what is put in."""
+    """Add gyroscopic, Coriolis and centrifugal forces."""
     frame = load_vector(tables.frame, 0)
     for i in range(tables.bodies.size):
         body = tables.bodies[i]
@@ -204,8 +218,6 @@ def add_inertia_forces(tables, work, positions, velocities):
         for d in range(3):
             work.force[i, d] += push[d]
             work.force[i, 3 + d] += turn[d]
-            work.ledger[1] += body.free[d] * push[d] * velocities[i, d]
-            work.ledger[1] += body.free[3 + d] * turn[d] * velocities[i, 3 + d]
 
 
 @kernel
@@ -248,10 +260,9 @@ def add_momenta(tables, positions, velocities, factor, turn, out):
     for row in range(tables.body_of_row.size):
         i = tables.body_of_row[row]
         body = tables.bodies[i]
-        whole = add(load_vector(velocities[i], 3), frame)
-        linear = add(load_vector(velocities[i], 0), cross(frame, load_vector(positions[i], 0)))
-        linear = rotate(back, scale(factor * body.mass, linear))
-        angular = rotate(back, scale(factor, _angular_momentum(body, load_attitude(positions[i]), whole)))
+        speed, omega = velocity_at_rest(frame, positions[i], velocities[i])
+        linear = rotate(back, scale(factor * body.mass, speed))
+        angular = rotate(back, scale(factor, _angular_momentum(body, load_attitude(positions[i]), omega)))
         for d in range(3):
             out[row, d] += linear[d]
             out[row, 3 + d] += angular[d]
@@ -330,7 +341,7 @@ def constraint_rate(row, jacobian, vectors):
 
 
 @kernel
-def add_reaction_power(tables, work, velocities, factor):
+def add_reaction_power(tables, work, positions, velocities, factor):
     """Add to the ledger what reactions put in: the power of a drive, and of locked velocities that a joint pulls at.
 
     Parameters
@@ -338,12 +349,13 @@ def add_reaction_power(tables, work, velocities, factor):
     factor
         What `work.multipliers` have to be multiplied by.
     """
+    frame = load_vector(tables.frame, 0)
     for k in range(tables.rows.size):
         for side in range(2):
-            body = tables.rows[k].body_a if side == 0 else tables.rows[k].body_b
-            for d in range(6):
-                speed = tables.bodies[body].free[d] * velocities[body, d]
-                work.ledger[1] -= factor * work.multipliers[k] * work.jacobian[k, 6 * side + d] * speed
+            i = tables.rows[k].body_a if side == 0 else tables.rows[k].body_b
+            pull = work.jacobian[k, 6 * side : 6 * side + 6]
+            power = _power(frame, positions[i], velocities[i], pull, tables.bodies[i].free, 1.0)
+            work.ledger[1] -= factor * work.multipliers[k] * power
 
 
 @kernel
@@ -375,7 +387,7 @@ def accelerate(tables, work, positions, velocities, time, baumgarte):
             for i in (rows[k].body_a, rows[k].body_b):
                 for d in range(6):
                     acceleration[i, d] -= work.multipliers[k] * work.weighted[k, i, d]
-    add_reaction_power(tables, work, velocities, 1.0)
+    add_reaction_power(tables, work, positions, velocities, 1.0)
 
 
 @kernel
@@ -433,12 +445,13 @@ def settle(tables, work, positions, velocities, time, settings):
 
 
 @kernel
-def kinetic_energy(bodies, positions, velocities):
-    """Kinetic energy of all bodies that can move freely in some direction."""
-    total = 0.0
-    for i in range(bodies.size):
-        if bodies[i].block >= 0:
-            speed, omega = load_vector(velocities[i], 0), load_vector(velocities[i], 3)
-            momentum = _angular_momentum(bodies[i], load_attitude(positions[i]), omega)
-            total += 0.5 * (bodies[i].mass * dot(speed, speed) + dot(omega, momentum))
+def kinetic_energy(tables, positions, velocities):
+    """Kinetic energy, in axes at rest, of all bodies that can move freely in some direction."""
+    total, frame = 0.0, load_vector(tables.frame, 0)
+    for i in range(tables.bodies.size):
+        body = tables.bodies[i]
+        if body.block >= 0:
+            speed, omega = velocity_at_rest(frame, positions[i], velocities[i])
+            momentum = _angular_momentum(body, load_attitude(positions[i]), omega)
+            total += 0.5 * (body.mass * dot(speed, speed) + dot(omega, momentum))
     return total

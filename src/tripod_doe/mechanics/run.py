@@ -249,7 +249,7 @@ def _check_start(assembly: Assembly, memory: Work, state: State, limits: Limits)
 
 def _energy(assembly: Assembly, memory: Work, state: State) -> float:
     """Kinetic and stored energy; the ledger must be that of the state."""
-    return float(kinetic_energy(assembly.tables.bodies, state.positions, state.velocities) + memory.ledger[0])
+    return float(kinetic_energy(assembly.tables, state.positions, state.velocities) + memory.ledger[0])
 
 
 def _stopped(assembly: Assembly, memory: Work, outcome: Outcome, time: float) -> str:

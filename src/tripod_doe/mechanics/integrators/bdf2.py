@@ -22,7 +22,7 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
     """Advance by equal steps; see `contract`. clock[1] holds the step that the history was made with."""
     bodies = tables.bodies.size
     step, begin = (end - clock[0]) / count, clock[0]
-    start, momenta, base = work.stages[0], work.momenta, work.stages[2]
+    start, base = work.stages[0], work.stages[1]
     old_positions, old_velocities = work.stages[3], work.stages[4]
     for n in range(count):
         copy_vectors(positions, start)
@@ -34,13 +34,16 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
             for d in range(6):
                 behind = old_positions[i, d] - start[i, d] if d < 3 else turn[d - 3]
                 base[i, d] = -behind / 3.0 if has_history else 0.0
-        clear(momenta.ravel())
-        add_momenta(tables, start, velocities, 4.0 / 3.0 if has_history else 1.0, step, momenta)
+        clear(work.momenta.ravel())
+        add_momenta(tables, start, velocities, 4.0 / 3.0 if has_history else 1.0, step, work.momenta)
         if has_history:
-            add_momenta(tables, old_positions, old_velocities, -1.0 / 3.0, 2.0 * step, momenta)
+            add_momenta(tables, old_positions, old_velocities, -1.0 / 3.0, 2.0 * step, work.momenta)
         copy_vectors(start, old_positions)
         copy_vectors(velocities, old_velocities)
-        if not solve_stage(tables, work, start, base, momenta, factor, factor, time, settings, positions, velocities):
+        if not solve_stage(
+            tables, work, start, base, factor, factor, time, settings.iterations, settings.correction, 1.0,
+            positions, velocities,
+        ):  # fmt: skip
             return DIVERGED
         clock[1] = step
         status = accept(tables, work, positions, velocities, clock, time, step, settings)

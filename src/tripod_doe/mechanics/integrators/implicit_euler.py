@@ -15,14 +15,17 @@ __all__ = ["METHOD"]
 def integrate(tables, work, positions, velocities, clock, end, count, settings):
     """Advance by equal steps; see `contract`."""
     step, begin = (end - clock[0]) / count, clock[0]
-    start, momenta, base = work.stages[0], work.momenta, work.stages[2]
+    start, base = work.stages[0], work.stages[1]
     clear(base.ravel())
     for n in range(count):
         copy_vectors(positions, start)
-        clear(momenta.ravel())
-        add_momenta(tables, positions, velocities, 1.0, step, momenta)
+        clear(work.momenta.ravel())
+        add_momenta(tables, positions, velocities, 1.0, step, work.momenta)
         time = begin + (n + 1) * step
-        if not solve_stage(tables, work, start, base, momenta, step, step, time, settings, positions, velocities):
+        if not solve_stage(
+            tables, work, start, base, step, step, time, settings.iterations, settings.correction, 1.0,
+            positions, velocities,
+        ):  # fmt: skip
             return DIVERGED
         status = accept(tables, work, positions, velocities, clock, time, step, settings)
         if status != FINISHED:
