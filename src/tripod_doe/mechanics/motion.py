@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from tripod_doe.mechanics.bearing import bearing_forces, bearing_matrices
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints, factorise_schur, solve_schur
 from tripod_doe.mechanics.contact import add_pair, contact_forces, contact_matrices
@@ -113,7 +114,7 @@ def _spring_matrices(springs, positions, velocities, dissipation, stiffness, scr
 
 @kernel
 def generalized_forces(tables, work, positions, velocities):
-    """Evaluate Q of Eq. 1: loads, gravity, contacts, springs and gyroscopic moments, and the energy ledger.
+    """Evaluate Q of Eq. 1: loads, gravity, elements and gyroscopic moments, and the energy ledger.
 
     The power of locked velocities is that of the reaction -Q which keeps them.
     """
@@ -131,6 +132,7 @@ def generalized_forces(tables, work, positions, velocities):
             ledger[1] += force[i, d] * velocities[i, d]
     contact_forces(tables.contacts, positions, velocities, force, ledger, work.slip)
     _spring_forces(tables.springs, positions, velocities, force, ledger)
+    bearing_forces(tables.bearings, positions, velocities, force, ledger)
     for i in range(tables.bodies.size):
         body = tables.bodies[i]
         if body.block >= 0:
@@ -326,6 +328,7 @@ def linearise(tables, work, positions, velocities, secant):
     clear(work.stiffness.ravel())
     contact_matrices(tables.contacts, positions, velocities, secant, work.dissipation, work.stiffness, work.pair)
     _spring_matrices(tables.springs, positions, velocities, work.dissipation, work.stiffness, work.pair)
+    bearing_matrices(tables.bearings, positions, velocities, secant, work.dissipation, work.stiffness, work.pair)
     for i in range(tables.bodies.size):
         body = tables.bodies[i]
         if body.block < 0:
