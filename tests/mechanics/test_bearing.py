@@ -67,7 +67,7 @@ def pair(clearance, seed, damping=1e-3, tilting=1.0, **values):
     state = assembly.initial_state()
     state.positions[2] = state.positions[1]
     # the bore's axis a little off the trunnion's and a little inclined, the roller turned and pushed along it
-    place = _turn(state.positions[1, 3:]) @ (np.array([0.5, 1.0, -1.7]) + [0.015, 0.009, 0.0])
+    place = _turn(state.positions[1, 3:]) @ np.array([0.515, 1.009, -1.7])
     step = np.concatenate([place, 3e-4 * rng.normal(size=3) + 0.7 * _turn(state.positions[1, 3:])[:, 2]])
     move(state.positions[2], step, state.positions[2])
     state.velocities[2, 3:] = state.velocities[1, 3:] + tilting * rng.normal(size=3)

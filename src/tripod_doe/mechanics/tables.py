@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
-    "BODY", "CONSTRAINT_ROW", "CONTACT", "DISTANCE", "IN_PLANE", "LEDGER", "LOAD_ZONE_NODES", "NEEDLE_BEARING", "PERPENDICULAR", "SPRING", "Pattern",
-    "Tables", "Work",
+    "BODY", "CONSTRAINT_ROW", "CONTACT", "DISTANCE", "IN_PLANE", "LEDGER", "LOAD_ZONE_NODES", "NEEDLE_BEARING",
+    "PERPENDICULAR", "SPRING", "Pattern", "Tables", "Work",
 ]  # fmt: skip
 
 FloatArray = NDArray[np.float64]
@@ -73,7 +73,7 @@ SPRING = np.dtype(
 )
 
 LOAD_ZONE_NODES = 6
-"""Points of the rule on half the load zone of a needle bearing: sums to 5e-11 without clearance, to rounding with it."""
+"""Points on half the load zone of a needle bearing: its sums are good to 5e-11 without clearance, better with it."""
 
 NEEDLE_BEARING = np.dtype(
     [
