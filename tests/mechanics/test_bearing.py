@@ -9,12 +9,12 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from tripod_doe.errors import InputError
-from tripod_doe.mechanics.assembly import assemble
+from tripod_doe.mechanics.assembly import State, assemble
 from tripod_doe.mechanics.bearing import bearing_compression
 from tripod_doe.mechanics.motion import generalized_forces, linearise
 from tripod_doe.mechanics.rotations import move
-from tripod_doe.mechanics.run import run
-from tripod_doe.mechanics.scene import GROUND, Body, Cylinder, Friction, NeedleBearing, Scene
+from tripod_doe.mechanics.run import Limits, run
+from tripod_doe.mechanics.scene import GROUND, Body, Cylinder, Friction, NeedleBearing, Scene, SphereRow
 from tripod_doe.results import Outcome
 
 TRUNNION, DIAMETER, LENGTH, NEEDLES, SLICES = 7.64, 2.0, 10.0, 27, 7
@@ -224,6 +224,36 @@ def test_skewed_needles_turn_a_roller_that_slides(skew, along):
     lever = bore * TRUNNION / (TRUNNION + 0.5 * (DIAMETER + 0.015))
     assert force[2] == pytest.approx(-drag * math.cos(skew), rel=1e-8)
     assert force[5] == pytest.approx(drag * lever * math.sin(skew), rel=1e-8)
+
+
+@pytest.mark.parametrize(("skew", "spin"), [(0.05, 0.0), (0.05, 30.0), (-0.2, 0.0)])
+def test_a_needle_that_is_a_body_drags_and_turns_the_bore_alike(skew, spin):
+    """Exact physics: one preloaded needle with six degrees of freedom finds sign and lever r_b r_t / r_p by itself."""
+    gap, along = -0.003, 20.0
+    bore = TRUNNION + DIAMETER + gap
+    pitch = 0.5 * (TRUNNION + bore)
+    axis = np.array([0.0, -math.sin(skew), math.cos(skew)])  # counterclockwise from z about x, the outward normal
+    mass = 7.85e-9 * math.pi
+    needle = Body(
+        "needle", mass, (mass / 2, mass / 3, mass / 3), position=(pitch, 0, 0), velocity=(0, spin * bore / 2, along / 2),
+        attitude=(1.0 + axis[0], *np.cross([1.0, 0.0, 0.0], axis)),
+    )  # fmt: skip
+    ring = Body("bore", 1.0, (1.0,) * 3, velocity=(0, 0, along), angular_velocity=(0, 0, spin), locked=(True,) * 6)
+    raceways = (Cylinder(GROUND, TRUNNION, axis=Z), Cylinder("bore", bore, axis=Z, concave=True))
+    rows = tuple(
+        SphereRow("needle", raceway, 1.0, STIFFNESS, 10 / 9, count=3, length=1.0, friction=Friction(0.03, 0.2))
+        for raceway in raceways
+    )
+    assembly = assemble(Scene((needle, ring), contacts=rows, speed_scale=100.0, rotation_scale=100.0))
+    result = run(assembly, "bdf2", 5e-4, step=2e-6, limits=Limits(windows=0, energy=math.inf))
+    assert result.outcome == Outcome.FINISHED, result.detail
+    force = forces(assembly, State(result.times[-1], result.positions[-1], result.velocities[-1])).force[2]
+    assert force[2] < -1.0
+    assert force[5] / force[2] == pytest.approx(-bore * TRUNNION / pitch * math.tan(skew), rel=3e-4)
+    roller = on_ground(
+        gap, (-0.001, 0.0, 0.0), (0, 0, along, 0, 0, spin), skew=skew, friction=Friction(0.03, 0.2)
+    )[0]  # fmt: skip
+    assert roller[5] / roller[2] == pytest.approx(force[5] / force[2], rel=3e-4)
 
 
 def test_saturation_follows_the_quarter_rule_at_either_contact():
