@@ -14,7 +14,7 @@ from tripod_doe.mechanics.bearing import bearing_compression
 from tripod_doe.mechanics.motion import generalized_forces, linearise
 from tripod_doe.mechanics.rotations import move
 from tripod_doe.mechanics.run import Limits, run
-from tripod_doe.mechanics.scene import GROUND, Body, Cylinder, Friction, NeedleBearing, Scene, SphereRow
+from tripod_doe.mechanics.scene import GROUND, Body, Cylinder, Friction, NeedleBearing, Scene, SphereRow, Spring
 from tripod_doe.results import Outcome
 
 TRUNNION, DIAMETER, LENGTH, NEEDLES, SLICES = 7.64, 2.0, 10.0, 27, 7
@@ -352,6 +352,25 @@ def test_screw_of_skewed_needles():
     bore, pitch = TRUNNION + DIAMETER + 0.015, TRUNNION + 0.5 * (DIAMETER + 0.015)
     assert result.velocities[-1, 1, 5] == pytest.approx(along * pitch / (bore * TRUNNION * math.tan(skew)), rel=1e-3)
     assert result.energy_residual < 1e-3
+
+
+def test_energy_balances_while_a_roller_plunges():
+    """Exact physics: all mechanisms at once, skewed needles, and a tilting roller on an axial spring."""
+    shift = brentq(lambda x: zone_moment(x, 0.015, 1) - 800.0, 0.0151, 0.03, xtol=1e-15)
+    roller = Body(
+        "roller", 5e-5, (4e-3, 4e-3, 6e-3), position=(shift, 0, 0.4), force=(800.0, 0, 0), angular_velocity=(0, 0, 20.0)
+    )
+    spring = Spring(GROUND, "roller", 200.0, 100.0, point_a=(0, 0, -100.0))
+    element = bearing(
+        0.015, GROUND, friction=Friction(0.03, 5.0, 0.002, rolling_transition=15.0), skew=0.01, damping=1e-3
+    )
+    scene = Scene((roller,), bearings=(element,), springs=(spring,), speed_scale=100.0, rotation_scale=10.0)
+    result = run(assemble(scene), "rosenbrock", 4e-3, samples=4, limits=Limits(windows=0))
+    assert result.outcome == Outcome.FINISHED, result.detail
+    assert result.energy_residual < 1e-4
+    assert result.work[1] > 1.0
+    assert result.work[3] > 0.1
+    assert np.abs(result.positions[:, 1, 4]).max() > 1e-6  # friction on the loaded side tilts it
 
 
 def test_compression_is_noticed():

@@ -83,6 +83,25 @@ class _Zone(NamedTuple):
     along_slope: float
 
 
+class _Slice(NamedTuple):
+    """A slice that is pressed: its place and load zone, and the motion that its friction and damping see.
+
+    n points from the bore's axis to the trunnion's, `closing` is D', `passing` the speed of the bore's axis across n.
+    """
+
+    station: float
+    clearance: float
+    reach: float
+    n_1: float
+    n_2: float
+    zone: _Zone
+    closing: float
+    passing: float
+    load: float
+    lever: float
+    slip: float
+
+
 @inlined_kernel
 def _fit(bearing, positions, velocities):
     """Place the bore in the trunnion's frame, with its motion against the trunnion."""
@@ -113,10 +132,12 @@ def _fit(bearing, positions, velocities):
 
 
 @inlined_kernel
-def _slice(bearing, k):
-    """Station of slice k along the needles, and its clearance."""
+def _offset(bearing, fit, k):
+    """Station of slice k along the needles, its clearance, and the offset of the bore's axis there."""
     share = (k + 0.5) / bearing.slices - 0.5
-    return bearing.length * share, bearing.clearance + 8.0 * bearing.crown * share * share
+    station = bearing.length * share
+    x, y = fit.offset_1 + station * fit.lean_1, fit.offset_2 + station * fit.lean_2
+    return station, bearing.clearance + 8.0 * bearing.crown * share * share, x, y, math.sqrt(x * x + y * y)
 
 
 @inlined_kernel
@@ -178,6 +199,23 @@ def _zone(bearing, reach, clearance):
     return _preloaded_zone(bearing, reach, clearance)
 
 
+@inlined_kernel
+def _press(bearing, fit, station, clearance, x, y, reach):
+    """Load a slice whose D is larger than its clearance."""
+    n_1, n_2 = (-x / reach, -y / reach) if reach > 0.0 else (1.0, 0.0)
+    zone = _zone(bearing, reach, clearance)
+    rate_1, rate_2 = fit.rate_1 + station * fit.lean_rate_1, fit.rate_2 + station * fit.lean_rate_2
+    closing = -n_1 * rate_1 - n_2 * rate_2
+    pitch = 0.5 * (bearing.trunnion_radius + bearing.bore_radius)
+    lever = pitch * zone.along / max(zone.total, 1e-300)
+    axial = fit.axial + lever * (fit.turn_1 * n_2 - fit.turn_2 * n_1)
+    return _Slice(
+        station, clearance, reach, n_1, n_2, zone, closing, n_1 * rate_2 - n_2 * rate_1,
+        max(zone.total + 0.5 * bearing.damping * closing * zone.along, 0.0),
+        lever, bearing.cosine * axial - bearing.skew_lever * fit.spin,
+    )  # fmt: skip
+
+
 @kernel
 def bearing_forces(bearings, positions, velocities, force, ledger):
     """Add the forces and moments of all needle bearings, and their energies.
@@ -196,42 +234,28 @@ def bearing_forces(bearings, positions, velocities, force, ledger):
     for i in range(bearings.size):
         bearing = bearings[i]
         fit = _fit(bearing, positions, velocities)
-        half_damping, pitch = 0.5 * bearing.damping, 0.5 * (bearing.trunnion_radius + bearing.bore_radius)
         push_1, push_2, axial, carried = 0.0, 0.0, 0.0, 0.0
         moment_1, moment_2, torque = 0.0, 0.0, 0.0
         for k in range(bearing.slices):
-            station, clearance = _slice(bearing, k)
-            x, y = fit.offset_1 + station * fit.lean_1, fit.offset_2 + station * fit.lean_2
-            reach = math.sqrt(x * x + y * y)
+            station, clearance, x, y, reach = _offset(bearing, fit, k)
             if not reach > clearance:
                 continue
-            n_1, n_2 = (-x / reach, -y / reach) if reach > 0.0 else (1.0, 0.0)
-            zone = _zone(bearing, reach, clearance)
-            rate_1, rate_2 = fit.rate_1 + station * fit.lean_rate_1, fit.rate_2 + station * fit.lean_rate_2
-            closing, passing = -n_1 * rate_1 - n_2 * rate_2, n_1 * rate_2 - n_2 * rate_1
-            damped, held = half_damping * closing * zone.along_twice, half_damping * passing
-            held *= zone.total - zone.along_twice
-            ledger[0] += (reach * zone.along - clearance * zone.total) / (bearing.exponent + 1.0)
-            ledger[5] += damped * closing + held * passing
-            load_1 = (zone.along + damped) * n_1 + held * n_2
-            load_2 = (zone.along + damped) * n_2 - held * n_1
+            s = _press(bearing, fit, station, clearance, x, y, reach)
+            damped = 0.5 * bearing.damping * s.closing * s.zone.along_twice
+            held = 0.5 * bearing.damping * s.passing * (s.zone.total - s.zone.along_twice)
+            ledger[0] += (reach * s.zone.along - clearance * s.zone.total) / (bearing.exponent + 1.0)
+            ledger[5] += damped * s.closing + held * s.passing
+            load_1 = (s.zone.along + damped) * s.n_1 + held * s.n_2
+            load_2 = (s.zone.along + damped) * s.n_2 - held * s.n_1
             along_axis = load_1 * fit.lean_1 + load_2 * fit.lean_2
-            push_1, push_2, axial = push_1 + load_1, push_2 + load_2, axial - along_axis
+            push_1, push_2, carried = push_1 + load_1, push_2 + load_2, carried + s.load
+            drag = bearing.sliding * s.load * laws.hyperbolic_tangent(0.5 * s.slip / bearing.sliding_transition)
+            ledger[2] += drag * s.slip
+            axial -= along_axis + bearing.cosine * drag
             # the load acts in the bore's axis: of its moment about the trunnion only that of the damping is left
-            moment_1 -= station * load_2 + y * along_axis
-            moment_2 += station * load_1 + x * along_axis
-            torque += reach * held
-            load = max(zone.total + half_damping * closing * zone.along, 0.0)
-            carried += load
-            lever = pitch * zone.along / zone.total
-            sliding = fit.axial + lever * (fit.turn_1 * n_2 - fit.turn_2 * n_1)
-            slip = bearing.cosine * sliding - bearing.skew_lever * fit.spin
-            drag = bearing.sliding * load * laws.hyperbolic_tangent(0.5 * slip / bearing.sliding_transition)
-            ledger[2] += drag * slip
-            axial -= bearing.cosine * drag
-            moment_1 -= bearing.cosine * drag * lever * n_2
-            moment_2 += bearing.cosine * drag * lever * n_1
-            torque += bearing.skew_lever * drag
+            moment_1 -= station * load_2 + y * along_axis + bearing.cosine * drag * s.lever * s.n_2
+            moment_2 += station * load_1 + x * along_axis + bearing.cosine * drag * s.lever * s.n_1
+            torque += reach * held + bearing.skew_lever * drag
         if carried > 0.0:
             brake = bearing.rolling * carried * _rolling(bearing, fit.spin)
             ledger[4] += brake * fit.spin
@@ -283,9 +307,8 @@ def bearing_compression(bearings, positions, velocities):
         bearing = bearings[i]
         fit = _fit(bearing, positions, velocities)
         for k in range(bearing.slices):
-            station, clearance = _slice(bearing, k)
-            x, y = fit.offset_1 + station * fit.lean_1, fit.offset_2 + station * fit.lean_2
-            depth = 0.5 * (math.sqrt(x * x + y * y) - clearance)
+            _, clearance, _, _, reach = _offset(bearing, fit, k)
+            depth = 0.5 * (reach - clearance)
             deepest = max(deepest, depth)
             if depth > worst * 0.5 * bearing.diameter:
                 worst, depth_there, body = depth / (0.5 * bearing.diameter), depth, bearing.body_b
@@ -300,8 +323,10 @@ def _slope(secant, magnitude, transition):
 
 
 @inlined_kernel
-def _add_stations(block, xx, xy, yy, station):
-    """Add the 2 x 2 matrix of a slice, force across t against displacement across t, at its station, upper half."""
+def _add_stations(block, across, along, n_1, n_2, station):
+    """Add a slice at its station, resisting motion of the bore's axis along n and across it, upper half."""
+    rise = along - across
+    xx, xy, yy = across + rise * n_1 * n_1, rise * n_1 * n_2, across + rise * n_2 * n_2
     block[0, 0] += xx
     block[0, 1] += xy
     block[1, 1] += yy
@@ -363,33 +388,22 @@ def _linearise(bearing, fit, secant, damping, stiffness):
     for i in range(6):
         for j in range(6):
             damping[i, j], stiffness[i, j] = 0.0, 0.0
-    half_damping, pitch = 0.5 * bearing.damping, 0.5 * (bearing.trunnion_radius + bearing.bore_radius)
     carried, drags, spread_1, spread_2, tilt_1, tilt_2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(bearing.slices):
-        station, clearance = _slice(bearing, k)
-        x, y = fit.offset_1 + station * fit.lean_1, fit.offset_2 + station * fit.lean_2
-        reach = math.sqrt(x * x + y * y)
+        station, clearance, x, y, reach = _offset(bearing, fit, k)
         if not reach > clearance:
             continue
-        n_1, n_2 = (-x / reach, -y / reach) if reach > 0.0 else (1.0, 0.0)
-        zone = _zone(bearing, reach, clearance)
-        turning = zone.along / reach if reach > 0.0 else zone.along_slope
-        rise = zone.along_slope - turning
-        _add_stations(stiffness, turning + rise * n_1 * n_1, rise * n_1 * n_2, turning + rise * n_2 * n_2, station)
-        held = half_damping * (zone.total - zone.along_twice)
-        rise = half_damping * zone.along_twice - held
-        _add_stations(damping, held + rise * n_1 * n_1, rise * n_1 * n_2, held + rise * n_2 * n_2, station)
-        spread_1, spread_2 = spread_1 - zone.total_slope * n_1, spread_2 - zone.total_slope * n_2
-        tilt_1, tilt_2 = tilt_1 - station * zone.total_slope * n_1, tilt_2 - station * zone.total_slope * n_2
-        closing = -n_1 * (fit.rate_1 + station * fit.lean_rate_1) - n_2 * (fit.rate_2 + station * fit.lean_rate_2)
-        load = max(zone.total + half_damping * closing * zone.along, 0.0)
-        carried += load
-        lever = pitch * zone.along / zone.total
-        sliding = fit.axial + lever * (fit.turn_1 * n_2 - fit.turn_2 * n_1)
-        slip = bearing.cosine * sliding - bearing.skew_lever * fit.spin
-        slope = bearing.sliding * load * _slope(secant, abs(slip), 2.0 * bearing.sliding_transition)
-        drags += bearing.sliding * load * laws.hyperbolic_tangent(0.5 * slip / bearing.sliding_transition)
-        _add_drag(damping, slope, bearing.cosine, lever * n_1, lever * n_2, bearing.skew_lever)
+        s = _press(bearing, fit, station, clearance, x, y, reach)
+        turning = s.zone.along / reach if reach > 0.0 else s.zone.along_slope
+        _add_stations(stiffness, turning, s.zone.along_slope, s.n_1, s.n_2, station)
+        held = 0.5 * bearing.damping * (s.zone.total - s.zone.along_twice)
+        _add_stations(damping, held, 0.5 * bearing.damping * s.zone.along_twice, s.n_1, s.n_2, station)
+        spread_1, spread_2 = spread_1 - s.zone.total_slope * s.n_1, spread_2 - s.zone.total_slope * s.n_2
+        tilt_1, tilt_2 = tilt_1 - station * s.zone.total_slope * s.n_1, tilt_2 - station * s.zone.total_slope * s.n_2
+        slope = bearing.sliding * s.load * _slope(secant, abs(s.slip), 2.0 * bearing.sliding_transition)
+        _add_drag(damping, slope, bearing.cosine, s.lever * s.n_1, s.lever * s.n_2, bearing.skew_lever)
+        carried += s.load
+        drags += bearing.sliding * s.load * laws.hyperbolic_tangent(0.5 * s.slip / bearing.sliding_transition)
     _mirror(damping)
     _mirror(stiffness)
     if not carried > 0.0:
@@ -404,6 +418,7 @@ def _linearise(bearing, fit, secant, damping, stiffness):
         stiffness[row, 1] += factor * spread_2
         stiffness[row, 3] -= factor * tilt_2
         stiffness[row, 4] += factor * tilt_1
+    pitch = 0.5 * (bearing.trunnion_radius + bearing.bore_radius)
     for j in range(6):
         stiffness[3, j] -= axial * pitch * stiffness[1, j]
         stiffness[4, j] += axial * pitch * stiffness[0, j]
