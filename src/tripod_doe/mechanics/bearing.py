@@ -84,14 +84,12 @@ class _Zone(NamedTuple):
 
 
 class _Slice(NamedTuple):
-    """A slice that is pressed: its place and load zone, and the motion that its friction and damping see.
+    """A slice that is pressed: its direction and load zone, and the motion that its friction and damping see.
 
-    n points from the bore's axis to the trunnion's, `closing` is D', `passing` the speed of the bore's axis across n.
+    n points from the bore's axis to the trunnion's, `closing` is D', `passing` the speed of the bore's axis across n,
+    `load` the needles' loads in sum, `lever` the distance of their middle from the trunnion's axis.
     """
 
-    station: float
-    clearance: float
-    reach: float
     n_1: float
     n_2: float
     zone: _Zone
@@ -146,7 +144,7 @@ def _clear_zone(bearing, reach, clearance):
 
     With sin(gamma / 2) = k x and k^2 = (D - c) / (2 D) the compression is (D - c)(1 - x^2): one power for the whole
     zone, and moments of (1 - x^2)^m (1 - 2 k^2 x^2)^j / sqrt(1 - k^2 x^2), for which Gauss and Gegenbauer's rule of the
-    weight (1 - x^2)^m is exact to rounding with a few points.
+    weight (1 - x^2)^m converges to rounding with a few points.
     """
     depth = reach - clearance
     part = 0.5 * depth / reach
@@ -210,7 +208,7 @@ def _press(bearing, fit, station, clearance, x, y, reach):
     lever = pitch * zone.along / max(zone.total, 1e-300)
     axial = fit.axial + lever * (fit.turn_1 * n_2 - fit.turn_2 * n_1)
     return _Slice(
-        station, clearance, reach, n_1, n_2, zone, closing, n_1 * rate_2 - n_2 * rate_1,
+        n_1, n_2, zone, closing, n_1 * rate_2 - n_2 * rate_1,
         max(zone.total + 0.5 * bearing.damping * closing * zone.along, 0.0),
         lever, bearing.cosine * axial - bearing.skew_lever * fit.spin,
     )  # fmt: skip
@@ -268,13 +266,11 @@ def bearing_forces(bearings, positions, velocities, force, ledger):
 @inlined_kernel
 def _rolling(bearing, spin):
     """Torque of the rolling resistances at both contacts, over mu_r times the load; odd in the spin."""
-    outer = bearing.bore_radius * laws.hyperbolic_tangent(
-        spin * bearing.bore_radius / (bearing.diameter * bearing.rolling_transition)
-    )
-    inner = bearing.trunnion_radius * laws.hyperbolic_tangent(
-        spin * bearing.trunnion_radius / (bearing.diameter * bearing.rolling_transition)
-    )
-    return 0.5 * (outer + inner)
+    total = 0.0
+    for radius in (bearing.bore_radius, bearing.trunnion_radius):
+        speed = spin * radius / bearing.diameter
+        total += 0.5 * radius * laws.hyperbolic_tangent(speed / bearing.rolling_transition)
+    return total
 
 
 @inlined_kernel
@@ -316,9 +312,8 @@ def bearing_compression(bearings, positions, velocities):
 
 
 @inlined_kernel
-def _slope(secant, magnitude, transition):
-    """Slope of a friction law: the tangent, but not below a share of the secant."""
-    chord = laws.secant_slope(magnitude, transition)
+def _slope(secant, chord, magnitude, transition):
+    """Slope of a friction law: the tangent, but not below a share of the secant (its chord)."""
     return chord if secant == 1.0 else max(laws.tangent_slope(magnitude, transition), secant * chord)
 
 
@@ -400,10 +395,10 @@ def _linearise(bearing, fit, secant, damping, stiffness):
         _add_stations(damping, held, 0.5 * bearing.damping * s.zone.along_twice, s.n_1, s.n_2, station)
         spread_1, spread_2 = spread_1 - s.zone.total_slope * s.n_1, spread_2 - s.zone.total_slope * s.n_2
         tilt_1, tilt_2 = tilt_1 - station * s.zone.total_slope * s.n_1, tilt_2 - station * s.zone.total_slope * s.n_2
-        slope = bearing.sliding * s.load * _slope(secant, abs(s.slip), 2.0 * bearing.sliding_transition)
+        chord = laws.secant_slope(abs(s.slip), 2.0 * bearing.sliding_transition)
+        slope = bearing.sliding * s.load * _slope(secant, chord, abs(s.slip), 2.0 * bearing.sliding_transition)
         _add_drag(damping, slope, bearing.cosine, s.lever * s.n_1, s.lever * s.n_2, bearing.skew_lever)
-        carried += s.load
-        drags += bearing.sliding * s.load * laws.hyperbolic_tangent(0.5 * s.slip / bearing.sliding_transition)
+        carried, drags = carried + s.load, drags + bearing.sliding * s.load * chord * s.slip
     _mirror(damping)
     _mirror(stiffness)
     if not carried > 0.0:
@@ -428,10 +423,13 @@ def _linearise(bearing, fit, secant, damping, stiffness):
 @inlined_kernel
 def _rolling_slope(bearing, secant, spin):
     """Derivative of `_rolling` by the spin."""
-    outer, inner = bearing.bore_radius / bearing.diameter, bearing.trunnion_radius / bearing.diameter
-    outer *= bearing.bore_radius * _slope(secant, abs(spin) * outer, bearing.rolling_transition)
-    inner *= bearing.trunnion_radius * _slope(secant, abs(spin) * inner, bearing.rolling_transition)
-    return 0.5 * (outer + inner)
+    total = 0.0
+    for radius in (bearing.bore_radius, bearing.trunnion_radius):
+        speed = abs(spin) * radius / bearing.diameter
+        chord = laws.secant_slope(speed, bearing.rolling_transition)
+        slope = _slope(secant, chord, speed, bearing.rolling_transition)
+        total += 0.5 * radius * radius / bearing.diameter * slope
+    return total
 
 
 @kernel
