@@ -207,6 +207,8 @@ def test_rolling_resistance_acts_at_the_pitch_radius(spin):
     assert force[5] == pytest.approx(-math.copysign(torque, spin), rel=1e-8)
     assert ledger[4] == pytest.approx(torque * abs(spin), rel=1e-8)
     assert ledger[2] == 0.0
+    slow = on_ground(0.015, (0.02, 0.0, 0.0), (0, 0, 0, 0, 0, 1.0), friction=friction)[0]
+    assert slow[5] == pytest.approx(-torque * math.tanh(1.0), rel=1e-8)
 
 
 @pytest.mark.parametrize("skew", [0.01, -0.2])

@@ -167,7 +167,7 @@ def _body_table(scene: parts.Scene) -> NDArray[np.void]:
         if not (body.mass > 0 and min(body.inertia) > 0):
             raise InputError(f"body {body.name!r}: mass and moments of inertia must be positive")
         row["mass"], row["inertia"] = body.mass, body.inertia
-        row["load"] = *body.force, *body.moment
+        row["load"], row["own_moment"] = (*body.force, *body.moment), body.own_moment
         row["free"] = [0.0 if locked else 1.0 for locked in body.locked]
         _check_locked_rotation(body)
         if not all(body.locked) or any(body.velocity) or any(body.angular_velocity):  # its motion stays in the matrix
@@ -358,6 +358,6 @@ def _tables(
 ) -> Tables:
     scales = np.array([scene.length_scale, scene.speed_scale, scene.rotation_scale])
     return Tables(
-        bodies, *elements, rows, np.array(scene.gravity, float), scales,
+        bodies, *elements, rows, np.array(scene.gravity, float), np.array(scene.frame, float), scales,
         np.flatnonzero(bodies["block"] >= 0), pattern,
     )  # fmt: skip

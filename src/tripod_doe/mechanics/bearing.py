@@ -23,9 +23,11 @@ the slice's load, and s the roller's spin about t, it slips on bore and trunnion
 half the difference of speeds carries the needles round (planetary rolling), so virtual power finds that lever. The
 needles of a slice drag by F = mu_s L tanh(v / (2 v_st)): an axial force -F cos psi on the bore where w is taken, and a
 torque F r_e sin psi about t. Their rolling resistance mu_r f d_n / 2 at both contacts, whose relative angular
-velocities are s r_b / d_n and s r_t / d_n, brakes the spin by
+velocities are s r_b / d_n and s r_t / d_n, brakes the spin; by virtual power its levers add up to the pitch radius,
 
-    T = mu_r L / 2 (r_b tanh(s r_b / (d_n w_st)) + r_t tanh(s r_t / (d_n w_st))),    mu_r L r_p when saturated.
+    T = mu_r L r_p tanh(s / s_st),
+
+with the spin s_st at which both contacts reach their transition (each has the ratio's share of its own largest speed).
 
 Left out: friction against the yaw of needles (tilting and yawing the roller is resisted by the slices' loads and by the
 axial friction at the pitch radius); the side force F sin psi, which turns the load zone by psi mu; the friction of
@@ -255,7 +257,7 @@ def bearing_forces(bearings, positions, velocities, force, ledger):
             moment_2 += station * load_1 + x * along_axis + bearing.cosine * drag * s.lever * s.n_1
             torque += reach * held + bearing.skew_lever * drag
         if carried > 0.0:
-            brake = bearing.rolling * carried * _rolling(bearing, fit.spin)
+            brake = _brake(bearing, fit, carried)
             ledger[4] += brake * fit.spin
             pull = _in_world(fit, push_1, push_2, axial)
             moment = _in_world(fit, moment_1, moment_2, torque - brake)
@@ -264,13 +266,10 @@ def bearing_forces(bearings, positions, velocities, force, ledger):
 
 
 @inlined_kernel
-def _rolling(bearing, spin):
-    """Torque of the rolling resistances at both contacts, over mu_r times the load; odd in the spin."""
-    total = 0.0
-    for radius in (bearing.bore_radius, bearing.trunnion_radius):
-        speed = spin * radius / bearing.diameter
-        total += 0.5 * radius * laws.hyperbolic_tangent(speed / bearing.rolling_transition)
-    return total
+def _brake(bearing, fit, carried):
+    """Torque of the needles' rolling resistance about the trunnion, against the spin."""
+    pitch = 0.5 * (bearing.trunnion_radius + bearing.bore_radius)
+    return bearing.rolling * carried * pitch * laws.hyperbolic_tangent(fit.spin / bearing.rolling_transition)
 
 
 @inlined_kernel
@@ -403,33 +402,23 @@ def _linearise(bearing, fit, secant, damping, stiffness):
     _mirror(stiffness)
     if not carried > 0.0:
         return False
-    damping[5, 5] += bearing.rolling * carried * _rolling_slope(bearing, secant, fit.spin)
+    pitch = 0.5 * (bearing.trunnion_radius + bearing.bore_radius)
+    chord = laws.secant_slope(abs(fit.spin), bearing.rolling_transition)
+    slope = _slope(secant, chord, abs(fit.spin), bearing.rolling_transition)
+    damping[5, 5] += bearing.rolling * carried * pitch * slope
     # a change of the loads changes the friction: the mean of the slices' drags is exact but for tilting speeds
     share = drags / carried
     axial = bearing.cosine * share
-    torque = bearing.rolling * _rolling(bearing, fit.spin) - bearing.skew_lever * share
+    torque = _brake(bearing, fit, 1.0) - bearing.skew_lever * share
     for row, factor in ((2, axial), (5, torque)):
         stiffness[row, 0] += factor * spread_1
         stiffness[row, 1] += factor * spread_2
         stiffness[row, 3] -= factor * tilt_2
         stiffness[row, 4] += factor * tilt_1
-    pitch = 0.5 * (bearing.trunnion_radius + bearing.bore_radius)
     for j in range(6):
         stiffness[3, j] -= axial * pitch * stiffness[1, j]
         stiffness[4, j] += axial * pitch * stiffness[0, j]
     return True
-
-
-@inlined_kernel
-def _rolling_slope(bearing, secant, spin):
-    """Derivative of `_rolling` by the spin."""
-    total = 0.0
-    for radius in (bearing.bore_radius, bearing.trunnion_radius):
-        speed = abs(spin) * radius / bearing.diameter
-        chord = laws.secant_slope(speed, bearing.rolling_transition)
-        slope = _slope(secant, chord, speed, bearing.rolling_transition)
-        total += 0.5 * radius * radius / bearing.diameter * slope
-    return total
 
 
 @kernel

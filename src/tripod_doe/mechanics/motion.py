@@ -61,6 +61,20 @@ def _angular_momentum(body, attitude, omega):
 
 
 @inlined_kernel
+def _inertia_force(body, frame, position, velocity):
+    """Gyroscopic, Coriolis and centrifugal force and moment in axes that turn with the angular velocity `frame`.
+
+    With w = omega + frame: -m (2 frame x v + frame x (frame x r)) and -w x I w + I (omega x frame).
+    """
+    swing = add(scale(2.0, load_vector(velocity, 0)), cross(frame, load_vector(position, 0)))
+    attitude, omega = load_attitude(position), load_vector(velocity, 3)
+    whole = add(omega, frame)
+    turned = cross(whole, _angular_momentum(body, attitude, whole))
+    carried = _angular_momentum(body, attitude, cross(omega, frame))
+    return scale(-body.mass, cross(frame, swing)), subtract(carried, turned)
+
+
+@inlined_kernel
 def _spring_state(spring, positions, velocities):
     """Arms, unit vector from a to b, length and its rate."""
     a, b = spring.body_a, spring.body_b
@@ -114,11 +128,13 @@ def _spring_matrices(springs, positions, velocities, dissipation, stiffness, scr
 
 @kernel
 def generalized_forces(tables, work, positions, velocities):
-    """Evaluate Q of Eq. 1: loads, gravity, elements and gyroscopic moments, and the energy ledger.
+    """Evaluate Q of Eq. 1: loads, gravity, elements and inertia forces, and the energy ledger.
 
-    The power of locked velocities is that of the reaction -Q which keeps them.
+    The power of locked velocities is that of the reaction -Q which keeps them; the power of the inertia forces of a
+    turning frame counts as put in.
     """
     force, ledger = work.force, work.ledger
+    frame = load_vector(tables.frame, 0)
     work.counters[0] += 1
     clear(ledger)
     for i in range(tables.bodies.size):
@@ -126,8 +142,10 @@ def generalized_forces(tables, work, positions, velocities):
         for d in range(6):
             force[i, d] = body.load[d]
         if body.block >= 0:
+            own = rotate(load_attitude(positions[i]), load_vector(body.own_moment, 0))
             for d in range(3):
                 force[i, d] += body.mass * tables.gravity[d]
+                force[i, 3 + d] += own[d]
         for d in range(6):
             ledger[1] += force[i, d] * velocities[i, d]
     contact_forces(tables.contacts, positions, velocities, force, ledger, work.slip)
@@ -136,10 +154,11 @@ def generalized_forces(tables, work, positions, velocities):
     for i in range(tables.bodies.size):
         body = tables.bodies[i]
         if body.block >= 0:
-            omega = load_vector(velocities[i], 3)
-            turned = cross(omega, _angular_momentum(body, load_attitude(positions[i]), omega))
+            push, turn = _inertia_force(body, frame, positions[i], velocities[i])
             for d in range(3):
-                force[i, 3 + d] -= turned[d]
+                force[i, d] += push[d]
+                force[i, 3 + d] += turn[d]
+                ledger[1] += push[d] * velocities[i, d] + turn[d] * velocities[i, 3 + d]
         for d in range(6):
             if body.free[d] == 0.0:
                 ledger[1] -= force[i, d] * velocities[i, d]
@@ -323,6 +342,7 @@ def settle(tables, work, positions, velocities, time, settings):
 @kernel
 def linearise(tables, work, positions, velocities, secant):
     """Fill the block matrices -dQ/dv and -dQ/dq at a state."""
+    frame = load_vector(tables.frame, 0)
     work.counters[1] += 1
     clear(work.dissipation.ravel())
     clear(work.stiffness.ravel())
@@ -333,14 +353,25 @@ def linearise(tables, work, positions, velocities, secant):
         body = tables.bodies[i]
         if body.block < 0:
             continue
-        block = work.dissipation[tables.pattern.own[body.block]]
-        attitude, omega = load_attitude(positions[i]), load_vector(velocities[i], 3)
-        momentum = _angular_momentum(body, attitude, omega)
-        for d in range(3):  # -d(-omega x I omega): omega x I e - I omega x e, column by column
-            unit = (1.0 if d == 0 else 0.0, 1.0 if d == 1 else 0.0, 1.0 if d == 2 else 0.0)
-            column = add(cross(omega, _angular_momentum(body, attitude, unit)), cross(unit, momentum))
-            for e in range(3):
-                block[3 + e, 3 + d] += column[e]
+        own = tables.pattern.own[body.block]
+        _add_inertia_matrices(body, frame, positions[i], velocities[i], work.dissipation[own], work.stiffness[own])
+
+
+@inlined_kernel
+def _add_inertia_matrices(body, frame, position, velocity, damping, stiffness):
+    """Add the derivatives of the inertia force, column by column; the turning of the inertia is left out."""
+    attitude, whole = load_attitude(position), add(load_vector(velocity, 3), frame)
+    momentum = _angular_momentum(body, attitude, whole)
+    for d in range(3):
+        unit = (1.0 if d == 0 else 0.0, 1.0 if d == 1 else 0.0, 1.0 if d == 2 else 0.0)
+        swing = cross(frame, unit)
+        central = cross(frame, swing)
+        turned = add(cross(whole, _angular_momentum(body, attitude, unit)), cross(unit, momentum))
+        carried = _angular_momentum(body, attitude, swing)  # -d(I (omega x frame)) is I (frame x unit)
+        for e in range(3):
+            damping[e, d] += 2.0 * body.mass * swing[e]
+            stiffness[e, d] += body.mass * central[e]
+            damping[3 + e, 3 + d] += turned[e] + carried[e]
 
 
 @kernel

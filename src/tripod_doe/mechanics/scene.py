@@ -37,6 +37,8 @@ class Body:
         In world axes at the start.
     force, moment
         Constant load at the centre of mass, in world axes.
+    own_moment
+        Constant moment in body axes: a torque that turns with the body's axis.
     locked
         Velocity components (three of translation, three of rotation, world axes) that keep their starting value. A
         locked rotation needs all three locked, or the locked axes to be principal ones (checked at the start).
@@ -51,6 +53,7 @@ class Body:
     angular_velocity: Vector = ORIGIN
     force: Vector = ORIGIN
     moment: Vector = ORIGIN
+    own_moment: Vector = ORIGIN
     locked: tuple[bool, bool, bool, bool, bool, bool] = (False,) * 6
 
 
@@ -166,8 +169,9 @@ class NeedleBearing:
     skew
         Angle of the needles to the trunnion's axis, positive counterclockwise about the outward normal of the trunnion.
     friction
-        Sliding along the needles and rolling across them, at each of their two contacts; `rolling_transition` is a
-        relative angular velocity of needle and raceway. The lever is half the diameter; lever and spinning stay zero.
+        Sliding along the needles and rolling across them, at each of their two contacts. `rolling_transition` is the
+        roller's spin on its trunnion, with which both contacts reach theirs (s r_b and s r_t over the diameter). The
+        lever is half the diameter; lever and spinning stay zero.
     """
 
     trunnion: Cylinder
@@ -292,6 +296,9 @@ class Scene:
         The parts; a body is known by its name.
     gravity
         Acceleration of free fall, in world axes.
+    frame
+        Constant angular velocity of the world axes and the ground about their origin: a scene that turns as a whole is
+        slow, and its positions almost constant, when it is described in axes that turn with it.
     length_scale, speed_scale, rotation_scale
         Displacement, speed and angular velocity that matter in this scene: tolerances and bounds are relative to them.
     """
@@ -301,6 +308,7 @@ class Scene:
     springs: tuple[Spring, ...] = ()
     constraints: tuple[Constraint, ...] = ()
     gravity: Vector = ORIGIN
+    frame: Vector = ORIGIN
     length_scale: float = 1.0
     speed_scale: float = 1.0
     rotation_scale: float = 1.0

@@ -22,6 +22,7 @@ BODY = np.dtype(
         ("mass", np.float64),
         ("inertia", *_VECTOR),
         ("load", np.float64, (6,)),
+        ("own_moment", *_VECTOR),
         ("free", np.float64, (6,)),  # 1 where a velocity component is free, 0 where it is locked
         ("block", np.int64),  # row in the block matrix, -1 for a body that never moves
     ],
@@ -173,6 +174,7 @@ class Tables(NamedTuple):
     bearings: NDArray[Any]
     rows: NDArray[Any]
     gravity: FloatArray
+    frame: FloatArray  # angular velocity of the world axes
     scales: FloatArray  # length, speed, angular velocity
     body_of_row: IntArray
     pattern: Pattern
