@@ -53,6 +53,16 @@ def zone_moment(shift, clearance, power):
     return NEEDLES / math.pi * 0.5 * edge * float(WEIGHTS @ (load * cosine**power))
 
 
+def derivatives(assembly, state, secant=0.0):
+    """Block matrices -dQ/dv and -dQ/dq."""
+    matrices = []
+    for factors in ((1.0, 0.0), (0.0, 1.0)):
+        work = assembly.work()
+        linearise(assembly.tables, work, state.positions, state.velocities, secant, *factors, work.matrix)
+        matrices.append(work.matrix[:, :, :6])
+    return matrices
+
+
 def pair(clearance, seed, damping=1e-3, tilting=1.0, **values):
     """Trunnion and roller anywhere in space, near each other, with any motion; both inertias are spheres'."""
     rng = np.random.default_rng(seed)
@@ -148,18 +158,18 @@ def test_derivatives_are_those_of_the_forces(clearance, crown):
     tilting changes the slip around the trunnion, which is slow here as it is in a joint.
     """
     assembly, state = pair(clearance, 1, damping=0.0, tilting=0.02, crown=crown)
-    tables, pattern, work = assembly.tables, assembly.tables.pattern, assembly.work()
-    linearise(tables, work, state.positions, state.velocities, 0.0)
-    for matrix, size, accuracy in ((work.dissipation, 1e-5, 1e-5), (work.stiffness, 1e-8, 4e-3)):
+    pattern = assembly.tables.pattern
+    dissipation, stiffness = derivatives(assembly, state)
+    for matrix, size, accuracy in ((dissipation, 1e-5, 1e-5), (stiffness, 1e-8, 4e-3)):
         for body, column in ((b, c) for b in (1, 2) for c in range(6)):
-            if matrix is work.stiffness and body == 1:
+            if matrix is stiffness and body == 1:
                 continue  # all forces turn with the trunnion: of their size, not of stiffness times length
             change = np.zeros((3, 6))
             change[body, column] = size
             sides = []
             for sign in (1.0, -1.0):
                 other = state.copy()
-                if matrix is work.dissipation:
+                if matrix is dissipation:
                     other.velocities += sign * change
                 else:
                     move(other.positions[body], sign * change[body], other.positions[body])
@@ -170,13 +180,24 @@ def test_derivatives_are_those_of_the_forces(clearance, crown):
                     np.testing.assert_allclose(-slope[row + 1], block[:, column], atol=accuracy * np.abs(matrix).max())
 
 
+@pytest.mark.parametrize("clearance", [0.015, -0.03])
+def test_drift_is_the_stiffness_times_the_velocities(clearance):
+    """Exact physics, but for the bore's lean: the rate at which forces fall as the bodies move on."""
+    assembly, state = pair(clearance, 1, tilting=0.02)
+    tables, work = assembly.tables, assembly.work()
+    linearise(tables, work, state.positions, state.velocities, 1.0, 0.0, 1.0, work.matrix)
+    product = np.zeros((3, 6))
+    for block, i, j in zip(work.matrix, tables.pattern.row, tables.pattern.column, strict=True):
+        product[i + 1] += block[:, :6] @ state.velocities[j + 1]
+    assert np.abs(product).max() > 1e4
+    np.testing.assert_allclose(work.drift, product, atol=1e-2 * np.abs(product).max())
+
+
 def test_damping_is_in_the_matrix():
     """Exact physics: -dQ/dv of Hunt and Crossley's damping without friction, but for the bore's lean of 3e-4."""
     assembly, state = pair(0.015, 2)
     assembly.tables.bearings["sliding"] = assembly.tables.bearings["rolling"] = 0.0
-    work = assembly.work()
-    linearise(assembly.tables, work, state.positions, state.velocities, 0.0)
-    block = work.dissipation[assembly.tables.bearings["pair"][0, 3]]
+    block = derivatives(assembly, state)[0][assembly.tables.bearings["pair"][0, 3]]
     for column in range(6):
         ahead, behind = state.copy(), state.copy()
         ahead.velocities[2, column] += 1e-3
@@ -190,10 +211,9 @@ def test_friction_falls_with_its_secant():
     velocity = (0.0, 0.0, 7.0, 0.0, 0.0, 0.0)
     roller = Body("roller", 1.0, (1.0,) * 3, position=(0.02, 0.0, 0.0), velocity=velocity[:3])
     assembly = assemble(Scene((roller,), bearings=(bearing(0.015, GROUND, skew=0.1, friction=FRICTION),)))
-    state, work = assembly.initial_state(), assembly.work()
-    generalized_forces(assembly.tables, work, state.positions, state.velocities)
-    linearise(assembly.tables, work, state.positions, state.velocities, 1.0)
-    block = work.dissipation[assembly.tables.bearings["pair"][0, 3]]
+    state = assembly.initial_state()
+    work = forces(assembly, state)
+    block = derivatives(assembly, state, 1.0)[0][assembly.tables.bearings["pair"][0, 3]]
     np.testing.assert_allclose((block @ velocity)[[2, 5]], -work.force[1, [2, 5]], rtol=1e-12)
 
 

@@ -100,12 +100,14 @@ def test_explicit_limit_is_that_of_the_friction_slope(method, reach):
     settled = scene.run(values, "bdf2", 1e-6, Settings())
     assembly = assemble(build(values))
     work = assembly.work()
-    linearise(assembly.tables, work, settled.positions[-1], settled.velocities[-1], 0.0)
+    state = (settled.positions[-1], settled.velocities[-1])
+    linearise(assembly.tables, work, *state, 0.0, 1.0, 0.0, work.dissipation)
+    linearise(assembly.tables, work, *state, 0.0, 0.0, 1.0, work.stiffness)
     needle = assembly.tables.pattern.own[assembly.tables.bodies["block"][1]]
     mass = np.zeros_like(work.matrix)
     add_mass_blocks(assembly.tables, settled.positions[-1], mass)
     friction, contact = (
-        np.linalg.eigvals(np.linalg.solve(mass[needle], blocks[needle])).real.max()
+        np.linalg.eigvals(np.linalg.solve(mass[needle, :, :6], blocks[needle, :, :6])).real.max()
         for blocks in (work.dissipation, work.stiffness)
     )
     limit = reach / friction

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from scipy.special import roots_gegenbauer
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.mechanics import scene as parts
 from tripod_doe.mechanics.elimination import elimination_pattern
+from tripod_doe.mechanics.lanes import WIDTH
 from tripod_doe.mechanics.tables import (
     BODY,
     CONSTRAINT_ROW,
@@ -77,8 +79,8 @@ class Assembly:
 
     @property
     def sphere_count(self) -> int:
-        """Number of spheres of all contacts."""
-        return int(self.tables.contacts["count"].sum())
+        """Number of places for spheres of all contacts: every row's are rounded up to whole `lanes`."""
+        return int(_places(self.tables.contacts["count"]).sum())
 
     def initial_state(self) -> State:
         """The state that the scene describes, at time 0."""
@@ -100,9 +102,11 @@ class Assembly:
             ledger=np.zeros(len(LEDGER)),
             slip=np.zeros((spheres, 3)),
             slip_before=np.zeros((spheres, 3)),
-            stiffness=np.zeros((blocks, 6, 6)),
-            dissipation=np.zeros((blocks, 6, 6)),
-            matrix=np.zeros((blocks, 6, 6)),
+            touching=np.zeros((self.tables.contacts.size, 2), np.int64),
+            drift=np.zeros((bodies, 6)),
+            stiffness=np.zeros((blocks, 6, WIDTH)),
+            dissipation=np.zeros((blocks, 6, WIDTH)),
+            matrix=np.zeros((blocks, 6, WIDTH)),
             phi=np.zeros(rows),
             phi_t=np.zeros(rows),
             gamma=np.zeros(rows),
@@ -111,9 +115,10 @@ class Assembly:
             schur=np.zeros((rows, rows + 1)),
             multipliers=np.zeros(rows),
             pivots=np.zeros(2 * rows + 1, np.int64),
-            blocks=np.zeros((pivots, 6)),
-            stages=np.zeros((20, bodies, 7)),
-            pair=np.zeros((8, 6, 6)),
+            blocks=np.zeros((pivots, WIDTH)),
+            momenta=np.zeros((pivots, WIDTH)),
+            stages=np.zeros((20, bodies, WIDTH)),
+            pair=np.zeros((2, 6, WIDTH)),
             counters=np.zeros(6, np.int64),
             balance=np.zeros(5),
             power_before=np.zeros(5),
@@ -121,6 +126,11 @@ class Assembly:
             extremes=np.zeros(1),
             failure=np.zeros(2),
         )
+
+
+def _places(count: Any) -> Any:
+    """Places that rows of so many spheres take among the slips."""
+    return -(-count // WIDTH) * WIDTH
 
 
 def _unit(values: Iterable[float]) -> FloatArray:
@@ -185,7 +195,6 @@ def _check_locked_rotation(body: parts.Body) -> None:
 
 def _contact_table(scene: parts.Scene, names: dict[str, int]) -> NDArray[np.void]:
     table = np.zeros(len(scene.contacts), CONTACT)
-    first = 0
     for number, (row, contact) in enumerate(zip(table, scene.contacts, strict=True)):
         where = f"contact {number} ({contact.body} on {contact.surface.body})"
         row["body_a"] = _index(names, contact.body, where)
@@ -202,12 +211,12 @@ def _contact_table(scene: parts.Scene, names: dict[str, int]) -> NDArray[np.void
         surface = contact.surface
         if isinstance(surface, parts.Plane):
             row["direction"] = _checked_direction(where, surface.normal)
+            row["across"] = _across(row["direction"])[0]
         else:
             row["direction"] = _checked_direction(where, surface.axis)
             row["sign"] = -1.0 if surface.concave else 1.0
             row["surface_radius"] = surface.radius
-        row["count"], row["first"], row["point"] = contact.count, first, surface.point
-        first += contact.count
+        row["count"], row["point"] = contact.count, surface.point
         row["centre"], row["axis"] = contact.centre, _checked_direction(where, contact.axis)
         for name in ("length", "radius", "crown", "stiffness", "exponent", "damping"):
             row[name] = getattr(contact, name)
@@ -328,6 +337,30 @@ def _constraint_rows(scene: parts.Scene, names: dict[str, int], state: State) ->
     return np.array(rows, CONSTRAINT_ROW) if rows else np.zeros(0, CONSTRAINT_ROW)
 
 
+def _core(scene: parts.Scene, names: dict[str, int]) -> set[int]:
+    """Bodies that are eliminated last: those that the scene names, and all that take part in constraints."""
+    core = {_index(names, name, "core") for name in scene.core}
+    for number, joint in enumerate(scene.constraints):
+        where = f"constraint {number} ({type(joint).__name__})"
+        core |= {_index(names, joint.body_a, where), _index(names, joint.body_b, where)}
+    return core
+
+
+def _within(contacts: NDArray[np.void], core: set[int]) -> NDArray[np.bool_]:
+    """Whether both bodies of a contact belong to the core, or are the ground."""
+    bodies = sorted(core | {0})
+    within: NDArray[np.bool_] = np.isin(contacts["body_a"], bodies) & np.isin(contacts["body_b"], bodies)
+    return within
+
+
+def _core_last(contacts: NDArray[np.void], core: set[int]) -> NDArray[np.void]:
+    """Sort the contacts within the core behind the others, and give every sphere its place."""
+    ordered: NDArray[np.void] = contacts[np.argsort(_within(contacts, core), kind="stable")]
+    places = _places(ordered["count"])
+    ordered["first"] = np.cumsum(places) - places
+    return ordered
+
+
 def assemble(scene: parts.Scene) -> Assembly:
     """Check a scene and turn it into tables.
 
@@ -342,22 +375,24 @@ def assemble(scene: parts.Scene) -> Assembly:
         twice = sorted({name for name in names if names.count(name) > 1})
         raise InputError(f"bodies named twice: {', '.join(twice)}")
     bodies = _body_table(scene)
-    elements = _contact_table(scene, index), _spring_table(scene, index), _bearing_table(scene, index)
-    pattern = elimination_pattern(bodies["block"], elements)
-    state = Assembly(scene, names, _tables(scene, bodies, elements, np.zeros(0, CONSTRAINT_ROW), pattern))
-    rows = _constraint_rows(scene, index, state.initial_state())
-    return Assembly(scene, names, _tables(scene, bodies, elements, rows, pattern))
+    core = _core(scene, index)
+    elements = _core_last(_contact_table(scene, index), core), _spring_table(scene, index), _bearing_table(scene, index)
+    pattern = elimination_pattern(bodies["block"], elements, core)
+    tables = _tables(scene, bodies, elements, core, pattern)
+    rows = _constraint_rows(scene, index, Assembly(scene, names, tables).initial_state())
+    return Assembly(scene, names, tables._replace(rows=rows))
 
 
 def _tables(
     scene: parts.Scene,
     bodies: NDArray[np.void],
     elements: tuple[NDArray[np.void], NDArray[np.void], NDArray[np.void]],
-    rows: NDArray[np.void],
+    core: set[int],
     pattern: Pattern,
 ) -> Tables:
+    others = int((~_within(elements[0], core)).sum())
     scales = np.array([scene.length_scale, scene.speed_scale, scene.rotation_scale])
     return Tables(
-        bodies, *elements, rows, np.array(scene.gravity, float), np.array(scene.frame, float), scales,
-        np.flatnonzero(bodies["block"] >= 0), pattern,
+        bodies, *elements, np.zeros(0, CONSTRAINT_ROW), np.array(scene.gravity, float),
+        np.array(scene.frame, float), scales, np.flatnonzero(bodies["block"] >= 0), pattern, others,
     )  # fmt: skip

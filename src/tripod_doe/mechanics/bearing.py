@@ -380,7 +380,7 @@ def _linearise(bearing, fit, secant, damping, stiffness):
         Whether anything touches.
     """
     for i in range(6):
-        for j in range(6):
+        for j in range(8):  # the last two columns only fill the lanes
             damping[i, j], stiffness[i, j] = 0.0, 0.0
     carried, drags, spread_1, spread_2, tilt_1, tilt_2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(bearing.slices):
@@ -422,8 +422,10 @@ def _linearise(bearing, fit, secant, damping, stiffness):
 
 
 @kernel
-def bearing_matrices(bearings, positions, velocities, secant, dissipation, stiffness, scratch):
-    """Add -dQ/dv and -dQ/dq of all needle bearings to the block matrices.
+def bearing_matrices(
+    bearings, positions, velocities, secant, by_velocity, by_position, drift, matrix, scratch
+):  # fmt: skip
+    """Add the derivatives of all needle bearings to the block matrix.
 
     Parameters
     ----------
@@ -432,23 +434,47 @@ def bearing_matrices(bearings, positions, velocities, secant, dissipation, stiff
     secant
         1 for the secant (lagged) slope of every friction law, 0 for its exact tangent, and between them the tangent but
         not less than this share of the secant.
-    dissipation, stiffness
-        Block matrices, shape (block, 6, 6).
+    by_velocity, by_position
+        Factors of D = -dQ/dv and K = -dQ/dq in the block matrix.
+    drift
+        Receives K times the velocities, shape (body, 6).
+    matrix
+        Receives by_velocity D + by_position K, shape (block, 6, 8).
     scratch
-        Shape (8, 6, 6).
+        Shape (2 or more, 6, 8).
 
     Notes
     -----
     The load zone's turning is in. Left out: the turning of all forces with the trunnion, the bore's lean, what damping
     adds to the stiffness and to the friction, and how the load spreads around the trunnion.
     """
-    for i in range(bearings.size):
-        bearing = bearings[i]
+    block, stiffness = scratch[0], scratch[1]
+    for n in range(bearings.size):
+        bearing = bearings[n]
         fit = _fit(bearing, positions, velocities)
-        if _linearise(bearing, fit, secant, scratch[2], scratch[3]):
-            _turn_to_world(fit, scratch[2])
-            _turn_to_world(fit, scratch[3])
+        if _linearise(bearing, fit, secant, block, stiffness):
+            pull, moment = _falling(fit, stiffness)
+            _apply(drift, positions, bearing.body_b, fit.place, pull, moment, 1.0)
+            _apply(drift, positions, bearing.body_a, fit.place, pull, moment, -1.0)
+            for i in range(6):
+                for j in range(6):
+                    block[i, j] = by_velocity * block[i, j] + by_position * stiffness[i, j]
+            _turn_to_world(fit, block)
             arm_a = subtract(fit.place, load_vector(positions[bearing.body_a], 0))
             arm_b = subtract(fit.place, load_vector(positions[bearing.body_b], 0))
-            add_pair(dissipation, bearing.pair, scratch[2], arm_a, arm_b, scratch)
-            add_pair(stiffness, bearing.pair, scratch[3], arm_a, arm_b, scratch)
+            add_pair(matrix, bearing.pair, block, arm_a, arm_b)
+
+
+@inlined_kernel
+def _falling(fit, stiffness):
+    """Stiffness times the motion of the bore against the trunnion: force and moment in world axes."""
+    moving = (fit.rate_1, fit.rate_2, fit.axial, fit.turn_1, fit.turn_2, fit.spin)
+    rate_1, rate_2, rate_3, rate_4, rate_5, rate_6 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(6):
+        rate_1 += stiffness[0, j] * moving[j]
+        rate_2 += stiffness[1, j] * moving[j]
+        rate_3 += stiffness[2, j] * moving[j]
+        rate_4 += stiffness[3, j] * moving[j]
+        rate_5 += stiffness[4, j] * moving[j]
+        rate_6 += stiffness[5, j] * moving[j]
+    return _in_world(fit, rate_1, rate_2, rate_3), _in_world(fit, rate_4, rate_5, rate_6)

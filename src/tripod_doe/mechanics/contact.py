@@ -8,17 +8,19 @@ velocity w = w_n n + w_t,
     f = N n - mu_s N (tanh(|v| / v_st) / |v|) v                                        (Eq. 2, 3)
     M = -mu_r N (D/2) (tanh(|w_t| / w_rt) / |w_t|) w_t - k N^(4/3) tanh(w_n / w_st) n  (Eq. 4, 6, 7)
 
-and their opposites on the surface. The point of contact is on the undeformed sphere: taken in the middle of the
+and their opposites on the surface. The spheres of a row go through the laws eight at a time (`lanes`), in directions of
+their own: n, the tangent t around the surface and b along it (across it, on a plane). The point of contact is on the undeformed sphere: taken in the middle of the
 overlap, a needle that is loaded unevenly along its length would roll like a cone and yaw.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from tripod_doe.mechanics import laws
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
+from tripod_doe.mechanics.lanes import WIDTH, load, pick, ramp, row, row_of_sums, select, store, store_vectors
 from tripod_doe.mechanics.rotations import (
     add,
     cross,
@@ -30,302 +32,444 @@ from tripod_doe.mechanics.rotations import (
     subtract,
 )  # fmt: skip
 
-__all__ = ["contact_forces", "contact_matrices", "largest_penetration"]
+__all__ = ["add_contacts", "add_pair", "largest_penetration"]
 
 
 class _Row(NamedTuple):
-    """A row and its surface in world axes."""
+    """A row and its surface in world axes, seen from the surface.
 
-    centre: tuple[float, float, float]
-    axis: tuple[float, float, float]
-    point: tuple[float, float, float]
-    direction: tuple[float, float, float]
-    velocity: tuple[float, float, float]
-    rotation: tuple[float, float, float]
+    Sphere s along the row is at the height `height + s lean` over a plane, or along the axis of a cylinder, and in the
+    direction `toward + s drift` from that axis; on a plane that direction is the normal.
+    """
+
+    centre: Any
+    axis: Any
+    height: Any
+    lean: Any
+    toward: Any
+    drift: Any
+    binormal: Any
 
 
-class _Touch(NamedTuple):
-    """Geometry and slip of one sphere that touches; levers are from the row's centre."""
+class _Spheres(NamedTuple):
+    """Up to eight spheres of a row: penetration (0 without contact), radius, place along the row, and directions."""
 
-    penetration: float
-    rate: float
-    normal: tuple[float, float, float]
-    distance: float
-    lever: tuple[float, float, float]
-    sphere: tuple[float, float, float]
-    slip: tuple[float, float, float]
-    slip_speed: float
-    roll: tuple[float, float, float]
-    roll_speed: float
-    spin: float
+    depth: Any
+    radius: Any
+    station: Any
+    distance: Any
+    normal: Any
+    tangent: Any
+    binormal: Any
+    arm: Any
+
+
+class _Motion(NamedTuple):
+    """Relative motion at the points of contact, in the spheres' own directions."""
+
+    rate: Any
+    swing: Any
+    slip_t: Any
+    slip_b: Any
+    spin: Any
+    roll_t: Any
+    roll_b: Any
+
+
+class _Load(NamedTuple):
+    """What the laws say: elastic force, normal force and its slopes; secant slopes of friction per unit of it."""
+
+    elastic: Any
+    normal: Any
+    by_depth: Any
+    by_rate: Any
+    slide: Any
+    roll: Any
+    spin: Any
+    slip_speed: Any
+    roll_speed: Any
 
 
 @inlined_kernel
-def _row(contact, positions, velocities):
-    """Place a row in the world, with the relative motion of its body against the surface's at its centre."""
+def _row(contact, positions):
+    """Place a row in the world."""
     a, b = contact.body_a, contact.body_b
     attitude_a, attitude_b = load_attitude(positions[a]), load_attitude(positions[b])
-    arm = rotate(attitude_a, load_vector(contact.centre, 0))
-    centre = add(load_vector(positions[a], 0), arm)
-    origin = load_vector(positions[b], 0)
-    turn_a, turn_b = load_vector(velocities[a], 3), load_vector(velocities[b], 3)
-    velocity_a = add(load_vector(velocities[a], 0), cross(turn_a, arm))
-    velocity_b = add(load_vector(velocities[b], 0), cross(turn_b, subtract(centre, origin)))
-    return _Row(
-        centre,
-        rotate(attitude_a, load_vector(contact.axis, 0)),
-        add(origin, rotate(attitude_b, load_vector(contact.point, 0))),
-        rotate(attitude_b, load_vector(contact.direction, 0)),
-        subtract(velocity_a, velocity_b),
-        subtract(turn_a, turn_b),
-    )
-
-
-@inlined_kernel
-def _penetration(contact, row, k):
-    """Penetration, radius, normal and distance from the axis (inf for a plane) of sphere k, and its lever."""
-    place = (k + 0.5) / contact.count - 0.5
-    radius = contact.radius - 4.0 * contact.crown * place * place
-    sphere = scale(contact.length * place, row.axis)
-    offset = subtract(add(row.centre, sphere), row.point)
-    along = dot(offset, row.direction)
+    centre = add(load_vector(positions[a], 0), rotate(attitude_a, load_vector(contact.centre, 0)))
+    axis = rotate(attitude_a, load_vector(contact.axis, 0))
+    point = add(load_vector(positions[b], 0), rotate(attitude_b, load_vector(contact.point, 0)))
+    direction = rotate(attitude_b, load_vector(contact.direction, 0))
+    offset = subtract(centre, point)
+    height, lean = dot(offset, direction), dot(axis, direction)
     if contact.sign == 0.0:
-        return radius - along, radius, row.direction, math.inf, sphere
-    across = subtract(offset, scale(along, row.direction))
-    distance = math.sqrt(dot(across, across)) + 1e-300
-    depth = radius + contact.sign * (contact.surface_radius - distance)
-    return depth, radius, scale(contact.sign / distance, across), distance, sphere
+        across = rotate(attitude_b, load_vector(contact.across, 0))
+        return _Row(centre, axis, height, lean, direction, (0.0, 0.0, 0.0), across)
+    toward = subtract(offset, scale(height, direction))
+    return _Row(centre, axis, height, lean, toward, subtract(axis, scale(lean, direction)), direction)
 
 
 @inlined_kernel
-def _touch(row, depth, radius, normal, distance, sphere):
-    """Relative motion at the point of contact."""
-    lever = subtract(sphere, scale(radius, normal))
-    velocity = add(row.velocity, cross(row.rotation, lever))
-    approach = -dot(velocity, normal)
-    slip = add(velocity, scale(approach, normal))
-    spin = dot(row.rotation, normal)
-    roll = subtract(row.rotation, scale(spin, normal))
-    return _Touch(
-        depth, approach, normal, distance, lever, sphere,
-        slip, math.sqrt(dot(slip, slip)), roll, math.sqrt(dot(roll, roll)), spin,
+def _is_apart(contact, place):
+    """Whether no sphere of the row can touch, by the nearest that an end of it may be to the surface."""
+    reach = 0.5 * contact.length
+    if contact.sign == 0.0:
+        clearance = place.height - reach * abs(place.lean)
+    else:
+        clearance = contact.sign * (math.sqrt(dot(place.toward, place.toward)) - contact.surface_radius)
+        clearance -= reach * math.sqrt(dot(place.drift, place.drift))
+    return not clearance < contact.radius
+
+
+@inlined_kernel
+def _spheres(contact, place, begin):
+    """Geometry of the spheres from number `begin` on."""
+    number = ramp(float(begin))
+    share = (number + 0.5) / contact.count - 0.5
+    radius = contact.radius - 4.0 * contact.crown * share * share
+    station = contact.length * share
+    outward = add(place.toward, scale(station, place.drift))
+    distance = math.sqrt(dot(outward, outward) + 1e-300)
+    if contact.sign == 0.0:
+        height, facing = place.height + station * place.lean, 1.0
+    else:
+        height, facing = contact.sign * (distance - contact.surface_radius), contact.sign
+    depth = select(number < contact.count, max(radius - height, 0.0), 0.0)
+    normal = scale(facing / distance, outward)
+    tangent = cross(place.binormal, normal)
+    return _Spheres(
+        depth, radius, station, distance, normal, tangent, place.binormal, scale(station, place.axis)
     )  # fmt: skip
 
 
+@inlined_kernel
+def _motion(spheres, velocity, turn):
+    """Relative motion of spheres, of the row's velocity and angular velocity against the surface."""
+    moving = add(velocity, cross(turn, spheres.arm))
+    roll_t, roll_b = dot(turn, spheres.tangent), dot(turn, spheres.binormal)
+    swing = dot(moving, spheres.tangent)
+    return _Motion(
+        -dot(moving, spheres.normal), swing, swing - spheres.radius * roll_b,
+        dot(moving, spheres.binormal) + spheres.radius * roll_t, dot(turn, spheres.normal), roll_t, roll_b,
+    )  # fmt: skip
+
+
+@inlined_kernel
+def _load(contact, spheres, motion):
+    """Apply the laws."""
+    stiffness = laws.contact_secant(contact.stiffness, contact.exponent, spheres.depth)
+    elastic = stiffness * spheres.depth
+    factor = laws.damping_factor(contact.damping, motion.rate)
+    normal = elastic * factor
+    slip_speed = math.sqrt(motion.slip_t * motion.slip_t + motion.slip_b * motion.slip_b)
+    roll_speed = math.sqrt(motion.roll_t * motion.roll_t + motion.roll_b * motion.roll_b)
+    resistance = laws.rolling_moment(contact.rolling, 1.0, contact.lever)
+    brake = laws.spinning_moment(contact.spinning, normal) / max(normal, 1e-300)
+    return _Load(
+        elastic, normal, contact.exponent * stiffness * factor,
+        select(factor > 0.0, contact.damping * elastic, 0.0),
+        contact.sliding * laws.secant_slope(slip_speed, contact.sliding_transition),
+        resistance * laws.secant_slope(roll_speed, contact.rolling_transition),
+        brake * laws.secant_slope(abs(motion.spin), contact.spinning_transition),
+        slip_speed, roll_speed,
+    )  # fmt: skip
+
+
+@inlined_kernel
+def _wrench(spheres, normal, t, b, twist, about_t, about_b):
+    """Force, and moment about the row's centre, of forces and moments at the points of contact: six lanes."""
+    force = add(scale(normal, spheres.normal), add(scale(t, spheres.tangent), scale(b, spheres.binormal)))
+    turned = cross(spheres.arm, force)
+    moment = add(
+        scale(twist, spheres.normal),
+        add(scale(spheres.radius * b + about_t, spheres.tangent),
+            scale(about_b - spheres.radius * t, spheres.binormal)),
+    )  # fmt: skip
+    return _six(force, add(turned, moment))
+
+
+@inlined_kernel
+def _forces(spheres, motion, acting):
+    """Forces and moments of the spheres on their body."""
+    n = acting.normal
+    return _wrench(
+        spheres, n, -n * acting.slide * motion.slip_t, -n * acting.slide * motion.slip_b,
+        -n * acting.spin * motion.spin, -n * acting.roll * motion.roll_t, -n * acting.roll * motion.roll_b,
+    )  # fmt: skip
+
+
+@inlined_kernel
+def _powers(contact, spheres, motion, acting):
+    """Entries of the ledger, summed over the spheres."""
+    n, m = acting.normal, motion
+    return row_of_sums(
+        laws.contact_energy(acting.elastic, contact.exponent, spheres.depth), 0.0 * n,
+        n * acting.slide * (m.slip_t * m.slip_t + m.slip_b * m.slip_b), n * acting.spin * m.spin * m.spin,
+        n * acting.roll * (m.roll_t * m.roll_t + m.roll_b * m.roll_b), (n - acting.elastic) * m.rate,
+    )  # fmt: skip
+
+
+@inlined_kernel
+def _store_slips(spheres, motion, slips, place):
+    """Slip vectors, zero without contact."""
+    touches = spheres.depth > 0.0
+    slip_t, slip_b = select(touches, motion.slip_t, 0.0), select(touches, motion.slip_b, 0.0)
+    x, y, z = add(scale(slip_t, spheres.tangent), scale(slip_b, spheres.binormal))
+    store_vectors(slips, place, x, y, z)
+
+
+@inlined_kernel
+def _slopes(coefficient, secant, speed, transition, x, y):
+    """Symmetric slopes of a friction law by two components x, y: its chord across them, along them `_slope`."""
+    across = coefficient * laws.secant_slope(speed, transition)
+    extra = (_slope(coefficient, secant, speed, transition) - across) / max(speed * speed, 1e-300)
+    return across + extra * x * x, extra * x * y, across + extra * y * y
+
+
+@inlined_kernel
+def _slope(coefficient, secant, speed, transition):
+    """Slope of a friction law along the motion: the tangent, but not below a share of the secant."""
+    chord = laws.secant_slope(speed, transition)
+    return coefficient * max(laws.tangent_slope(speed, transition), secant * chord)
+
+
+@inlined_kernel
+def _six(a, b):
+    """Six numbers of two vectors."""
+    return (a[0], a[1], a[2], b[0], b[1], b[2])
+
+
+@inlined_kernel
+def _twist(spheres, d, twists):
+    """Row d of the change of moment by change of angular velocity that friction against turning gives."""
+    of_t, of_b = scale(spheres.tangent[d], twists[0]), scale(spheres.binormal[d], twists[1])
+    return add(add(of_t, of_b), scale(spheres.normal[d], twists[2]))
+
+
+@inlined_kernel
+def _mix(p, a, q, b):
+    """Two multiples of six lanes each, p a + q b."""
+    return (
+        p * a[0] + q * b[0], p * a[1] + q * b[1], p * a[2] + q * b[2],
+        p * a[3] + q * b[3], p * a[4] + q * b[4], p * a[5] + q * b[5],
+    )  # fmt: skip
+
+
+@inlined_kernel
+def _add_row(block, i, a, b, c, x, y, z, twist):
+    """Add to row i of a block the sums over the spheres of a x + b y + c z, and of three more for the rotations."""
+    sums = row_of_sums(
+        a * x[0] + b * y[0] + c * z[0], a * x[1] + b * y[1] + c * z[1], a * x[2] + b * y[2] + c * z[2],
+        a * x[3] + b * y[3] + c * z[3] + twist[0], a * x[4] + b * y[4] + c * z[4] + twist[1],
+        a * x[5] + b * y[5] + c * z[5] + twist[2],
+    )  # fmt: skip
+    store(block, i, load(block, i) + sums)
+
+
+@inlined_kernel
+def _add_derivatives(contact, spheres, motion, acting, secant, by_velocity, by_position, block):
+    """Add by_velocity times -dQ/dv and by_position times -dQ/dq about the row's centre; return K times the motion.
+
+    Every sphere gives three dyads of a change of force by a change of motion: by penetration and its rate, and by the
+    motion along the two tangents.
+    """
+    s, m, n = spheres, motion, acting.normal
+    # a change dN of the normal force changes the whole wrench by dN times `pull`
+    pull = _wrench(
+        s, 1.0, -acting.slide * m.slip_t, -acting.slide * m.slip_b,
+        (-4.0 / 3.0) * acting.spin * m.spin, -acting.roll * m.roll_t, -acting.roll * m.roll_b,
+    )  # fmt: skip
+    inward, turned, shifted = cross(s.arm, s.normal), cross(s.arm, s.tangent), cross(s.arm, s.binormal)
+    across = _six(s.tangent, subtract(turned, scale(s.radius, s.binormal)))
+    along = _six(s.binormal, add(shifted, scale(s.radius, s.tangent)))
+    # the normal turns as the sphere moves around a cylinder
+    bend = n * contact.sign / s.distance
+    drop, swing = -acting.by_depth * m.rate, -bend * m.swing
+    tt, tb, bb = _slopes(contact.sliding, secant, acting.slip_speed, contact.sliding_transition, m.slip_t, m.slip_b)
+    damped = by_velocity * n
+    tt, tb, bb = damped * tt, damped * tb, damped * bb
+    x, y = _mix(tt, across, tb, along), _mix(tb, across, bb, along)
+    curl = -by_position * bend
+    x = _mix(1.0, x, curl, _six(s.tangent, turned))
+    press = by_velocity * acting.by_rate + by_position * acting.by_depth
+    z = _six(scale(press, s.normal), scale(press, inward))
+    resistance = laws.rolling_moment(contact.rolling, 1.0, contact.lever)
+    tt, tb, bb = _slopes(resistance, secant, acting.roll_speed, contact.rolling_transition, m.roll_t, m.roll_b)
+    tt, tb, bb = damped * tt, damped * tb, damped * bb
+    nn = by_velocity * _slope(
+        laws.spinning_moment(contact.spinning, n), secant, abs(m.spin), contact.spinning_transition
+    )
+    twist_t = add(scale(tt, s.tangent), scale(tb, s.binormal))
+    twist_b = add(scale(tb, s.tangent), scale(bb, s.binormal))
+    twist_n = scale(nn, s.normal)
+    still = (0.0, 0.0, 0.0)
+    _add_row(block, 0, across[0], along[0], pull[0], x, y, z, still)
+    _add_row(block, 1, across[1], along[1], pull[1], x, y, z, still)
+    _add_row(block, 2, across[2], along[2], pull[2], x, y, z, still)
+    twists = (twist_t, twist_b, twist_n)
+    _add_row(block, 3, across[3], along[3], pull[3], x, y, z, _twist(s, 0, twists))
+    _add_row(block, 4, across[4], along[4], pull[4], x, y, z, _twist(s, 1, twists))
+    _add_row(block, 5, across[5], along[5], pull[5], x, y, z, _twist(s, 2, twists))
+    return _mix(drop, pull, swing, across)
+
+
 @kernel
-def contact_forces(contacts, positions, velocities, force, ledger, slips):
-    """Add the forces and moments of all contacts, and their energies.
+def add_contacts(
+    contacts, first, last, positions, velocities, secant, by_velocity, by_position,
+    force, drift, ledger, slips, touching, matrix, scratch,
+):  # fmt: skip
+    """Add the forces of contacts, their energies and, unless both factors are zero, their derivatives.
 
     Parameters
     ----------
-    contacts
-        Table of contacts.
+    contacts, first, last
+        Table of contacts, and the range of it that is wanted.
     positions, velocities
         Shapes (body, 7) and (body, 6).
+    secant
+        1 for the secant (lagged) slope of every friction law, 0 for its exact tangent, and between them the tangent but
+        not less than this share of the secant.
+    by_velocity, by_position
+        Factors of D = -dQ/dv and K = -dQ/dq in the block matrix.
     force
         Receives forces and moments about the centres of mass, shape (body, 6).
+    drift
+        Receives K times the velocities, the rate at which the forces fall as the bodies move on, shape (body, 6).
     ledger
         Receives stored energy and lost powers (`tables.LEDGER`).
     slips
         Receives the slip vector of every sphere, zero without contact, shape (sphere, 3).
+    touching
+        Receives whether any slip of a contact may differ from zero, shape (contact, 2), in its first column.
+    matrix
+        Receives by_velocity D + by_position K, shape (block, 6, 8).
+    scratch
+        Shape (any, 6, 8).
+
+    Notes
+    -----
+    The turning of the normal with the body of the surface and the change of levers are left out of K.
     """
-    for i in range(contacts.size):
+    linear, block = by_velocity != 0.0 or by_position != 0.0, scratch[0]
+    nothing = row(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    powers = nothing
+    for i in range(first, last):
         contact = contacts[i]
-        row = _row(contact, positions, velocities)
-        total, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-        for k in range(contact.count):
-            depth, radius, normal, distance, sphere = _penetration(contact, row, k)
-            slot = slips[contact.first + k]
-            if not depth > 0.0:
-                slot[0], slot[1], slot[2] = 0.0, 0.0, 0.0
-                continue
-            t = _touch(row, depth, radius, normal, distance, sphere)
-            slot[0], slot[1], slot[2] = t.slip
-            elastic = laws.contact_force(contact.stiffness, contact.exponent, depth)
-            load = elastic * laws.damping_factor(contact.damping, t.rate)
-            drag = contact.sliding * load * laws.secant_slope(t.slip_speed, contact.sliding_transition)
-            pull = subtract(scale(load, normal), scale(drag, t.slip))
-            ledger[0] += laws.contact_energy(elastic, contact.exponent, depth)
-            ledger[2] += drag * t.slip_speed * t.slip_speed
-            ledger[5] += (load - elastic) * t.rate
-            total, moment = add(total, pull), add(moment, cross(t.lever, pull))
-            if contact.rolling > 0.0:
-                resistance = laws.rolling_moment(contact.rolling, load, contact.lever)
-                resistance *= laws.secant_slope(t.roll_speed, contact.rolling_transition)
-                moment = subtract(moment, scale(resistance, t.roll))
-                ledger[4] += resistance * t.roll_speed * t.roll_speed
-            if contact.spinning > 0.0:
-                brake = laws.spinning_moment(contact.spinning, load)
-                brake *= laws.secant_slope(abs(t.spin), contact.spinning_transition) * t.spin
-                moment = subtract(moment, scale(brake, normal))
-                ledger[3] += brake * t.spin
-        _apply(force, positions, contact.body_a, row.centre, total, moment, 1.0)
-        _apply(force, positions, contact.body_b, row.centre, total, moment, -1.0)
+        place = _row(contact, positions)
+        if _is_apart(contact, place):
+            if touching[i, 0] != 0:
+                touching[i, 0] = 0
+                for k in range(contact.first, contact.first + contact.count):
+                    slips[k, 0], slips[k, 1], slips[k, 2] = 0.0, 0.0, 0.0
+            continue
+        touching[i, 0] = 1
+        velocity, turn = _relative_motion(contact, place, positions, velocities)
+        total, falling = nothing, nothing
+        if linear:
+            for r in range(6):
+                store(block, r, nothing)
+        for begin in range(0, contact.count, WIDTH):
+            spheres = _spheres(contact, place, begin)
+            motion = _motion(spheres, velocity, turn)
+            acting = _load(contact, spheres, motion)
+            _store_slips(spheres, motion, slips, contact.first + begin)
+            total = total + row_of_sums(*_forces(spheres, motion, acting))
+            powers = powers + _powers(contact, spheres, motion, acting)
+            if linear:
+                falling = falling + row_of_sums(
+                    *_add_derivatives(contact, spheres, motion, acting, secant, by_velocity, by_position, block)
+                )
+        _apply(force, positions, contact, place.centre, total)
+        if linear:
+            _apply(drift, positions, contact, place.centre, falling)
+            arm_a = subtract(place.centre, load_vector(positions[contact.body_a], 0))
+            arm_b = subtract(place.centre, load_vector(positions[contact.body_b], 0))
+            add_pair(matrix, contact.pair, block, arm_a, arm_b)
+    for entry in range(ledger.size):
+        ledger[entry] += pick(powers, entry)
 
 
 @inlined_kernel
-def _apply(force, positions, body, place, pull, moment, sign):
-    """Add a force at a place, and a moment, to a body."""
-    turned = add(moment, cross(subtract(place, load_vector(positions[body], 0)), pull))
-    for d in range(3):
-        force[body, d] += sign * pull[d]
-        force[body, 3 + d] += sign * turned[d]
+def _relative_motion(contact, place, positions, velocities):
+    """Velocity of the row's centre, and angular velocity, of its body against the surface's."""
+    a, b = contact.body_a, contact.body_b
+    turn_a, turn_b = load_vector(velocities[a], 3), load_vector(velocities[b], 3)
+    arm_a, arm_b = subtract(place.centre, load_vector(positions[a], 0)), subtract(place.centre, load_vector(positions[b], 0))
+    velocity_a = add(load_vector(velocities[a], 0), cross(turn_a, arm_a))
+    velocity_b = add(load_vector(velocities[b], 0), cross(turn_b, arm_b))
+    return subtract(velocity_a, velocity_b), subtract(turn_a, turn_b)
 
 
 @inlined_kernel
-def _add_at_levers(block, c, left, right):
-    """Add [I; [left]x] C [I, -[right]x] to a 6 x 6 block, C in the first three columns of three rows of scratch c."""
-    for i in range(3):
-        c0, c1, c2 = c[i, 0], c[i, 1], c[i, 2]
-        c[i, 3] = right[1] * c2 - right[2] * c1
-        c[i, 4] = right[2] * c0 - right[0] * c2
-        c[i, 5] = right[0] * c1 - right[1] * c0
-    for j in range(6):
-        x, y, z = c[0, j], c[1, j], c[2, j]
-        block[0, j] += x
-        block[1, j] += y
-        block[2, j] += z
-        block[3, j] += left[1] * z - left[2] * y
-        block[4, j] += left[2] * x - left[0] * z
-        block[5, j] += left[0] * y - left[1] * x
-
-
-@inlined_kernel
-def _slope(secant, magnitude, transition):
-    """Slope of a friction law along the motion: the tangent, but not below a share of the secant."""
-    chord = laws.secant_slope(magnitude, transition)
-    return chord if secant == 1.0 else max(laws.tangent_slope(magnitude, transition), secant * chord)
+def _apply(force, positions, contact, place, wrench):
+    """Add a force at a place, and a moment, to the body of the spheres, and its opposite to that of the surface."""
+    pull = (pick(wrench, 0), pick(wrench, 1), pick(wrench, 2))
+    moment = (pick(wrench, 3), pick(wrench, 4), pick(wrench, 5))
+    for body, sign in ((contact.body_a, 1.0), (contact.body_b, -1.0)):
+        turned = add(moment, cross(subtract(place, load_vector(positions[body], 0)), pull))
+        for d in range(3):
+            force[body, d] += sign * pull[d]
+            force[body, 3 + d] += sign * turned[d]
 
 
 @kernel
-def _add_sphere(contact, row, k, secant, damping, stiffness, scratch):
-    """Add the derivatives of one sphere's force by relative velocity and displacement, about the row's centre."""
-    depth, radius, normal, distance, sphere = _penetration(contact, row, k)
-    if not depth > 0.0:
-        return
-    t = _touch(row, depth, radius, normal, distance, sphere)
-    elastic = laws.contact_force(contact.stiffness, contact.exponent, depth)
-    factor = laws.damping_factor(contact.damping, t.rate)
-    load = elastic * factor
-    by_depth = contact.exponent * load / depth
-    by_rate = elastic * contact.damping if factor > 0.0 else 0.0
-    across = contact.sliding * load * laws.secant_slope(t.slip_speed, contact.sliding_transition)
-    along = contact.sliding * load * _slope(secant, t.slip_speed, contact.sliding_transition)
-    extra = (along - across) / max(t.slip_speed * t.slip_speed, 1e-300)
-    # a change dN of the normal force changes the whole force by dN times this vector
-    pull = subtract(normal, scale(across / load, t.slip)) if load > 0.0 else normal
-    bend = load * contact.sign / distance if contact.sign != 0.0 else 0.0
-    for i in range(3):
-        for j in range(3):
-            unit = 1.0 if i == j else 0.0
-            tangent = unit - normal[i] * normal[j]
-            scratch[0, i, j] = across * tangent + extra * t.slip[i] * t.slip[j] + by_rate * pull[i] * normal[j]
-            scratch[1, i, j] = by_depth * pull[i] * normal[j] - bend * (tangent - row.direction[i] * row.direction[j])
-    _add_at_levers(damping, scratch[0], t.lever, t.lever)
-    _add_at_levers(stiffness, scratch[1], t.lever, t.sphere)
-    if contact.rolling > 0.0 or contact.spinning > 0.0:
-        resistance = laws.rolling_moment(contact.rolling, load, contact.lever)
-        across = resistance * laws.secant_slope(t.roll_speed, contact.rolling_transition)
-        along = resistance * _slope(secant, t.roll_speed, contact.rolling_transition)
-        extra = (along - across) / max(t.roll_speed * t.roll_speed, 1e-300)
-        spinning = laws.spinning_moment(contact.spinning, load)
-        brake = spinning * _slope(secant, abs(t.spin), contact.spinning_transition)
-        held = 4.0 / 3.0 * spinning * laws.secant_slope(abs(t.spin), contact.spinning_transition) * t.spin
-        # a change dN of the normal force changes the moment by -dN times this vector
-        by_load = scale(1.0 / load if load > 0.0 else 0.0, add(scale(across, t.roll), scale(held, normal)))
-        turning = cross(t.lever, normal)
-        for i in range(3):
-            for j in range(3):
-                unit = 1.0 if i == j else 0.0
-                turned = across * (unit - normal[i] * normal[j]) + extra * t.roll[i] * t.roll[j]
-                damping[3 + i, 3 + j] += turned + brake * normal[i] * normal[j] - by_rate * by_load[i] * turning[j]
-                damping[3 + i, j] -= by_rate * by_load[i] * normal[j]
-                stiffness[3 + i, j] -= by_depth * by_load[i] * normal[j]
-                stiffness[3 + i, 3 + j] -= by_depth * by_load[i] * turning[j]
-
-
-@kernel
-def add_pair(matrix, pair, block, arm_a, arm_b, scratch):
+def add_pair(matrix, pair, block, arm_a, arm_b):
     """Add a pair's 6 x 6 block, taken about a common place, to the four blocks of its bodies.
 
     Parameters
     ----------
     matrix
-        Blocks of the scene, shape (block, 6, 6).
+        Blocks of the scene, shape (block, 6, 8).
     pair
         Block numbers aa, ab, ba, bb, or -1.
     block
-        Derivative by the relative motion at the place.
+        Derivative by the relative motion at the place, shape (6, 8).
     arm_a, arm_b
         The place from the centres of mass.
-    scratch
-        Shape (2, 6, 6).
     """
-    for side in range(4):
-        if pair[side] < 0:
-            continue
-        left = arm_a if side < 2 else arm_b
-        right = arm_a if side % 2 == 0 else arm_b
-        sign = 1.0 if side == 0 or side == 3 else -1.0
-        target = matrix[pair[side]]
-        turned = scratch[0]
-        for i in range(6):
-            x, y, z = block[i, 0], block[i, 1], block[i, 2]
-            turned[i, 0], turned[i, 1], turned[i, 2] = x, y, z
-            turned[i, 3] = block[i, 3] + right[1] * z - right[2] * y
-            turned[i, 4] = block[i, 4] + right[2] * x - right[0] * z
-            turned[i, 5] = block[i, 5] + right[0] * y - right[1] * x
-        for j in range(6):
-            x, y, z = turned[0, j], turned[1, j], turned[2, j]
-            target[0, j] += sign * x
-            target[1, j] += sign * y
-            target[2, j] += sign * z
-            target[3, j] += sign * (turned[3, j] + left[1] * z - left[2] * y)
-            target[4, j] += sign * (turned[4, j] + left[2] * x - left[0] * z)
-            target[5, j] += sign * (turned[5, j] + left[0] * y - left[1] * x)
+    if pair[0] >= 0:
+        _add_column(matrix, pair[0], pair[2], block, arm_a, arm_a, arm_b, 1.0)
+    if pair[3] >= 0:
+        _add_column(matrix, pair[1], pair[3], block, arm_b, arm_a, arm_b, -1.0)
+
+
+@inlined_kernel
+def _add_column(matrix, of_a, of_b, block, arm, arm_a, arm_b, sign):
+    """Add the derivatives of both bodies' forces by the motion of the one whose centre is at -arm."""
+    # a velocity v and an angular velocity w of the body move the place by v - arm x w
+    x, y, z = arm
+    by_x, by_y, by_z = (
+        row(0.0, 0.0, 0.0, 0.0, z, -y), row(0.0, 0.0, 0.0, -z, 0.0, x), row(0.0, 0.0, 0.0, y, -x, 0.0)
+    )  # fmt: skip
+    rows = (
+        _shifted(load(block, 0), by_x, by_y, by_z), _shifted(load(block, 1), by_x, by_y, by_z),
+        _shifted(load(block, 2), by_x, by_y, by_z), _shifted(load(block, 3), by_x, by_y, by_z),
+        _shifted(load(block, 4), by_x, by_y, by_z), _shifted(load(block, 5), by_x, by_y, by_z),
+    )  # fmt: skip
+    if of_a >= 0:
+        _add_rows(matrix[of_a], rows, arm_a, sign)
+    if of_b >= 0:
+        _add_rows(matrix[of_b], rows, arm_b, -sign)
+
+
+@inlined_kernel
+def _shifted(lanes, by_x, by_y, by_z):
+    return lanes + (pick(lanes, 0) * by_x + pick(lanes, 1) * by_y + pick(lanes, 2) * by_z)
+
+
+@inlined_kernel
+def _add_rows(target, rows, arm, sign):
+    """Add rows of forces and moments about a place, as seen from the centre at -arm."""
+    moments = add((rows[3], rows[4], rows[5]), cross(arm, (rows[0], rows[1], rows[2])))
+    store(target, 0, load(target, 0) + sign * rows[0])
+    store(target, 1, load(target, 1) + sign * rows[1])
+    store(target, 2, load(target, 2) + sign * rows[2])
+    store(target, 3, load(target, 3) + sign * moments[0])
+    store(target, 4, load(target, 4) + sign * moments[1])
+    store(target, 5, load(target, 5) + sign * moments[2])
 
 
 @kernel
-def contact_matrices(contacts, positions, velocities, secant, dissipation, stiffness, scratch):
-    """Add -dQ/dv and -dQ/dq of all contacts to the block matrices.
-
-    Parameters
-    ----------
-    contacts, positions, velocities
-        As in `contact_forces`.
-    secant
-        1 for the secant (lagged) slope of every friction law, 0 for its exact tangent, and between them the tangent but
-        not less than this share of the secant.
-    dissipation, stiffness
-        Block matrices, shape (block, 6, 6).
-    scratch
-        Shape (8, 6, 6).
-
-    Notes
-    -----
-    The turning of the normal with the body of the surface and the change of levers are left out of the stiffness.
-    """
-    for i in range(contacts.size):
-        contact = contacts[i]
-        row = _row(contact, positions, velocities)
-        for side in range(2, 4):
-            for r in range(6):
-                for c in range(6):
-                    scratch[side, r, c] = 0.0
-        touches = False
-        for k in range(contact.count):
-            if _penetration(contact, row, k)[0] > 0.0:
-                touches = True
-                _add_sphere(contact, row, k, secant, scratch[2], scratch[3], scratch)
-        if touches:
-            arm_a = subtract(row.centre, load_vector(positions[contact.body_a], 0))
-            arm_b = subtract(row.centre, load_vector(positions[contact.body_b], 0))
-            add_pair(dissipation, contact.pair, scratch[2], arm_a, arm_b, scratch)
-            add_pair(stiffness, contact.pair, scratch[3], arm_a, arm_b, scratch)
-
-
-@kernel
-def largest_penetration(contacts, sizes, positions, velocities):
+def largest_penetration(contacts, sizes, positions):
     """Deepest penetration of all spheres, and the one that is the largest share of the size of its contact.
 
     Parameters
@@ -342,10 +486,12 @@ def largest_penetration(contacts, sizes, positions, velocities):
     deepest, worst, depth_there, body = 0.0, 0.0, 0.0, 0
     for i in range(contacts.size):
         contact = contacts[i]
-        row = _row(contact, positions, velocities)
-        for k in range(contact.count):
-            depth = _penetration(contact, row, k)[0]
-            deepest = max(deepest, depth)
-            if depth > worst * sizes[i]:
-                worst, depth_there, body = depth / sizes[i], depth, contact.body_a
+        place = _row(contact, positions)
+        for begin in range(0, contact.count, WIDTH):
+            depths = _spheres(contact, place, begin).depth
+            for k in range(WIDTH):
+                depth = pick(depths, k)
+                deepest = max(deepest, depth)
+                if depth > worst * sizes[i]:
+                    worst, depth_there, body = depth / sizes[i], depth, contact.body_a
     return deepest, worst, depth_there, body

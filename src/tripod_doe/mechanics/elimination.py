@@ -2,8 +2,16 @@
 
 The order of elimination is worked out once an assembly by minimum degree: the needles of a ring go first, each leaving
 one block of fill between its neighbours, the bodies that all of them touch go last. Work and memory grow linearly with
-the needles. Pivot blocks are inverted without looking at other blocks: M - a D - b K with a D and b K mostly
+the needles. Pivot blocks are inverted without looking at other blocks: M + a D + b K with a D and b K mostly
 semidefinite leaves them regular.
+
+Bodies named as last ones, and all that take part in constraints, are the tail of the order. Elimination can be done in
+parts: once `eliminate` has gone through the pivots before the tail, the blocks of the tail, which stand together at the
+end of the matrix, hold what is left of the scene for the bodies of the tail. Then
+
+    eliminate(pattern, matrix, 0, pattern.tail)         reduce_right_side(pattern, matrix, x, 0, pattern.tail)
+    ... the tail, pivots pattern.tail to pattern.order.size, as often as wanted ...
+    substitute_back(pattern, matrix, x, 0, pattern.tail)
 """
 
 from __future__ import annotations
@@ -15,14 +23,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
+from tripod_doe.mechanics.lanes import load, row_of_sums, store
 from tripod_doe.mechanics.tables import Pattern
 
-__all__ = ["elimination_pattern", "factorise", "multiply", "solve"]
+__all__ = ["eliminate", "elimination_pattern", "multiply", "reduce_right_side", "substitute_back"]
 
 IntArray = NDArray[np.int64]
 
+_CANCELLED = 1e-6
+"""A pivot that has lost this much of its diagonal entry is looked for again with exchanges of rows."""
 
-def elimination_pattern(block_of_body: IntArray, elements: Iterable[NDArray[Any]]) -> Pattern:
+
+def elimination_pattern(
+    block_of_body: IntArray, elements: Iterable[NDArray[Any]], last: Iterable[int] = ()
+) -> Pattern:
     """Work out blocks and order of elimination, and write each element's four blocks into its ``pair``.
 
     Parameters
@@ -31,6 +45,8 @@ def elimination_pattern(block_of_body: IntArray, elements: Iterable[NDArray[Any]
         Row of each body in the block matrix, -1 for none.
     elements
         Tables with ``body_a``, ``body_b`` and ``pair``.
+    last
+        Bodies that are eliminated last.
     """
     elements = list(elements)
     count = int(block_of_body.max(initial=-1)) + 1
@@ -40,7 +56,8 @@ def elimination_pattern(block_of_body: IntArray, elements: Iterable[NDArray[Any]
             if a >= 0 and b >= 0:
                 graph[a].add(int(b))
                 graph[b].add(int(a))
-    order, neighbours = _minimum_degree(graph)
+    tail = {int(block_of_body[body]) for body in last} - {-1}
+    order, neighbours = _minimum_degree(graph, tail)
     number: dict[tuple[int, int], int] = {}
     for pivot, others in zip(order, neighbours, strict=True):
         for place in ((pivot, pivot), *((i, pivot) for i in others), *((pivot, i) for i in others)):
@@ -67,15 +84,17 @@ def elimination_pattern(block_of_body: IntArray, elements: Iterable[NDArray[Any]
         own=flat(number[i, i] for i in range(count)),
         row=np.ascontiguousarray(places[:, 0]),
         column=np.ascontiguousarray(places[:, 1]),
+        tail=count - len(tail),
+        tail_block=number[order[-len(tail)], order[-len(tail)]] if tail else len(number),
     )
 
 
-def _minimum_degree(graph: list[set[int]]) -> tuple[list[int], list[list[int]]]:
-    """Order of elimination, and the neighbours that each pivot still has when its turn comes."""
+def _minimum_degree(graph: list[set[int]], tail: set[int]) -> tuple[list[int], list[list[int]]]:
+    """Order of elimination, the tail last, and the neighbours that each pivot still has when its turn comes."""
     left = {i: set(others) for i, others in enumerate(graph)}
     order, neighbours = [], []
     while left:
-        pivot = min(left, key=lambda i: (len(left[i]), i))
+        pivot = min(left, key=lambda i: (i in tail, len(left[i]), i))
         others = sorted(left.pop(pivot))
         for i in others:
             left[i].update(others)
@@ -85,11 +104,31 @@ def _minimum_degree(graph: list[set[int]]) -> tuple[list[int], list[list[int]]]:
     return order, neighbours
 
 
+@inlined_kernel
+def _invert(block, scratch):
+    """Invert a 6 x 6 block in place; False if it is singular."""
+    for i in range(6):
+        store(scratch, i, load(block, i))
+    for k in range(6):
+        pivot = block[k, k]
+        if not abs(pivot) > _CANCELLED * abs(scratch[k, k]):
+            return _invert_with_exchanges(scratch, block)
+        block[k, k] = 1.0
+        scaled = (1.0 / pivot) * load(block, k)
+        for i in range(6):
+            if i != k:
+                factor = block[i, k]
+                block[i, k] = 0.0
+                store(block, i, load(block, i) - factor * scaled)
+        store(block, k, scaled)
+    return True
+
+
 @kernel
-def _invert(block, inverse):
+def _invert_with_exchanges(block, inverse):
     """Inverse of a 6 x 6 block by Gauss-Jordan elimination with row pivots; destroys `block`, False if singular."""
     for i in range(6):
-        for j in range(6):
+        for j in range(8):
             inverse[i, j] = 1.0 if i == j else 0.0
     for k in range(6):
         best = k
@@ -98,109 +137,107 @@ def _invert(block, inverse):
                 best = i
         if not abs(block[best, k]) > 0.0:
             return False
-        if best != k:
-            for j in range(6):
-                block[k, j], block[best, j] = block[best, j], block[k, j]
-                inverse[k, j], inverse[best, j] = inverse[best, j], inverse[k, j]
+        for array in (block, inverse):
+            upper, lower = load(array, k), load(array, best)
+            store(array, best, upper)
+            store(array, k, lower)
         factor = 1.0 / block[k, k]
-        for j in range(6):
-            block[k, j] *= factor
-            inverse[k, j] *= factor
+        for array in (block, inverse):
+            store(array, k, factor * load(array, k))
         for i in range(6):
             if i != k:
                 factor = block[i, k]
-                for j in range(6):
-                    block[i, j] -= factor * block[k, j]
-                    inverse[i, j] -= factor * inverse[k, j]
+                for array in (block, inverse):
+                    store(array, i, load(array, i) - factor * load(array, k))
     return True
 
 
 @inlined_kernel
-def _copy_block(source, target):
-    for i in range(6):
-        for j in range(6):
-            target[i, j] = source[i, j]
+def _rows(block):
+    return load(block, 0), load(block, 1), load(block, 2), load(block, 3), load(block, 4), load(block, 5)
 
 
 @inlined_kernel
-def _add_product(block, x, factor, y):
-    """Add `factor` times the product of a 6 x 6 block with x to y."""
-    for i in range(6):
-        total = 0.0
-        for j in range(6):
-            total += block[i, j] * x[j]
-        y[i] += factor * total
+def _times(block, i, rows):
+    """Row i of the product of a block with the block of `rows`."""
+    first = block[i, 0] * rows[0] + block[i, 1] * rows[1] + block[i, 2] * rows[2]
+    return first + (block[i, 3] * rows[3] + block[i, 4] * rows[4] + block[i, 5] * rows[5])
+
+
+@inlined_kernel
+def _product(block, x):
+    """A 6 x 6 block times the first six of lanes."""
+    return row_of_sums(
+        load(block, 0) * x, load(block, 1) * x, load(block, 2) * x,
+        load(block, 3) * x, load(block, 4) * x, load(block, 5) * x,
+    )  # fmt: skip
 
 
 @kernel
-def factorise(pattern, matrix, scratch):
-    """Eliminate in place: diagonal blocks become their inverses, lower blocks the factors L_ik = A_ik / A_kk.
+def eliminate(pattern, matrix, first, last, scratch):
+    """Eliminate a range of pivots in place, the ones before it having been eliminated.
+
+    Diagonal blocks become their inverses, lower blocks the factors L_ik = A_ik / A_kk.
 
     Parameters
     ----------
     pattern
         The elimination.
     matrix
-        Blocks, shape (block, 6, 6).
+        Blocks, shape (block, 6, 8).
+    first, last
+        Pivots first to last - 1 are eliminated; blocks of later ones receive their updates.
     scratch
-        Shape (2 or more, 6, 6).
+        Shape (any, 6, 8).
 
     Returns
     -------
     bool
         False if a pivot block is singular.
     """
-    for k in range(pattern.order.size):
+    for k in range(first, last):
         pivot = matrix[pattern.diagonal[k]]
         if not _invert(pivot, scratch[0]):
             return False
-        _copy_block(scratch[0], pivot)
         start, end = pattern.start[k], pattern.start[k + 1]
         target = pattern.target_start[k]
+        inverse = _rows(pivot)
         for m in range(start, end):
             lower = matrix[pattern.lower[m]]
-            product = scratch[1]
             for i in range(6):
-                for j in range(6):
-                    product[i, j] = lower[i, 0] * pivot[0, j]
-                for n in range(1, 6):
-                    for j in range(6):
-                        product[i, j] += lower[i, n] * pivot[n, j]
-            _copy_block(product, lower)
+                store(lower, i, _times(lower, i, inverse))
             for n in range(start, end):
-                upper = matrix[pattern.upper[n]]
-                updated = matrix[pattern.target[target]]
+                upper, updated = _rows(matrix[pattern.upper[n]]), matrix[pattern.target[target]]
                 target += 1
                 for i in range(6):
-                    for p in range(6):
-                        factor = lower[i, p]
-                        for j in range(6):
-                            updated[i, j] -= factor * upper[p, j]
+                    store(updated, i, load(updated, i) - _times(lower, i, upper))
     return True
 
 
 @kernel
-def solve(pattern, matrix, x):
-    """Solve with a factorised matrix, in place; x of shape (row, 6)."""
-    for k in range(pattern.order.size):
-        pivot = pattern.order[k]
+def reduce_right_side(pattern, matrix, x, first, last):
+    """Carry right-hand sides of pivots first to last - 1 over to later ones; x of shape (row, 8)."""
+    for k in range(first, last):
+        pivot = load(x, pattern.order[k])
         for m in range(pattern.start[k], pattern.start[k + 1]):
-            _add_product(matrix[pattern.lower[m]], x[pivot], -1.0, x[pattern.neighbour[m]])
-    for k in range(pattern.order.size - 1, -1, -1):
+            neighbour = pattern.neighbour[m]
+            store(x, neighbour, load(x, neighbour) - _product(matrix[pattern.lower[m]], pivot))
+
+
+@kernel
+def substitute_back(pattern, matrix, x, first, last):
+    """Turn reduced right-hand sides of pivots first to last - 1 into solutions, those of later pivots being known."""
+    for k in range(last - 1, first - 1, -1):
         pivot = pattern.order[k]
+        right = load(x, pivot)
         for m in range(pattern.start[k], pattern.start[k + 1]):
-            _add_product(matrix[pattern.upper[m]], x[pattern.neighbour[m]], -1.0, x[pivot])
-        inverse = matrix[pattern.diagonal[k]]
-        y0, y1, y2, y3, y4, y5 = x[pivot, 0], x[pivot, 1], x[pivot, 2], x[pivot, 3], x[pivot, 4], x[pivot, 5]
-        for i in range(6):
-            x[pivot, i] = (
-                inverse[i, 0] * y0 + inverse[i, 1] * y1 + inverse[i, 2] * y2
-                + inverse[i, 3] * y3 + inverse[i, 4] * y4 + inverse[i, 5] * y5
-            )  # fmt: skip
+            right = right - _product(matrix[pattern.upper[m]], load(x, pattern.neighbour[m]))
+        store(x, pivot, _product(matrix[pattern.diagonal[k]], right))
 
 
 @kernel
 def multiply(pattern, matrix, x, factor, y):
-    """Add `factor` times the product of a block matrix (not factorised) with x to y; both of shape (row, 6)."""
+    """Add `factor` times the product of a block matrix (not factorised) with x to y; both of shape (row, 8)."""
     for block in range(pattern.row.size):
-        _add_product(matrix[block], x[pattern.column[block]], factor, y[pattern.row[block]])
+        at = pattern.row[block]
+        store(y, at, load(y, at) + factor * _product(matrix[block], load(x, pattern.column[block])))

@@ -14,41 +14,36 @@ import math
 
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints, factorise_schur, solve_schur
-from tripod_doe.mechanics.elimination import factorise, solve
+from tripod_doe.mechanics.elimination import eliminate, reduce_right_side, substitute_back
 from tripod_doe.mechanics.motion import (
+    add_inertia_forces,
     add_mass_blocks,
-    add_mass_product,
+    add_momenta,
     add_reaction_power,
     clear,
-    constraint_rate,
-    generalized_forces,
+    copy_vectors,
     larger,
-    linearise,
+    linearise_elements,
 )  # fmt: skip
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
 
 __all__ = [
-    "factorise_system",
-    "gather",
-    "largest_correction",
-    "scatter",
-    "solve_stage",
-    "solve_system",
-    "solve_unconstrained",
-]
+    "factorise_multipliers", "factorise_system", "gather", "largest_correction", "lock_blocks", "mask", "scatter",
+    "solve_stage", "solve_system", "solve_tail", "solve_unconstrained",
+]  # fmt: skip
 
 _SLOW = 0.3
 """Contraction above which an iteration is slow."""
 
-_ROUNDING = 1e3
-"""Corrections below this many tolerances that no longer fall are rounding: stiffness times a position's last digit."""
+_ROUNDING = 1e-6
+"""Corrections below this share of the scene's speed that no longer fall are rounding: stiffness times a last digit."""
 
 
 @kernel
-def factorise_system(tables, work, positions, by_velocity, by_position):
-    """Form and factorise M + by_velocity D + by_position K; locked components become identities.
+def factorise_system(tables, work, positions):
+    """Add M to `work.matrix`, which holds a D + b K, and factorise it; locked components become identities.
 
-    With constraints A^-1 Phi_q^T and the Schur complement are made too, from the Jacobian in `work`.
+    With constraints the Schur complement of their multipliers is made too, from the Jacobian in `work`.
 
     Returns
     -------
@@ -56,13 +51,19 @@ def factorise_system(tables, work, positions, by_velocity, by_position):
         False if the matrix is singular.
     """
     work.counters[2] += 1
-    pattern, matrix = tables.pattern, work.matrix
-    for block in range(pattern.row.size):
-        for i in range(6):
-            for j in range(6):
-                damped, stiff = work.dissipation[block, i, j], work.stiffness[block, i, j]
-                matrix[block, i, j] = by_velocity * damped + by_position * stiff
-    add_mass_blocks(tables, positions, matrix)
+    add_mass_blocks(tables, positions, work.matrix)
+    lock_blocks(tables, work.matrix)
+    if not eliminate(tables.pattern, work.matrix, 0, tables.pattern.order.size, work.pair):
+        return False
+    if tables.rows.size > 0:
+        factorise_multipliers(tables, work)
+    return True
+
+
+@kernel
+def lock_blocks(tables, matrix):
+    """Turn the rows of locked components into those of an identity."""
+    pattern = tables.pattern
     for block in range(pattern.row.size):
         body = tables.bodies[tables.body_of_row[pattern.row[block]]]
         for d in range(6):
@@ -71,27 +72,26 @@ def factorise_system(tables, work, positions, by_velocity, by_position):
                     matrix[block, d, e] = 0.0
                 if pattern.row[block] == pattern.column[block]:
                     matrix[block, d, d] = 1.0
-    if not factorise(pattern, matrix, work.pair):
-        return False
-    if tables.rows.size > 0:
-        _weigh_by_matrix(tables, work)
-    return True
 
 
 @kernel
-def _weigh_by_matrix(tables, work):
-    """A^-1 Phi_q^T of every constraint equation, and the factors of their Schur complement."""
+def factorise_multipliers(tables, work):
+    """Make A^-1 Phi_q^T and the factors of Phi_q A^-1 Phi_q^T; both live in the tail, where all constraints are."""
+    pattern, blocks = tables.pattern, work.blocks
+    first, last = pattern.tail, pattern.order.size
     for k in range(tables.rows.size):
-        row = tables.rows[k]
-        clear(work.blocks.ravel())
+        clear(blocks.ravel())
         for side in range(2):
-            body = tables.bodies[row.body_a if side == 0 else row.body_b]
+            body = tables.bodies[tables.rows[k].body_a if side == 0 else tables.rows[k].body_b]
             if body.block >= 0:
                 for d in range(6):
-                    work.blocks[body.block, d] += work.jacobian[k, 6 * side + d]
-        _mask(tables, work.blocks)
-        solve(tables.pattern, work.matrix, work.blocks)
-        scatter(tables, work.blocks, work.weighted[k])
+                    blocks[body.block, d] += body.free[d] * work.jacobian[k, 6 * side + d]
+        reduce_right_side(pattern, work.matrix, blocks, first, last)
+        substitute_back(pattern, work.matrix, blocks, first, last)
+        for pivot in range(first, last):
+            row = pattern.order[pivot]
+            for d in range(6):
+                work.weighted[k, tables.body_of_row[row], d] = blocks[row, d]
     factorise_schur(tables.rows, work.jacobian, work.weighted, work.schur, work.pivots)
 
 
@@ -113,7 +113,7 @@ def gather(tables, vectors, factor, blocks):
 
 
 @kernel
-def _mask(tables, blocks):
+def mask(tables, blocks):
     """Set the components of locked velocities to zero."""
     for row in range(tables.body_of_row.size):
         for d in range(6):
@@ -129,9 +129,40 @@ def solve_unconstrained(tables, work, out):
     out
         Receives x, shape (body, 6 or more).
     """
-    _mask(tables, work.blocks)
-    solve(tables.pattern, work.matrix, work.blocks)
+    count = tables.pattern.order.size
+    mask(tables, work.blocks)
+    reduce_right_side(tables.pattern, work.matrix, work.blocks, 0, count)
+    substitute_back(tables.pattern, work.matrix, work.blocks, 0, count)
     scatter(tables, work.blocks, out)
+
+
+@kernel
+def solve_tail(tables, work, wanted):
+    """Solve for the bodies of the tail, under the constraints, with `work.blocks` reduced through all before it.
+
+    Parameters
+    ----------
+    wanted
+        Phi_q x, shape (constraint equation,); overwritten. `work.multipliers` receives mu.
+    """
+    pattern, blocks = tables.pattern, work.blocks
+    first, last = pattern.tail, pattern.order.size
+    reduce_right_side(pattern, work.matrix, blocks, first, last)
+    substitute_back(pattern, work.matrix, blocks, first, last)
+    for k in range(tables.rows.size):
+        wanted[k] = -wanted[k]
+        for side in range(2):
+            row = tables.bodies[tables.rows[k].body_a if side == 0 else tables.rows[k].body_b].block
+            if row >= 0:
+                for d in range(6):
+                    wanted[k] += work.jacobian[k, 6 * side + d] * blocks[row, d]
+    if tables.rows.size > 0:
+        solve_schur(work.schur, work.pivots, wanted, work.multipliers)
+    for k in range(tables.rows.size):
+        for pivot in range(first, last):
+            row = pattern.order[pivot]
+            for d in range(6):
+                blocks[row, d] -= work.multipliers[k] * work.weighted[k, tables.body_of_row[row], d]
 
 
 @kernel
@@ -145,18 +176,14 @@ def solve_system(tables, work, wanted, out):
     wanted
         Shape (constraint equation,); overwritten.
     out
-        Receives x, shape (body, 6).
+        Receives x, shape (body, 6 or more).
     """
-    solve_unconstrained(tables, work, out)
-    if tables.rows.size == 0:
-        return
-    for k in range(tables.rows.size):
-        wanted[k] = constraint_rate(tables.rows[k], work.jacobian[k], out) - wanted[k]
-    solve_schur(work.schur, work.pivots, wanted, work.multipliers)
-    for k in range(tables.rows.size):  # a reaction moves every body that contacts and springs join to its own two
-        for i in range(tables.bodies.size):
-            for d in range(6):
-                out[i, d] -= work.multipliers[k] * work.weighted[k, i, d]
+    pattern = tables.pattern
+    mask(tables, work.blocks)
+    reduce_right_side(pattern, work.matrix, work.blocks, 0, pattern.tail)
+    solve_tail(tables, work, wanted)
+    substitute_back(pattern, work.matrix, work.blocks, 0, pattern.tail)
+    scatter(tables, work.blocks, out)
 
 
 @kernel
@@ -185,15 +212,17 @@ def largest_correction(tables, correction, failure):
 
 
 @kernel
-def solve_stage(tables, work, start, base, before, reach, factor, time, settings, positions, velocities):
-    """Solve u = before + factor a(q, u) with q at base + reach u from `start`, by secant iterations.
+def solve_stage(tables, work, start, base, momenta, reach, factor, time, settings, positions, velocities):
+    """Solve p(q, u) = momenta + factor Q(q, u) with q at base + reach u from `start`, by secant iterations.
+
+    p are the momenta in axes at rest (`motion.add_momenta`).
 
     Parameters
     ----------
     start, base
         Positions that displacements count from, shape (body, 7), and the known part of the displacement, (body, 6).
-    before
-        Known part of the velocities, shape (body, 6).
+    momenta
+        Their known part, shape (row of the block matrix, 6).
     reach, factor
         The method's multiples of the step for positions and velocities.
     time
@@ -215,31 +244,28 @@ def solve_stage(tables, work, start, base, before, reach, factor, time, settings
     for _ in range(settings.iterations):
         work.counters[5] += 1
         _displace(tables, start, base, reach, velocities, displacement, positions)
-        generalized_forces(tables, work, positions, velocities)
-        linearise(tables, work, positions, velocities, share)
+        linearise_elements(tables, work, positions, velocities, share, factor, factor * reach, work.matrix)
         if tables.rows.size > 0:
             evaluate_constraints(
                 tables.rows, positions, velocities, time, work.phi, work.phi_t, work.gamma, work.jacobian
             )
             for k in range(tables.rows.size):
                 wanted[k] = -work.phi[k] / reach
-        if not factorise_system(tables, work, positions, factor, factor * reach):
+        if not factorise_system(tables, work, positions):
             return False
-        clear(work.blocks.ravel())
-        for i in range(tables.bodies.size):
-            for d in range(6):
-                change[i, d] = before[i, d] - velocities[i, d]
-        add_mass_product(tables, positions, change, 1.0, work.blocks)
+        copy_vectors(momenta, work.blocks)
+        add_momenta(tables, positions, velocities, -1.0, 0.0, work.blocks)
         gather(tables, work.force, factor, work.blocks)
         solve_system(tables, work, wanted, change)
         for i in range(tables.bodies.size):
             for d in range(6):
                 velocities[i, d] += change[i, d]
         correction = largest_correction(tables, change, work.failure)
-        rounded = correction >= last and correction <= _ROUNDING * settings.correction
+        rounded = correction >= last and correction <= _ROUNDING
         last = correction
         if correction <= settings.correction or rounded:
             _displace(tables, start, base, reach, velocities, displacement, positions)
+            add_inertia_forces(tables, work, positions, velocities)
             add_reaction_power(tables, work, velocities, 1.0 / factor)
             return True
         if not math.isfinite(correction):

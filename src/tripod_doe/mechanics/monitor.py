@@ -55,6 +55,22 @@ def begin_watch(tables, work, positions, velocities, time):
     for p in range(5):
         work.power_before[p] = work.ledger[1 + p]
     copy_vectors(work.slip, work.slip_before)
+    for i in range(work.touching.shape[0]):
+        work.touching[i, 1] = work.touching[i, 0]
+
+
+@kernel
+def _count_reversals(contacts, touching, slip, before, reversals):
+    """Compare the slips of contacts that touch, or did, with those of the last accepted step."""
+    for i in range(contacts.size):
+        if touching[i, 0] + touching[i, 1] == 0:
+            continue
+        touching[i, 1] = touching[i, 0]
+        for k in range(contacts[i].first, contacts[i].first + contacts[i].count):
+            product = slip[k, 0] * before[k, 0] + slip[k, 1] * before[k, 1] + slip[k, 2] * before[k, 2]
+            reversals[k, 0] += product < 0.0
+            reversals[k, 1] += product != 0.0
+            before[k, 0], before[k, 1], before[k, 2] = slip[k, 0], slip[k, 1], slip[k, 2]
 
 
 @kernel
@@ -81,12 +97,7 @@ def accept(tables, work, positions, velocities, clock, time, step, settings):
         power = work.ledger[1 + p]
         work.balance[p] += 0.5 * step * (power + work.power_before[p])
         work.power_before[p] = power
-    slip, before = work.slip, work.slip_before
-    for k in range(slip.shape[0]):
-        product = slip[k, 0] * before[k, 0] + slip[k, 1] * before[k, 1] + slip[k, 2] * before[k, 2]
-        work.reversals[k, 0] += product < 0.0
-        work.reversals[k, 1] += product != 0.0
-        before[k, 0], before[k, 1], before[k, 2] = slip[k, 0], slip[k, 1], slip[k, 2]
+    _count_reversals(tables.contacts, work.touching, work.slip, work.slip_before, work.reversals)
     for i in range(tables.bodies.size):
         for d in range(6):
             size = abs(velocities[i, d]) / (tables.scales[1] if d < 3 else tables.scales[2])

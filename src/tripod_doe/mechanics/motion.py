@@ -7,7 +7,7 @@ import math
 from tripod_doe.mechanics.bearing import bearing_forces, bearing_matrices
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints, factorise_schur, solve_schur
-from tripod_doe.mechanics.contact import add_pair, contact_forces, contact_matrices
+from tripod_doe.mechanics.contact import add_contacts, add_pair
 from tripod_doe.mechanics.rotations import (
     add,
     cross,
@@ -17,13 +17,14 @@ from tripod_doe.mechanics.rotations import (
     move,
     rotate,
     rotate_back,
+    rotation_by,
     scale,
     subtract,
 )  # fmt: skip
 
 __all__ = [
-    "accelerate", "add_mass_blocks", "add_mass_product", "add_reaction_power", "clear", "constraint_rate",
-    "copy_vectors", "evaluate", "generalized_forces", "kinetic_energy", "larger", "linearise", "project_positions",
+    "accelerate", "add_inertia_forces", "add_mass_blocks", "add_mass_product", "add_momenta", "add_reaction_power", "clear", "constraint_rate",
+    "copy_vectors", "evaluate", "generalized_forces", "kinetic_energy", "larger", "linearise", "linearise_elements", "project_positions",
     "project_velocities", "settle",
 ]  # fmt: skip
 
@@ -76,7 +77,7 @@ def _inertia_force(body, frame, position, velocity):
 
 @inlined_kernel
 def _spring_state(spring, positions, velocities):
-    """Arms, unit vector from a to b, length and its rate."""
+    """Arms, unit vector from a to b, velocity of b's end against a's, and length."""
     a, b = spring.body_a, spring.body_b
     arm_a = rotate(load_attitude(positions[a]), load_vector(spring.point_a, 0))
     arm_b = rotate(load_attitude(positions[b]), load_vector(spring.point_b, 0))
@@ -86,44 +87,43 @@ def _spring_state(spring, positions, velocities):
         add(load_vector(velocities[a], 0), cross(load_vector(velocities[a], 3), arm_a)),
     )
     length = math.sqrt(dot(between, between)) + 1e-300
-    along = scale(1.0 / length, between)
-    return arm_a, arm_b, along, length, dot(along, closing)
+    return arm_a, arm_b, scale(1.0 / length, between), closing, length
 
 
 @kernel
-def _spring_forces(springs, positions, velocities, force, ledger):
-    """Add the forces of springs and dampers, and their energies."""
-    for i in range(springs.size):
-        spring = springs[i]
-        arm_a, arm_b, along, length, rate = _spring_state(spring, positions, velocities)
-        stretch = length - spring.free_length
+def _add_springs(tables, work, positions, velocities, by_velocity, by_position, matrix):
+    """Add the forces of springs and dampers, their energies and, unless both factors are zero, their derivatives."""
+    force, drift, ledger = work.force, work.drift, work.ledger
+    for i in range(tables.springs.size):
+        spring = tables.springs[i]
+        arm_a, arm_b, along, closing, length = _spring_state(spring, positions, velocities)
+        rate, stretch = dot(along, closing), length - spring.free_length
         tension = spring.stiffness * stretch + spring.damping * rate
         ledger[0] += 0.5 * spring.stiffness * stretch * stretch
         ledger[5] += spring.damping * rate * rate
-        moment_a, moment_b = cross(arm_a, along), cross(arm_b, along)
-        for d in range(3):
-            force[spring.body_a, d] += tension * along[d]
-            force[spring.body_a, 3 + d] += tension * moment_a[d]
-            force[spring.body_b, d] -= tension * along[d]
-            force[spring.body_b, 3 + d] -= tension * moment_b[d]
+        _apply_between(force, spring, arm_a, arm_b, scale(tension, along))
+        if by_velocity != 0.0 or by_position != 0.0:
+            across = spring.stiffness * stretch / length
+            axial = spring.stiffness - across
+            _apply_between(drift, spring, arm_a, arm_b, add(scale(-across, closing), scale(-axial * rate, along)))
+            block = work.pair[0]
+            clear(block.ravel())
+            for d in range(3):
+                block[d, d] = by_position * across
+                for e in range(3):
+                    block[d, e] += (by_velocity * spring.damping + by_position * axial) * along[d] * along[e]
+            add_pair(matrix, spring.pair, block, arm_a, arm_b)
 
 
-@kernel
-def _spring_matrices(springs, positions, velocities, dissipation, stiffness, scratch):
-    """Add -dQ/dv and -dQ/dq of springs and dampers."""
-    for i in range(springs.size):
-        spring = springs[i]
-        arm_a, arm_b, along, length, _ = _spring_state(spring, positions, velocities)
-        across = spring.stiffness * (1.0 - spring.free_length / length)
-        clear(scratch[2].ravel())
-        clear(scratch[3].ravel())
-        for d in range(3):
-            scratch[3, d, d] = across
-            for e in range(3):
-                scratch[2, d, e] = spring.damping * along[d] * along[e]
-                scratch[3, d, e] += (spring.stiffness - across) * along[d] * along[e]
-        add_pair(dissipation, spring.pair, scratch[2], arm_a, arm_b, scratch)
-        add_pair(stiffness, spring.pair, scratch[3], arm_a, arm_b, scratch)
+@inlined_kernel
+def _apply_between(force, spring, arm_a, arm_b, pull):
+    """Add a force that pulls body a, and its opposite on body b."""
+    moment_a, moment_b = cross(arm_a, pull), cross(arm_b, pull)
+    for d in range(3):
+        force[spring.body_a, d] += pull[d]
+        force[spring.body_a, 3 + d] += moment_a[d]
+        force[spring.body_b, d] -= pull[d]
+        force[spring.body_b, 3 + d] -= moment_b[d]
 
 
 @kernel
@@ -133,9 +133,43 @@ def generalized_forces(tables, work, positions, velocities):
     The power of locked velocities is that of the reaction -Q which keeps them; the power of the inertia forces of a
     turning frame counts as put in.
     """
-    force, ledger = work.force, work.ledger
-    frame = load_vector(tables.frame, 0)
     work.counters[0] += 1
+    _add_elements(tables, work, positions, velocities, 1.0, 0.0, 0.0, work.matrix)
+    add_inertia_forces(tables, work, positions, velocities)
+
+
+@kernel
+def linearise(tables, work, positions, velocities, secant, by_velocity, by_position, matrix):
+    """Evaluate Q as `generalized_forces` does, and by_velocity D + by_position K with D = -dQ/dv and K = -dQ/dq.
+
+    Parameters
+    ----------
+    secant
+        1 for the secant slope of friction, 0 for its tangent; see `contact.add_contacts`.
+    by_velocity, by_position
+        Factors, not both zero.
+    matrix
+        Receives the sum, shape (block, 6, 8); `work.drift` receives K times the velocities.
+    """
+    linearise_elements(tables, work, positions, velocities, secant, by_velocity, by_position, matrix)
+    add_inertia_forces(tables, work, positions, velocities)
+    _add_inertia_matrices(tables, positions, velocities, by_velocity, matrix)
+
+
+@kernel
+def linearise_elements(tables, work, positions, velocities, secant, by_velocity, by_position, matrix):
+    """As `linearise`, but without inertia forces: for methods that follow momenta instead of accelerations."""
+    work.counters[0] += 1
+    work.counters[1] += 1
+    clear(matrix.ravel())
+    clear(work.drift.ravel())
+    _add_elements(tables, work, positions, velocities, secant, by_velocity, by_position, matrix)
+
+
+@kernel
+def _add_elements(tables, work, positions, velocities, secant, by_velocity, by_position, matrix):
+    """Evaluate all forces and the ledger and add, unless both factors are zero, what elements have of D and K."""
+    force, ledger = work.force, work.ledger
     clear(ledger)
     for i in range(tables.bodies.size):
         body = tables.bodies[i]
@@ -148,20 +182,85 @@ def generalized_forces(tables, work, positions, velocities):
                 force[i, 3 + d] += own[d]
         for d in range(6):
             ledger[1] += force[i, d] * velocities[i, d]
-    contact_forces(tables.contacts, positions, velocities, force, ledger, work.slip)
-    _spring_forces(tables.springs, positions, velocities, force, ledger)
+    add_contacts(
+        tables.contacts, 0, tables.contacts.size, positions, velocities, secant, by_velocity, by_position,
+        force, work.drift, ledger, work.slip, work.touching, matrix, work.pair,
+    )  # fmt: skip
+    _add_springs(tables, work, positions, velocities, by_velocity, by_position, matrix)
     bearing_forces(tables.bearings, positions, velocities, force, ledger)
+    if by_velocity != 0.0 or by_position != 0.0:
+        bearing_matrices(
+            tables.bearings, positions, velocities, secant, by_velocity, by_position, work.drift, matrix, work.pair
+        )
+    for i in range(tables.bodies.size):
+        for d in range(6):
+            if tables.bodies[i].free[d] == 0.0:
+                ledger[1] -= force[i, d] * velocities[i, d]
+
+
+@kernel
+def add_inertia_forces(tables, work, positions, velocities):
+    """Add gyroscopic, Coriolis and centrifugal forces, and their power to what is put in."""
+    frame = load_vector(tables.frame, 0)
     for i in range(tables.bodies.size):
         body = tables.bodies[i]
-        if body.block >= 0:
-            push, turn = _inertia_force(body, frame, positions[i], velocities[i])
-            for d in range(3):
-                force[i, d] += push[d]
-                force[i, 3 + d] += turn[d]
-                ledger[1] += push[d] * velocities[i, d] + turn[d] * velocities[i, 3 + d]
-        for d in range(6):
-            if body.free[d] == 0.0:
-                ledger[1] -= force[i, d] * velocities[i, d]
+        if body.block < 0:
+            continue
+        push, turn = _inertia_force(body, frame, positions[i], velocities[i])
+        for d in range(3):
+            work.force[i, d] += push[d]
+            work.force[i, 3 + d] += turn[d]
+            work.ledger[1] += body.free[d] * push[d] * velocities[i, d]
+            work.ledger[1] += body.free[3 + d] * turn[d] * velocities[i, 3 + d]
+
+
+@kernel
+def _add_inertia_matrices(tables, positions, velocities, by_velocity, matrix):
+    """Add the derivatives of the inertia forces by the velocities, column by column."""
+    frame = load_vector(tables.frame, 0)
+    for i in range(tables.bodies.size):
+        body = tables.bodies[i]
+        if body.block < 0:
+            continue
+        block = matrix[tables.pattern.own[body.block]]
+        attitude, whole = load_attitude(positions[i]), add(load_vector(velocities[i], 3), frame)
+        momentum = _angular_momentum(body, attitude, whole)
+        for d in range(3):
+            unit = (1.0 if d == 0 else 0.0, 1.0 if d == 1 else 0.0, 1.0 if d == 2 else 0.0)
+            swing = cross(frame, unit)
+            turned = add(cross(whole, _angular_momentum(body, attitude, unit)), cross(unit, momentum))
+            carried = _angular_momentum(body, attitude, swing)  # -d(I (omega x frame)) is I (frame x unit)
+            for e in range(3):
+                block[e, d] += by_velocity * 2.0 * body.mass * swing[e]
+                block[3 + e, 3 + d] += by_velocity * (turned[e] + carried[e])
+
+
+@kernel
+def add_momenta(tables, positions, velocities, factor, turn, out):
+    """Add `factor` times the momenta that bodies have in axes at rest, as seen from axes turned by `turn` since.
+
+    A free body keeps them: methods that follow momenta need no gyroscopic, Coriolis or centrifugal forces, and do not
+    damp a body that stands still while the frame turns.
+
+    Parameters
+    ----------
+    turn
+        Time for which the frame has turned on since the momenta were as they are.
+    out
+        Shape (row of the block matrix, 6).
+    """
+    frame = load_vector(tables.frame, 0)
+    back = rotation_by(scale(-turn, frame))
+    for row in range(tables.body_of_row.size):
+        i = tables.body_of_row[row]
+        body = tables.bodies[i]
+        whole = add(load_vector(velocities[i], 3), frame)
+        linear = add(load_vector(velocities[i], 0), cross(frame, load_vector(positions[i], 0)))
+        linear = rotate(back, scale(factor * body.mass, linear))
+        angular = rotate(back, scale(factor, _angular_momentum(body, load_attitude(positions[i]), whole)))
+        for d in range(3):
+            out[row, d] += linear[d]
+            out[row, 3 + d] += angular[d]
 
 
 @inlined_kernel
@@ -337,41 +436,6 @@ def settle(tables, work, positions, velocities, time, settings):
         project_positions(tables, work, positions, velocities, time)
         project_velocities(tables, work, positions, velocities, time)
     evaluate(tables, work, positions, velocities, time, settings.baumgarte)
-
-
-@kernel
-def linearise(tables, work, positions, velocities, secant):
-    """Fill the block matrices -dQ/dv and -dQ/dq at a state."""
-    frame = load_vector(tables.frame, 0)
-    work.counters[1] += 1
-    clear(work.dissipation.ravel())
-    clear(work.stiffness.ravel())
-    contact_matrices(tables.contacts, positions, velocities, secant, work.dissipation, work.stiffness, work.pair)
-    _spring_matrices(tables.springs, positions, velocities, work.dissipation, work.stiffness, work.pair)
-    bearing_matrices(tables.bearings, positions, velocities, secant, work.dissipation, work.stiffness, work.pair)
-    for i in range(tables.bodies.size):
-        body = tables.bodies[i]
-        if body.block < 0:
-            continue
-        own = tables.pattern.own[body.block]
-        _add_inertia_matrices(body, frame, positions[i], velocities[i], work.dissipation[own], work.stiffness[own])
-
-
-@inlined_kernel
-def _add_inertia_matrices(body, frame, position, velocity, damping, stiffness):
-    """Add the derivatives of the inertia force, column by column; the turning of the inertia is left out."""
-    attitude, whole = load_attitude(position), add(load_vector(velocity, 3), frame)
-    momentum = _angular_momentum(body, attitude, whole)
-    for d in range(3):
-        unit = (1.0 if d == 0 else 0.0, 1.0 if d == 1 else 0.0, 1.0 if d == 2 else 0.0)
-        swing = cross(frame, unit)
-        central = cross(frame, swing)
-        turned = add(cross(whole, _angular_momentum(body, attitude, unit)), cross(unit, momentum))
-        carried = _angular_momentum(body, attitude, swing)  # -d(I (omega x frame)) is I (frame x unit)
-        for e in range(3):
-            damping[e, d] += 2.0 * body.mass * swing[e]
-            stiffness[e, d] += body.mass * central[e]
-            damping[3 + e, 3 + d] += turned[e] + carried[e]
 
 
 @kernel

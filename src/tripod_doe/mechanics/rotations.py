@@ -11,7 +11,7 @@ import math
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 
 __all__ = [
-    "add", "cross", "dot", "load_attitude", "load_vector", "move", "rotate", "rotate_back", "rotation_vector",
+    "add", "cross", "dot", "load_attitude", "load_vector", "move", "rotate", "rotate_back", "rotation_by", "rotation_vector",
     "scale", "subtract", "tangent_rate",
 ]  # fmt: skip
 
@@ -104,6 +104,14 @@ def move(position, displacement, moved):
     for d in range(3):
         moved[d] = position[d] + displacement[d]
     moved[3], moved[4], moved[5], moved[6] = w * norm, x * norm, y * norm, z * norm
+
+
+@inlined_kernel
+def rotation_by(theta):
+    """Unit quaternion of the rotation by a vector."""
+    angle = math.sqrt(dot(theta, theta))
+    factor = math.sin(0.5 * angle) / angle if angle > 1e-12 else 0.5
+    return (math.cos(0.5 * angle), factor * theta[0], factor * theta[1], factor * theta[2])
 
 
 @inlined_kernel

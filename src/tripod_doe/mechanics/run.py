@@ -279,7 +279,7 @@ def _inspect(assembly: Assembly, memory: Work, state: State, limits: Limits, che
     np.maximum.at(radii, tables.contacts["body_a"], tables.contacts["radius"])
     sizes = np.where(radii > 0, radii, assembly.scene.length_scale)[tables.contacts["body_a"]]
     for deepest, share, depth, body in (
-        largest_penetration(tables.contacts, sizes, state.positions, state.velocities),
+        largest_penetration(tables.contacts, sizes, state.positions),
         bearing_compression(tables.bearings, state.positions, state.velocities),
     ):
         checks.penetration = max(checks.penetration, float(deepest))

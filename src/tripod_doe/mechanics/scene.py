@@ -299,6 +299,8 @@ class Scene:
     frame
         Constant angular velocity of the world axes and the ground about their origin: a scene that turns as a whole is
         slow, and its positions almost constant, when it is described in axes that turn with it.
+    core
+        Bodies that many others touch: they are eliminated last, as all that take part in constraints are.
     length_scale, speed_scale, rotation_scale
         Displacement, speed and angular velocity that matter in this scene: tolerances and bounds are relative to them.
     """
@@ -312,4 +314,5 @@ class Scene:
     length_scale: float = 1.0
     speed_scale: float = 1.0
     rotation_scale: float = 1.0
+    core: tuple[str, ...] = ()
     bearings: tuple[NeedleBearing, ...] = ()

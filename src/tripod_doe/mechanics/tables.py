@@ -34,7 +34,7 @@ CONTACT = np.dtype(
         ("body_a", np.int64),  # carries the spheres
         ("body_b", np.int64),  # carries the surface
         ("count", np.int64),
-        ("first", np.int64),  # number of the row's first sphere in the scene
+        ("first", np.int64),  # place of the row's first sphere among the slips, a multiple of eight
         ("pair", np.int64, (4,)),  # blocks aa, ab, ba, bb of the block matrix, -1 where there is none
         ("sign", np.float64),  # 0 plane, +1 convex, -1 concave cylinder
         ("centre", *_VECTOR),
@@ -44,6 +44,7 @@ CONTACT = np.dtype(
         ("crown", np.float64),
         ("point", *_VECTOR),
         ("direction", *_VECTOR),  # normal of the plane, axis of the cylinder
+        ("across", *_VECTOR),  # a direction in the plane; unused for cylinders
         ("surface_radius", np.float64),
         ("stiffness", np.float64),
         ("exponent", np.float64),
@@ -150,6 +151,9 @@ class Pattern(NamedTuple):
         Diagonal block of each row.
     row, column
         Place of every block.
+    tail, tail_block
+        First pivot of the tail, the bodies that are eliminated last, and first block of the rows and columns that only
+        they have; all later blocks are of this kind too.
     """
 
     diagonal: IntArray
@@ -163,6 +167,8 @@ class Pattern(NamedTuple):
     own: IntArray
     row: IntArray
     column: IntArray
+    tail: int
+    tail_block: int
 
 
 class Tables(NamedTuple):
@@ -178,6 +184,7 @@ class Tables(NamedTuple):
     scales: FloatArray  # length, speed, angular velocity
     body_of_row: IntArray
     pattern: Pattern
+    core_contacts: int  # first of the contacts whose two bodies are of the tail or the ground
 
 
 class Work(NamedTuple):
@@ -191,17 +198,24 @@ class Work(NamedTuple):
         Energies and powers at the last force evaluation (`LEDGER`).
     slip, slip_before
         Slip vector of every sphere at the last force evaluation and at the last accepted step, shape (sphere, 3).
+    touching
+        Whether a contact's slips may differ from zero, at the same two times, shape (contact, 2).
+    drift
+        Stiffness times velocities: the rate at which forces fall as the bodies move on, shape (body, 6).
     stiffness, dissipation, matrix
-        Block matrices -dQ/dq, -dQ/dv and the one that is factorised, shape (block, 6, 6).
+        Block matrices -dQ/dq and -dQ/dv, for methods that need them apart, and the one that is factorised, shape
+        (block, 6, 8); the last two columns are zeros, so that a row is as wide as `lanes`.
     phi, phi_t, gamma, jacobian, weighted, schur, multipliers, pivots
         Constraint equations: residuals, partial time derivatives, right-hand side of Eq. 1, Phi_q as (row, 12), its
         product with the inverse matrix (row, body, 6), Schur complement, lambda, and the order of its pivots.
     blocks
-        A right-hand side of the block solver, shape (row, 6).
+        A right-hand side of the block solver, shape (row, 8).
+    momenta
+        Known part of the momenta in an implicit stage, shape (row, 6).
     stages
-        Memory of a method for positions, increments and velocities, shape (20, body, 7).
+        Memory of a method for positions, increments and velocities, shape (20, body, 8).
     pair
-        Scratch for one pair of bodies, shape (8, 6, 6).
+        Scratch for one pair of bodies, shape (2, 6, 8).
     counters
         Force evaluations, linearisations, factorisations, accepted steps, rejected steps, iterations.
     balance, power_before
@@ -219,6 +233,8 @@ class Work(NamedTuple):
     ledger: FloatArray
     slip: FloatArray
     slip_before: FloatArray
+    touching: IntArray
+    drift: FloatArray
     stiffness: FloatArray
     dissipation: FloatArray
     matrix: FloatArray
@@ -231,6 +247,7 @@ class Work(NamedTuple):
     multipliers: FloatArray
     pivots: IntArray
     blocks: FloatArray
+    momenta: FloatArray
     stages: FloatArray
     pair: FloatArray
     counters: IntArray

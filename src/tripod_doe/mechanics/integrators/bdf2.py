@@ -1,7 +1,7 @@
 """The two-step backward differentiation formula with secant iterations: second order, L-stable.
 
-u = (4 u_n - u_(n-1)) / 3 + (2 h / 3) a(q, u), and the same for displacements counted from q_n, where the attitude at
-t_(n-1) enters as its rotation vector from that at t_n. The first step is one of implicit Euler, whose error of second
+p = (4 p_n - p_(n-1)) / 3 + (2 h / 3) Q(q, u) for the momenta, and the same for displacements counted from q_n, where
+the attitude at t_(n-1) enters as its rotation vector from that at t_n. The first step is one of implicit Euler, whose error of second
 order in h is made once.
 """
 
@@ -11,7 +11,7 @@ from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.implicit import solve_stage
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
-from tripod_doe.mechanics.motion import copy_vectors
+from tripod_doe.mechanics.motion import add_momenta, clear, copy_vectors
 from tripod_doe.mechanics.rotations import load_attitude, rotation_vector
 
 __all__ = ["METHOD"]
@@ -22,7 +22,7 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
     """Advance by equal steps; see `contract`. clock[1] holds the step that the history was made with."""
     bodies = tables.bodies.size
     step, begin = (end - clock[0]) / count, clock[0]
-    start, before, base = work.stages[0], work.stages[1], work.stages[2]
+    start, momenta, base = work.stages[0], work.momenta, work.stages[2]
     old_positions, old_velocities = work.stages[3], work.stages[4]
     for n in range(count):
         copy_vectors(positions, start)
@@ -34,11 +34,13 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
             for d in range(6):
                 behind = old_positions[i, d] - start[i, d] if d < 3 else turn[d - 3]
                 base[i, d] = -behind / 3.0 if has_history else 0.0
-                older = old_velocities[i, d]
-                before[i, d] = (4.0 * velocities[i, d] - older) / 3.0 if has_history else velocities[i, d]
+        clear(momenta.ravel())
+        add_momenta(tables, start, velocities, 4.0 / 3.0 if has_history else 1.0, step, momenta)
+        if has_history:
+            add_momenta(tables, old_positions, old_velocities, -1.0 / 3.0, 2.0 * step, momenta)
         copy_vectors(start, old_positions)
         copy_vectors(velocities, old_velocities)
-        if not solve_stage(tables, work, start, base, before, factor, factor, time, settings, positions, velocities):
+        if not solve_stage(tables, work, start, base, momenta, factor, factor, time, settings, positions, velocities):
             return DIVERGED
         clock[1] = step
         status = accept(tables, work, positions, velocities, clock, time, step, settings)

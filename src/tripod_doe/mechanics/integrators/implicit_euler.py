@@ -6,7 +6,7 @@ from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.implicit import solve_stage
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
-from tripod_doe.mechanics.motion import clear, copy_vectors
+from tripod_doe.mechanics.motion import add_momenta, clear, copy_vectors
 
 __all__ = ["METHOD"]
 
@@ -15,13 +15,14 @@ __all__ = ["METHOD"]
 def integrate(tables, work, positions, velocities, clock, end, count, settings):
     """Advance by equal steps; see `contract`."""
     step, begin = (end - clock[0]) / count, clock[0]
-    start, before, base = work.stages[0], work.stages[1], work.stages[2]
+    start, momenta, base = work.stages[0], work.momenta, work.stages[2]
     clear(base.ravel())
     for n in range(count):
         copy_vectors(positions, start)
-        copy_vectors(velocities, before)
+        clear(momenta.ravel())
+        add_momenta(tables, positions, velocities, 1.0, step, momenta)
         time = begin + (n + 1) * step
-        if not solve_stage(tables, work, start, base, before, step, step, time, settings, positions, velocities):
+        if not solve_stage(tables, work, start, base, momenta, step, step, time, settings, positions, velocities):
             return DIVERGED
         status = accept(tables, work, positions, velocities, clock, time, step, settings)
         if status != FINISHED:

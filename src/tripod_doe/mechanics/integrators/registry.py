@@ -10,7 +10,7 @@ from tripod_doe.mechanics.integrators import (
     rk4,
     rosenbrock,
     scipy_oracle,
-    symplectic_euler,
+    adaptive_euler, symplectic_euler,
 )  # fmt: skip
 from tripod_doe.mechanics.integrators.contract import Method
 
@@ -19,7 +19,7 @@ __all__ = ["METHODS"]
 METHODS: dict[str, Method] = {
     method.name: method
     for method in (
-        symplectic_euler.METHOD,
+        adaptive_euler.METHOD, symplectic_euler.METHOD,
         rk4.METHOD,
         linearly_implicit_euler.METHOD,
         implicit_euler.METHOD,

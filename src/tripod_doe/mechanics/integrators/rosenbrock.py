@@ -52,6 +52,20 @@ _EMBEDDED = np.array([3.7810903145819369e-01, -9.6042292212423178e-02, 5.0e-01, 
 
 
 @kernel
+def _linearise(tables, work, positions, velocities):
+    """Matrices D and K apart: a step that is rejected is tried again with another sum of them."""
+    linearise(tables, work, positions, velocities, 0.0, 1.0, 0.0, work.dissipation)
+    linearise(tables, work, positions, velocities, 0.0, 0.0, 1.0, work.stiffness)
+
+
+@kernel
+def _combine_blocks(work, reach):
+    matrix, damping, stiffness = work.matrix.ravel(), work.dissipation.ravel(), work.stiffness.ravel()
+    for i in range(matrix.size):
+        matrix[i] = reach * (damping[i] + reach * stiffness[i])
+
+
+@kernel
 def _stage(tables, work, start, first, stage, time, step, settings, positions, velocities):
     """Compute one stage: increments of displacement in stages[2 + stage], of velocity in stages[6 + stage]."""
     shift, mixed, mixed_speed, right = work.stages[10], work.stages[11], work.stages[12], work.stages[13]
@@ -132,10 +146,11 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
     copy_vectors(positions, start)
     copy_vectors(velocities, first)
     copy_vectors(work.acceleration, work.stages[14])
-    linearise(tables, work, positions, velocities, 0.0)
+    _linearise(tables, work, positions, velocities)
     while taken < count if not settings.controlled else clock[0] < end:
         step = min(clock[1], end - clock[0]) if settings.controlled else equal
-        if not factorise_system(tables, work, start, step * _GAMMA, (step * _GAMMA) ** 2):
+        _combine_blocks(work, step * _GAMMA)
+        if not factorise_system(tables, work, start):
             return DIVERGED
         for stage in range(4):
             _stage(tables, work, start, first, stage, clock[0], step, settings, positions, velocities)
@@ -164,7 +179,7 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         copy_vectors(positions, start)
         copy_vectors(velocities, first)
         copy_vectors(work.acceleration, work.stages[14])
-        linearise(tables, work, positions, velocities, 0.0)
+        _linearise(tables, work, positions, velocities)
     return FINISHED
 
 
