@@ -372,7 +372,9 @@ def _turn_to_world(fit, block):
 
 @kernel
 def _linearise(bearing, fit, secant, damping, stiffness):
-    """Fill the derivatives of the force on the bore by its motion against the trunnion, about A, in its frame.
+    """Fill the derivatives of the force on the bore by its motion against the trunnion, about A + o_0, in its frame.
+
+    Taken in the bore's axis, a spinning roller does not move against its trunnion.
 
     Returns
     -------
@@ -396,7 +398,8 @@ def _linearise(bearing, fit, secant, damping, stiffness):
         tilt_1, tilt_2 = tilt_1 - station * s.zone.total_slope * s.n_1, tilt_2 - station * s.zone.total_slope * s.n_2
         chord = laws.secant_slope(abs(s.slip), 2.0 * bearing.sliding_transition)
         slope = bearing.sliding * s.load * _slope(secant, chord, abs(s.slip), 2.0 * bearing.sliding_transition)
-        _add_drag(damping, slope, bearing.cosine, s.lever * s.n_1, s.lever * s.n_2, bearing.skew_lever)
+        arm_1, arm_2 = s.lever * s.n_1 - fit.offset_1, s.lever * s.n_2 - fit.offset_2
+        _add_drag(damping, slope, bearing.cosine, arm_1, arm_2, bearing.skew_lever)
         carried, drags = carried + s.load, drags + bearing.sliding * s.load * chord * s.slip
     _mirror(damping)
     _mirror(stiffness)
@@ -453,15 +456,16 @@ def bearing_matrices(
         bearing = bearings[n]
         fit = _fit(bearing, positions, velocities)
         if _linearise(bearing, fit, secant, block, stiffness):
+            place = add(fit.place, _in_world(fit, fit.offset_1, fit.offset_2, 0.0))
             pull, moment = _falling(fit, stiffness)
-            _apply(drift, positions, bearing.body_b, fit.place, pull, moment, 1.0)
-            _apply(drift, positions, bearing.body_a, fit.place, pull, moment, -1.0)
+            _apply(drift, positions, bearing.body_b, place, pull, moment, 1.0)
+            _apply(drift, positions, bearing.body_a, place, pull, moment, -1.0)
             for i in range(6):
                 for j in range(6):
                     block[i, j] = by_velocity * block[i, j] + by_position * stiffness[i, j]
             _turn_to_world(fit, block)
-            arm_a = subtract(fit.place, load_vector(positions[bearing.body_a], 0))
-            arm_b = subtract(fit.place, load_vector(positions[bearing.body_b], 0))
+            arm_a = subtract(place, load_vector(positions[bearing.body_a], 0))
+            arm_b = subtract(place, load_vector(positions[bearing.body_b], 0))
             add_pair(matrix, bearing.pair, block, arm_a, arm_b)
 
 
