@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import roots_gegenbauer
 
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.mechanics import scene as parts
@@ -20,6 +21,8 @@ from tripod_doe.mechanics.tables import (
     DISTANCE,
     IN_PLANE,
     LEDGER,
+    LOAD_ZONE_NODES,
+    NEEDLE_BEARING,
     PERPENDICULAR,
     SPRING,
     Pattern,
@@ -234,6 +237,51 @@ def _spring_table(scene: parts.Scene, names: dict[str, int]) -> NDArray[np.void]
     return table
 
 
+def _bearing_table(scene: parts.Scene, names: dict[str, int]) -> NDArray[np.void]:
+    table = np.zeros(len(scene.bearings), NEEDLE_BEARING)
+    for number, (row, bearing) in enumerate(zip(table, scene.bearings, strict=True)):
+        trunnion, bore, friction = bearing.trunnion, bearing.bore, bearing.friction
+        where = f"bearing {number} ({bore.body} on {trunnion.body})"
+        row["body_a"], row["body_b"] = _index(names, trunnion.body, where), _index(names, bore.body, where)
+        _check_bearing(where, bearing)
+        axis = _checked_direction(where, trunnion.axis)
+        row["axis_a"], row["across_a"], row["axis_b"] = axis, _across(axis)[0], _checked_direction(where, bore.axis)
+        row["point_a"], row["point_b"] = trunnion.point, bore.point
+        row["trunnion_radius"], row["bore_radius"] = trunnion.radius, bore.radius
+        row["clearance"] = bore.radius - trunnion.radius - bearing.diameter
+        for name in ("diameter", "length", "crown", "exponent", "damping", "slices"):
+            row[name] = getattr(bearing, name)
+        row["density"] = bearing.count * bearing.stiffness / (2 * np.pi)
+        row["cosine"] = np.cos(bearing.skew)
+        lever = 2 * bore.radius * trunnion.radius / (bore.radius + trunnion.radius)
+        row["skew_lever"] = lever * np.sin(bearing.skew)
+        for name in ("sliding", "sliding_transition", "rolling", "rolling_transition"):
+            row[name] = getattr(friction, name)
+        node, weight = roots_gegenbauer(2 * LOAD_ZONE_NODES, bearing.exponent + 0.5)
+        row["node"], row["weight"] = node[:LOAD_ZONE_NODES] ** 2, weight[:LOAD_ZONE_NODES]  # even sums: half of them
+    return table
+
+
+def _check_bearing(where: str, bearing: parts.NeedleBearing) -> None:
+    trunnion, bore, friction = bearing.trunnion, bearing.bore, bearing.friction
+    if trunnion.body == bore.body:
+        raise InputError(f"{where}: trunnion and bore must belong to two bodies")
+    if trunnion.concave or not bore.concave:
+        raise InputError(f"{where}: the trunnion must be convex and the bore concave")
+    if min(trunnion.radius, bearing.diameter, bearing.length) <= 0 or bore.radius <= trunnion.radius:
+        raise InputError(f"{where}: radii, diameter and length must be positive, the bore wider than the trunnion")
+    if min(bearing.count, bearing.slices) < 1 or bearing.stiffness < 0 or bearing.exponent < 1:
+        raise InputError(f"{where}: count, slices and exponent must be at least 1, the stiffness not negative")
+    if min(bearing.crown, bearing.damping, friction.sliding, friction.rolling) < 0:
+        raise InputError(f"{where}: crown, damping and friction coefficients must not be negative")
+    if min(friction.sliding_transition, friction.rolling_transition) <= 0:
+        raise InputError(f"{where}: transition velocities must be positive")
+    if friction.spinning or friction.lever:
+        raise InputError(f"{where}: needles do not spin, and their lever is half the diameter; leave out both")
+    if not abs(bearing.skew) < np.pi / 2:
+        raise InputError(f"{where}: the skew must be below a right angle")
+
+
 def _constraint_rows(scene: parts.Scene, names: dict[str, int], state: State) -> NDArray[np.void]:
     """Every joint as rows of the three kinds of equation."""
     rows: list[NDArray[np.void]] = []
@@ -328,9 +376,9 @@ def assemble(scene: parts.Scene) -> Assembly:
         raise InputError(f"bodies named twice: {', '.join(twice)}")
     bodies = _body_table(scene)
     core = _core(scene, index)
-    contacts, springs = _core_last(_contact_table(scene, index), core), _spring_table(scene, index)
-    pattern = elimination_pattern(bodies["block"], (contacts, springs), core)
-    tables = _tables(scene, bodies, contacts, springs, core, pattern)
+    elements = _core_last(_contact_table(scene, index), core), _spring_table(scene, index), _bearing_table(scene, index)
+    pattern = elimination_pattern(bodies["block"], elements, core)
+    tables = _tables(scene, bodies, elements, core, pattern)
     rows = _constraint_rows(scene, index, Assembly(scene, names, tables).initial_state())
     return Assembly(scene, names, tables._replace(rows=rows))
 
@@ -338,14 +386,13 @@ def assemble(scene: parts.Scene) -> Assembly:
 def _tables(
     scene: parts.Scene,
     bodies: NDArray[np.void],
-    contacts: NDArray[np.void],
-    springs: NDArray[np.void],
+    elements: tuple[NDArray[np.void], NDArray[np.void], NDArray[np.void]],
     core: set[int],
     pattern: Pattern,
 ) -> Tables:
-    others = int((~_within(contacts, core)).sum())
+    others = int((~_within(elements[0], core)).sum())
     scales = np.array([scene.length_scale, scene.speed_scale, scene.rotation_scale])
     return Tables(
-        bodies, contacts, springs, np.zeros(0, CONSTRAINT_ROW), np.array(scene.gravity, float),
+        bodies, *elements, np.zeros(0, CONSTRAINT_ROW), np.array(scene.gravity, float),
         np.array(scene.frame, float), scales, np.flatnonzero(bodies["block"] >= 0), pattern, others,
     )  # fmt: skip

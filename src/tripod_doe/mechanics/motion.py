@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from tripod_doe.mechanics.bearing import bearing_forces, bearing_matrices
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints, factorise_schur, solve_schur
 from tripod_doe.mechanics.contact import add_contacts, add_pair
@@ -145,7 +146,7 @@ def _apply_between(force, spring, arm_a, arm_b, pull):
 
 @kernel
 def generalized_forces(tables, work, positions, velocities):
-    """Evaluate Q of Eq. 1: loads, gravity, contacts, springs and inertia forces, and the energy ledger.
+    """Evaluate Q of Eq. 1: loads, gravity, elements and inertia forces, and the energy ledger.
 
     Energies are those in axes at rest. The power of locked velocities is that of the reaction -Q which keeps them.
     """
@@ -202,6 +203,11 @@ def _add_elements(tables, work, positions, velocities, secant, by_velocity, by_p
         force, work.drift, ledger, work.slip, work.touching, matrix, work.pair,
     )  # fmt: skip
     _add_springs(tables, work, positions, velocities, by_velocity, by_position, matrix)
+    bearing_forces(tables.bearings, positions, velocities, force, ledger)
+    if by_velocity != 0.0 or by_position != 0.0:
+        bearing_matrices(
+            tables.bearings, positions, velocities, secant, by_velocity, by_position, work.drift, matrix, work.pair
+        )
     for i in range(tables.bodies.size):  # what keeps a locked body, and the ground, going
         ledger[1] -= _power(frame, positions[i], velocities[i], force[i], tables.bodies[i].free, 0.0)
 

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.mechanics.assembly import Assembly, State
+from tripod_doe.mechanics.bearing import bearing_compression
 from tripod_doe.mechanics.contact import largest_penetration
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
@@ -53,8 +54,8 @@ class Limits:
         Difference to the halved step over the slip path: one per cent stands for an error of two of it at first order.
         Turns count by the length that speed_scale is at rotation_scale.
     penetration
-        Penetration over the largest radius of the body's spheres (over the scene's length if they are points); every
-        sphere is looked at, at the samples.
+        Penetration over the largest radius of the body's spheres (over the scene's length if they are points), or over
+        that of a bearing's needles; every sphere and slice is looked at, at the samples.
     drift
         Residual of a constraint over the scene's length.
     windows, share
@@ -277,11 +278,14 @@ def _inspect(assembly: Assembly, memory: Work, state: State, limits: Limits, che
     radii = np.zeros(tables.bodies.size)
     np.maximum.at(radii, tables.contacts["body_a"], tables.contacts["radius"])
     sizes = np.where(radii > 0, radii, assembly.scene.length_scale)[tables.contacts["body_a"]]
-    deepest, share, depth, body = largest_penetration(tables.contacts, sizes, state.positions)
-    checks.penetration = max(checks.penetration, float(deepest))
-    if share > limits.penetration:
-        text = f"a penetration of {depth:.3g} is outside the contact law {at}, body {assembly.names[int(body)]}"
-        checks.fail(Outcome.INACCURATE, text)
+    for deepest, share, depth, body in (
+        largest_penetration(tables.contacts, sizes, state.positions),
+        bearing_compression(tables.bearings, state.positions, state.velocities),
+    ):
+        checks.penetration = max(checks.penetration, float(deepest))
+        if share > limits.penetration:
+            text = f"a penetration of {depth:.3g} is outside the contact law {at}, body {assembly.names[int(body)]}"
+            checks.fail(Outcome.INACCURATE, text)
     if not memory.extremes[0] <= limits.drift * assembly.scene.length_scale:
         checks.fail(Outcome.INACCURATE, f"constraints have drifted by {memory.extremes[0]:.3g} {at}")
 

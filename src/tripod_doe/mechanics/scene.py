@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 __all__ = [
-    "GROUND", "Body", "Constraint", "Cylinder", "Distance", "Fixed", "Friction", "Plane", "PointInPlane",
-    "PrescribedRotation", "Revolute", "Scene", "SphereRow", "Spherical", "Spring", "Universal",
+    "GROUND", "Body", "Constraint", "Cylinder", "Distance", "Fixed", "Friction", "NeedleBearing", "Plane",
+    "PointInPlane", "PrescribedRotation", "Revolute", "Scene", "SphereRow", "Spherical", "Spring", "Universal",
 ]  # fmt: skip
 
 Vector = tuple[float, float, float]
@@ -144,6 +144,51 @@ class SphereRow:
 
 
 @dataclass(frozen=True)
+class NeedleBearing:
+    """A full complement of needle rollers between a trunnion and the bore of a roller, as one element without bodies.
+
+    The needles are smeared over the circumference. They stay with the trunnion along its axis, centred on the
+    trunnion's point; the bore slides over them and must be long enough. What is left over between the bore, the
+    trunnion and the needles' diameter is the radial clearance, negative for preload.
+
+    Attributes
+    ----------
+    trunnion, bore
+        The two raceways: a convex and a concave cylinder of two bodies. The trunnion's point is the middle of the
+        needles, the bore's lies anywhere on its axis.
+    diameter, length, count
+        Of the needles, and their number.
+    stiffness, exponent
+        C of one slice of a needle against one raceway, and m of Eq. 2.
+    slices
+        Number N_s of slices of a needle; they sit where the spheres of a `SphereRow` do.
+    crown
+        Drop of the needle's profile at its ends, as in `SphereRow`.
+    damping
+        Factor of Hunt and Crossley on the rate of each contact's compression.
+    skew
+        Angle of the needles to the trunnion's axis, positive counterclockwise about the outward normal of the trunnion.
+    friction
+        Sliding along the needles and rolling across them, at each of their two contacts. `rolling_transition` is the
+        roller's spin on its trunnion, with which both contacts reach theirs (s r_b and s r_t over the diameter). The
+        lever is half the diameter; lever and spinning stay zero.
+    """
+
+    trunnion: Cylinder
+    bore: Cylinder
+    diameter: float
+    length: float
+    count: int
+    stiffness: float
+    exponent: float = 10 / 9
+    slices: int = 7
+    crown: float = 0.0
+    damping: float = 0.0
+    skew: float = 0.0
+    friction: Friction = field(default_factory=Friction)
+
+
+@dataclass(frozen=True)
 class Spring:
     """A spring with a parallel damper between a point of each of two bodies (body axes)."""
 
@@ -247,7 +292,7 @@ class Scene:
 
     Attributes
     ----------
-    bodies, contacts, springs, constraints
+    bodies, contacts, springs, constraints, bearings
         The parts; a body is known by its name.
     gravity
         Acceleration of free fall, in world axes.
@@ -270,3 +315,4 @@ class Scene:
     speed_scale: float = 1.0
     rotation_scale: float = 1.0
     core: tuple[str, ...] = ()
+    bearings: tuple[NeedleBearing, ...] = ()

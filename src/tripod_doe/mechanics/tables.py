@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
-    "BODY", "CONSTRAINT_ROW", "CONTACT", "DISTANCE", "IN_PLANE", "LEDGER", "PERPENDICULAR", "SPRING", "Pattern",
-    "Tables", "Work",
+    "BODY", "CONSTRAINT_ROW", "CONTACT", "DISTANCE", "IN_PLANE", "LEDGER", "LOAD_ZONE_NODES", "NEEDLE_BEARING",
+    "PERPENDICULAR", "SPRING", "Pattern", "Tables", "Work",
 ]  # fmt: skip
 
 FloatArray = NDArray[np.float64]
@@ -70,6 +70,41 @@ SPRING = np.dtype(
         ("stiffness", np.float64),
         ("damping", np.float64),
         ("free_length", np.float64),
+    ],
+    align=True,
+)
+
+LOAD_ZONE_NODES = 4
+"""Points on half the load zone of a needle bearing: its sums are good to 1e-7 without clearance, better with it."""
+
+NEEDLE_BEARING = np.dtype(
+    [
+        ("body_a", np.int64),  # carries the trunnion
+        ("body_b", np.int64),  # carries the bore
+        ("pair", np.int64, (4,)),
+        ("slices", np.int64),
+        ("point_a", *_VECTOR),  # middle of the needles
+        ("axis_a", *_VECTOR),
+        ("across_a", *_VECTOR),  # any unit vector across the trunnion's axis
+        ("point_b", *_VECTOR),
+        ("axis_b", *_VECTOR),
+        ("trunnion_radius", np.float64),
+        ("bore_radius", np.float64),
+        ("diameter", np.float64),
+        ("clearance", np.float64),
+        ("length", np.float64),
+        ("crown", np.float64),
+        ("density", np.float64),  # stiffness of all needles' slices per rad of the circumference
+        ("exponent", np.float64),
+        ("damping", np.float64),
+        ("cosine", np.float64),  # of the skew
+        ("skew_lever", np.float64),  # r_b r_t / r_p times its sine
+        ("sliding", np.float64),
+        ("sliding_transition", np.float64),
+        ("rolling", np.float64),
+        ("rolling_transition", np.float64),
+        ("node", np.float64, (LOAD_ZONE_NODES,)),  # squares of the nodes
+        ("weight", np.float64, (LOAD_ZONE_NODES,)),
     ],
     align=True,
 )
@@ -142,6 +177,7 @@ class Tables(NamedTuple):
     bodies: NDArray[Any]
     contacts: NDArray[Any]
     springs: NDArray[Any]
+    bearings: NDArray[Any]
     rows: NDArray[Any]
     gravity: FloatArray
     frame: FloatArray  # angular velocity of the world axes
