@@ -6,7 +6,8 @@ import pytest
 from tripod_doe.errors import InputError
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.constraints import evaluate_constraints
-from tripod_doe.mechanics.motion import constraint_rate, evaluate
+from tripod_doe.mechanics.implicit import factorise_system, solve_system
+from tripod_doe.mechanics.motion import add_mass_blocks, constraint_rate, evaluate, linearise
 from tripod_doe.mechanics.rotations import move
 from tripod_doe.mechanics.scene import (
     GROUND,
@@ -103,6 +104,57 @@ def test_redundant_joints_leave_accelerations_unchanged():
     # turning about the hinge: moment 0.5 * 1 over Izz + m r^2 = 1.5 + 0.75
     assert results[0][1, 5] == pytest.approx(0.5 / 2.25, rel=1e-12)
     assert results[0][1, 0] == pytest.approx(-(2.0**2) * 0.5, rel=1e-12)
+
+
+def test_multipliers_of_the_tail_solve_the_dense_saddle_system():
+    """Needles on a jointed pair: matrix and constraints together against one dense solve."""
+    needles = [
+        Body(f"needle {i}", 0.1, (0.1, 0.2, 0.3), position=(0.3 * i, 0.0, 0.99), angular_velocity=(0.1, 0.2, 0.3),
+             locked=(False, i == 1, False, False, False, False))
+        for i in range(3)
+    ]  # fmt: skip
+    pair = [
+        Body("a", 2.0, (1.0, 2.0, 3.0), attitude=(0.9, 0.1, -0.3, 0.2)),
+        Body("b", 1.0, (0.4, 0.6, 0.8), position=(0.4, 0.0, 0.0), locked=(False, False, True, False, False, False)),
+    ]
+    friction = Friction(0.1, 1.0, 0.01, 1.0, 1.0, 0.01, 1.0)
+    contacts = [
+        SphereRow(f"needle {i}", Plane(body), 1.0, 1e3, 1.5, count=3, length=0.5, friction=friction)
+        for i in range(3)
+        for body in ("a", "b")
+    ]
+    contacts += [SphereRow("needle 0", Plane("needle 1"), 1.0, 1e3, friction=friction)]
+    joints = (Spherical(GROUND, "a"), Universal("a", "b", axis_a=(1.0, 2.0, 0.5), axis_b=(0.3, 1.0, 0.0), **POINTS))
+    assembly = assemble(Scene((*needles, *pair), contacts=tuple(contacts), constraints=joints))
+    tables, state, work = assembly.tables, assembly.initial_state(), assembly.work()
+    pattern, rows = tables.pattern, tables.rows
+    assert pattern.tail == 3
+    linearise(tables, work, state.positions, state.velocities, 1.0, 1e-2, 1e-4, work.matrix)
+    blocks = work.matrix.copy()
+    add_mass_blocks(tables, state.positions, blocks)
+    dense = np.zeros((5, 6, 5, 6))
+    for block, i, j in zip(blocks, pattern.row, pattern.column, strict=True):
+        dense[i, :, j] = block[:, :6]
+    dense = dense.reshape(30, 30)
+    evaluate_constraints(rows, state.positions, state.velocities, 0.0, work.phi, work.phi_t, work.gamma, work.jacobian)
+    jacobian = np.zeros((rows.size, 6, 6))
+    for k, row in enumerate(rows):
+        jacobian[k, row["body_a"]] += work.jacobian[k, :6]
+        jacobian[k, row["body_b"]] += work.jacobian[k, 6:]
+    jacobian = jacobian[:, 1:].reshape(rows.size, 30)
+    rng = np.random.default_rng(5)
+    right, wanted = rng.normal(size=30), rng.normal(size=rows.size)
+    locked = np.array([body.locked for body in (*needles, *pair)]).ravel()
+    dense[locked], right[locked] = np.eye(30)[locked], 0.0
+    free = np.where(locked, 0.0, jacobian)  # reactions do not move what is locked
+    saddle = np.block([[dense, free.T], [jacobian, np.zeros((rows.size, rows.size))]])
+    solution = np.linalg.solve(saddle, np.concatenate([right, wanted]))
+    assert factorise_system(tables, work, state.positions)
+    work.blocks[:, :6] = right.reshape(5, 6)
+    out = np.zeros((6, 6))
+    solve_system(tables, work, wanted, out)
+    np.testing.assert_allclose(out[1:].ravel(), solution[:30], rtol=1e-8, atol=1e-9 * np.abs(solution).max())
+    np.testing.assert_allclose(work.multipliers, solution[30:], rtol=1e-8, atol=1e-9 * np.abs(solution).max())
 
 
 def test_mistakes_are_named():

@@ -121,3 +121,81 @@ def test_derivatives_are_those_of_the_forces(name):
         block = work.stiffness[tables.contacts["pair"][0, 0]]
         # left out: levers and the change of slip with the normal, of the size of forces against stiffness times length
         np.testing.assert_allclose(-slope[1, :3], block[:3, column], atol=3e-3 * scale)
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_one_pass_gives_forces_their_derivatives_and_their_fall(name):
+    """The sum of both derivatives is what is asked for, the forces stay the same, and `drift` is K times velocities."""
+    assembly = _pair(*SURFACES[name])
+    tables, pattern, state = assembly.tables, assembly.tables.pattern, assembly.initial_state()
+    alone, work = _forces(assembly, state), assembly.work()
+    moving = (tables, work, state.positions, state.velocities, 0.7)
+    linearise(*moving, 1.0, 0.0, work.dissipation)
+    linearise(*moving, 0.0, 1.0, work.stiffness)
+    linearise(*moving, 2e-3, 5e-6, work.matrix)
+    np.testing.assert_array_equal(work.force, alone.force)
+    np.testing.assert_array_equal(work.ledger, alone.ledger)
+    np.testing.assert_array_equal(work.slip, alone.slip)
+    together = 2e-3 * work.dissipation + 5e-6 * work.stiffness
+    np.testing.assert_allclose(work.matrix, together, rtol=1e-9, atol=1e-13 * np.abs(together).max())
+    falling = np.zeros((2, 6))
+    for block, row, column in zip(work.stiffness, pattern.row, pattern.column, strict=True):
+        falling[row] += block[:, :6] @ state.velocities[1 + column]
+    np.testing.assert_allclose(work.drift[1:], falling, rtol=1e-10, atol=1e-11 * np.abs(falling).max())
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_spheres_that_part_leave_no_slip(name):
+    surface, count, position = SURFACES[name]
+    assembly = _pair(surface, count, position)
+    state, work = assembly.initial_state(), assembly.work()
+    generalized_forces(assembly.tables, work, state.positions, state.velocities)
+    assert np.any(work.slip)
+    assert work.touching[0, 0] == 1
+    state.positions[1, 1:3] *= 0.5 if isinstance(surface, Cylinder) and surface.concave else 1.5
+    generalized_forces(assembly.tables, work, state.positions, state.velocities)
+    assert not np.any(work.slip)
+    assert work.touching[0, 0] == 0
+    np.testing.assert_array_equal(work.force, 0)
+
+
+def test_rows_of_more_than_eight_spheres_are_the_sum_of_shorter_ones():
+    """Twenty spheres of a row on a cylinder are four rows of five."""
+
+    def work(rows):
+        body = Body("needle", 1.0, (1.0,) * 3, position=(0.2, 3.0, 3.996), velocity=(1.0, -0.5, 0.1),
+                    angular_velocity=(0.3, 0.2, 0.4), attitude=(1.0, 0.0, 0.001, 0.0))  # fmt: skip
+        count, length = 20 // rows, 3.0 / rows
+        places = [(k + 0.5) * length - 1.5 for k in range(rows)]
+        contacts = tuple(
+            SphereRow("needle", Cylinder("base", 4.0), 1.0, 1e5, exponent=10 / 9, count=count, length=length,
+                      centre=(place, 0.0, 0.0), damping=0.01, friction=FRICTION)
+            for place in places
+        )  # fmt: skip
+        assembly = assemble(Scene((body, Body("base", 1.0, (1.0,) * 3)), contacts=contacts))
+        state, memory = assembly.initial_state(), assembly.work()
+        linearise(assembly.tables, memory, state.positions, state.velocities, 1.0, 1e-3, 1e-6, memory.matrix)
+        return memory
+
+    whole, parts = work(1), work(4)
+    for name in ("force", "drift", "matrix", "ledger"):
+        expected = getattr(parts, name)
+        np.testing.assert_allclose(
+            getattr(whole, name), expected, rtol=1e-9, atol=1e-12 * np.abs(expected).max(), err_msg=name
+        )
+    assert np.count_nonzero(whole.slip[:, 0]) == np.count_nonzero(parts.slip[:, 0]) == 20
+
+
+def test_contacts_within_the_core_come_last():
+    bodies = tuple(Body(name, 1.0, (1.0,) * 3) for name in ("a", "b", "c", "d"))
+    pairs = [("b", "d"), ("a", "b"), ("d", GROUND), ("c", "a"), ("b", GROUND), ("c", "d")]
+    rows = tuple(SphereRow(body, Plane(surface), 1.0, 1e5, count=k + 7) for k, (body, surface) in enumerate(pairs))
+    for core, order in (((), [0, 1, 2, 3, 4, 5]), (("b", "d"), [1, 3, 5, 0, 2, 4])):
+        assembly = assemble(Scene(bodies, contacts=rows, core=core))
+        tables = assembly.tables
+        assert list(tables.contacts["count"] - 7) == order
+        assert tables.core_contacts == len(order) - sum(set(pair) <= {*core, GROUND} for pair in pairs)
+        groups = -(-tables.contacts["count"] // 8)
+        np.testing.assert_array_equal(tables.contacts["first"], np.cumsum(groups) - groups)
+        names = [assembly.names[1 + row] for row in tables.pattern.order[tables.pattern.tail :]]
+        assert sorted(names) == sorted(core)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,11 +76,6 @@ class Assembly:
     names: tuple[str, ...]
     tables: Tables
 
-    @property
-    def sphere_count(self) -> int:
-        """Number of places for spheres of all contacts: every row's are rounded up to whole `lanes`."""
-        return int(_places(self.tables.contacts["count"]).sum())
-
     def initial_state(self) -> State:
         """The state that the scene describes, at time 0."""
         positions, velocities = np.zeros((len(self.names), 7)), np.zeros((len(self.names), 6))
@@ -93,15 +87,16 @@ class Assembly:
 
     def work(self) -> Work:
         """Memory for one run."""
-        bodies, rows, spheres = len(self.names), self.tables.rows.size, self.sphere_count
+        bodies, rows = len(self.names), self.tables.rows.size
+        groups = int(self.tables.contacts["groups"].sum())
         blocks = max(self.tables.pattern.row.size, 1)
         pivots = max(self.tables.pattern.order.size, 1)
         return Work(
             force=np.zeros((bodies, 6)),
             acceleration=np.zeros((bodies, 6)),
             ledger=np.zeros(len(LEDGER)),
-            slip=np.zeros((spheres, 3)),
-            slip_before=np.zeros((spheres, 3)),
+            slip=np.zeros((groups, 3, WIDTH)),
+            slip_before=np.zeros((groups, 3, WIDTH)),
             touching=np.zeros((self.tables.contacts.size, 2), np.int64),
             drift=np.zeros((bodies, 6)),
             stiffness=np.zeros((blocks, 6, WIDTH)),
@@ -122,15 +117,10 @@ class Assembly:
             counters=np.zeros(6, np.int64),
             balance=np.zeros(5),
             power_before=np.zeros(5),
-            reversals=np.zeros((spheres, 2), np.int64),
+            reversals=np.zeros((groups, 2, WIDTH)),
             extremes=np.zeros(1),
             failure=np.zeros(2),
         )
-
-
-def _places(count: Any) -> Any:
-    """Places that rows of so many spheres take among the slips."""
-    return -(-count // WIDTH) * WIDTH
 
 
 def _unit(values: Iterable[float]) -> FloatArray:
@@ -216,7 +206,7 @@ def _contact_table(scene: parts.Scene, names: dict[str, int]) -> NDArray[np.void
             row["direction"] = _checked_direction(where, surface.axis)
             row["sign"] = -1.0 if surface.concave else 1.0
             row["surface_radius"] = surface.radius
-        row["count"], row["point"] = contact.count, surface.point
+        row["count"], row["groups"], row["point"] = contact.count, -(-contact.count // WIDTH), surface.point
         row["centre"], row["axis"] = contact.centre, _checked_direction(where, contact.axis)
         for name in ("length", "radius", "crown", "stiffness", "exponent", "damping"):
             row[name] = getattr(contact, name)
@@ -354,10 +344,9 @@ def _within(contacts: NDArray[np.void], core: set[int]) -> NDArray[np.bool_]:
 
 
 def _core_last(contacts: NDArray[np.void], core: set[int]) -> NDArray[np.void]:
-    """Sort the contacts within the core behind the others, and give every sphere its place."""
+    """Sort the contacts within the core behind the others, and number the groups of spheres."""
     ordered: NDArray[np.void] = contacts[np.argsort(_within(contacts, core), kind="stable")]
-    places = _places(ordered["count"])
-    ordered["first"] = np.cumsum(places) - places
+    ordered["first"] = np.cumsum(ordered["groups"]) - ordered["groups"]
     return ordered
 
 

@@ -8,9 +8,11 @@ velocity w = w_n n + w_t,
     f = N n - mu_s N (tanh(|v| / v_st) / |v|) v                                        (Eq. 2, 3)
     M = -mu_r N (D/2) (tanh(|w_t| / w_rt) / |w_t|) w_t - k N^(4/3) tanh(w_n / w_st) n  (Eq. 4, 6, 7)
 
-and their opposites on the surface. The spheres of a row go through the laws eight at a time (`lanes`), in directions of
-their own: n, the tangent t around the surface and b along it (across it, on a plane). The point of contact is on the undeformed sphere: taken in the middle of the
+and their opposites on the surface. The point of contact is on the undeformed sphere: taken in the middle of the
 overlap, a needle that is loaded unevenly along its length would roll like a cone and yaw.
+
+The spheres of a row go through the laws eight at a time (`lanes`), in directions of their own: the normal n, the
+tangent t around the surface, and b along it. One pass gives forces, energies and derivatives.
 """
 
 from __future__ import annotations
@@ -20,7 +22,8 @@ from typing import Any, NamedTuple
 
 from tripod_doe.mechanics import laws
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
-from tripod_doe.mechanics.lanes import WIDTH, load, pick, ramp, row, row_of_sums, select, store, store_vectors
+from tripod_doe.mechanics.lanes import WIDTH, load, pick, ramp, row, row_of_sums, select, store
+from tripod_doe.mechanics.pairs import add_pair
 from tripod_doe.mechanics.rotations import (
     add,
     cross,
@@ -32,7 +35,7 @@ from tripod_doe.mechanics.rotations import (
     subtract,
 )  # fmt: skip
 
-__all__ = ["add_contacts", "add_pair", "largest_penetration"]
+__all__ = ["add_contacts", "largest_penetration"]
 
 
 class _Row(NamedTuple):
@@ -121,9 +124,9 @@ def _is_apart(contact, place):
 
 
 @inlined_kernel
-def _spheres(contact, place, begin):
-    """Geometry of the spheres from number `begin` on."""
-    number = ramp(float(begin))
+def _spheres(contact, place, group):
+    """Geometry of one group of eight spheres."""
+    number = ramp(float(WIDTH * group))
     share = (number + 0.5) / contact.count - 0.5
     radius = contact.radius - 4.0 * contact.crown * share * share
     station = contact.length * share
@@ -209,12 +212,14 @@ def _powers(contact, spheres, motion, acting):
 
 
 @inlined_kernel
-def _store_slips(spheres, motion, slips, place):
+def _store_slips(spheres, motion, slips):
     """Slip vectors, zero without contact."""
     touches = spheres.depth > 0.0
     slip_t, slip_b = select(touches, motion.slip_t, 0.0), select(touches, motion.slip_b, 0.0)
     x, y, z = add(scale(slip_t, spheres.tangent), scale(slip_b, spheres.binormal))
-    store_vectors(slips, place, x, y, z)
+    store(slips, 0, x)
+    store(slips, 1, y)
+    store(slips, 2, z)
 
 
 @inlined_kernel
@@ -337,7 +342,7 @@ def add_contacts(
     ledger
         Receives stored energy and lost powers (`tables.LEDGER`).
     slips
-        Receives the slip vector of every sphere, zero without contact, shape (sphere, 3).
+        Receives the slip vector of every sphere, zero without contact, shape (group of eight, 3, 8).
     touching
         Receives whether any slip of a contact may differ from zero, shape (contact, 2), in its first column.
     matrix
@@ -358,8 +363,9 @@ def add_contacts(
         if _is_apart(contact, place):
             if touching[i, 0] != 0:
                 touching[i, 0] = 0
-                for k in range(contact.first, contact.first + contact.count):
-                    slips[k, 0], slips[k, 1], slips[k, 2] = 0.0, 0.0, 0.0
+                for group in range(contact.first, contact.first + contact.groups):
+                    for d in range(3):
+                        store(slips[group], d, nothing)
             continue
         touching[i, 0] = 1
         velocity, turn = _relative_motion(contact, place, positions, velocities)
@@ -367,11 +373,11 @@ def add_contacts(
         if linear:
             for r in range(6):
                 store(block, r, nothing)
-        for begin in range(0, contact.count, WIDTH):
-            spheres = _spheres(contact, place, begin)
+        for group in range(contact.groups):
+            spheres = _spheres(contact, place, group)
             motion = _motion(spheres, velocity, turn)
             acting = _load(contact, spheres, motion)
-            _store_slips(spheres, motion, slips, contact.first + begin)
+            _store_slips(spheres, motion, slips[contact.first + group])
             total = total + row_of_sums(*_forces(spheres, motion, acting))
             powers = powers + _powers(contact, spheres, motion, acting)
             if linear:
@@ -393,7 +399,8 @@ def _relative_motion(contact, place, positions, velocities):
     """Velocity of the row's centre, and angular velocity, of its body against the surface's."""
     a, b = contact.body_a, contact.body_b
     turn_a, turn_b = load_vector(velocities[a], 3), load_vector(velocities[b], 3)
-    arm_a, arm_b = subtract(place.centre, load_vector(positions[a], 0)), subtract(place.centre, load_vector(positions[b], 0))
+    arm_a = subtract(place.centre, load_vector(positions[a], 0))
+    arm_b = subtract(place.centre, load_vector(positions[b], 0))
     velocity_a = add(load_vector(velocities[a], 0), cross(turn_a, arm_a))
     velocity_b = add(load_vector(velocities[b], 0), cross(turn_b, arm_b))
     return subtract(velocity_a, velocity_b), subtract(turn_a, turn_b)
@@ -409,63 +416,6 @@ def _apply(force, positions, contact, place, wrench):
         for d in range(3):
             force[body, d] += sign * pull[d]
             force[body, 3 + d] += sign * turned[d]
-
-
-@kernel
-def add_pair(matrix, pair, block, arm_a, arm_b):
-    """Add a pair's 6 x 6 block, taken about a common place, to the four blocks of its bodies.
-
-    Parameters
-    ----------
-    matrix
-        Blocks of the scene, shape (block, 6, 8).
-    pair
-        Block numbers aa, ab, ba, bb, or -1.
-    block
-        Derivative by the relative motion at the place, shape (6, 8).
-    arm_a, arm_b
-        The place from the centres of mass.
-    """
-    if pair[0] >= 0:
-        _add_column(matrix, pair[0], pair[2], block, arm_a, arm_a, arm_b, 1.0)
-    if pair[3] >= 0:
-        _add_column(matrix, pair[1], pair[3], block, arm_b, arm_a, arm_b, -1.0)
-
-
-@inlined_kernel
-def _add_column(matrix, of_a, of_b, block, arm, arm_a, arm_b, sign):
-    """Add the derivatives of both bodies' forces by the motion of the one whose centre is at -arm."""
-    # a velocity v and an angular velocity w of the body move the place by v - arm x w
-    x, y, z = arm
-    by_x, by_y, by_z = (
-        row(0.0, 0.0, 0.0, 0.0, z, -y), row(0.0, 0.0, 0.0, -z, 0.0, x), row(0.0, 0.0, 0.0, y, -x, 0.0)
-    )  # fmt: skip
-    rows = (
-        _shifted(load(block, 0), by_x, by_y, by_z), _shifted(load(block, 1), by_x, by_y, by_z),
-        _shifted(load(block, 2), by_x, by_y, by_z), _shifted(load(block, 3), by_x, by_y, by_z),
-        _shifted(load(block, 4), by_x, by_y, by_z), _shifted(load(block, 5), by_x, by_y, by_z),
-    )  # fmt: skip
-    if of_a >= 0:
-        _add_rows(matrix[of_a], rows, arm_a, sign)
-    if of_b >= 0:
-        _add_rows(matrix[of_b], rows, arm_b, -sign)
-
-
-@inlined_kernel
-def _shifted(lanes, by_x, by_y, by_z):
-    return lanes + (pick(lanes, 0) * by_x + pick(lanes, 1) * by_y + pick(lanes, 2) * by_z)
-
-
-@inlined_kernel
-def _add_rows(target, rows, arm, sign):
-    """Add rows of forces and moments about a place, as seen from the centre at -arm."""
-    moments = add((rows[3], rows[4], rows[5]), cross(arm, (rows[0], rows[1], rows[2])))
-    store(target, 0, load(target, 0) + sign * rows[0])
-    store(target, 1, load(target, 1) + sign * rows[1])
-    store(target, 2, load(target, 2) + sign * rows[2])
-    store(target, 3, load(target, 3) + sign * moments[0])
-    store(target, 4, load(target, 4) + sign * moments[1])
-    store(target, 5, load(target, 5) + sign * moments[2])
 
 
 @kernel
@@ -487,8 +437,8 @@ def largest_penetration(contacts, sizes, positions):
     for i in range(contacts.size):
         contact = contacts[i]
         place = _row(contact, positions)
-        for begin in range(0, contact.count, WIDTH):
-            depths = _spheres(contact, place, begin).depth
+        for group in range(contact.groups):
+            depths = _spheres(contact, place, group).depth
             for k in range(WIDTH):
                 depth = pick(depths, k)
                 deepest = max(deepest, depth)

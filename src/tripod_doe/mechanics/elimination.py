@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
-from tripod_doe.mechanics.lanes import load, row_of_sums, store
+from tripod_doe.mechanics.lanes import load, pick, replace, row_of_sums, store
 from tripod_doe.mechanics.tables import Pattern
 
 __all__ = ["eliminate", "elimination_pattern", "multiply", "reduce_right_side", "substitute_back"]
@@ -34,9 +34,7 @@ _CANCELLED = 1e-6
 """A pivot that has lost this much of its diagonal entry is looked for again with exchanges of rows."""
 
 
-def elimination_pattern(
-    block_of_body: IntArray, elements: Iterable[NDArray[Any]], last: Iterable[int] = ()
-) -> Pattern:
+def elimination_pattern(block_of_body: IntArray, elements: Iterable[NDArray[Any]], last: Iterable[int] = ()) -> Pattern:
     """Work out blocks and order of elimination, and write each element's four blocks into its ``pair``.
 
     Parameters
@@ -107,21 +105,39 @@ def _minimum_degree(graph: list[set[int]], tail: set[int]) -> tuple[list[int], l
 @inlined_kernel
 def _invert(block, scratch):
     """Invert a 6 x 6 block in place; False if it is singular."""
-    for i in range(6):
-        store(scratch, i, load(block, i))
+    rows = _rows(block)
+    safe = 1.0
     for k in range(6):
-        pivot = block[k, k]
-        if not abs(pivot) > _CANCELLED * abs(scratch[k, k]):
-            return _invert_with_exchanges(scratch, block)
-        block[k, k] = 1.0
-        scaled = (1.0 / pivot) * load(block, k)
-        for i in range(6):
-            if i != k:
-                factor = block[i, k]
-                block[i, k] = 0.0
-                store(block, i, load(block, i) - factor * scaled)
-        store(block, k, scaled)
+        store(scratch, k, rows[k])
+    rows, safe = _sweep(rows, 0, block[0, 0], safe)
+    rows, safe = _sweep(rows, 1, block[1, 1], safe)
+    rows, safe = _sweep(rows, 2, block[2, 2], safe)
+    rows, safe = _sweep(rows, 3, block[3, 3], safe)
+    rows, safe = _sweep(rows, 4, block[4, 4], safe)
+    rows, safe = _sweep(rows, 5, block[5, 5], safe)
+    if not safe > _CANCELLED:
+        return _invert_with_exchanges(scratch, block)
+    for k in range(6):
+        store(block, k, rows[k])
     return True
+
+
+@inlined_kernel
+def _sweep(rows, k, diagonal, safe):
+    """Gauss-Jordan step for unknown k, whose row comes first and is last in the answer; the least pivot's share too."""
+    pivot = pick(rows[0], k)
+    scaled = (1.0 / pivot) * replace(rows[0], k, 1.0)
+    rows = (
+        _swept(rows[1], k, scaled), _swept(rows[2], k, scaled), _swept(rows[3], k, scaled),
+        _swept(rows[4], k, scaled), _swept(rows[5], k, scaled), scaled,
+    )  # fmt: skip
+    share = abs(pivot / diagonal)
+    return rows, share if not share > safe else safe
+
+
+@inlined_kernel
+def _swept(lanes, k, scaled):
+    return replace(lanes, k, 0.0) - pick(lanes, k) * scaled
 
 
 @kernel
@@ -137,13 +153,11 @@ def _invert_with_exchanges(block, inverse):
                 best = i
         if not abs(block[best, k]) > 0.0:
             return False
+        factor = 1.0 / block[best, k]
         for array in (block, inverse):
-            upper, lower = load(array, k), load(array, best)
-            store(array, best, upper)
-            store(array, k, lower)
-        factor = 1.0 / block[k, k]
-        for array in (block, inverse):
-            store(array, k, factor * load(array, k))
+            pivot, other = factor * load(array, best), load(array, k)
+            store(array, best, other)
+            store(array, k, pivot)
         for i in range(6):
             if i != k:
                 factor = block[i, k]

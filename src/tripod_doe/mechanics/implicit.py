@@ -63,14 +63,15 @@ def factorise_system(tables, work, positions):
 def lock_blocks(tables, matrix):
     """Turn the rows of locked components into those of an identity."""
     pattern = tables.pattern
-    for block in range(pattern.row.size):
-        body = tables.bodies[tables.body_of_row[pattern.row[block]]]
+    for row in range(tables.body_of_row.size):
+        body = tables.bodies[tables.body_of_row[row]]
         for d in range(6):
             if body.free[d] == 0.0:
-                for e in range(6):
-                    matrix[block, d, e] = 0.0
-                if pattern.row[block] == pattern.column[block]:
-                    matrix[block, d, d] = 1.0
+                for block in range(pattern.row.size):
+                    if pattern.row[block] == row:
+                        for e in range(6):
+                            matrix[block, d, e] = 0.0
+                matrix[pattern.own[row], d, d] = 1.0
 
 
 @kernel

@@ -1,10 +1,9 @@
 """Eight numbers at a time: a value type of kernels that is one AVX-512 register, or whatever the machine has instead.
 
-Arithmetic on `lanes` reads like that on floats, and floats mix with it, so that laws and vector formulas are written once
-for both. The compiler's own vectorisation of loops over eight was tried: it is three to five times slower on products of
-blocks, and leaves loops with more than some ten arrays alone.
-
-Products and sums of lanes may be contracted to fused operations; everything else follows IEEE 754, NaN included.
+Arithmetic on lanes reads like that on floats, and floats mix with it, so that laws and vector formulas are written
+once for both. The compiler's own vectorisation of loops over eight was tried: it is three to five times slower on
+products of blocks. Products and sums of lanes may be contracted to fused operations; everything else follows IEEE 754,
+NaN included.
 """
 
 from __future__ import annotations
@@ -13,13 +12,12 @@ import math
 import operator
 from typing import Any
 
-import numba
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
-__all__ = ["LANES", "WIDTH", "load", "pick", "ramp", "root_guess", "row", "row_of_sums", "select", "store", "store_vectors"]
+__all__ = ["WIDTH", "load", "pick", "ramp", "replace", "root_guess", "row", "row_of_sums", "select", "store"]
 
 WIDTH = 8
 _DOUBLE, _INTEGER, _INDEX = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
@@ -78,10 +76,8 @@ def _define(function: Any, count: int, result: Any, make: Any) -> None:
     """Let a function of Python take lanes: `count` arguments of which one or more are lanes, the others floats."""
     mixtures = [(LANES,)] if count == 1 else [(LANES, LANES), (LANES, types.float64), (types.float64, LANES)]
 
-    class Template(ConcreteTemplate):
-        cases = [signature(result, *kinds) for kinds in mixtures]
-
-    infer_global(function)(Template)
+    cases = [signature(result, *kinds) for kinds in mixtures]
+    infer_global(function)(type("Mixtures", (ConcreteTemplate,), {"cases": cases}))
     for kinds in mixtures:
 
         def lower(_: Any, builder: Any, sign: Any, values: Any) -> Any:
@@ -111,7 +107,7 @@ _define(abs, 1, LANES, lambda builder, a: _call(builder, "llvm.fabs.v8f64", _VEC
 _define(math.sqrt, 1, LANES, lambda builder, a: _call(builder, "llvm.sqrt.v8f64", _VECTOR, a))
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def select(_, condition, a, b):
     """`a` where the condition holds, else `b`: for floats, and lane by lane."""
     if not isinstance(condition, Mask):
@@ -125,7 +121,7 @@ def select(_, condition, a, b):
     return LANES(condition, a, b), lower
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def root_guess(_, x, order, offset):
     """First guess of a root of x > 0, by dividing the bits of its logarithm: bits(x) / order + offset, as a float."""
 
@@ -143,7 +139,7 @@ def root_guess(_, x, order, offset):
     return x(x, types.float64, types.float64), lower
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def ramp(_, start):
     """Lanes start, start + 1, ..., start + 7."""
 
@@ -154,7 +150,7 @@ def ramp(_, start):
     return LANES(types.float64), lower
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def row(_, a, b, c, d, e, f):
     """Lanes of six floats, and two zeros."""
 
@@ -167,7 +163,7 @@ def row(_, a, b, c, d, e, f):
     return LANES(*[types.float64] * 6), lower
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def pick(_, lanes, place):
     """One number of eight."""
 
@@ -177,6 +173,16 @@ def pick(_, lanes, place):
     return types.float64(lanes, types.int64), lower
 
 
+@intrinsic
+def replace(_, lanes, place, number):
+    """The lanes with one number exchanged."""
+
+    def lower(_, builder, sign, values):
+        return builder.insert_element(values[0], values[2], values[1])
+
+    return LANES(lanes, types.int64, types.float64), lower
+
+
 def _row_pointer(context: Any, builder: Any, kind: Any, value: Any, row: Any) -> Any:
     """Address of the first number of a row of a contiguous array of two dimensions."""
     array = context.make_array(kind)(context, builder, value)
@@ -184,7 +190,7 @@ def _row_pointer(context: Any, builder: Any, kind: Any, value: Any, row: Any) ->
     return builder.gep(array.data, [builder.mul(row, columns)])
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def load(_, array, row):
     """First eight numbers of a row of a contiguous array, shape (any, 8 or more)."""
 
@@ -195,7 +201,7 @@ def load(_, array, row):
     return LANES(array, types.int64), lower
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def store(_, array, row, lanes):
     """Write the first eight numbers of a row of a contiguous array, shape (any, 8 or more)."""
 
@@ -207,24 +213,7 @@ def store(_, array, row, lanes):
     return types.void(array, types.int64, lanes), lower
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def store_vectors(_, array, row, x, y, z):
-    """Write eight vectors to eight rows of a contiguous array, shape (any, 3)."""
-
-    def lower(context, builder, sign, values):
-        start = builder.bitcast(_row_pointer(context, builder, sign.args[0], *values[:2]), _VECTOR.as_pointer())
-        x, y, z = (_spread(builder, kind, value) for kind, value in zip(sign.args[2:], values[2:], strict=True))
-        for part in range(3):
-            numbers = range(part * WIDTH, (part + 1) * WIDTH)
-            pair = _shuffle(builder, x, y, [n // 3 + WIDTH * (n % 3 == 1) for n in numbers])
-            mixed = _shuffle(builder, pair, z, [n // 3 + WIDTH if n % 3 == 2 else n % WIDTH for n in numbers])
-            builder.store(mixed, builder.gep(start, [ir.Constant(_INTEGER, part)]), align=8)
-        return context.get_dummy_value()
-
-    return types.void(array, types.int64, x, y, z), lower
-
-
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def row_of_sums(_, a, b, c, d, e, f):
     """Lanes that hold the sums of six lanes, and two zeros."""
 

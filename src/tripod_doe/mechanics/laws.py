@@ -1,7 +1,7 @@
 """Laws of contact and friction, each written once, with the paper's equation number.
 
-All are compiled functions of floats or of `lanes`, eight floats at a time, and free of branches on them. Units are mm, N,
-s, t, rad; any consistent system works.
+All are compiled functions of floats or of `lanes`, eight floats at a time, and free of branches on them. Units are mm,
+N, s, t, rad; any consistent system works.
 """
 
 from __future__ import annotations

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints
-from tripod_doe.mechanics.motion import copy_vectors, evaluate, larger
+from tripod_doe.mechanics.lanes import load, select, store
+from tripod_doe.mechanics.motion import clear, evaluate, larger
 
 __all__ = ["DIVERGED", "EVALUATION_LIMIT", "FINISHED", "RUNAWAY", "STEP_LIMIT", "Settings", "accept", "begin_watch"]
 
@@ -54,9 +55,8 @@ def begin_watch(tables, work, positions, velocities, time):
     evaluate(tables, work, positions, velocities, time, 0.0)
     for p in range(5):
         work.power_before[p] = work.ledger[1 + p]
-    copy_vectors(work.slip, work.slip_before)
-    for i in range(work.touching.shape[0]):
-        work.touching[i, 1] = work.touching[i, 0]
+    _count_reversals(tables.contacts, work.touching, work.slip, work.slip_before, work.reversals)
+    clear(work.reversals.ravel())
 
 
 @kernel
@@ -66,11 +66,13 @@ def _count_reversals(contacts, touching, slip, before, reversals):
         if touching[i, 0] + touching[i, 1] == 0:
             continue
         touching[i, 1] = touching[i, 0]
-        for k in range(contacts[i].first, contacts[i].first + contacts[i].count):
-            product = slip[k, 0] * before[k, 0] + slip[k, 1] * before[k, 1] + slip[k, 2] * before[k, 2]
-            reversals[k, 0] += product < 0.0
-            reversals[k, 1] += product != 0.0
-            before[k, 0], before[k, 1], before[k, 2] = slip[k, 0], slip[k, 1], slip[k, 2]
+        for k in range(contacts[i].first, contacts[i].first + contacts[i].groups):
+            now, then, counts = slip[k], before[k], reversals[k]
+            product = load(now, 0) * load(then, 0) + load(now, 1) * load(then, 1) + load(now, 2) * load(then, 2)
+            store(counts, 0, load(counts, 0) + select(product < 0.0, 1.0, 0.0))
+            store(counts, 1, load(counts, 1) + select(abs(product) > 0.0, 1.0, 0.0))
+            for d in range(3):
+                store(then, d, load(now, d))
 
 
 @kernel

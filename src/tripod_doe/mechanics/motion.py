@@ -7,7 +7,8 @@ import math
 from tripod_doe.mechanics.bearing import bearing_forces, bearing_matrices
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints, factorise_schur, solve_schur
-from tripod_doe.mechanics.contact import add_contacts, add_pair
+from tripod_doe.mechanics.contact import add_contacts
+from tripod_doe.mechanics.pairs import add_pair
 from tripod_doe.mechanics.rotations import (
     add,
     cross,

@@ -29,6 +29,7 @@ from tripod_doe.mechanics.bearing import bearing_compression
 from tripod_doe.mechanics.contact import largest_penetration
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
+from tripod_doe.mechanics.lanes import WIDTH
 from tripod_doe.mechanics.monitor import RUNAWAY, Settings, begin_watch
 from tripod_doe.mechanics.motion import evaluate, kinetic_energy
 from tripod_doe.mechanics.tables import Work
@@ -353,12 +354,13 @@ def _reversals(assembly: Assembly, memory: Work, limits: Limits, time: float, ch
     """Largest share of steps in which one sphere's slip reversed."""
     if memory.reversals.size == 0:
         return 0.0
-    shares = memory.reversals[:, 0] / np.maximum(memory.reversals[:, 1], 1)
-    shares[memory.reversals[:, 0] < 8] = 0.0  # a few reversals are motion
+    reversed_, moving = (memory.reversals[:, kind].ravel() for kind in range(2))
+    shares = reversed_ / np.maximum(moving, 1)
+    shares[reversed_ < 8] = 0.0  # a few reversals are motion
     worst = int(shares.argmax())
     if shares[worst] > limits.reversals:
         contacts = assembly.tables.contacts
-        owner = contacts["body_a"][np.searchsorted(contacts["first"], worst, side="right") - 1]
+        owner = contacts["body_a"][np.searchsorted(contacts["first"], worst // WIDTH, side="right") - 1]
         text = f"slip reverses in {100 * shares[worst]:.3g} % of the steps up to t = {time:.6g}"
         checks.fail(Outcome.INACCURATE, f"{text}, body {assembly.names[int(owner)]}")
     return float(shares[worst])

@@ -34,7 +34,8 @@ CONTACT = np.dtype(
         ("body_a", np.int64),  # carries the spheres
         ("body_b", np.int64),  # carries the surface
         ("count", np.int64),
-        ("first", np.int64),  # place of the row's first sphere among the slips, a multiple of eight
+        ("groups", np.int64),  # of eight spheres
+        ("first", np.int64),  # number of the row's first group of eight spheres in the scene
         ("pair", np.int64, (4,)),  # blocks aa, ab, ba, bb of the block matrix, -1 where there is none
         ("sign", np.float64),  # 0 plane, +1 convex, -1 concave cylinder
         ("centre", *_VECTOR),
@@ -197,7 +198,8 @@ class Work(NamedTuple):
     ledger
         Energies and powers at the last force evaluation (`LEDGER`).
     slip, slip_before
-        Slip vector of every sphere at the last force evaluation and at the last accepted step, shape (sphere, 3).
+        Slip vector of every sphere, in groups of eight, at the last force evaluation and at the last accepted step,
+        shape (group, 3, 8).
     touching
         Whether a contact's slips may differ from zero, at the same two times, shape (contact, 2).
     drift
@@ -221,7 +223,7 @@ class Work(NamedTuple):
     balance, power_before
         Time integrals of ledger entries 1 to 5, and their values at the last accepted step.
     reversals
-        Of every sphere, slip reversals from one accepted step to the next, and steps with slip, shape (sphere, 2).
+        Of every sphere, slip reversals from one accepted step to the next, and steps with slip, shape (group, 2, 8).
     extremes
         Largest constraint drift.
     failure
@@ -253,6 +255,6 @@ class Work(NamedTuple):
     counters: IntArray
     balance: FloatArray
     power_before: FloatArray
-    reversals: IntArray
+    reversals: FloatArray
     extremes: FloatArray
     failure: FloatArray
