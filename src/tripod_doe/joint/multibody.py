@@ -315,4 +315,5 @@ def build_joint(values: Mapping[str, float], needles: bool) -> Scene:
         length_scale=0.1,
         speed_scale=values["pitch_radius_mm"] * speed * math.tan(values["joint_angle_deg"]) + 1.0,
         rotation_scale=speed,
+        time_scale=1 / speed,
     )

@@ -380,7 +380,7 @@ def _tables(
     pattern: Pattern,
 ) -> Tables:
     others = int((~_within(elements[0], core)).sum())
-    scales = np.array([scene.length_scale, scene.speed_scale, scene.rotation_scale])
+    scales = np.array([scene.length_scale, scene.speed_scale, scene.rotation_scale, scene.time_scale])
     return Tables(
         bodies, *elements, np.zeros(0, CONSTRAINT_ROW), np.array(scene.gravity, float),
         np.array(scene.frame, float), scales, np.flatnonzero(bodies["block"] >= 0), pattern, others,

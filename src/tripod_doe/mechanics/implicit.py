@@ -17,11 +17,13 @@ from tripod_doe.mechanics.constraints import evaluate_constraints, factorise_sch
 from tripod_doe.mechanics.elimination import eliminate, reduce_right_side, substitute_back
 from tripod_doe.mechanics.motion import (
     add_mass_blocks,
+    add_mass_product,
     add_momenta,
     add_reaction_power,
     clear,
     copy_vectors,
     larger,
+    linearise,
     linearise_elements,
 )  # fmt: skip
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
@@ -199,24 +201,12 @@ def _displace(tables, start, base, reach, velocities, displacement, positions):
 
 
 @kernel
-def largest_correction(tables, correction, light, failure):
-    """Largest correction of a velocity relative to the scene's scales; notes its body in `failure`.
-
-    Parameters
-    ----------
-    correction
-        Shape (body, 6 or more).
-    light
-        Bodies outside the core count this much less, if there is a core.
-    failure
-        Receives body and size.
-    """
-    pattern, worst = tables.pattern, 0.0
-    for pivot in range(pattern.order.size):
-        i = tables.body_of_row[pattern.order[pivot]]
-        weight = 1.0 / light if pivot < pattern.tail < pattern.order.size else 1.0
+def largest_correction(tables, correction, failure):
+    """Largest correction of a velocity relative to the scene's scales; notes its body in `failure`."""
+    worst = 0.0
+    for i in range(tables.bodies.size):
         for d in range(6):
-            size = weight * abs(correction[i, d]) / (tables.scales[1] if d < 3 else tables.scales[2])
+            size = abs(correction[i, d]) / (tables.scales[1] if d < 3 else tables.scales[2])
             if not size <= worst:
                 failure[0], failure[1] = i, size
             worst = larger(worst, size)
@@ -225,23 +215,25 @@ def largest_correction(tables, correction, light, failure):
 
 @kernel
 def solve_stage(
-    tables, work, start, base, reach, factor, time, iterations, tolerance, light, positions, velocities
+    tables, work, start, base, before, reach, factor, time, iterations, tolerance, positions, velocities
 ):  # fmt: skip
     """Solve p(q, u) = p_0 + factor Q(q, u) with q at base + reach u from `start`, by secant iterations.
 
-    p are the momenta in axes at rest (`motion.add_momenta`), p_0 those in `work.momenta`.
+    p are the momenta in axes at rest (`motion.add_momenta`), p_0 those in `work.momenta`; or, for methods that know
+    velocities `before` instead, p - p_0 = M (u - before) and Q holds the inertia forces too.
 
     Parameters
     ----------
     start, base
         Positions that displacements count from, shape (body, 7), and the known part of the displacement, (body, 6).
+    before
+        Known velocities, shape (body, 6), or empty.
     reach, factor
         The method's multiples of the step for positions and velocities.
     time
         Time of the stage.
-    iterations, tolerance, light
-        Largest number of iterations, the relative correction of a velocity at which they end, and how many times that
-        bodies outside the core are granted.
+    iterations, tolerance
+        Largest number of iterations, and the relative correction of a velocity at which they end.
     positions, velocities
         Receive the stage; the velocities hold the first guess.
 
@@ -259,7 +251,10 @@ def solve_stage(
     for _ in range(iterations):
         work.counters[5] += 1
         _displace(tables, start, base, reach, velocities, displacement, positions)
-        linearise_elements(tables, work, positions, velocities, share, factor, factor * reach, work.matrix)
+        if before.size == 0:
+            linearise_elements(tables, work, positions, velocities, share, factor, factor * reach, work.matrix)
+        else:
+            linearise(tables, work, positions, velocities, share, factor, factor * reach, work.matrix)
         if tables.rows.size > 0:
             evaluate_constraints(
                 tables.rows, positions, velocities, time, work.phi, work.phi_t, work.gamma, work.jacobian
@@ -268,14 +263,19 @@ def solve_stage(
                 wanted[k] = -work.phi[k] / reach
         if not factorise_system(tables, work, positions):
             return False
-        copy_vectors(work.momenta, work.blocks)
-        add_momenta(tables, positions, velocities, -1.0, 0.0, work.blocks)
+        if before.size == 0:
+            copy_vectors(work.momenta, work.blocks)
+            add_momenta(tables, positions, velocities, -1.0, 0.0, work.blocks)
+        else:
+            clear(work.blocks.ravel())
+            add_mass_product(tables, positions, before, 1.0, work.blocks)
+            add_mass_product(tables, positions, velocities, -1.0, work.blocks)
         gather(tables, work.force, factor, work.blocks)
         solve_system(tables, work, wanted, change)
         for i in range(tables.bodies.size):
             for d in range(6):
                 velocities[i, d] += change[i, d]
-        correction = largest_correction(tables, change, light, work.failure)
+        correction = largest_correction(tables, change, work.failure)
         rounded = correction >= last and correction <= _ROUNDING
         last = correction
         if correction <= tolerance or rounded:

@@ -303,6 +303,8 @@ class Scene:
         Bodies that many others touch: they are eliminated last, as all that take part in constraints are.
     length_scale, speed_scale, rotation_scale
         Displacement, speed and angular velocity that matter in this scene: tolerances and bounds are relative to them.
+    time_scale
+        Time in which the motion of the scene changes by itself: the pace of `adaptive-euler`.
     """
 
     bodies: tuple[Body, ...]
@@ -314,5 +316,6 @@ class Scene:
     length_scale: float = 1.0
     speed_scale: float = 1.0
     rotation_scale: float = 1.0
+    time_scale: float = 1.0
     core: tuple[str, ...] = ()
     bearings: tuple[NeedleBearing, ...] = ()

@@ -182,7 +182,7 @@ class Tables(NamedTuple):
     rows: NDArray[Any]
     gravity: FloatArray
     frame: FloatArray  # angular velocity of the world axes
-    scales: FloatArray  # length, speed, angular velocity
+    scales: FloatArray  # length, speed, angular velocity, time
     body_of_row: IntArray
     pattern: Pattern
     core_contacts: int  # first of the contacts whose two bodies are of the tail or the ground

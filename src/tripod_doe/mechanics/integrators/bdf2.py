@@ -41,7 +41,7 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         copy_vectors(start, old_positions)
         copy_vectors(velocities, old_velocities)
         if not solve_stage(
-            tables, work, start, base, factor, factor, time, settings.iterations, settings.correction, 1.0,
+            tables, work, start, base, work.stages[4, :0], factor, factor, time, settings.iterations, settings.correction,
             positions, velocities,
         ):  # fmt: skip
             return DIVERGED

@@ -48,8 +48,9 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
                     before[i, d], base[i, d] = speed, 0.0
         by_position, by_velocity = (step, step) if starting else (reach, factor)
         if not solve_stage(
-            tables, work, start, base, before, by_position, by_velocity, time, settings, positions, velocities
-        ):
+            tables, work, start, base, before, by_position, by_velocity, time, settings.iterations, settings.correction,
+            positions, velocities,
+        ):  # fmt: skip
             return DIVERGED
         for i in range(tables.bodies.size):
             for d in range(6):

@@ -23,7 +23,7 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         add_momenta(tables, positions, velocities, 1.0, step, work.momenta)
         time = begin + (n + 1) * step
         if not solve_stage(
-            tables, work, start, base, step, step, time, settings.iterations, settings.correction, 1.0,
+            tables, work, start, base, work.stages[4, :0], step, step, time, settings.iterations, settings.correction,
             positions, velocities,
         ):  # fmt: skip
             return DIVERGED

@@ -10,7 +10,8 @@ from tripod_doe.mechanics.integrators import (
     rk4,
     rosenbrock,
     scipy_oracle,
-    adaptive_euler, symplectic_euler,
+    symplectic_euler,
+    adaptive_euler,
 )  # fmt: skip
 from tripod_doe.mechanics.integrators.contract import Method
 
@@ -19,10 +20,11 @@ __all__ = ["METHODS"]
 METHODS: dict[str, Method] = {
     method.name: method
     for method in (
-        adaptive_euler.METHOD, symplectic_euler.METHOD,
+        symplectic_euler.METHOD,
         rk4.METHOD,
         linearly_implicit_euler.METHOD,
         implicit_euler.METHOD,
+        adaptive_euler.METHOD,
         bdf2.METHOD,
         rosenbrock.METHOD,
         generalized_alpha.METHOD,
