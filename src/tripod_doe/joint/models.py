@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint.contact import contact_constants
+from tripod_doe.joint.dynamics import JointRun, run_joint
 from tripod_doe.joint.equilibrium import solve_equilibrium
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, thrust_outputs
-from tripod_doe.quantities import Value
+from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.results import BlockResult, Outcome, Values
 
 __all__ = ["MODELS", "Model"]
@@ -20,6 +22,7 @@ FloatArray = NDArray[np.float64]
 
 _CHUNK = 64  # points whose waveforms are held at once
 _ENERGY_LIMIT = 1e-5
+_SKEWS = ("needle_skew_deg", "needle_skew_summary_deg")
 
 
 @dataclass(frozen=True)
@@ -30,24 +33,32 @@ class Model:
     ----------
     name
         The value of the parameter ``model``.
-    numerics
-        The numerics parameters it uses, with the values it takes where they are left open.
+    methods
+        How it can be solved, the default first, and the numerics parameters that each method uses, with the values it
+        takes where they are left open.
     ignores
         Parameters that it cannot represent.
     outputs
         Names of the outputs that it gives.
     simulate
-        (numeric parameters in internal units, samples a revolution, outputs to keep) -> results.
+        (numeric parameters in internal units, method, samples a revolution, outputs to keep) -> results.
     """
 
     name: str
-    numerics: Mapping[str, Value]
+    methods: Mapping[str, Mapping[str, float]]
     ignores: frozenset[str]
     outputs: frozenset[str]
-    simulate: Callable[[Mapping[str, FloatArray], int, Collection[str]], BlockResult]
+    simulate: Callable[[Mapping[str, FloatArray], str, int, Collection[str]], BlockResult]
+
+    @property
+    def default_method(self) -> str:
+        """The method that is used where none is named."""
+        return next(iter(self.methods))
 
 
-def _simulate_equilibrium(points: Mapping[str, FloatArray], samples: int, keep: Collection[str]) -> BlockResult:
+def _simulate_equilibrium(
+    points: Mapping[str, FloatArray], method: str, samples: int, keep: Collection[str]
+) -> BlockResult:
     points = {**points, **contact_constants(points)}
     count = points["torque_n_m"].size
     chunks = [
@@ -93,7 +104,7 @@ def _equilibrium_chunk(points: Mapping[str, FloatArray], samples: int, keep: Col
 
 _EQUILIBRIUM = Model(
     name="equilibrium",
-    numerics={"method": "newton", "relative_tolerance": 1e-9},
+    methods={"newton": {"relative_tolerance": 1e-9}},
     ignores=frozenset(
         {
             "roller_width_mm", "spheres_per_needle", "needle_axial_clearance_mm", "needle_crown_um", "shaft_length_mm",
@@ -101,9 +112,77 @@ _EQUILIBRIUM = Model(
             "contact_damping_s_per_mm", "needle_mass_factor", "cycles",
         }
     ),
-    outputs=frozenset(JOINT_OUTPUTS),
+    outputs=frozenset(JOINT_OUTPUTS) - {"thrust_amplitude_error", *_SKEWS},
     simulate=_simulate_equilibrium,
 )  # fmt: skip
 
-MODELS: dict[str, Model] = {model.name: model for model in (_EQUILIBRIUM,)}
+
+def _simulate_multibody(
+    needles: bool, points: Mapping[str, FloatArray], method: str, samples: int, keep: Collection[str]
+) -> BlockResult:
+    """Simulate points one by one; a run of any of them costs more than all that could be shared."""
+    count = points["torque_n_m"].size
+    outcome, detail, work = np.zeros(count, np.int8), [""] * count, np.zeros((2, count), np.int64)
+    outputs: dict[str, Values] = {}
+    for i in range(count):
+        point = {name: float(column[i]) for name, column in points.items()}
+        numerics = [None if np.isnan(point[name]) else point[name] for name in ("step_s", "relative_tolerance")]
+        result = run_joint(point, needles, method, samples, *numerics)
+        outcome[i], detail[i] = result.outcome, result.detail
+        work[:, i] = result.steps, result.force_evaluations
+        if result.groove_thrust is None:
+            continue
+        for name, values in _answer(result, keep).items():
+            if name not in outputs:
+                outputs[name] = Values(values.dims, np.full((count, *values.data.shape[1:]), np.nan))
+            outputs[name].data[i] = values.data[0]
+    return BlockResult(outputs, {}, outcome, detail, work[0], work[1])
+
+
+def _answer(result: JointRun, keep: Collection[str]) -> dict[str, Values]:
+    """Outputs of one run, with a leading dimension of one point."""
+    outputs = thrust_outputs(result.groove_thrust[None], keep)
+    others = {
+        "thrust_amplitude_error": result.amplitude_error,
+        "friction_power_w": result.friction_power / 1e3,
+        "needle_skew_deg": None if result.skew is None else np.degrees(result.skew),
+        "needle_skew_summary_deg": None if result.skew_summary is None else np.degrees(result.skew_summary),
+        "largest_penetration_um": 1e3 * result.penetration,
+        "energy_residual": result.energy_residual,
+    }
+    for name, data in others.items():
+        if name in keep and data is not None:
+            outputs[name] = Values(JOINT_OUTPUTS[name].dims, np.asarray(data)[None])
+    return outputs
+
+
+def _methods(relative_tolerance: float, step: float) -> dict[str, Mapping[str, float]]:
+    """Numerics of every method for a multibody model: the chosen one first, with its own tolerance."""
+    explicit, tight = 1e-7, 1e-4
+    defaults = {"adaptive-euler": relative_tolerance}
+    return {
+        name: {"relative_tolerance": defaults.get(name, tight)}
+        if METHODS[name].controlled
+        else {"step_s": explicit if METHODS[name].explicit else step}
+        for name in sorted(METHODS, key=lambda name: name not in defaults)
+    }
+
+
+_ROLLERS = Model(
+    name="rollers",
+    methods=_methods(relative_tolerance=4e-3, step=5e-5),
+    ignores=frozenset({"needle_axial_clearance_mm", "needle_mass_factor"}),
+    outputs=frozenset(JOINT_OUTPUTS) - set(_SKEWS),
+    simulate=partial(_simulate_multibody, False),
+)
+
+_NEEDLES = Model(
+    name="needles",
+    methods=_methods(relative_tolerance=2e-3, step=1e-5),
+    ignores=frozenset(),
+    outputs=frozenset(JOINT_OUTPUTS),
+    simulate=partial(_simulate_multibody, True),
+)
+
+MODELS: dict[str, Model] = {model.name: model for model in (_EQUILIBRIUM, _ROLLERS, _NEEDLES)}
 """All models of the joint by name."""

@@ -29,11 +29,17 @@ _OUTPUTS = [
     Output("thrust_rms", "N", "A_k/sqrt(2)", "effective value of the rotating orders of the thrust force", _ORDER),
     Output("thrust_amplitude_scatter", "N", "", "difference of the thrust amplitude between the last two revolutions",
            _ORDER),
+    Output("thrust_amplitude_error", "N", "", "numerical error of the thrust amplitude, from a stretch run again with "
+           "half the tolerance or step", _ORDER),
     Output("groove_thrust_amplitude", "N", "A_k", "amplitude of the rotating orders of the thrust in each groove",
            _GROOVE_ORDER),
     Output("groove_thrust_phase_deg", "degree", "p_k", "phase of the rotating orders of the thrust in each groove",
            _GROOVE_ORDER, angle=True),
     Output("friction_power_w", "W", "P", "mean power lost to each friction mechanism", ("mechanism",)),
+    Output("needle_skew_deg", "degree", "psi", "skew of the needle that carries the most at this rotation angle",
+           ("trunnion", "rotation_deg")),
+    Output("needle_skew_summary_deg", "degree", "psi", "mean, least and greatest skew in a revolution of the needle "
+           "that carries the most", ("trunnion", "cycle", "statistic")),
     Output("largest_penetration_um", "um", "delta", "largest penetration of any contact"),
     Output("energy_residual", "1", "", "input less output less friction power, over the friction power (or over a "
            "thousandth of the transmitted power, where that is larger)"),
@@ -43,11 +49,14 @@ JOINT_OUTPUTS: dict[str, Output] = {output.name: output for output in _OUTPUTS}
 """All outputs of the joint by name."""
 
 
-def coordinates(samples_per_revolution: int) -> dict[str, NDArray[np.generic]]:
+def coordinates(samples_per_revolution: int, cycles: int) -> dict[str, NDArray[np.generic]]:
     """Labels of the dimensions of the joint's outputs; the rotation angle covers two revolutions."""
     return {
         "rotation_deg": np.arange(2 * samples_per_revolution) * (360 / samples_per_revolution),
         "groove": np.arange(1, 4),
+        "trunnion": np.arange(1, 4),
+        "cycle": np.arange(1, cycles + 1),
+        "statistic": np.array(["mean", "min", "max"]),
         "order": ORDERS,
         "mechanism": np.array(MECHANISMS),
     }

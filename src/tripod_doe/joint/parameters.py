@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.quantities import Parameter
 
 __all__ = ["JOINT_PARAMETERS", "MECHANISMS", "internal_units"]
@@ -122,9 +123,9 @@ _PARAMETERS = [
     _switch("needle_sliding", "sliding friction of the needles"),
     _switch("needle_rolling", "rolling resistance of the needles"),
     Parameter("model", "equilibrium", "1", "", "model of the ladder", "DESIGN: joint",
-              kind="choice", choices=("equilibrium",), group=_NUMERICS),
+              kind="choice", choices=("equilibrium", "rollers", "needles"), group=_NUMERICS),
     Parameter("method", None, "1", "", "how the model is solved; by the model unless given", "numerics",
-              kind="choice", choices=("newton",), group=_NUMERICS),
+              kind="choice", choices=("newton", *METHODS), group=_NUMERICS),
     Parameter("relative_tolerance", None, "1", "", "relative tolerance of the method; by the method unless given",
               "numerics", low=1e-13, high=0.1, group=_NUMERICS),
     Parameter("step_s", None, "s", "h", "time step of a fixed-step method; by the method unless given",

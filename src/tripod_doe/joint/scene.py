@@ -19,7 +19,7 @@ from tripod_doe.results import BlockResult, Outcome, Values
 
 __all__ = ["JointScene", "scene"]
 
-_NUMERICS = ("method", "relative_tolerance", "step_s")
+_NUMERICS = ("relative_tolerance", "step_s")
 
 
 class JointScene:
@@ -57,24 +57,19 @@ class JointScene:
         Raises
         ------
         InputError
-            If a base value sets a numerics parameter that no method in play uses, or if points would have waveforms
-            of different lengths.
+            If a base value sets a method that no model in play has, or numerics that no method in play uses, or if
+            points would have outputs of different lengths.
         """
         names = factors.get("model") or [base.get("model") or JOINT_PARAMETERS["model"].default]
         in_play = [models.MODELS[str(name)] for name in names]
-        for parameter in _NUMERICS:
-            users = [model for model in in_play if parameter in model.numerics]
-            if base.get(parameter) is not None and not users:
+        _check_numerics(base, factors, in_play)
+        for factor, dim in (("samples_per_revolution", "rotation_deg"), ("cycles", "cycle")):
+            long = [name for name in keep if dim in JOINT_OUTPUTS[name].dims]
+            if long and factor in factors and len(set(factors[factor])) != 1:
                 raise InputError(
-                    f"{parameter} = {base[parameter]}: not used by {', '.join(m.name for m in in_play)}; "
-                    f"leave it out{_usable(in_play)}"
+                    f"{factor} is a factor, so {' and '.join(long)} would have different lengths; "
+                    "keep other outputs, for instance thrust_amplitude"
                 )
-        long = [name for name in keep if "rotation_deg" in JOINT_OUTPUTS[name].dims]
-        if long and "samples_per_revolution" in factors and len(set(factors["samples_per_revolution"])) != 1:
-            raise InputError(
-                f"samples_per_revolution is a factor, so {' and '.join(long)} would have different lengths; "
-                "keep other outputs, for instance thrust_amplitude"
-            )
         return [
             f"{name} is not represented by {' or '.join(m.name for m in in_play)}: its values all give the same answer"
             for name in factors
@@ -88,7 +83,10 @@ class JointScene:
             full["groove_spin_friction"] = full["groove_sliding_friction"]
         if full["groove_rolling_lever_mm"] is None:
             full["groove_rolling_lever_mm"] = full["roller_radius_mm"]
-        for name, value in models.MODELS[str(full["model"])].numerics.items():
+        model = models.MODELS[str(full["model"])]
+        if full["method"] is None:
+            full["method"] = model.default_method
+        for name, value in model.methods.get(str(full["method"]), {}).items():
             if full[name] is None:
                 full[name] = value
         return full
@@ -120,16 +118,18 @@ class JointScene:
         detail = [""] * count
         work = np.zeros((2, count), np.int64)
         outputs: dict[str, Values] = {}
-        groups = {(str(m), int(n)) for m, n in zip(points["model"], points["samples_per_revolution"], strict=True)}
-        for name, per_revolution in sorted(groups):
+        methods = np.array([_method(model, method) for model, method in _pairs(points)])
+        kinds = list(zip(points["model"], methods, points["samples_per_revolution"], points["cycles"], strict=True))
+        for kind in sorted(set(kinds)):
+            name, method, per_revolution = str(kind[0]), str(kind[1]), int(kind[2])
             model = models.MODELS[name]
             wanted = [output for output in keep if output in model.outputs]
-            chosen = np.flatnonzero((points["model"] == name) & (points["samples_per_revolution"] == per_revolution))
+            chosen = np.flatnonzero([other == kind for other in kinds])
             columns = {key: np.asarray(column)[chosen] for key, column in points.items()}
-            usable = _reject(model, columns, chosen, outcome, detail)
+            usable = _reject(model, method, columns, chosen, outcome, detail)
             if usable.size == 0:
                 continue
-            result = model.simulate(_numbers(model, columns, usable), per_revolution, wanted)
+            result = model.simulate(_numbers(model, method, columns, usable), method, per_revolution, wanted)
             where = chosen[usable]
             outcome[where] = result.outcome
             for position, text in zip(where, result.detail, strict=True):
@@ -141,18 +141,47 @@ class JointScene:
                 finished = result.outcome == Outcome.FINISHED
                 outputs[key].data[where[finished]] = values.data[finished]
         used = {dim for values in outputs.values() for dim in values.dims}
-        labels = coordinates(int(points["samples_per_revolution"][0]))
+        labels = coordinates(int(points["samples_per_revolution"][0]), int(points["cycles"][0]))
         labels = {name: label for name, label in labels.items() if name in used}
         return BlockResult(outputs, labels, outcome, detail, work[0], work[1])
 
 
-def _usable(in_play: list[models.Model]) -> str:
-    names = sorted({name for model in in_play for name in model.numerics})
-    return f" (used: {', '.join(names)})" if names else ""
+def _unset(value: object) -> bool:
+    return value is None or value != value
+
+
+def _pairs(points: Mapping[str, NDArray[Any]]) -> list[tuple[str, object]]:
+    return list(zip((str(model) for model in points["model"]), points["method"], strict=True))
+
+
+def _method(model: str, method: object) -> str:
+    """The method of a point: the model's own where none is named."""
+    return models.MODELS[model].default_method if _unset(method) else str(method)
+
+
+def _check_numerics(
+    base: Mapping[str, Value], factors: Mapping[str, Collection[Value]], in_play: list[models.Model]
+) -> None:
+    """Refuse a method, step or tolerance that nothing in play uses."""
+    named = ", ".join(model.name for model in in_play)
+    known = {method: used for model in in_play for method, used in model.methods.items()}
+    asked = factors.get("method") or [base.get("method")]
+    if base.get("method") is not None and str(base["method"]) not in known:
+        raise InputError(f"method = {base['method']}: not a method of {named}; theirs are {', '.join(known)}")
+    for parameter in _NUMERICS:
+        if base.get(parameter) is None:
+            continue
+        methods = [str(name) for name in asked] if asked != [None] else [model.default_method for model in in_play]
+        if not any(parameter in known.get(method, {}) for method in methods):
+            users = [method for method, used in known.items() if parameter in used]
+            raise InputError(
+                f"{parameter} = {base[parameter]}: not used by {', '.join(methods)} ({named}); leave it out"
+                + (f", or take a method that uses it: {', '.join(users)}" if users else "")
+            )
 
 
 def _numbers(
-    model: models.Model, columns: Mapping[str, NDArray[Any]], usable: NDArray[np.int64]
+    model: models.Model, method: str, columns: Mapping[str, NDArray[Any]], usable: NDArray[np.int64]
 ) -> dict[str, NDArray[np.float64]]:
     """Numeric columns of the usable points in internal units, with the model's own numerics where unset."""
     numbers = {}
@@ -160,13 +189,14 @@ def _numbers(
         if parameter.kind == "choice":
             continue
         column = np.asarray(columns[name][usable], float)
-        fallback = model.numerics.get(name)
-        numbers[name] = np.where(np.isnan(column), fallback, column) if isinstance(fallback, float) else column
+        fallback = model.methods[method].get(name)
+        numbers[name] = column if fallback is None else np.where(np.isnan(column), fallback, column)
     return internal_units(numbers)
 
 
 def _reject(
     model: models.Model,
+    method: str,
     columns: Mapping[str, NDArray[Any]],
     chosen: NDArray[np.int64],
     outcome: NDArray[np.int8],
@@ -174,12 +204,16 @@ def _reject(
 ) -> NDArray[np.int64]:
     """Mark the points that the model cannot run, and return the positions within `chosen` of all others."""
     usable = np.ones(chosen.size, bool)
+    if method not in model.methods:
+        for position in chosen:
+            detail[position] = f"method {method} is not one of {model.name}"
+        return np.flatnonzero(~usable)
     for name in _NUMERICS:
-        if name in model.numerics:
+        if name in model.methods[method]:
             continue
-        is_set = np.array([value is not None and value == value for value in columns[name]])
+        is_set = np.array([not _unset(value) for value in columns[name]])
         for position in np.flatnonzero(is_set):
-            detail[chosen[position]] = f"{name} is not used by {model.name}"
+            detail[chosen[position]] = f"{name} is not used by {model.name} with {method}"
         usable &= ~is_set
     for misfit, reason in _misfits(columns):
         if usable[misfit]:

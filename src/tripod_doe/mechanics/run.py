@@ -147,8 +147,9 @@ def run(
     samples: int = 1,
     settings: Settings | None = None,
     limits: Limits | None = None,
+    start: State | None = None,
 ) -> Run:
-    """Simulate a scene from its start.
+    """Simulate a scene from its start, or from another state.
 
     Parameters
     ----------
@@ -159,13 +160,15 @@ def run(
     duration
         Simulated time.
     step
-        Step of a method without step control; it is shortened to divide the duration.
+        Step of a method without step control; it is shortened to divide the time between samples.
     samples
         Number of equal parts of the duration, each of which ends in a sample.
     settings
         Numerics.
     limits
         What may be called finished.
+    start
+        State to go on from, at its own time; that of the scene unless given.
 
     Raises
     ------
@@ -180,18 +183,20 @@ def run(
     steps_wanted = not (chosen.controlled and settings.controlled)
     if steps_wanted and not (step is not None and step > 0):
         raise InputError(f"method {method}: needs a step")
-    count = max(math.ceil(duration / step * (1 - 1e-9)), 1) if steps_wanted and step else 1000 * samples
+    each = duration / samples
+    count = samples * (max(math.ceil(each / step * (1 - 1e-9)), 1) if steps_wanted and step else 1000)
     stops, windows = _stops(count, samples, limits)
-    state, memory = assembly.initial_state(), assembly.work()
-    clock, checks = np.zeros(3), _Checks()
-    begin_watch(assembly.tables, memory, state.positions, state.velocities, 0.0)
-    _check_start(assembly, memory, state, limits)
+    state, memory = start.copy() if start else assembly.initial_state(), assembly.work()
+    begin, clock, checks = state.time, np.array([state.time, 0.0, 0.0]), _Checks()
+    begin_watch(assembly.tables, memory, state.positions, state.velocities, begin)
+    if start is None:
+        _check_start(assembly, memory, state, limits)
     checks.initial_energy = _energy(assembly, memory, state)
-    times, positions, velocities = [0.0], [state.positions.copy()], [state.velocities.copy()]
+    times, positions, velocities = [begin], [state.positions.copy()], [state.velocities.copy()]
     done = 0
     for stop, is_sample in stops:
         before = state.copy() if (done, stop) in windows else None
-        end = duration * stop / count
+        end = begin + duration * stop / count
         with np.errstate(all="ignore"):
             status = chosen.integrate(
                 assembly.tables, memory, state.positions, state.velocities, clock, end, stop - done, settings

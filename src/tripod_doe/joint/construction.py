@@ -1,0 +1,143 @@
+"""What every multibody model of the joint is made from: constants, radii and the posture at the start."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from tripod_doe.joint.contact import bearing_load_zone, contact_constants
+from tripod_doe.joint.posture import GROOVE_ANGLES, Pose, Posture, joint_posture
+from tripod_doe.joint.transition import transition_velocities
+from tripod_doe.mechanics.scene import Body, Friction, Vector
+
+__all__ = ["JointBuild", "moving_body", "prepare_joint", "vector"]
+
+FloatArray = NDArray[np.float64]
+
+_GROOVE_EXPONENT = 1.5
+_Z = np.array([0.0, 0.0, 1.0])
+
+
+def vector(values: FloatArray) -> Vector:
+    """Three numbers as the scene's vectors."""
+    return float(values[0]), float(values[1]), float(values[2])
+
+
+def _quaternion(attitude: Rotation) -> tuple[float, float, float, float]:
+    w, x, y, z = attitude.as_quat(scalar_first=True)
+    return float(w), float(x), float(y), float(z)
+
+
+@dataclass(frozen=True)
+class JointBuild:
+    """What a scene of the joint is made from, at one operating point; lengths in mm, N, s, t, rad.
+
+    Attributes
+    ----------
+    values
+        Joint parameters in internal units.
+    posture
+        Where shaft, output shaft and rollers start.
+    side
+        Sign of the torque: which flank of the grooves is loaded.
+    groove_stiffness, needle_stiffness
+        C of roller and groove, and of one sphere of a needle.
+    needle_load
+        Penetration of the most loaded needle into each partner at the start.
+    groove, needle, needle_end
+        Coefficients and transition velocities at the groove, at trunnion and bore, and between needles and stops.
+    roller_spin_transition
+        Turning of a roller on its trunnion at which its needles reach their transition of rolling.
+    """
+
+    values: Mapping[str, float]
+    posture: Posture
+    side: float
+    groove_stiffness: float
+    needle_stiffness: float
+    needle_load: float
+    groove: Friction
+    needle: tuple[Friction, Friction]
+    needle_end: Friction
+    roller_spin_transition: float
+
+    @property
+    def needle_radius(self) -> float:
+        """Radius of a needle."""
+        return self.values["needle_diameter_mm"] / 2
+
+    @property
+    def trunnion_radius(self) -> float:
+        """Radius of a trunnion: pitch diameter less needle diameter."""
+        return self.values["needle_pitch_diameter_mm"] / 2 - self.needle_radius
+
+    @property
+    def bore_radius(self) -> float:
+        """Radius of a roller's bore, with the clearance."""
+        return self.trunnion_radius + 2 * self.needle_radius + self.values["bearing_radial_clearance_mm"]
+
+    @property
+    def ring_distance(self) -> float:
+        """Distance of the middle of the needles from the spider's centre: that of the roller on average."""
+        pitch = self.values["pitch_radius_mm"]
+        return pitch + pitch * (1 / math.cos(self.values["joint_angle_deg"]) - 1) / 2
+
+    def trunnion_axis(self, k: int) -> FloatArray:
+        """Direction of trunnion k = 0, 1, 2 in the shaft's axes."""
+        return np.array([math.cos(GROOVE_ANGLES[k]), math.sin(GROOVE_ANGLES[k]), 0.0])
+
+    @property
+    def spider_in_shaft(self) -> FloatArray:
+        """The spider's centre from the shaft's centre of mass, in the shaft's axes."""
+        return -0.5 * self.values["shaft_length_mm"] * _Z
+
+
+def prepare_joint(values: Mapping[str, float]) -> JointBuild:
+    """Constants and posture of one operating point."""
+    columns = {name: np.array([value]) for name, value in values.items()}
+    constants = {name: float(column[0]) for name, column in contact_constants(columns).items()}
+    transition = transition_velocities(columns)
+    side = -1.0 if values["torque_n_m"] < 0 else 1.0
+    load = abs(values["torque_n_m"]) / (3 * values["pitch_radius_mm"])
+    clearance = values["bearing_radial_clearance_mm"]
+    needle_load = bearing_load_zone(load, clearance, constants["needle_stiffness"], values["needle_count"])[1]
+    in_groove = (load / constants["groove_stiffness"]) ** (1 / _GROOVE_EXPONENT)
+    play = (values["groove_radius_ratio"] - 1) * values["roller_radius_mm"]
+    posture = joint_posture(
+        values["joint_angle_deg"], values["outboard_joint_angle_deg"], values["shaft_length_mm"],
+        values["pitch_radius_mm"], values["speed_rpm"], side * (play + in_groove + clearance + 2 * needle_load),
+    )  # fmt: skip
+    groove = Friction(
+        values["groove_sliding_friction"], float(transition.groove_sliding[0]),
+        values["groove_rolling_friction"], values["groove_rolling_lever_mm"], float(transition.groove_rolling[0]),
+        3 / 8 * values["groove_spin_friction"] * constants["groove_axis_factor"], float(transition.spinning[0]),
+    )  # fmt: skip
+    radius, slip = values["needle_diameter_mm"] / 2, float(transition.needle_sliding[0])
+    trunnion = values["needle_pitch_diameter_mm"] / 2 - radius
+    bore = trunnion + 2 * radius + clearance
+    spin = float(transition.roller_spin[0])
+    # a needle that rolls between trunnion and bore turns on them at r_b and r_t over its diameter times the spin
+    rolling = [
+        Friction(values["needle_sliding_friction"], slip, values["needle_rolling_friction"], radius,
+                 spin * partner / (2 * radius))
+        for partner in (bore, trunnion)
+    ]  # fmt: skip
+    return JointBuild(
+        values, posture, side, constants["groove_stiffness"],
+        constants["needle_stiffness"] / values["spheres_per_needle"], needle_load,
+        groove, (rolling[0], rolling[1]), Friction(values["needle_sliding_friction"], slip),
+        spin,
+    )  # fmt: skip
+
+
+def moving_body(name: str, mass: float, inertia: Vector, pose: Pose, **more: object) -> Body:
+    """A body that starts in a pose."""
+    return Body(
+        name, mass, inertia, vector(pose.position), _quaternion(pose.attitude), vector(pose.velocity),
+        vector(pose.rotation), **more,
+    )  # type: ignore[arg-type]  # fmt: skip

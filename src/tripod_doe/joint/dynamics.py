@@ -1,0 +1,153 @@
+"""Runs of the multibody models: from one operating point to thrust, friction powers, skews and a numerical error.
+
+A run follows `cycles` revolutions from the balanced start; the last two are sampled. Its numerical error is measured,
+not assumed: the last half revolution is run again from the same state with half the tolerance or step. Every order of
+both stretches is compared; a method of order p that changes by d is off by d / (1 - 2^-p). Light needles rattle, so
+that two runs never agree needle by needle; what has to agree is the thrust.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.joint.multibody import build_joint
+from tripod_doe.joint.orders import ORDERS
+from tripod_doe.joint.readings import groove_readings, needle_skews
+from tripod_doe.mechanics.assembly import Assembly, State, assemble
+from tripod_doe.mechanics.monitor import Settings
+from tripod_doe.mechanics.run import Limits, Run, method_named, run
+from tripod_doe.results import Outcome
+
+__all__ = ["JointRun", "run_joint"]
+
+FloatArray = NDArray[np.float64]
+
+_LIMITS = Limits(energy=0.5, reversals=1.0, windows=0)
+"""Light needles reverse their slip and lose energy in impacts that no step resolves; neither reaches the thrust. What
+a wrong run shows is its thrust at half the tolerance, and an energy balance that misses half the friction."""
+
+_ERROR_LIMIT, _ERROR_FLOOR = 0.05, 1e-4
+"""Share of the third order, and of |T| / R_p, above which a numerical error makes a run inaccurate."""
+
+_BUDGET = 20_000_000
+"""Force evaluations: a minute or so of rollers, half an hour of needles."""
+
+
+@dataclass(frozen=True)
+class JointRun:
+    """What one run gives, in internal units.
+
+    Attributes
+    ----------
+    outcome, detail
+        How it ended.
+    groove_thrust
+        Axial force on the housing at each groove in the last two revolutions, shape (2, groove, sample).
+    friction_power
+        Mean power lost to each mechanism over the last two revolutions, shape (mechanism,).
+    amplitude_error
+        Numerical error of every order of the thrust, shape (order,).
+    skew, skew_summary
+        Skew of the needle that carries the most, shape (trunnion, 2 x sample), and its mean, least and greatest value
+        in every revolution, shape (trunnion, cycle, 3); rad, None without needles.
+    penetration, energy_residual
+        See `mechanics.run.Run`.
+    steps, force_evaluations
+        Counted work, with that of the error estimate.
+    """
+
+    outcome: Outcome
+    detail: str
+    groove_thrust: FloatArray | None = None
+    friction_power: FloatArray | None = None
+    amplitude_error: FloatArray | None = None
+    skew: FloatArray | None = None
+    skew_summary: FloatArray | None = None
+    penetration: float = math.nan
+    energy_residual: float = math.nan
+    steps: int = 0
+    force_evaluations: int = 0
+
+
+def run_joint(
+    values: Mapping[str, float], needles: bool, method: str, samples: int, step: float | None, tolerance: float | None
+) -> JointRun:
+    """Simulate one operating point.
+
+    Parameters
+    ----------
+    values
+        Joint parameters in internal units.
+    needles
+        Model ``needles`` (True) or ``rollers``.
+    method, step, tolerance
+        Numerics; a method uses a step or a tolerance.
+    samples
+        Samples a revolution.
+    """
+    if not values["speed_rpm"] > 0:
+        return JointRun(Outcome.OUT_OF_RANGE, "a joint at rest never completes a revolution; use model equilibrium")
+    assembly = assemble(build_joint(values, needles))
+    cycles = int(values["cycles"])
+    duration = 2 * math.pi / values["speed_rpm"]
+    settings = Settings(budget=_BUDGET, tolerance=tolerance or Settings().tolerance)
+    result = run(
+        assembly, method, cycles * duration, step=step, samples=cycles * samples, settings=settings, limits=_LIMITS
+    )
+    work = result.steps, result.force_evaluations
+    if result.outcome != Outcome.FINISHED:
+        return JointRun(result.outcome, result.detail, steps=work[0], force_evaluations=work[1])
+    thrust, powers = groove_readings(assembly, result.positions, result.velocities)
+    again = _run_again(assembly, result, method, samples, step, settings)
+    work = work[0] + again.steps, work[1] + again.force_evaluations
+    if again.outcome != Outcome.FINISHED:
+        detail = f"half the tolerance or step fails: {again.detail}"
+        return JointRun(Outcome.INACCURATE, detail, steps=work[0], force_evaluations=work[1])
+    finer = groove_readings(assembly, again.positions[1:], again.velocities[1:])[0]
+    error = _amplitude_error(thrust[:, -(samples // 2) :].sum(0), finer.sum(0), samples, method_named(method).order)
+    last = slice(-2 * samples - 1, -1)  # the end of the last revolution is the start of the next one
+    two = np.moveaxis(thrust[:, last].reshape(3, 2, samples), 1, 0)
+    outcome, detail = _judge(error, two, values)
+    skew, summary = needle_skews(assembly, result.positions[:-1], values, cycles) if needles else (None, None)
+    return JointRun(
+        outcome, detail, two, powers[:, last].mean(1), error, None if skew is None else skew[:, -2 * samples :], summary,
+        result.penetration, result.energy_residual, *work,
+    )  # fmt: skip
+
+
+def _run_again(
+    assembly: Assembly, result: Run, method: str, samples: int, step: float | None, settings: Settings
+) -> Run:
+    """The last half revolution with half the tolerance or step."""
+    first = result.times.size - 1 - samples // 2
+    start = State(float(result.times[first]), result.positions[first], result.velocities[first])
+    return run(
+        assembly, method, float(result.times[-1] - start.time), step=step and step / 2, samples=samples // 2,
+        settings=settings._replace(tolerance=settings.tolerance / 2), limits=_LIMITS, start=start,
+    )  # fmt: skip
+
+
+def _amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, order: int) -> FloatArray:
+    """Numerical error of every order from the same stretch of thrust by a coarser and a finer run, shape (order,)."""
+    angle = 2 * np.pi * np.arange(thrust.size) / samples
+    weight = np.where(ORDERS == 0, 1.0, 2.0) / thrust.size
+    change: FloatArray = np.abs(np.exp(-1j * ORDERS[:, None] * angle) @ (thrust - finer)) * weight
+    return change / (1 - 0.5**order)
+
+
+def _judge(error: FloatArray, thrust: FloatArray, values: Mapping[str, float]) -> tuple[Outcome, str]:
+    """Whether the third order may be used."""
+    angle = 2 * np.pi * np.arange(thrust.shape[-1]) / thrust.shape[-1]
+    third = 2 * abs(np.mean(thrust.sum(1) * np.exp(-3j * angle)))
+    floor = _ERROR_FLOOR * abs(values["torque_n_m"]) / values["pitch_radius_mm"]
+    if not np.isfinite(third):
+        return Outcome.DIVERGED, "the thrust is not finite"
+    if error[3] > max(_ERROR_LIMIT * third, floor):
+        text = f"{error[3]:.3g} N of {third:.3g} N of the third order are numerical error; lower relative_tolerance"
+        return Outcome.INACCURATE, text + " or step_s"
+    return Outcome.FINISHED, ""
