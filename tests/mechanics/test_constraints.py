@@ -6,12 +6,29 @@ import pytest
 from tripod_doe.errors import InputError
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.constraints import evaluate_constraints
-from tripod_doe.mechanics.implicit import factorise_system, solve_system
-from tripod_doe.mechanics.motion import add_mass_blocks, constraint_rate, evaluate, linearise
+from tripod_doe.mechanics.elimination import eliminate, reduce_right_side, substitute_back
+from tripod_doe.mechanics.implicit import (
+    factorise_system,
+    factorise_tail,
+    lock_blocks,
+    mask,
+    scatter,
+    solve_system,
+    solve_tail,
+)
+from tripod_doe.mechanics.motion import (
+    add_core_contacts,
+    add_mass_blocks,
+    constraint_rate,
+    evaluate,
+    linearise,
+    linearise_outside_core,
+)
 from tripod_doe.mechanics.rotations import move
 from tripod_doe.mechanics.scene import (
     GROUND,
     Body,
+    Cylinder,
     Distance,
     Fixed,
     Friction,
@@ -124,6 +141,7 @@ def test_multipliers_of_the_tail_solve_the_dense_saddle_system():
         for body in ("a", "b")
     ]
     contacts += [SphereRow("needle 0", Plane("needle 1"), 1.0, 1e3, friction=friction)]
+    contacts += [SphereRow("b", Cylinder("a", 0.3), 0.2, 1e3, friction=friction)]
     joints = (Spherical(GROUND, "a"), Universal("a", "b", axis_a=(1.0, 2.0, 0.5), axis_b=(0.3, 1.0, 0.0), **POINTS))
     assembly = assemble(Scene((*needles, *pair), contacts=tuple(contacts), constraints=joints))
     tables, state, work = assembly.tables, assembly.initial_state(), assembly.work()
@@ -149,12 +167,35 @@ def test_multipliers_of_the_tail_solve_the_dense_saddle_system():
     free = np.where(locked, 0.0, jacobian)  # reactions do not move what is locked
     saddle = np.block([[dense, free.T], [jacobian, np.zeros((rows.size, rows.size))]])
     solution = np.linalg.solve(saddle, np.concatenate([right, wanted]))
+    out = np.zeros((6, 6))
+
+    def expect_solution():
+        np.testing.assert_allclose(out[1:].ravel(), solution[:30], rtol=1e-8, atol=1e-9 * np.abs(solution).max())
+        np.testing.assert_allclose(work.multipliers, solution[30:], rtol=1e-8, atol=1e-9 * np.abs(solution).max())
+
     assert factorise_system(tables, work, state.positions)
     work.blocks[:, :6] = right.reshape(5, 6)
-    out = np.zeros((6, 6))
-    solve_system(tables, work, wanted, out)
-    np.testing.assert_allclose(out[1:].ravel(), solution[:30], rtol=1e-8, atol=1e-9 * np.abs(solution).max())
-    np.testing.assert_allclose(work.multipliers, solution[30:], rtol=1e-8, atol=1e-9 * np.abs(solution).max())
+    solve_system(tables, work, wanted.copy(), out)
+    expect_solution()
+    # the same in parts: the needles once, contacts within the core added to what they leave, and all of it twice
+    assert tables.core_contacts == len(contacts) - 1
+    linearise_outside_core(tables, work, state.positions, state.velocities, 1.0, 1e-2, 1e-4, work.matrix)
+    add_mass_blocks(tables, state.positions, work.matrix)
+    lock_blocks(tables, work.matrix, 0)
+    assert eliminate(pattern, work.matrix, 0, pattern.tail, work.pair)
+    work.blocks[:, :6] = right.reshape(5, 6)
+    mask(tables, work.blocks)
+    reduce_right_side(pattern, work.matrix, work.blocks, 0, pattern.tail)
+    kept, reduced = work.matrix[pattern.tail_block :].copy(), work.blocks.copy()
+    for _ in range(2):
+        work.matrix[pattern.tail_block :], work.blocks[:] = kept, reduced
+        add_core_contacts(tables, work, state.positions, state.velocities, 1.0, 1e-2, 1e-4, work.matrix)
+        lock_blocks(tables, work.matrix, pattern.tail_block)
+        assert factorise_tail(tables, work)
+        solve_tail(tables, work, wanted.copy())
+        substitute_back(pattern, work.matrix, work.blocks, 0, pattern.tail)
+        scatter(tables, work.blocks, out)
+        expect_solution()
 
 
 def test_mistakes_are_named():

@@ -108,6 +108,7 @@ class Assembly:
             multipliers=np.zeros(rows),
             pivots=np.zeros(2 * rows + 1, np.int64),
             blocks=np.zeros((pivots, WIDTH)),
+            reaction=np.zeros((pivots, WIDTH)),
             stages=np.zeros((20, bodies, WIDTH)),
             pair=np.zeros((2, 6, WIDTH)),
             counters=np.zeros(6, np.int64),

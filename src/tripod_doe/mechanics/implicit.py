@@ -26,7 +26,7 @@ from tripod_doe.mechanics.motion import (
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
 
 __all__ = [
-    "factorise_multipliers", "factorise_system", "gather", "largest_correction", "lock_blocks", "mask", "scatter",
+    "factorise_system", "factorise_tail", "gather", "largest_correction", "lock_blocks", "mask", "scatter",
     "solve_stage", "solve_system", "solve_tail", "solve_unconstrained",
 ]  # fmt: skip
 
@@ -50,33 +50,42 @@ def factorise_system(tables, work, positions):
     """
     work.counters[2] += 1
     add_mass_blocks(tables, positions, work.matrix)
-    lock_blocks(tables, work.matrix)
-    if not eliminate(tables.pattern, work.matrix, 0, tables.pattern.order.size, work.pair):
+    lock_blocks(tables, work.matrix, 0)
+    if not eliminate(tables.pattern, work.matrix, 0, tables.pattern.tail, work.pair):
+        return False
+    return factorise_tail(tables, work)
+
+
+@kernel
+def factorise_tail(tables, work):
+    """Factorise the blocks of the tail, all before it being eliminated, and with constraints their Schur complement."""
+    if not eliminate(tables.pattern, work.matrix, tables.pattern.tail, tables.pattern.order.size, work.pair):
         return False
     if tables.rows.size > 0:
-        factorise_multipliers(tables, work)
+        _factorise_multipliers(tables, work)
     return True
 
 
 @kernel
-def lock_blocks(tables, matrix):
-    """Turn the rows of locked components into those of an identity."""
+def lock_blocks(tables, matrix, first):
+    """Turn the rows of locked components into those of an identity, in the blocks from `first` on."""
     pattern = tables.pattern
     for row in range(tables.body_of_row.size):
         body = tables.bodies[tables.body_of_row[row]]
         for d in range(6):
             if body.free[d] == 0.0:
-                for block in range(pattern.row.size):
+                for block in range(first, pattern.row.size):
                     if pattern.row[block] == row:
                         for e in range(6):
                             matrix[block, d, e] = 0.0
-                matrix[pattern.own[row], d, d] = 1.0
+                if pattern.own[row] >= first:
+                    matrix[pattern.own[row], d, d] = 1.0
 
 
 @kernel
-def factorise_multipliers(tables, work):
+def _factorise_multipliers(tables, work):
     """Make A^-1 Phi_q^T and the factors of Phi_q A^-1 Phi_q^T; both live in the tail, where all constraints are."""
-    pattern, blocks = tables.pattern, work.blocks
+    pattern, blocks = tables.pattern, work.reaction
     first, last = pattern.tail, pattern.order.size
     for k in range(tables.rows.size):
         clear(blocks.ravel())

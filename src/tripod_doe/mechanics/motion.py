@@ -22,9 +22,9 @@ from tripod_doe.mechanics.rotations import (
 )  # fmt: skip
 
 __all__ = [
-    "accelerate", "add_mass_blocks", "add_mass_product", "add_reaction_power", "clear", "constraint_rate",
-    "copy_vectors", "evaluate", "generalized_forces", "kinetic_energy", "larger", "linearise", "project_positions",
-    "project_velocities", "settle",
+    "accelerate", "add_core_contacts", "add_locked_power", "add_mass_blocks", "add_mass_product", "add_reaction_power",
+    "clear", "constraint_rate", "copy_vectors", "evaluate", "generalized_forces", "kinetic_energy", "larger",
+    "linearise", "linearise_outside_core", "project_positions", "project_velocities", "settle",
 ]  # fmt: skip
 
 _PROJECTION_SWEEPS = 4
@@ -119,6 +119,8 @@ def generalized_forces(tables, work, positions, velocities):
     """
     work.counters[0] += 1
     _add_elements(tables, work, positions, velocities, 1.0, 0.0, 0.0, work.matrix)
+    add_core_contacts(tables, work, positions, velocities, 1.0, 0.0, 0.0, work.matrix)
+    add_locked_power(tables, work, velocities)
 
 
 @kernel
@@ -134,6 +136,14 @@ def linearise(tables, work, positions, velocities, secant, by_velocity, by_posit
     matrix
         Receives the sum, shape (block, 6, 8); `work.drift` receives K times the velocities.
     """
+    linearise_outside_core(tables, work, positions, velocities, secant, by_velocity, by_position, matrix)
+    add_core_contacts(tables, work, positions, velocities, secant, by_velocity, by_position, matrix)
+    add_locked_power(tables, work, velocities)
+
+
+@kernel
+def linearise_outside_core(tables, work, positions, velocities, secant, by_velocity, by_position, matrix):
+    """Do the same without contacts within the core, and without the power of locked velocities."""
     work.counters[0] += 1
     work.counters[1] += 1
     clear(matrix.ravel())
@@ -154,8 +164,27 @@ def linearise(tables, work, positions, velocities, secant, by_velocity, by_posit
 
 
 @kernel
+def add_core_contacts(tables, work, positions, velocities, secant, by_velocity, by_position, matrix):
+    """Add forces, energies and derivatives of the contacts within the core; their blocks are of the tail only."""
+    add_contacts(
+        tables.contacts, tables.core_contacts, tables.contacts.size, positions, velocities, secant, by_velocity,
+        by_position, work.force, work.drift, work.ledger, work.slip, work.touching, matrix, work.pair,
+    )  # fmt: skip
+
+
+@kernel
+def add_locked_power(tables, work, velocities):
+    """Add to the ledger the power of the reactions that keep locked velocities; the forces must be complete."""
+    for i in range(tables.bodies.size):
+        body = tables.bodies[i]
+        for d in range(6):
+            if body.free[d] == 0.0:
+                work.ledger[1] -= work.force[i, d] * velocities[i, d]
+
+
+@kernel
 def _add_elements(tables, work, positions, velocities, secant, by_velocity, by_position, matrix):
-    """Evaluate all forces and the ledger and add, unless both factors are zero, what elements have of D and K."""
+    """Evaluate forces and ledger and add, unless both factors are zero, D and K: all but contacts within the core."""
     force, ledger = work.force, work.ledger
     clear(ledger)
     for i in range(tables.bodies.size):
@@ -168,7 +197,7 @@ def _add_elements(tables, work, positions, velocities, secant, by_velocity, by_p
         for d in range(6):
             ledger[1] += force[i, d] * velocities[i, d]
     add_contacts(
-        tables.contacts, 0, tables.contacts.size, positions, velocities, secant, by_velocity, by_position,
+        tables.contacts, 0, tables.core_contacts, positions, velocities, secant, by_velocity, by_position,
         force, work.drift, ledger, work.slip, work.touching, matrix, work.pair,
     )  # fmt: skip
     _add_springs(tables, work, positions, velocities, by_velocity, by_position, matrix)
@@ -179,9 +208,6 @@ def _add_elements(tables, work, positions, velocities, secant, by_velocity, by_p
             turned = cross(omega, _angular_momentum(body, load_attitude(positions[i]), omega))
             for d in range(3):
                 force[i, 3 + d] -= turned[d]
-        for d in range(6):
-            if body.free[d] == 0.0:
-                ledger[1] -= force[i, d] * velocities[i, d]
 
 
 @inlined_kernel

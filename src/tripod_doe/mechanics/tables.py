@@ -172,8 +172,8 @@ class Work(NamedTuple):
     phi, phi_t, gamma, jacobian, weighted, schur, multipliers, pivots
         Constraint equations: residuals, partial time derivatives, right-hand side of Eq. 1, Phi_q as (row, 12), its
         product with the inverse matrix (row, body, 6), Schur complement, lambda, and the order of its pivots.
-    blocks
-        A right-hand side of the block solver, shape (row, 8).
+    blocks, reaction
+        A right-hand side of the block solver, and that of a constraint equation, shape (row, 8).
     stages
         Memory of a method for positions, increments and velocities, shape (20, body, 8).
     pair
@@ -209,6 +209,7 @@ class Work(NamedTuple):
     multipliers: FloatArray
     pivots: IntArray
     blocks: FloatArray
+    reaction: FloatArray
     stages: FloatArray
     pair: FloatArray
     counters: IntArray
