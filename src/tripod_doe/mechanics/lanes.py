@@ -1,9 +1,8 @@
 """Eight numbers at a time: a value type of kernels that is one AVX-512 register, or whatever the machine has instead.
 
 Arithmetic on lanes reads like that on floats, and floats mix with it, so that laws and vector formulas are written
-once for both. The compiler's own vectorisation of loops over eight was tried: it is three to five times slower on
-products of blocks. Products and sums of lanes may be contracted to fused operations; everything else follows IEEE 754,
-NaN included.
+once for both. It follows IEEE 754, without contraction (which gains nothing), so that what is symmetric cancels. The
+compiler's own vectorisation of loops over eight was tried: it is three to five times slower on products of blocks.
 """
 
 from __future__ import annotations
@@ -22,7 +21,6 @@ __all__ = ["WIDTH", "load", "pick", "ramp", "replace", "root_guess", "row", "row
 WIDTH = 8
 _DOUBLE, _INTEGER, _INDEX = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
 _VECTOR = ir.VectorType(_DOUBLE, WIDTH)
-_FLAGS = ("contract",)
 
 
 class Lanes(types.Type):
@@ -87,7 +85,7 @@ def _define(function: Any, count: int, result: Any, make: Any) -> None:
 
 
 def _pairwise(name: str) -> Any:
-    return lambda builder, a, b: getattr(builder, name)(a, b, flags=_FLAGS)
+    return lambda builder, a, b: getattr(builder, name)(a, b)
 
 
 def _comparison(sign: str) -> Any:

@@ -75,7 +75,7 @@ def _spring_state(spring, positions, velocities):
     return arm_a, arm_b, scale(1.0 / length, between), closing, length
 
 
-@kernel
+@inlined_kernel
 def _add_springs(tables, work, positions, velocities, by_velocity, by_position, matrix):
     """Add the forces of springs and dampers, their energies and, unless both factors are zero, their derivatives."""
     force, drift, ledger = work.force, work.drift, work.ledger
@@ -163,7 +163,7 @@ def linearise_outside_core(tables, work, positions, velocities, secant, by_veloc
                 block[3 + e, 3 + d] += by_velocity * column[e]
 
 
-@kernel
+@inlined_kernel
 def add_core_contacts(tables, work, positions, velocities, secant, by_velocity, by_position, matrix):
     """Add forces, energies and derivatives of the contacts within the core; their blocks are of the tail only."""
     add_contacts(
@@ -172,7 +172,7 @@ def add_core_contacts(tables, work, positions, velocities, secant, by_velocity, 
     )  # fmt: skip
 
 
-@kernel
+@inlined_kernel
 def add_locked_power(tables, work, velocities):
     """Add to the ledger the power of the reactions that keep locked velocities; the forces must be complete."""
     for i in range(tables.bodies.size):
@@ -182,7 +182,7 @@ def add_locked_power(tables, work, velocities):
                 work.ledger[1] -= work.force[i, d] * velocities[i, d]
 
 
-@kernel
+@inlined_kernel
 def _add_elements(tables, work, positions, velocities, secant, by_velocity, by_position, matrix):
     """Evaluate forces and ledger and add, unless both factors are zero, D and K: all but contacts within the core."""
     force, ledger = work.force, work.ledger
