@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from tripod_doe.mechanics.compilation import kernel
+from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints, factorise_schur, solve_schur
 from tripod_doe.mechanics.elimination import eliminate, reduce_right_side, substitute_back
 from tripod_doe.mechanics.motion import (
@@ -37,7 +37,7 @@ _ROUNDING = 1e3
 """Corrections below this many tolerances that no longer fall are rounding: stiffness times a position's last digit."""
 
 
-@kernel
+@inlined_kernel
 def factorise_system(tables, work, positions):
     """Add M to `work.matrix`, which holds a D + b K, and factorise it; locked components become identities.
 
@@ -56,7 +56,7 @@ def factorise_system(tables, work, positions):
     return factorise_tail(tables, work)
 
 
-@kernel
+@inlined_kernel
 def factorise_tail(tables, work):
     """Factorise the blocks of the tail, all before it being eliminated, and with constraints their Schur complement."""
     if not eliminate(tables.pattern, work.matrix, tables.pattern.tail, tables.pattern.order.size, work.pair):
@@ -66,7 +66,7 @@ def factorise_tail(tables, work):
     return True
 
 
-@kernel
+@inlined_kernel
 def lock_blocks(tables, matrix, first):
     """Turn the rows of locked components into those of an identity, in the blocks from `first` on."""
     pattern = tables.pattern
@@ -103,7 +103,7 @@ def _factorise_multipliers(tables, work):
     factorise_schur(tables.rows, work.jacobian, work.weighted, work.schur, work.pivots)
 
 
-@kernel
+@inlined_kernel
 def scatter(tables, blocks, vectors):
     """Copy rows of the block matrix to bodies; zero for bodies without a row."""
     for i in range(tables.bodies.size):
@@ -112,7 +112,7 @@ def scatter(tables, blocks, vectors):
             vectors[i, d] = blocks[row, d] if row >= 0 else 0.0
 
 
-@kernel
+@inlined_kernel
 def gather(tables, vectors, factor, blocks):
     """Add `factor` times vectors of bodies, shape (body, 6 or more), to the rows of the block matrix."""
     for row in range(tables.body_of_row.size):
@@ -120,7 +120,7 @@ def gather(tables, vectors, factor, blocks):
             blocks[row, d] += factor * vectors[tables.body_of_row[row], d]
 
 
-@kernel
+@inlined_kernel
 def mask(tables, blocks):
     """Set the components of locked velocities to zero."""
     for row in range(tables.body_of_row.size):
@@ -144,7 +144,7 @@ def solve_unconstrained(tables, work, out):
     scatter(tables, work.blocks, out)
 
 
-@kernel
+@inlined_kernel
 def solve_tail(tables, work, wanted):
     """Solve for the bodies of the tail, under the constraints, with `work.blocks` reduced through all before it.
 
@@ -194,7 +194,7 @@ def solve_system(tables, work, wanted, out):
     scatter(tables, work.blocks, out)
 
 
-@kernel
+@inlined_kernel
 def _displace(tables, start, base, reach, velocities, displacement, positions):
     """Positions at base + reach times the rate of displacement from `start`."""
     for i in range(tables.bodies.size):
@@ -206,7 +206,7 @@ def _displace(tables, start, base, reach, velocities, displacement, positions):
         move(start[i], displacement[i], positions[i])
 
 
-@kernel
+@inlined_kernel
 def largest_correction(tables, correction, failure):
     """Largest correction of a velocity relative to the scene's scales; notes its body in `failure`."""
     worst = 0.0

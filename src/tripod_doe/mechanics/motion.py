@@ -111,7 +111,7 @@ def _apply_between(force, spring, arm_a, arm_b, pull):
         force[spring.body_b, 3 + d] -= moment_b[d]
 
 
-@kernel
+@inlined_kernel
 def generalized_forces(tables, work, positions, velocities):
     """Evaluate Q of Eq. 1: loads, gravity, contacts, springs and gyroscopic moments, and the energy ledger.
 
@@ -141,7 +141,7 @@ def linearise(tables, work, positions, velocities, secant, by_velocity, by_posit
     add_locked_power(tables, work, velocities)
 
 
-@kernel
+@inlined_kernel
 def linearise_outside_core(tables, work, positions, velocities, secant, by_velocity, by_position, matrix):
     """Do the same without contacts within the core, and without the power of locked velocities."""
     work.counters[0] += 1
@@ -222,7 +222,7 @@ def _divide_by_mass(body, position, force, start, out):
         out[3 + d] = body.free[3 + d] * turned[d]
 
 
-@kernel
+@inlined_kernel
 def add_mass_product(tables, positions, vectors, factor, out):
     """Add `factor` times M(q) times vectors to out, row by row of the block matrix.
 
@@ -243,7 +243,7 @@ def add_mass_product(tables, positions, vectors, factor, out):
             out[body.block, 3 + d] += factor * momentum[d]
 
 
-@kernel
+@inlined_kernel
 def add_mass_blocks(tables, positions, matrix):
     """Add M(q) to the diagonal blocks of a block matrix."""
     for i in range(tables.bodies.size):
@@ -331,7 +331,7 @@ def accelerate(tables, work, positions, velocities, time, baumgarte):
     add_reaction_power(tables, work, velocities, 1.0)
 
 
-@kernel
+@inlined_kernel
 def evaluate(tables, work, positions, velocities, time, baumgarte):
     """Forces and accelerations of a state."""
     generalized_forces(tables, work, positions, velocities)
