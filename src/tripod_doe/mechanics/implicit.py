@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from tripod_doe.mechanics.compilation import inlined_kernel, kernel
+from tripod_doe.mechanics.compilation import inlined_kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints, factorise_schur, solve_schur
 from tripod_doe.mechanics.elimination import eliminate, reduce_right_side, substitute_back
 from tripod_doe.mechanics.motion import (
@@ -82,7 +82,7 @@ def lock_blocks(tables, matrix, first):
                     matrix[pattern.own[row], d, d] = 1.0
 
 
-@kernel
+@inlined_kernel
 def _factorise_multipliers(tables, work):
     """Make A^-1 Phi_q^T and the factors of Phi_q A^-1 Phi_q^T; both live in the tail, where all constraints are."""
     pattern, blocks = tables.pattern, work.reaction
@@ -128,7 +128,7 @@ def mask(tables, blocks):
             blocks[row, d] *= tables.bodies[tables.body_of_row[row]].free[d]
 
 
-@kernel
+@inlined_kernel
 def solve_unconstrained(tables, work, out):
     """Solve A x = `work.blocks` without constraints; right-hand sides of locked components are taken as zero.
 
@@ -173,7 +173,7 @@ def solve_tail(tables, work, wanted):
                 blocks[row, d] -= work.multipliers[k] * work.weighted[k, tables.body_of_row[row], d]
 
 
-@kernel
+@inlined_kernel
 def solve_system(tables, work, wanted, out):
     """Solve A x + Phi_q^T mu = `work.blocks` with Phi_q x = wanted, by a matrix from `factorise_system`.
 
@@ -219,7 +219,7 @@ def largest_correction(tables, correction, failure):
     return worst
 
 
-@kernel
+@inlined_kernel
 def solve_stage(tables, work, start, base, before, reach, factor, time, settings, positions, velocities):
     """Solve u = before + factor a(q, u) with q at base + reach u from `start`, by secant iterations.
 

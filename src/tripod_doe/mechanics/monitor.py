@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from tripod_doe.mechanics.compilation import kernel
+from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints
 from tripod_doe.mechanics.lanes import load, select, store
 from tripod_doe.mechanics.motion import clear, evaluate, larger
@@ -75,7 +75,7 @@ def _count_reversals(contacts, touching, slip, before, reversals):
                 store(then, d, load(now, d))
 
 
-@kernel
+@inlined_kernel
 def accept(tables, work, positions, velocities, clock, time, step, settings):
     """End a step that is accepted; the ledger and the slips must be those of its state.
 

@@ -123,7 +123,7 @@ def generalized_forces(tables, work, positions, velocities):
     add_locked_power(tables, work, velocities)
 
 
-@kernel
+@inlined_kernel
 def linearise(tables, work, positions, velocities, secant, by_velocity, by_position, matrix):
     """Evaluate Q as `generalized_forces` does, and by_velocity D + by_position K with D = -dQ/dv and K = -dQ/dq.
 
@@ -260,7 +260,7 @@ def add_mass_blocks(tables, positions, matrix):
                 block[3 + e, 3 + d] += column[e]
 
 
-@kernel
+@inlined_kernel
 def _weigh_by_mass(tables, work, positions):
     """M^-1 Phi_q^T of every constraint equation, and the factors of their Schur complement."""
     for k in range(tables.rows.size):
@@ -282,7 +282,7 @@ def constraint_rate(row, jacobian, vectors):
     return total
 
 
-@kernel
+@inlined_kernel
 def add_reaction_power(tables, work, velocities, factor):
     """Add to the ledger what reactions put in: the power of a drive, and of locked velocities that a joint pulls at.
 
@@ -299,7 +299,7 @@ def add_reaction_power(tables, work, velocities, factor):
                 work.ledger[1] -= factor * work.multipliers[k] * work.jacobian[k, 6 * side + d] * speed
 
 
-@kernel
+@inlined_kernel
 def accelerate(tables, work, positions, velocities, time, baumgarte):
     """Accelerations and multipliers of Eq. 1 from the forces of the last evaluation.
 
@@ -376,7 +376,7 @@ def project_velocities(tables, work, positions, velocities, time):
                 velocities[i, d] -= work.multipliers[k] * work.weighted[k, i, d]
 
 
-@kernel
+@inlined_kernel
 def settle(tables, work, positions, velocities, time, settings):
     """Put a new state back onto its constraints if that is asked for, and evaluate it: forces, slips and ledger."""
     if settings.projection and tables.rows.size > 0:
