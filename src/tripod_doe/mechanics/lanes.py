@@ -73,7 +73,6 @@ def _call(builder: Any, name: str, result: Any, *arguments: Any) -> Any:
 def _define(function: Any, count: int, result: Any, make: Any) -> None:
     """Let a function of Python take lanes: `count` arguments of which one or more are lanes, the others floats."""
     mixtures = [(LANES,)] if count == 1 else [(LANES, LANES), (LANES, types.float64), (types.float64, LANES)]
-
     cases = [signature(result, *kinds) for kinds in mixtures]
     infer_global(function)(type("Mixtures", (ConcreteTemplate,), {"cases": cases}))
     for kinds in mixtures:
