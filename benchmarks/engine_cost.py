@@ -1,4 +1,4 @@
-"""What the engine costs: a contact, a step against the size of a ring of needles, and compilation.
+"""What the engine costs: a contact, the parts of an implicit step and whole steps of rings of needles, and compilation.
 
     python benchmarks/engine_cost.py [--compile]
 
@@ -18,9 +18,12 @@ import time
 import numpy as np
 
 from tripod_doe.mechanics.assembly import Assembly, assemble
-from tripod_doe.mechanics.contact import contact_forces
+from tripod_doe.mechanics.compilation import kernel
+from tripod_doe.mechanics.contact import add_contacts
+from tripod_doe.mechanics.implicit import factorise_system, gather, solve_system
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.mechanics.monitor import Settings, begin_watch
+from tripod_doe.mechanics.monitor import Settings, accept, begin_watch
+from tripod_doe.mechanics.motion import clear, generalized_forces, linearise
 from tripod_doe.mechanics.scenes.needle_ring import needle_ring
 
 FIRST_USE = """
@@ -44,20 +47,59 @@ def best(action, repetitions: int = 7) -> float:
     return min(times)
 
 
-def contact_cost(needles: int = 27) -> list[float]:
-    """Nanoseconds a touching sphere with rolling resistance, one without, and one that does not touch."""
-    costs = []
-    for preload, rolling in ((1e-3, True), (1e-3, False), (-1e-3, True)):
+@kernel
+def _search(repetitions, contacts, by_velocity, positions, velocities, work):
+    for _ in range(repetitions):
+        add_contacts(
+            contacts, 0, contacts.size, positions, velocities, 1.0, by_velocity, 0.0,
+            work.force, work.drift, work.ledger, work.slip, work.touching, work.matrix, work.pair,
+        )  # fmt: skip
+
+
+def contact_cost(needles: int = 27) -> dict[str, float]:
+    """Nanoseconds a row of seven spheres: apart, touching, and touching with derivatives."""
+    costs = {}
+    for name, preload, by_velocity in (("apart", -1e-3, 0.0), ("forces", 1e-3, 0.0), ("forces and D, K", 1e-3, 1e-6)):
         assembly = assemble(needle_ring(needles, preload=preload))
         state, work = assembly.initial_state(), assembly.work()
         rows = assembly.tables.contacts[assembly.tables.contacts["count"] > 1]
         rows = np.ascontiguousarray(rows[np.arange(rows.size) % 3 < 2])  # trunnion and bore, all in the same state
-        rows["rolling"] *= rolling
-        arguments = (rows, state.positions, state.velocities, work.force, work.ledger, work.slip)
-        contact_forces(*arguments)
-        seconds = best(lambda arguments=arguments: [contact_forces(*arguments) for _ in range(200)]) / 200
-        costs.append(1e9 * seconds / rows["count"].sum())
+        arguments = (rows, by_velocity, state.positions, state.velocities, work)
+        _search(1, *arguments)
+        costs[name] = 1e9 * best(lambda arguments=arguments: _search(200, *arguments)) / 200 / rows.size
     return costs
+
+
+PARTS = ("forces", "matrix", "factorisation", "solution", "monitor")
+
+
+@kernel
+def _repeat(repetitions, part, tables, work, positions, velocities, clock, settings):
+    for _ in range(repetitions):
+        if part == 0:
+            generalized_forces(tables, work, positions, velocities)
+        if 1 <= part <= 3:
+            linearise(tables, work, positions, velocities, 1.0, 1e-6, 1e-12, work.matrix)
+        if 2 <= part <= 3:
+            factorise_system(tables, work, positions)
+        if part == 3:
+            clear(work.blocks.ravel())
+            gather(tables, work.force, 1e-6, work.blocks)
+            solve_system(tables, work, work.gamma, work.stages[0])
+        if part == 4:
+            accept(tables, work, positions, velocities, clock, 0.0, 1e-6, settings)
+
+
+def part_costs(assembly: Assembly) -> list[float]:
+    """Microseconds of each part of a step: a part is what is added to the one before."""
+    state, work = assembly.initial_state(), assembly.work()
+    costs = []
+    for part in range(len(PARTS)):
+        arguments = (part, assembly.tables, work, state.positions, state.velocities, np.zeros(3), Settings())
+        _repeat(1, *arguments)
+        costs.append(1e6 * best(lambda arguments=arguments: _repeat(50, *arguments)) / 50)
+    forces, matrix, factorised, solved, monitor = costs
+    return [forces, matrix - forces, factorised - matrix, solved - factorised, monitor]
 
 
 def step_cost(assembly: Assembly, method: str, count: int, step: float) -> float:
@@ -89,10 +131,13 @@ def main() -> None:
     parser.add_argument("--compile", action="store_true")
     if parser.parse_args().compile:
         compile_cost()
-    rolling, sliding, apart = contact_cost()
-    print(
-        f"contact: {sliding:.0f} ns a touching sphere, {rolling:.0f} ns with rolling resistance, {apart:.0f} ns apart"
-    )
+    text = ", ".join(f"{name} {cost:.0f} ns" for name, cost in contact_cost().items())
+    print(f"a row of seven spheres: {text}")
+    print("us a part of an implicit step")
+    for needles in (3, 9, 27, 81):
+        costs = part_costs(assemble(needle_ring(needles)))
+        text = "  ".join(f"{name} {cost:5.1f}" for name, cost in zip(PARTS, costs, strict=True))
+        print(f"{needles:3d} needles  {text}  together {sum(costs):6.1f}")
     print("us a step, and us a step and needle")
     for needles in (3, 9, 27, 81):
         assembly = assemble(needle_ring(needles))

@@ -135,9 +135,9 @@ def prepare_joint(values: Mapping[str, float]) -> JointBuild:
     )  # fmt: skip
 
 
-def moving_body(name: str, mass: float, inertia: Vector, pose: Pose, **more: object) -> Body:
+def moving_body(name: str, mass: float, inertia: Vector, pose: Pose, own_moment: Vector = (0.0, 0.0, 0.0)) -> Body:
     """A body that starts in a pose."""
     return Body(
         name, mass, inertia, vector(pose.position), _quaternion(pose.attitude), vector(pose.velocity),
-        vector(pose.rotation), **more,
-    )  # type: ignore[arg-type]  # fmt: skip
+        vector(pose.rotation), own_moment=own_moment,
+    )  # fmt: skip

@@ -23,7 +23,7 @@ from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, method_named, run
 from tripod_doe.results import Outcome
 
-__all__ = ["JointRun", "run_joint"]
+__all__ = ["JointRun", "Readings", "run_joint"]
 
 FloatArray = NDArray[np.float64]
 
@@ -39,13 +39,11 @@ _BUDGET = 20_000_000
 
 
 @dataclass(frozen=True)
-class JointRun:
-    """What one run gives, in internal units.
+class Readings:
+    """What is read off a run that came to its end, in internal units.
 
     Attributes
     ----------
-    outcome, detail
-        How it ended.
     groove_thrust
         Axial force on the housing at each groove in the last two revolutions, shape (2, groove, sample).
     friction_power
@@ -57,19 +55,34 @@ class JointRun:
         in every revolution, shape (trunnion, cycle, 3); rad, None without needles.
     penetration, energy_residual
         See `mechanics.run.Run`.
+    """
+
+    groove_thrust: FloatArray
+    friction_power: FloatArray
+    amplitude_error: FloatArray
+    skew: FloatArray | None
+    skew_summary: FloatArray | None
+    penetration: float
+    energy_residual: float
+
+
+@dataclass(frozen=True)
+class JointRun:
+    """What became of a run.
+
+    Attributes
+    ----------
+    outcome, detail
+        How it ended.
+    readings
+        What it gives, None if it did not come to its end.
     steps, force_evaluations
         Counted work, with that of the error estimate.
     """
 
     outcome: Outcome
     detail: str
-    groove_thrust: FloatArray | None = None
-    friction_power: FloatArray | None = None
-    amplitude_error: FloatArray | None = None
-    skew: FloatArray | None = None
-    skew_summary: FloatArray | None = None
-    penetration: float = math.nan
-    energy_residual: float = math.nan
+    readings: Readings | None = None
     steps: int = 0
     force_evaluations: int = 0
 
@@ -114,10 +127,9 @@ def run_joint(
     two = np.moveaxis(thrust[:, last].reshape(3, 2, samples), 1, 0)
     outcome, detail = _judge(error, two, values)
     skew, summary = needle_skews(assembly, result.positions[:-1], values, cycles) if needles else (None, None)
-    return JointRun(
-        outcome, detail, two, powers[:, last].mean(1), error, None if skew is None else skew[:, -2 * samples :], summary,
-        result.penetration, result.energy_residual, *work,
-    )  # fmt: skip
+    skew = None if skew is None else skew[:, -2 * samples :]
+    readings = Readings(two, powers[:, last].mean(1), error, skew, summary, result.penetration, result.energy_residual)
+    return JointRun(outcome, detail, readings, *work)
 
 
 def _run_again(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint.contact import contact_constants
-from tripod_doe.joint.dynamics import JointRun, run_joint
+from tripod_doe.joint.dynamics import Readings, run_joint
 from tripod_doe.joint.equilibrium import solve_equilibrium
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, thrust_outputs
 from tripod_doe.mechanics.integrators.registry import METHODS
@@ -130,16 +130,16 @@ def _simulate_multibody(
         result = run_joint(point, needles, method, samples, *numerics)
         outcome[i], detail[i] = result.outcome, result.detail
         work[:, i] = result.steps, result.force_evaluations
-        if result.groove_thrust is None:
+        if result.readings is None:
             continue
-        for name, values in _answer(result, keep).items():
+        for name, values in _answer(result.readings, keep).items():
             if name not in outputs:
                 outputs[name] = Values(values.dims, np.full((count, *values.data.shape[1:]), np.nan))
             outputs[name].data[i] = values.data[0]
     return BlockResult(outputs, {}, outcome, detail, work[0], work[1])
 
 
-def _answer(result: JointRun, keep: Collection[str]) -> dict[str, Values]:
+def _answer(result: Readings, keep: Collection[str]) -> dict[str, Values]:
     """Outputs of one run, with a leading dimension of one point."""
     outputs = thrust_outputs(result.groove_thrust[None], keep)
     others = {

@@ -53,7 +53,7 @@ def _shafts(build: JointBuild) -> tuple[list[Body], list[Spherical | Revolute | 
         Body("space", mass, (inertia, inertia, inertia), angular_velocity=(0.0, 0.0, -speed), locked=(True,) * 6),
     ]  # fmt: skip
     half = vector(-build.spider_in_shaft)
-    constraints = [
+    constraints: list[Spherical | Revolute | Universal] = [
         Revolute("space", "output", vector(end), axis_a=vector(axis)),
         Universal("output", "shaft", point_b=half, axis_a=(0.0, 1.0, 0.0), axis_b=(1.0, 0.0, 0.0)),
     ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -50,26 +51,26 @@ def needle_contacts(build: JointBuild, k: int, j: int) -> list[SphereRow]:
     count = int(values["needle_count"])
     name, roller, radius = f"needle {k + 1}.{j + 1}", f"roller {k + 1}", build.needle_radius
     axis, length = build.trunnion_axis(k), values["needle_length_mm"]
-    along = {"axis": (0.0, 0.0, 1.0), "length": length, "count": int(values["spheres_per_needle"]),
-             "crown": values["needle_crown_um"]}  # fmt: skip
-    law = {"stiffness": build.needle_stiffness, "exponent": _EXPONENT,
-           "damping": values["contact_damping_s_per_mm"]}  # fmt: skip
+
+    def row(surface: Cylinder | Plane, friction: Friction, **shape: Any) -> SphereRow:
+        return SphereRow(
+            name, surface, stiffness=build.needle_stiffness, exponent=_EXPONENT,
+            damping=values["contact_damping_s_per_mm"], friction=friction, **shape,
+        )  # fmt: skip
+
+    line = {"radius": radius, "axis": (0.0, 0.0, 1.0), "length": length, "count": int(values["spheres_per_needle"]),
+            "crown": values["needle_crown_um"]}  # fmt: skip
     trunnion = Cylinder("shaft", build.trunnion_radius, vector(build.spider_in_shaft), vector(axis))
     bore = Cylinder(roller, build.bore_radius, axis=(0.0, 0.0, 1.0), concave=True)
-    rows = [
-        SphereRow(name, trunnion, radius, friction=build.needle[0], **along, **law),
-        SphereRow(name, bore, radius, friction=build.needle[1], **along, **law),
-    ]
+    rows = [row(trunnion, build.needle[0], **line), row(bore, build.needle[1], **line)]
     if count > 1:
         after = Cylinder(f"needle {k + 1}.{(j + 1) % count + 1}", radius, axis=(0.0, 0.0, 1.0))
-        rows.append(SphereRow(name, after, radius, friction=build.needle_end, **along, **law))
+        rows.append(row(after, build.needle_end, **line))
     reach = (length + values["needle_axial_clearance_mm"]) / 2
     for side in (-1.0, 1.0):
         stop = build.spider_in_shaft + (build.ring_distance + side * reach) * axis
         plane = Plane("shaft", vector(stop), vector(-side * axis))
-        rows.append(SphereRow(
-            name, plane, 0.0, centre=(0.0, 0.0, side * length / 2), friction=build.needle_end, **law
-        ))  # fmt: skip
+        rows.append(row(plane, build.needle_end, radius=0.0, centre=(0.0, 0.0, side * length / 2)))
     return rows
 
 

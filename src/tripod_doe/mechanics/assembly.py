@@ -214,6 +214,7 @@ def _contact_table(scene: parts.Scene, names: dict[str, int]) -> NDArray[np.void
             row[name] = getattr(friction, name)
             row[f"{name}_transition"] = getattr(friction, f"{name}_transition")
         row["lever"] = friction.lever
+    table["first"] = np.cumsum(table["groups"]) - table["groups"]
     return table
 
 
@@ -336,20 +337,6 @@ def _core(scene: parts.Scene, names: dict[str, int]) -> set[int]:
     return core
 
 
-def _within(contacts: NDArray[np.void], core: set[int]) -> NDArray[np.bool_]:
-    """Whether both bodies of a contact belong to the core, or are the ground."""
-    bodies = sorted(core | {0})
-    within: NDArray[np.bool_] = np.isin(contacts["body_a"], bodies) & np.isin(contacts["body_b"], bodies)
-    return within
-
-
-def _core_last(contacts: NDArray[np.void], core: set[int]) -> NDArray[np.void]:
-    """Sort the contacts within the core behind the others, and number the groups of spheres."""
-    ordered: NDArray[np.void] = contacts[np.argsort(_within(contacts, core), kind="stable")]
-    ordered["first"] = np.cumsum(ordered["groups"]) - ordered["groups"]
-    return ordered
-
-
 def assemble(scene: parts.Scene) -> Assembly:
     """Check a scene and turn it into tables.
 
@@ -365,9 +352,9 @@ def assemble(scene: parts.Scene) -> Assembly:
         raise InputError(f"bodies named twice: {', '.join(twice)}")
     bodies = _body_table(scene)
     core = _core(scene, index)
-    elements = _core_last(_contact_table(scene, index), core), _spring_table(scene, index), _bearing_table(scene, index)
+    elements = _contact_table(scene, index), _spring_table(scene, index), _bearing_table(scene, index)
     pattern = elimination_pattern(bodies["block"], elements, core)
-    tables = _tables(scene, bodies, elements, core, pattern)
+    tables = _tables(scene, bodies, elements, pattern)
     rows = _constraint_rows(scene, index, Assembly(scene, names, tables).initial_state())
     return Assembly(scene, names, tables._replace(rows=rows))
 
@@ -376,12 +363,10 @@ def _tables(
     scene: parts.Scene,
     bodies: NDArray[np.void],
     elements: tuple[NDArray[np.void], NDArray[np.void], NDArray[np.void]],
-    core: set[int],
     pattern: Pattern,
 ) -> Tables:
-    others = int((~_within(elements[0], core)).sum())
     scales = np.array([scene.length_scale, scene.speed_scale, scene.rotation_scale, scene.time_scale])
     return Tables(
         bodies, *elements, np.zeros(0, CONSTRAINT_ROW), np.array(scene.gravity, float),
-        np.array(scene.frame, float), scales, np.flatnonzero(bodies["block"] >= 0), pattern, others,
+        np.array(scene.frame, float), scales, np.flatnonzero(bodies["block"] >= 0), pattern,
     )  # fmt: skip

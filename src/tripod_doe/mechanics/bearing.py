@@ -43,7 +43,7 @@ import numpy as np
 
 from tripod_doe.mechanics import laws
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
-from tripod_doe.mechanics.contact import add_pair
+from tripod_doe.mechanics.pairs import add_pair
 from tripod_doe.mechanics.rotations import add, cross, dot, load_attitude, load_vector, rotate, scale, subtract
 
 __all__ = ["bearing_compression", "bearing_forces", "bearing_matrices"]

@@ -260,14 +260,13 @@ def _mix(p, a, q, b):
 
 
 @inlined_kernel
-def _add_row(block, i, a, b, c, x, y, z, twist):
-    """Add to row i of a block the sums over the spheres of a x + b y + c z, and of three more for the rotations."""
-    sums = row_of_sums(
+def _sums(a, b, c, x, y, z, twist):
+    """One row of a x + b y + c z, summed over the spheres, with three more for the rotations."""
+    return row_of_sums(
         a * x[0] + b * y[0] + c * z[0], a * x[1] + b * y[1] + c * z[1], a * x[2] + b * y[2] + c * z[2],
         a * x[3] + b * y[3] + c * z[3] + twist[0], a * x[4] + b * y[4] + c * z[4] + twist[1],
         a * x[5] + b * y[5] + c * z[5] + twist[2],
     )  # fmt: skip
-    store(block, i, load(block, i) + sums)
 
 
 @inlined_kernel
@@ -307,13 +306,13 @@ def _add_derivatives(contact, spheres, motion, acting, secant, by_velocity, by_p
     twist_b = add(scale(tb, s.tangent), scale(bb, s.binormal))
     twist_n = scale(nn, s.normal)
     still = (0.0, 0.0, 0.0)
-    _add_row(block, 0, across[0], along[0], pull[0], x, y, z, still)
-    _add_row(block, 1, across[1], along[1], pull[1], x, y, z, still)
-    _add_row(block, 2, across[2], along[2], pull[2], x, y, z, still)
+    store(block, 0, load(block, 0) + _sums(across[0], along[0], pull[0], x, y, z, still))
+    store(block, 1, load(block, 1) + _sums(across[1], along[1], pull[1], x, y, z, still))
+    store(block, 2, load(block, 2) + _sums(across[2], along[2], pull[2], x, y, z, still))
     twists = (twist_t, twist_b, twist_n)
-    _add_row(block, 3, across[3], along[3], pull[3], x, y, z, _twist(s, 0, twists))
-    _add_row(block, 4, across[4], along[4], pull[4], x, y, z, _twist(s, 1, twists))
-    _add_row(block, 5, across[5], along[5], pull[5], x, y, z, _twist(s, 2, twists))
+    store(block, 3, load(block, 3) + _sums(across[3], along[3], pull[3], x, y, z, _twist(s, 0, twists)))
+    store(block, 4, load(block, 4) + _sums(across[4], along[4], pull[4], x, y, z, _twist(s, 1, twists)))
+    store(block, 5, load(block, 5) + _sums(across[5], along[5], pull[5], x, y, z, _twist(s, 2, twists)))
     return _mix(drop, pull, swing, across)
 
 

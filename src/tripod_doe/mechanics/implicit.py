@@ -12,10 +12,12 @@ from __future__ import annotations
 
 import math
 
-from tripod_doe.mechanics.compilation import kernel
+from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints, factorise_schur, solve_schur
 from tripod_doe.mechanics.elimination import eliminate, reduce_right_side, substitute_back
 from tripod_doe.mechanics.motion import (
+    add_inertia_forces,
+    add_inertia_matrices,
     add_mass_blocks,
     add_mass_product,
     add_momenta,
@@ -23,7 +25,6 @@ from tripod_doe.mechanics.motion import (
     clear,
     copy_vectors,
     larger,
-    linearise,
     linearise_elements,
 )  # fmt: skip
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
@@ -61,7 +62,7 @@ def factorise_system(tables, work, positions):
     return True
 
 
-@kernel
+@inlined_kernel
 def lock_blocks(tables, matrix):
     """Turn the rows of locked components into those of an identity."""
     pattern = tables.pattern
@@ -76,7 +77,7 @@ def lock_blocks(tables, matrix):
                 matrix[pattern.own[row], d, d] = 1.0
 
 
-@kernel
+@inlined_kernel
 def factorise_multipliers(tables, work):
     """Make A^-1 Phi_q^T and the factors of Phi_q A^-1 Phi_q^T; both live in the tail, where all constraints are."""
     pattern, blocks = tables.pattern, work.blocks
@@ -97,7 +98,7 @@ def factorise_multipliers(tables, work):
     factorise_schur(tables.rows, work.jacobian, work.weighted, work.schur, work.pivots)
 
 
-@kernel
+@inlined_kernel
 def scatter(tables, blocks, vectors):
     """Copy rows of the block matrix to bodies; zero for bodies without a row."""
     for i in range(tables.bodies.size):
@@ -106,7 +107,7 @@ def scatter(tables, blocks, vectors):
             vectors[i, d] = blocks[row, d] if row >= 0 else 0.0
 
 
-@kernel
+@inlined_kernel
 def gather(tables, vectors, factor, blocks):
     """Add `factor` times vectors of bodies, shape (body, 6 or more), to the rows of the block matrix."""
     for row in range(tables.body_of_row.size):
@@ -114,7 +115,7 @@ def gather(tables, vectors, factor, blocks):
             blocks[row, d] += factor * vectors[tables.body_of_row[row], d]
 
 
-@kernel
+@inlined_kernel
 def mask(tables, blocks):
     """Set the components of locked velocities to zero."""
     for row in range(tables.body_of_row.size):
@@ -138,7 +139,7 @@ def solve_unconstrained(tables, work, out):
     scatter(tables, work.blocks, out)
 
 
-@kernel
+@inlined_kernel
 def solve_tail(tables, work, wanted):
     """Solve for the bodies of the tail, under the constraints, with `work.blocks` reduced through all before it.
 
@@ -188,7 +189,7 @@ def solve_system(tables, work, wanted, out):
     scatter(tables, work.blocks, out)
 
 
-@kernel
+@inlined_kernel
 def _displace(tables, start, base, reach, velocities, displacement, positions):
     """Positions at base + reach times the rate of displacement from `start`."""
     for i in range(tables.bodies.size):
@@ -200,7 +201,7 @@ def _displace(tables, start, base, reach, velocities, displacement, positions):
         move(start[i], displacement[i], positions[i])
 
 
-@kernel
+@inlined_kernel
 def largest_correction(tables, correction, failure):
     """Largest correction of a velocity relative to the scene's scales; notes its body in `failure`."""
     worst = 0.0
@@ -251,10 +252,10 @@ def solve_stage(
     for _ in range(iterations):
         work.counters[5] += 1
         _displace(tables, start, base, reach, velocities, displacement, positions)
-        if before.size == 0:
-            linearise_elements(tables, work, positions, velocities, share, factor, factor * reach, work.matrix)
-        else:
-            linearise(tables, work, positions, velocities, share, factor, factor * reach, work.matrix)
+        linearise_elements(tables, work, positions, velocities, share, factor, factor * reach, work.matrix)
+        if before.size > 0:
+            add_inertia_forces(tables, work, positions, velocities)
+            add_inertia_matrices(tables, positions, velocities, factor, work.matrix)
         if tables.rows.size > 0:
             evaluate_constraints(
                 tables.rows, positions, velocities, time, work.phi, work.phi_t, work.gamma, work.jacobian

@@ -1,9 +1,8 @@
 """Eight numbers at a time: a value type of kernels that is one AVX-512 register, or whatever the machine has instead.
 
 Arithmetic on lanes reads like that on floats, and floats mix with it, so that laws and vector formulas are written
-once for both. The compiler's own vectorisation of loops over eight was tried: it is three to five times slower on
-products of blocks. Products and sums of lanes may be contracted to fused operations; everything else follows IEEE 754,
-NaN included.
+once for both. It follows IEEE 754, without contraction (which gains nothing), so that what is symmetric cancels. The
+compiler's own vectorisation of loops over eight was tried: it is three to five times slower on products of blocks.
 """
 
 from __future__ import annotations
@@ -22,7 +21,6 @@ __all__ = ["WIDTH", "load", "pick", "ramp", "replace", "root_guess", "row", "row
 WIDTH = 8
 _DOUBLE, _INTEGER, _INDEX = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
 _VECTOR = ir.VectorType(_DOUBLE, WIDTH)
-_FLAGS = ("contract",)
 
 
 class Lanes(types.Type):
@@ -75,7 +73,6 @@ def _call(builder: Any, name: str, result: Any, *arguments: Any) -> Any:
 def _define(function: Any, count: int, result: Any, make: Any) -> None:
     """Let a function of Python take lanes: `count` arguments of which one or more are lanes, the others floats."""
     mixtures = [(LANES,)] if count == 1 else [(LANES, LANES), (LANES, types.float64), (types.float64, LANES)]
-
     cases = [signature(result, *kinds) for kinds in mixtures]
     infer_global(function)(type("Mixtures", (ConcreteTemplate,), {"cases": cases}))
     for kinds in mixtures:
@@ -87,7 +84,7 @@ def _define(function: Any, count: int, result: Any, make: Any) -> None:
 
 
 def _pairwise(name: str) -> Any:
-    return lambda builder, a, b: getattr(builder, name)(a, b, flags=_FLAGS)
+    return lambda builder, a, b: getattr(builder, name)(a, b)
 
 
 def _comparison(sign: str) -> Any:

@@ -24,8 +24,9 @@ from tripod_doe.mechanics.rotations import (
 )  # fmt: skip
 
 __all__ = [
-    "accelerate", "add_inertia_forces", "add_mass_blocks", "add_mass_product", "add_momenta", "add_reaction_power", "clear", "constraint_rate",
-    "copy_vectors", "evaluate", "generalized_forces", "kinetic_energy", "larger", "linearise", "linearise_elements", "project_positions",
+    "accelerate", "add_inertia_forces", "add_inertia_matrices", "add_mass_blocks", "add_mass_product",
+    "add_momenta", "add_reaction_power", "clear", "constraint_rate", "copy_vectors", "evaluate",
+    "generalized_forces", "kinetic_energy", "larger", "linearise", "linearise_elements", "project_positions",
     "project_velocities", "settle", "velocity_at_rest",
 ]  # fmt: skip
 
@@ -156,7 +157,7 @@ def generalized_forces(tables, work, positions, velocities):
     add_inertia_forces(tables, work, positions, velocities)
 
 
-@kernel
+@inlined_kernel
 def linearise(tables, work, positions, velocities, secant, by_velocity, by_position, matrix):
     """Evaluate Q as `generalized_forces` does, and by_velocity D + by_position K with D = -dQ/dv and K = -dQ/dq.
 
@@ -171,7 +172,7 @@ def linearise(tables, work, positions, velocities, secant, by_velocity, by_posit
     """
     linearise_elements(tables, work, positions, velocities, secant, by_velocity, by_position, matrix)
     add_inertia_forces(tables, work, positions, velocities)
-    _add_inertia_matrices(tables, positions, velocities, by_velocity, matrix)
+    add_inertia_matrices(tables, positions, velocities, by_velocity, matrix)
 
 
 @kernel
@@ -184,7 +185,7 @@ def linearise_elements(tables, work, positions, velocities, secant, by_velocity,
     _add_elements(tables, work, positions, velocities, secant, by_velocity, by_position, matrix)
 
 
-@kernel
+@inlined_kernel
 def _add_elements(tables, work, positions, velocities, secant, by_velocity, by_position, matrix):
     """Evaluate all forces and the ledger and add, unless both factors are zero, what elements have of D and K."""
     force, ledger, frame = work.force, work.ledger, load_vector(tables.frame, 0)
@@ -228,7 +229,7 @@ def add_inertia_forces(tables, work, positions, velocities):
 
 
 @kernel
-def _add_inertia_matrices(tables, positions, velocities, by_velocity, matrix):
+def add_inertia_matrices(tables, positions, velocities, by_velocity, matrix):
     """Add the derivatives of the inertia forces by the velocities, column by column."""
     frame = load_vector(tables.frame, 0)
     for i in range(tables.bodies.size):
@@ -287,7 +288,7 @@ def _divide_by_mass(body, position, force, start, out):
         out[3 + d] = body.free[3 + d] * turned[d]
 
 
-@kernel
+@inlined_kernel
 def add_mass_product(tables, positions, vectors, factor, out):
     """Add `factor` times M(q) times vectors to out, row by row of the block matrix.
 
@@ -308,7 +309,7 @@ def add_mass_product(tables, positions, vectors, factor, out):
             out[body.block, 3 + d] += factor * momentum[d]
 
 
-@kernel
+@inlined_kernel
 def add_mass_blocks(tables, positions, matrix):
     """Add M(q) to the diagonal blocks of a block matrix."""
     for i in range(tables.bodies.size):
@@ -347,7 +348,7 @@ def constraint_rate(row, jacobian, vectors):
     return total
 
 
-@kernel
+@inlined_kernel
 def add_reaction_power(tables, work, positions, velocities, factor):
     """Add to the ledger what reactions put in: the power of a drive, and of locked velocities that a joint pulls at.
 

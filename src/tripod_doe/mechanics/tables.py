@@ -185,7 +185,6 @@ class Tables(NamedTuple):
     scales: FloatArray  # length, speed, angular velocity, time
     body_of_row: IntArray
     pattern: Pattern
-    core_contacts: int  # first of the contacts whose two bodies are of the tail or the ground
 
 
 class Work(NamedTuple):

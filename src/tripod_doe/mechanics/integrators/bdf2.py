@@ -1,8 +1,8 @@
 """The two-step backward differentiation formula with secant iterations: second order, L-stable.
 
 p = (4 p_n - p_(n-1)) / 3 + (2 h / 3) Q(q, u) for the momenta, and the same for displacements counted from q_n, where
-the attitude at t_(n-1) enters as its rotation vector from that at t_n. The first step is one of implicit Euler, whose error of second
-order in h is made once.
+the attitude at t_(n-1) enters as its rotation vector from that at t_n. The first step is one of implicit
+Euler, whose error of second order in h is made once.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         copy_vectors(start, old_positions)
         copy_vectors(velocities, old_velocities)
         if not solve_stage(
-            tables, work, start, base, work.stages[4, :0], factor, factor, time, settings.iterations, settings.correction,
-            positions, velocities,
+            tables, work, start, base, work.stages[4, :0], factor, factor, time,
+            settings.iterations, settings.correction, positions, velocities,
         ):  # fmt: skip
             return DIVERGED
         clock[1] = step

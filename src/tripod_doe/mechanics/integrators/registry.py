@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from tripod_doe.mechanics.integrators import (
+    adaptive_euler,
     bdf2,
     generalized_alpha,
     implicit_euler,
@@ -11,7 +12,6 @@ from tripod_doe.mechanics.integrators import (
     rosenbrock,
     scipy_oracle,
     symplectic_euler,
-    adaptive_euler,
 )  # fmt: skip
 from tripod_doe.mechanics.integrators.contract import Method
 
