@@ -252,7 +252,8 @@ def _check_schema(study: Study, cube: xr.Dataset) -> None:
         missing = [dim for dim in output.dims if dim not in cube.coords]
         if missing:
             raise CubeError(f"{name}: no labels along {', '.join(missing)}")
-        if not bool(np.isfinite(cube[name].where(finished, 0)).all()):
+        given = finished & cube[name].notnull().any(output.dims) if output.optional else finished
+        if not bool(np.isfinite(cube[name].where(given, 0)).all()):
             raise CubeError(f"{name}: a finished point is not finite")
 
 
