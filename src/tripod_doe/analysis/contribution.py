@@ -109,14 +109,15 @@ class _Projections:
     def __call__(self, combination: int) -> FloatArray:
         """P of one combination, shape (operating point, own dimensions)."""
         square = np.where(self.weak, np.nan, self.total) ** 2
-        projected: FloatArray = 100 * (self._amplitudes(combination) * self._reference.conj()).real / square
-        return projected + 0.0  # no -0
+        projected: FloatArray = 100 * (self._amplitudes(combination) * self._reference.conj()).real / square + 0.0
+        return projected  # the 0 added makes -0 a 0
 
 
 def _largest(values: ComplexArray) -> FloatArray:
     """Largest magnitude of each point over its own dimensions, zero where it has none."""
-    magnitude = np.nan_to_num(np.abs(values).reshape(len(values), -1))
-    return magnitude.max(axis=1, initial=0.0)
+    magnitude: FloatArray = np.nan_to_num(np.abs(values).reshape(len(values), -1))
+    largest: FloatArray = magnitude.max(axis=1, initial=0.0)
+    return largest
 
 
 def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None = None) -> xr.Dataset:

@@ -68,7 +68,7 @@ class DesignTable(_Table):
     table: str | None = Field(None, description="CSV file with a column a factor, relative to the study file")
     constraints: list[str] = Field([], description="conditions on the factors that every point must meet")
     combinations: Literal["all", "single"] = Field(
-        "all", description="ablation: all combinations of the switches, or single: all on, none, each off alone, each on alone"
+        "all", description="ablation: all combinations of the switches, or single: all on, none, each off, each alone"
     )  # fmt: skip
     of: list[str] = Field([], description="product: names of the sub-designs [design.NAME]")
     factors: list[str] | None = Field(
