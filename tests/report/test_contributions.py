@@ -133,6 +133,8 @@ def test_bars_of_several_operating_points_and_ranges_in_the_table(make_cube):
     assert {"5 deg", "10 deg"} <= {text.split("</text>")[0].split(">")[-1] for text in chart.svg().split("<text")[1:]}
     assert len(chart.data) == 4
     assert " to " in share_rows(third)[1][2][1]
+    assert third.like_paper.tolist() == [False, True]
+    assert ", at 10 deg, closest to those by switching off" in contribution_findings(third)[1]
     assert make_page(cube, {"c": contribution_shares(cube)}).count("at 2 operating points") >= 2
 
 
@@ -141,7 +143,7 @@ def test_a_function_has_no_paper_column(uneven):
     heads, rows, below = share_rows(part)
     assert heads[-1] == "Shapley value"
     assert [row[0] for row in rows] == ["x", "z"]
-    assert not any("printed" in row[0] for row in below)
+    assert not any("paper" in row[0] for row in below)
     assert part.what == "y"
     assert not any("paper" in sentence for sentence in contribution_findings(part) + contribution_notes(part))
     assert "What each mechanism contributes" in make_page(

@@ -66,6 +66,7 @@ class _Operating:
 
     @property
     def count(self) -> int:
+        """Number of operating points."""
         return math.prod(self.shape)
 
 

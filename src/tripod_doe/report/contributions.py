@@ -10,7 +10,7 @@ import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
-from tripod_doe.joint.parameters import MECHANISMS
+from tripod_doe.joint.parameters import JOINT_PARAMETERS, MECHANISMS
 from tripod_doe.report.responses import ORDINALS, factor_label, factor_unit, number, spoken, unit_text, with_unit
 
 __all__ = [
@@ -33,6 +33,7 @@ DEFINITIONS = {"share_off": "switching off", "share_on": "on alone", "share_shap
 PAPER_SHARES = {"groove_spinning": 2.0, "groove_rolling": 5.0, "needle_sliding": 1.0, "needle_rolling": 6.0}
 """Shares of the third order in percent that the paper prints in 3.5; groove sliding is the rest, 86 %."""
 
+_PAPER_POINT = {name: JOINT_PARAMETERS[name].default for name in ("joint_angle_deg", "torque_n_m", "speed_rpm")}
 _PRINTED = 0.05  # percent that still shows in the one digit after the point
 _ALL_OF_IT = 0.5  # percent within which a share by switching off counts as the whole
 
@@ -63,6 +64,8 @@ class Contribution:
         With all mechanisms on, as text with its unit.
     paper
         The paper's shares of it, for each mechanism; None where it gives none.
+    like_paper
+        Which operating points are the paper's in joint angle, torque and speed, as far as these vary.
     missing
         Why there are no shares at all; empty where there are some.
     """
@@ -80,6 +83,7 @@ class Contribution:
     pairs: list[str]
     amplitude: str
     paper: FloatArray | None
+    like_paper: NDArray[np.bool_]
     missing: str
 
     @property
@@ -89,12 +93,13 @@ class Contribution:
         return next((name for name in ("share_shapley", "share_off", "share_on") if name in known), "share_off")
 
     def differences(self) -> dict[str, float]:
-        """Largest difference from the four shares that the paper prints, by definition, in percentage points."""
+        """Largest difference from the four shares that the paper prints, at its operating point, in percentage points."""
         if self.paper is None:
             return {}
         printed = [self.mechanisms.index(name) for name in PAPER_SHARES]
-        known = {name: values[:, printed] for name, values in self.shares.items() if np.isfinite(values).any()}
-        return {name: float(np.nanmax(np.abs(values - self.paper[printed]))) for name, values in known.items()}
+        there = {name: values[np.ix_(self.like_paper, printed)] for name, values in self.shares.items()}
+        known = {name: values for name, values in there.items() if np.isfinite(values).all()}
+        return {name: float(np.abs(values - self.paper[printed]).max()) for name, values in known.items()}
 
 
 def is_contribution(result: xr.Dataset) -> bool:
@@ -126,6 +131,9 @@ def _contribution(name: str, result: xr.Dataset, order: int | None) -> Contribut
     mechanisms = [str(each) for each in points["mechanism"].values]
     amplitude = points["amplitude"].values
     of_paper = order == 3 and output.startswith("thrust_") and set(mechanisms) == set(MECHANISMS)
+    like_paper = np.ones(points.sizes["at"], bool)
+    for factor in set(factors) & set(_PAPER_POINT):
+        like_paper &= points[factor].values == _PAPER_POINT[factor]
     rest = 100 - sum(PAPER_SHARES.values())
     nothing = np.full(points.sizes["at"], np.nan)
     return Contribution(
@@ -141,7 +149,10 @@ def _contribution(name: str, result: xr.Dataset, order: int | None) -> Contribut
         interaction=points["strongest_interaction"].values if "interaction" in points else nothing,
         pairs=[str(pair) for pair in points["strongest_pair"].values] if "interaction" in points else [],
         amplitude=_amplitude(amplitude, unit_text(str(points["amplitude"].attrs.get("units", "1")))),
-        paper=np.array([PAPER_SHARES.get(each, rest) for each in mechanisms]) if of_paper else None,
+        paper=np.array([PAPER_SHARES.get(each, rest) for each in mechanisms])
+        if of_paper and like_paper.any()
+        else None,
+        like_paper=like_paper,
         missing=_why_missing(points),
     )
 
@@ -214,7 +225,7 @@ def share_rows(part: Contribution) -> tuple[list[str], list[list[str]], list[lis
         differences = part.differences()
         below.append(
             [
-                "most off the four printed",
+                "off the paper by at most",
                 *(f"{differences[k]:.1f}" if k in differences else "" for k in part.shares),
             ]
         )
@@ -275,9 +286,11 @@ def _nearest_to_paper(part: Contribution) -> list[str]:
     nearest = min(differences, key=lambda name: differences[name])
     others = [f"{DEFINITIONS[name]}: {value:.1f}" for name, value in differences.items() if name != nearest]
     told = f" ({', '.join(others)})" if others else ""
+    at = [label for label, is_there in zip(part.labels, part.like_paper, strict=True) if is_there]
+    where = f", at {'; '.join(at)}," if any(at) else ""
     printed = ", ".join(f"{spoken(name)} {share:.0f} %" for name, share in PAPER_SHARES.items())
     return [
-        f"The paper's shares of {part.what} ({printed}) are closest to those by {DEFINITIONS[nearest]}: the largest "
+        f"The paper's shares of {part.what} ({printed}) are{where} closest to those by {DEFINITIONS[nearest]}: the largest "
         f"difference is {differences[nearest]:.1f} percentage points"
         f"{told}."
     ]
