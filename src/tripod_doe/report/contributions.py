@@ -93,11 +93,11 @@ class Contribution:
         return next((name for name in ("share_shapley", "share_off", "share_on") if name in known), "share_off")
 
     def differences(self) -> dict[str, float]:
-        """Largest difference from the four shares that the paper prints, at its operating point, in percentage points."""
+        """Largest difference from the four printed shares at the paper's operating point, in percentage points."""
         if self.paper is None:
             return {}
         printed = [self.mechanisms.index(name) for name in PAPER_SHARES]
-        there = {name: values[np.ix_(self.like_paper, printed)] for name, values in self.shares.items()}
+        there = {name: values[self.like_paper][:, printed] for name, values in self.shares.items()}
         known = {name: values for name, values in there.items() if np.isfinite(values).all()}
         return {name: float(np.abs(values - self.paper[printed]).max()) for name, values in known.items()}
 
@@ -216,7 +216,7 @@ def share_rows(part: Contribution) -> tuple[list[str], list[list[str]], list[lis
     below = [
         ["sum", *(span(total) or "not known" for total in sums)],
         ["closure: 100 - sum", *(span(100 - total) or "not known" for total in sums)],
-        ["all off", *([span(part.none) or "not known"] + [""] * (len(sums) - 1))],
+        ["all off, P(none)", *([span(part.none) or "not known"] + [""] * (len(sums) - 1))],
     ]
     if part.paper is not None:
         heads.append("paper, 3.5")
@@ -225,7 +225,7 @@ def share_rows(part: Contribution) -> tuple[list[str], list[list[str]], list[lis
         differences = part.differences()
         below.append(
             [
-                "off the paper by at most",
+                "largest gap to the paper",
                 *(f"{differences[k]:.1f}" if k in differences else "" for k in part.shares),
             ]
         )
@@ -290,9 +290,8 @@ def _nearest_to_paper(part: Contribution) -> list[str]:
     where = f", at {'; '.join(at)}," if any(at) else ""
     printed = ", ".join(f"{spoken(name)} {share:.0f} %" for name, share in PAPER_SHARES.items())
     return [
-        f"The paper's shares of {part.what} ({printed}) are{where} closest to those by {DEFINITIONS[nearest]}: the largest "
-        f"difference is {differences[nearest]:.1f} percentage points"
-        f"{told}."
+        f"The paper's shares of {part.what} ({printed}) are{where} closest to those by {DEFINITIONS[nearest]}: the "
+        f"largest difference is {differences[nearest]:.1f} percentage points{told}."
     ]
 
 
