@@ -9,13 +9,14 @@ import pytest
 import xarray as xr
 
 from tripod_doe.analysis.contribution import ContributionSettings, contribution_shares
-from tripod_doe.analysis.registry import check_analyses
+from tripod_doe.analysis.registry import check_analyses, run_analyses
 from tripod_doe.errors import InputError
 from tripod_doe.results import Outcome
 from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.journal import FinishedBlock
+from tripod_doe.study.query import query, to_frame
 from tripod_doe.study.task import make_task, run_task
 
 FUNCTIONS = """
@@ -205,7 +206,7 @@ def test_operating_points_that_fill_no_grid_are_listed(ablate):
     assert result["share_off"].values == pytest.approx(np.array([[50, 40, 10], [50, 40, 10]]))
 
 
-def test_the_joint_has_all_its_shares(folder):
+def test_the_joint_has_all_its_shares(tmp_path):
     """The effective value's shares are the amplitude's; without groove sliding there is no thrust in this model."""
     text = (
         '[study]\nname = "j"\n[base]\ninitial_skew_1_deg = 0.4\n[design]\nkind = "ablation"\n'
@@ -217,7 +218,11 @@ def test_the_joint_has_all_its_shares(folder):
     keys = point_keys(study, points)
     result, cpu, wall = run_task(make_task(study, points, np.arange(points.count)))
     cube = build_cube(study, points, keys, iter([FinishedBlock(keys, result, cpu, wall, "0")]))[0]
+    assert run_analyses(study, cube, tmp_path) == {"contribution": ""}
+    answer = to_frame(query(tmp_path / "analysis" / "contribution.nc", "share_off", ["order=3"]))
+    assert answer["mechanism"].tolist() == ["groove_sliding", "groove_rolling", "needle_sliding"]
     shares = contribution_shares(cube)
+    assert answer["share_off"].tolist() == shares["share_off"].sel(order=3).values.tolist()
     rms = contribution_shares(cube, ContributionSettings(output="thrust_rms"))
     assert rms["share_shapley"].sel(order=3).values == pytest.approx(shares["share_shapley"].sel(order=3).values)
     assert float(shares["share_off"].sel(mechanism="groove_sliding", order=3)) == pytest.approx(100)

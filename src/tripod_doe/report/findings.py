@@ -57,8 +57,8 @@ def find(cube: xr.Dataset) -> list[str]:
     good, total = int(finished(cube).sum()), int(asked(cube).sum())
     if good == 0:
         return [f"None of {total:,} points finished: {_reasons(cube)}."]
-    sentences = []
-    if (shown := with_all_on(cube)) is cube or bool(finished(shown).any()):
+    sentences, shown = [], with_all_on(cube)
+    if bool(finished(shown).any()):
         sentences = [_dominant_order(shown)] if "thrust_amplitude" in cube else []
         for response in responses(shown):
             sentences.extend(_effects(response, shown))
