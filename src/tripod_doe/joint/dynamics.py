@@ -27,9 +27,13 @@ __all__ = ["JointRun", "Readings", "run_joint"]
 
 FloatArray = NDArray[np.float64]
 
-_LIMITS = Limits(energy=0.5, reversals=1.0, windows=0)
+_LIMITS = Limits(energy=math.inf, reversals=1.0, windows=0)
 """Light needles reverse their slip and lose energy in impacts that no step resolves; neither reaches the thrust. What
 a wrong run shows is its thrust at half the tolerance, and an energy balance that misses half the friction."""
+
+_ENERGY_LIMIT = 0.5
+_LEAST_LOSS = 1e-3
+"""Of the transmitted power; a joint with less friction is measured against that, as in `equilibrium`."""
 
 _ERROR_LIMIT, _ERROR_FLOOR = 0.05, 1e-4
 """Share of the third order, and of |T| / R_p, above which a numerical error makes a run inaccurate."""
@@ -53,8 +57,10 @@ class Readings:
     skew, skew_summary
         Skew of the needle that carries the most, shape (trunnion, 2 x sample), and its mean, least and greatest value
         in every revolution, shape (trunnion, cycle, 3); rad, None without needles.
-    penetration, energy_residual
+    penetration
         See `mechanics.run.Run`.
+    energy_residual
+        Energy that the balance misses over what friction takes, or over a thousandth of the transmitted energy.
     """
 
     groove_thrust: FloatArray
@@ -125,10 +131,13 @@ def run_joint(
     error = _amplitude_error(thrust[:, -(samples // 2) :].sum(0), finer.sum(0), samples, method_named(method).order)
     last = slice(-2 * samples - 1, -1)  # the end of the last revolution is the start of the next one
     two = np.moveaxis(thrust[:, last].reshape(3, 2, samples), 1, 0)
-    outcome, detail = _judge(error, two, values)
+    transmitted = abs(values["torque_n_m"]) * values["speed_rpm"] * cycles * duration
+    turned_over = max(result.energy_turned_over, _LEAST_LOSS * transmitted, 1e-300)
+    residual = result.energy_residual * result.energy_turned_over / turned_over
+    outcome, detail = _judge(error, residual, two, values)
     skew, summary = needle_skews(assembly, result.positions[:-1], values, cycles) if needles else (None, None)
     skew = None if skew is None else skew[:, -2 * samples :]
-    readings = Readings(two, powers[:, last].mean(1), error, skew, summary, result.penetration, result.energy_residual)
+    readings = Readings(two, powers[:, last].mean(1), error, skew, summary, result.penetration, residual)
     return JointRun(outcome, detail, readings, *work)
 
 
@@ -152,8 +161,8 @@ def _amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, order:
     return change / (1 - 0.5**order)
 
 
-def _judge(error: FloatArray, thrust: FloatArray, values: Mapping[str, float]) -> tuple[Outcome, str]:
-    """Whether the third order may be used."""
+def _judge(error: FloatArray, residual: float, thrust: FloatArray, values: Mapping[str, float]) -> tuple[Outcome, str]:
+    """Whether the thrust may be used."""
     angle = 2 * np.pi * np.arange(thrust.shape[-1]) / thrust.shape[-1]
     third = 2 * abs(np.mean(thrust.sum(1) * np.exp(-3j * angle)))
     floor = _ERROR_FLOOR * abs(values["torque_n_m"]) / values["pitch_radius_mm"]
@@ -162,4 +171,6 @@ def _judge(error: FloatArray, thrust: FloatArray, values: Mapping[str, float]) -
     if error[3] > max(_ERROR_LIMIT * third, floor):
         text = f"{error[3]:.3g} N of {third:.3g} N of the third order are numerical error; lower relative_tolerance"
         return Outcome.INACCURATE, text + " or step_s"
+    if not residual <= _ENERGY_LIMIT:
+        return Outcome.INACCURATE, f"the energy balance misses {100 * residual:.3g} % of the power lost to friction"
     return Outcome.FINISHED, ""

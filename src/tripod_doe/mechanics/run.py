@@ -84,6 +84,8 @@ class Run:
         Samples, shapes (sample,), (sample, body, 7), (sample, body, 6), from the start on.
     work
         Time integrals of the power put in and of that lost by sliding, spinning, rolling and damping.
+    energy_turned_over
+        Largest of the change of energy, the work put in and the work lost: what the energy residual is a share of.
     energy_residual, reversals, disagreement, penetration, drift
         The quantities that `Limits` bounds; NaN where they were not found.
     steps, force_evaluations, check_evaluations
@@ -96,6 +98,7 @@ class Run:
     positions: FloatArray
     velocities: FloatArray
     work: FloatArray
+    energy_turned_over: float
     energy_residual: float
     reversals: float
     disagreement: float
@@ -218,7 +221,7 @@ def run(
     outcome, detail = checks.failure or (Outcome.FINISHED, "")
     return Run(
         outcome, detail, np.array(times), np.array(positions), np.array(velocities), memory.balance.copy(),
-        energy, reversals, checks.disagreement, checks.penetration, float(memory.extremes[0]),
+        checks.turned_over, energy, reversals, checks.disagreement, checks.penetration, float(memory.extremes[0]),
         int(memory.counters[3]), int(memory.counters[0]), checks.evaluations,
     )  # fmt: skip
 
