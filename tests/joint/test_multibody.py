@@ -15,10 +15,10 @@ from tripod_doe.joint.posture import GROOVE_ANGLES
 from tripod_doe.joint.readings import groove_readings
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.constraints import evaluate_constraints
+from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.motion import evaluate
 from tripod_doe.mechanics.run import Limits, run
 from tripod_doe.mechanics.scene import GROUND, Body, Fixed
-from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.results import Outcome
 
 UNCHECKED = Limits(energy=np.inf, reversals=1.0, windows=0)
