@@ -14,6 +14,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from tripod_doe.analysis.contribution import contribution_shares
     from tripod_doe.analysis.sensitivity import morris_effects, sobol_indices
     from tripod_doe.errors import CubeError, InputError, StorageError, TripodDoeError
     from tripod_doe.quantities import Output, Parameter
@@ -39,6 +40,7 @@ _HOME = {
     "StorageError": "errors",
     "Study": "study.definition",
     "TripodDoeError": "errors",
+    "contribution_shares": "analysis.contribution",
     "find": "report.findings",
     "load_study": "study.definition",
     "morris_effects": "analysis.sensitivity",
@@ -63,6 +65,7 @@ __all__ = [
     "StorageError",
     "Study",
     "TripodDoeError",
+    "contribution_shares",
     "find",
     "load_study",
     "morris_effects",

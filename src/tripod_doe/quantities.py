@@ -123,6 +123,8 @@ class Output:
         Dimensions a point, for instance ``("groove", "order")``; empty for a scalar.
     angle
         Whether values are angles in degrees that wrap at +-180, so that differences need care.
+    optional
+        Whether some models cannot give it: their points hold NaN although they finished.
     """
 
     name: str
@@ -131,6 +133,7 @@ class Output:
     meaning: str
     dims: tuple[str, ...] = ()
     angle: bool = False
+    optional: bool = False
 
     @property
     def unit_text(self) -> str:

@@ -37,8 +37,15 @@ def test_observed_order_is_the_declared_one(name, reference):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(method.order, abs=0.2)
 
 
-@pytest.mark.parametrize("name", [name for name, method in METHODS.items() if method.controlled])
+@pytest.mark.parametrize("name", [name for name, method in METHODS.items() if method.controlled and method.order > 1])
 def test_tolerance_is_met(name, reference):
     end = _end(METHODS[name], 1, controlled=True, tolerance=1e-8)
     # a tolerance a step, some hundred steps, scales of 1 mm and 20 to 50 in the velocities (here times 1e-3)
     assert np.abs(end - reference).max() < 1e-6
+
+
+def test_the_pace_of_a_scene_follows_its_tolerance(reference):
+    """First order: a tenth of the tolerance is a tenth of the error; steps are 2 tolerance times the time scale of 1."""
+    errors = [np.abs(_end(METHODS["adaptive-euler"], 1, controlled=True, tolerance=t) - reference).max()
+              for t in (1e-6, 1e-7)]  # fmt: skip
+    assert errors[0] / errors[1] == pytest.approx(10.0, rel=0.2)

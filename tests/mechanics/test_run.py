@@ -73,7 +73,7 @@ def test_pendulum_by_every_method(method):
     reference = run(assemble(pendulum()), "rk4", 1.0, step=1e-3).positions[-1, 1, :2]
     # first order: half a step times the acceleration of up to 3 g, and what the second follows from
     errors = {1: 6e-3, 2: 2e-5, 3: 1e-6, 4: 1e-10}
-    settings = Settings(tolerance=1e-8)
+    settings = Settings(tolerance=1e-8 if METHODS[method].order > 1 else 1e-4)
     result = run(assemble(pendulum()), method, 1.0, step=2.5e-4, settings=settings)
     assert result.outcome == Outcome.FINISHED, result.detail
     np.testing.assert_allclose(result.positions[-1, 1, :2], reference, atol=errors[METHODS[method].order])

@@ -40,6 +40,24 @@ outputs = ["thrust_amplitude", "thrust_phase_deg", "largest_penetration_um"]
 """
 
 
+ABLATION = """
+[study]
+name = "ablation"
+[factors]
+joint_angle_deg = {values = [5, 10]}
+[design]
+kind = "product"
+of = ["angle", "switches"]
+[design.angle]
+factors = ["joint_angle_deg"]
+[design.switches]
+kind = "ablation"
+factors = ["groove_sliding", "groove_rolling"]
+[keep]
+outputs = ["thrust_amplitude", "thrust_phase_deg"]
+"""
+
+
 def cube_of(text, blocks=1):
     study = parse_study(text)
     points = make_points(study)
@@ -51,13 +69,14 @@ def cube_of(text, blocks=1):
     return build_cube(study, points, keys, iter(finished))
 
 
-@pytest.mark.parametrize("kind", ["grid", "sampled", "analysis", "cost"])
+@pytest.mark.parametrize("kind", ["grid", "sampled", "ablation", "sobol", "contribution", "cost"])
 def test_cubes_conform_to_cf(tmp_path, kind):
     """The checker's own verdict, CF 1.8; every file kind that a run writes."""
-    cube, cost = cube_of(GRID if kind == "grid" else SAMPLED)
-    if kind == "analysis":
+    cube, cost = cube_of({"grid": GRID, "ablation": ABLATION, "contribution": ABLATION}.get(kind, SAMPLED))
+    if kind in ("sobol", "contribution"):
         attrs = {key: cube.attrs[key] for key in ("Conventions", "title", "institution", "source", "references")}
-        cube = td.sobol_indices(cube).assign_attrs(attrs | {"history": "made by a test"})
+        analysis = td.sobol_indices if kind == "sobol" else td.contribution_shares
+        cube = analysis(cube).assign_attrs(attrs | {"history": "made by a test"})
     path = tmp_path / "cube.nc"
     write_dataset((cost if kind == "cost" else cube).assign_attrs(history="made by a test"), path)
     report = tmp_path / "report.json"

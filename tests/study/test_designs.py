@@ -169,3 +169,74 @@ def test_table_errors_name_line_and_column(tmp_path):
 def test_shipped_studies_make_points():
     for path in __import__("pathlib").Path("studies").glob("*.toml"):
         assert make_points(load_study(path)).count > 1
+
+
+SWITCHES = ["groove_sliding", "groove_spinning", "groove_rolling", "needle_sliding", "needle_rolling"]
+
+
+def test_an_ablation_switches_all_mechanisms_in_all_combinations():
+    points = points_of('[design]\nkind = "ablation"')
+    assert points.dims == ("point",)
+    assert list(points.columns) == SWITCHES
+    rows = list(zip(*points.columns.values(), strict=True))
+    assert len(rows) == len(set(rows)) == 32
+    assert (rows[0], rows[-1]) == ((1,) * 5, (0,) * 5)
+
+
+def test_a_single_ablation_has_all_none_each_off_and_each_on():
+    points = points_of('[design]\nkind = "ablation"\ncombinations = "single"')
+    rows = list(zip(*points.columns.values(), strict=True))
+    assert [sum(row) for row in rows] == [5, 0] + [4] * 5 + [1] * 5
+    assert len(set(rows)) == 12
+    two = points_of(
+        '[design]\nkind = "ablation"\ncombinations = "single"\nfactors = ["groove_rolling", "needle_rolling"]'
+    )
+    assert list(two.columns) == ["groove_rolling", "needle_rolling"]
+    assert two.count == 4  # with two, off alone is the other on alone
+
+
+def test_an_ablation_takes_its_switches_from_the_factors():
+    points = points_of(
+        '[factors]\nneedle_rolling = {values = [0, 1]}\n[factors.groove_rolling]\n[design]\nkind = "ablation"'
+    )
+    assert list(points.columns) == ["needle_rolling", "groove_rolling"]
+
+
+def test_an_ablation_is_crossed_with_operating_points():
+    text = (
+        "[factors]\njoint_angle_deg = {values = [5, 10]}\ninitial_skew_1_deg = {values = [1, 0]}\n"
+        'initial_skew_2_deg = {values = [-1, 0]}\n[design]\nkind = "product"\nof = ["angle", "switches", "skew"]\n'
+        '[design.angle]\nfactors = ["joint_angle_deg"]\n[design.switches]\nkind = "ablation"\n'
+        '[design.skew]\nkind = "zip"\nfactors = ["initial_skew_1_deg", "initial_skew_2_deg"]'
+    )
+    points = points_of(text)
+    assert points.count == 2 * 32 * 2
+    assert parse_study(HEAD + text).switches == tuple(SWITCHES)
+    assert np.unique(np.stack(list(points.columns.values())), axis=1).shape[1] == 128
+
+
+def test_an_ablation_of_a_function_names_its_arguments(tmp_path):
+    (tmp_path / "ablated.py").write_text("def f(a, b, load):\n    return {'y': load * (a + b)}\n")
+    text = '[study]\nname = "f"\nfunction = "ablated:f"\n[base]\nload = 2\n[design]\nkind = "ablation"\n'
+    points = make_points(parse_study(text + 'factors = ["a", "b"]', folder=tmp_path))
+    assert list(zip(*points.columns.values(), strict=True)) == [(1, 1), (1, 0), (0, 1), (0, 0)]
+    with pytest.raises(InputError, match=r"\[design\]: an ablation needs factors = "):
+        parse_study(text, folder=tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('kind = "ablation"\nfactors = ["groove_sliding", "needle_slidng"]', "did you mean 'needle_sliding'"),
+        ('kind = "ablation"\nfactors = ["joint_angle_deg"]', r"joint_angle_deg is no switch \(those are groove_sliding.*product"),
+        ('kind = "ablation"\n[factors]\ntorque_n_m = {values = [1, 2]}', "torque_n_m is no switch"),
+        ('kind = "ablation"\nfactors = ["needle_rolling"]\n[factors]\ntorque_n_m = {values = [1, 2]}', "torque_n_m is no switch"),
+        ('kind = "ablation"\n[factors]\nneedle_rolling = {values = [1]}', r"needle_rolling.*values = \[0, 1\]"),
+        ('kind = "ablation"\n[base]\nneedle_rolling = 0', "needle_rolling is both a base value and a factor"),
+        ('kind = "ablation"\ncombinations = "some"', "combinations = 'some': input should be 'all' or 'single'"),
+        ('kind = "product"\nof = ["a", "b"]\n[design.a]\nkind = "ablation"\n[design.b]\nkind = "ablation"', "varied by"),
+    ],
+)  # fmt: skip
+def test_ablations_that_cannot_be_made(text, message):
+    with pytest.raises(InputError, match=message):
+        points_of(f"[design]\n{text}")

@@ -10,6 +10,7 @@ from typing import Any
 import xarray as xr
 from pydantic import BaseModel, ValidationError
 
+from tripod_doe.analysis.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analysis.sensitivity import MorrisSettings, SobolSettings, morris_effects, sobol_indices
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.cube import stamp_history, write_dataset
@@ -28,6 +29,8 @@ class Analysis:
         Its settings in [analysis.NAME].
     designs
         Design kinds whose cubes it can read.
+    crossed
+        Whether such a design may also be a part of a product.
     function
         (cube, settings) -> result, both labelled.
     """
@@ -35,13 +38,23 @@ class Analysis:
     settings: type[BaseModel]
     designs: tuple[str, ...]
     function: Callable[[xr.Dataset, Any], xr.Dataset]
+    crossed: bool = False
 
 
 ANALYSES: dict[str, Analysis] = {
     "sobol": Analysis(SobolSettings, ("saltelli",), sobol_indices),
     "morris": Analysis(MorrisSettings, ("morris",), morris_effects),
+    "contribution": Analysis(ContributionSettings, ("ablation",), contribution_shares, crossed=True),
 }
 """Analyses by the kind that study files use."""
+
+
+def _serves(study: Study, analysis: Analysis) -> bool:
+    """Whether the design of a study, or a part of a product, is one that the analysis can read."""
+    design, parts = study.file.design, study.file.designs
+    if design.kind == "product" and analysis.crossed:
+        return any(parts[name].kind in analysis.designs for name in design.of if name in parts)
+    return design.kind in analysis.designs
 
 
 def _settings(study: Study, name: str) -> tuple[Analysis, BaseModel]:
@@ -51,10 +64,11 @@ def _settings(study: Study, name: str) -> tuple[Analysis, BaseModel]:
     if kind not in ANALYSES:
         raise study.fail(where, f"kind = {kind!r}: unknown analysis{near_match(str(kind), ANALYSES)}")
     analysis = ANALYSES[kind]
-    if study.file.design.kind not in analysis.designs:
-        raise study.fail(
-            where, f"{kind} needs a {' or '.join(analysis.designs)} design, this study's is {study.file.design.kind}"
+    if not _serves(study, analysis):
+        wanted = (
+            f"a design of kind {' or '.join(analysis.designs)}{', or a product with one' if analysis.crossed else ''}"
         )
+        raise study.fail(where, f"{kind} needs {wanted}; this study's is {study.file.design.kind}")
     try:
         settings = analysis.settings.model_validate(table)
     except ValidationError as error:
@@ -66,7 +80,7 @@ def _settings(study: Study, name: str) -> tuple[Analysis, BaseModel]:
         raise study.fail(where, f"{key} = {item['input']!r}: {item['msg']}") from error
     for output in getattr(settings, "outputs", ()):
         if study.keep and output not in study.keep:
-            raise study.fail(where, f"outputs: {output!r} is not kept{near_match(output, study.keep)}")
+            raise study.fail(where, f"{output!r} is not kept; add it to the outputs of [keep]")
     return analysis, settings
 
 

@@ -30,16 +30,16 @@ _OUTPUTS = [
     Output("thrust_amplitude_scatter", "N", "", "difference of the thrust amplitude between the last two revolutions",
            _ORDER),
     Output("thrust_amplitude_error", "N", "", "numerical error of the thrust amplitude, from a stretch run again with "
-           "half the tolerance or step", _ORDER),
+           "half the tolerance or step", _ORDER, optional=True),
     Output("groove_thrust_amplitude", "N", "A_k", "amplitude of the rotating orders of the thrust in each groove",
            _GROOVE_ORDER),
     Output("groove_thrust_phase_deg", "degree", "p_k", "phase of the rotating orders of the thrust in each groove",
            _GROOVE_ORDER, angle=True),
     Output("friction_power_w", "W", "P", "mean power lost to each friction mechanism", ("mechanism",)),
     Output("needle_skew_deg", "degree", "psi", "skew of the needle that carries the most at this rotation angle",
-           ("trunnion", "rotation_deg")),
+           ("trunnion", "rotation_deg"), optional=True),
     Output("needle_skew_summary_deg", "degree", "psi", "mean, least and greatest skew in a revolution of the needle "
-           "that carries the most", ("trunnion", "cycle", "statistic")),
+           "that carries the most", ("trunnion", "cycle", "statistic"), optional=True),
     Output("largest_penetration_um", "um", "delta", "largest penetration of any contact"),
     Output("energy_residual", "1", "", "input less output less friction power, over the friction power (or over a "
            "thousandth of the transmitted power, where that is larger)"),

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
+from tripod_doe.report.contributions import contribution_findings, contributions
 from tripod_doe.report.responses import (
     ORDINALS,
     Effect,
@@ -24,6 +25,7 @@ from tripod_doe.report.responses import (
     numeric_factors,
     responses,
     spoken,
+    with_all_on,
     with_unit,
 )
 from tripod_doe.results import Outcome
@@ -55,9 +57,11 @@ def find(cube: xr.Dataset) -> list[str]:
     good, total = int(finished(cube).sum()), int(asked(cube).sum())
     if good == 0:
         return [f"None of {total:,} points finished: {_reasons(cube)}."]
-    sentences = [_dominant_order(cube)] if "thrust_amplitude" in cube else []
-    for response in responses(cube):
-        sentences.extend(_effects(response, cube))
+    sentences, shown = [], with_all_on(cube)
+    if bool(finished(shown).any()):
+        sentences = [_dominant_order(shown)] if "thrust_amplitude" in cube else []
+        for response in responses(shown):
+            sentences.extend(_effects(response, shown))
     if good < total:
         failed = f"{total - good:,} of {total:,} points did not finish: {_reasons(cube)}."
         sentences.insert(0 if good < total / 2 else len(sentences), failed)
@@ -76,9 +80,10 @@ def _dominant_order(cube: xr.Dataset) -> str:
     first, second = (int(mean["order"].values[i]) for i in np.argsort(mean.values)[::-1][:2])
     if float(mean.sel(order=first)) == 0:
         return "The thrust force has no rotating order: all amplitudes are zero."
+    over = " on average over the study" if int(finished(cube).sum()) > 1 else ""
     return (
-        f"The {ORDINALS[first]} carries the thrust force: {number(float(mean.sel(order=first)))} N on average over the "
-        f"study; the next largest is the {ORDINALS[second]} with {number(float(mean.sel(order=second)))} N."
+        f"The {ORDINALS[first]} carries the thrust force: {number(float(mean.sel(order=first)))} N{over}; "
+        f"the next largest is the {ORDINALS[second]} with {number(float(mean.sel(order=second)))} N."
     )
 
 
@@ -91,6 +96,9 @@ def _effects(response: Response, cube: xr.Dataset) -> Iterator[str]:
     low, high, largest = float(values.min()), float(values.max()), float(np.abs(values).max())
     name = response.label if response.key == response.label else f"the {response.label}"
     start = name[0].upper() + name[1:] if response.key != response.label else name
+    if values.size == 1:
+        yield f"{start} is {with_unit(number(high), response.unit)}."
+        return
     if high - low <= _FLAT * largest:
         yield f"{start} is the same at all points: {with_unit(number(high), response.unit)}."
         return
@@ -162,8 +170,8 @@ def _sentence(name: str, start: str, unit: str, cube: xr.Dataset, factor: str, e
 
 
 def find_in_analyses(analyses: Mapping[str, xr.Dataset]) -> list[str]:
-    """Sentences on the strongest factors of each sensitivity analysis, with their confidence intervals."""
-    sentences = []
+    """Sentences on what contributes most, and on the strongest factors of each sensitivity analysis."""
+    sentences = [sentence for part in contributions(analyses) for sentence in contribution_findings(part)]
     for name, result in analyses.items():
         for part in sensitivity_parts(result):
             tell = _sobol_sentence if "ST" in part.indices else _morris_sentence

@@ -14,9 +14,18 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from tripod_doe.errors import InputError, StorageError
-from tripod_doe.report.figures import Chart, effect_charts, index_charts, locus_chart, spectrum_chart, waveform_charts
+from tripod_doe.report.contributions import contribution_notes, contributions, is_contribution, share_rows
+from tripod_doe.report.figures import (
+    Chart,
+    contribution_chart,
+    effect_charts,
+    index_charts,
+    locus_chart,
+    spectrum_chart,
+    waveform_charts,
+)
 from tripod_doe.report.findings import find, find_in_analyses
-from tripod_doe.report.responses import asked, design_kind, factor_names, factor_unit, finished, spoken
+from tripod_doe.report.responses import asked, design_kind, factor_names, factor_unit, finished, spoken, with_all_on
 from tripod_doe.report.tables import (
     cost_rows,
     factor_rows,
@@ -82,19 +91,25 @@ def make_page(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset]) -> str:
         Analyses of it by name.
     """
     total, good = int(asked(cube).sum()), int(finished(cube).sum())
+    shown = with_all_on(cube)
     return _environment().get_template("page.html").render(
         attrs=cube.attrs,
         design=design_kind(cube),
         total=total,
         good=good,
         findings=find(cube),
-        sensitivity=find_in_analyses(analyses),
-        loci=locus_chart(cube),
-        waveforms=waveform_charts(cube),
-        spectrum=spectrum_chart(cube),
-        effects=effect_charts(cube),
+        answers=find_in_analyses(analyses),
+        loci=locus_chart(shown),
+        waveforms=waveform_charts(shown),
+        spectrum=spectrum_chart(shown),
+        effects=effect_charts(shown),
         indices=index_charts(analyses, cube),
-        analyses=list(analyses),
+        contributions=[
+            (part, contribution_notes(part), None if part.missing else (contribution_chart(part), share_rows(part)))
+            for part in contributions(analyses)
+        ],
+        ablation=shown is not cube,
+        analyses=[name for name, result in analyses.items() if not is_contribution(result)],
         outcomes=outcome_counts(cube),
         factor_heads=[(spoken(name), factor_unit(cube, name)) for name in factor_names(cube)],
         failed=failed_points(cube, _MOST_FAILED),

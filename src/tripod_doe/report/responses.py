@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.results import Outcome
-from tripod_doe.study.cube import COST_VARIABLES
+from tripod_doe.study.cube import COST_VARIABLES, SWITCH_ROLE
 
 __all__ = [
     "ORDINALS",
@@ -32,6 +32,7 @@ __all__ = [
     "responses",
     "spoken",
     "unit_text",
+    "with_all_on",
     "with_unit",
 ]
 
@@ -176,6 +177,19 @@ def asked(cube: xr.Dataset) -> xr.DataArray:
     if "outcome_detail" not in cube:
         return xr.ones_like(cube["outcome"], dtype=bool)
     return cube["outcome_detail"] != "excluded by a constraint"
+
+
+def with_all_on(cube: xr.Dataset) -> xr.Dataset:
+    """The points of an ablation with all its switches on, without the switches; any other cube as it is.
+
+    A mean over switched-off mechanisms says nothing of the joint: what it does is shown with all of them on, and what
+    each contributes by the analysis.
+    """
+    switches = [name for name in factor_names(cube) if cube[name].attrs.get("role") == SWITCH_ROLE]
+    if not switches:
+        return cube
+    on = np.all([cube[name].values == 1 for name in switches], axis=0)
+    return cube.isel(point=np.flatnonzero(on)).drop_vars(switches)
 
 
 def factor_names(cube: xr.Dataset) -> list[str]:

@@ -23,7 +23,7 @@ from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.journal import FinishedBlock
 
-__all__ = ["COST_VARIABLES", "build_cube", "open_cube", "read_dataset", "stamp_history", "write_dataset"]
+__all__ = ["COST_VARIABLES", "SWITCH_ROLE", "build_cube", "open_cube", "read_dataset", "stamp_history", "write_dataset"]
 
 COST_VARIABLES = {
     "cpu_seconds": ("s", "CPU time of the point (its share of the block)"),
@@ -32,6 +32,9 @@ COST_VARIABLES = {
     "force_evaluations": ("1", "evaluations of all contact and friction forces"),
 }
 """Units and meanings of the variables of cost.nc; the worker's name stands beside them."""
+
+SWITCH_ROLE = "switch of the ablation"
+"""Attribute ``role`` of the coordinates that an ablation switches, by which an analysis knows them."""
 
 _DIMENSIONS = {
     "rotation_deg": ("degree", "rotation angle of the housing"),
@@ -180,6 +183,8 @@ def _coordinates(study: Study, points: Points, labels: Mapping[str, NDArray[Any]
     coordinates: dict[str, xr.Variable] = {}
     for name, column in points.columns.items():
         attrs = parameter_attributes(study.simulator.parameters[name])
+        if name in study.switches:
+            attrs["role"] = SWITCH_ROLE
         if points.dims == ("point",):
             coordinates[name] = xr.Variable(("point",), column, attrs)
         else:
@@ -252,7 +257,8 @@ def _check_schema(study: Study, cube: xr.Dataset) -> None:
         missing = [dim for dim in output.dims if dim not in cube.coords]
         if missing:
             raise CubeError(f"{name}: no labels along {', '.join(missing)}")
-        if not bool(np.isfinite(cube[name].where(finished, 0)).all()):
+        given = finished & cube[name].notnull().any(output.dims) if output.optional else finished
+        if not bool(np.isfinite(cube[name].where(given, 0)).all()):
             raise CubeError(f"{name}: a finished point is not finite")
 
 

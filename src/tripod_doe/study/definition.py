@@ -23,7 +23,7 @@ __all__ = ["DesignTable", "Factor", "Study", "StudyFile", "canonical", "load_stu
 
 Scalar = Annotated[float | int | str | bool, Field(union_mode="smart")]
 DesignKind = Literal[
-    "grid", "zip", "one-at-a-time", "table", "latin-hypercube", "sobol", "saltelli", "morris", "product"
+    "grid", "zip", "one-at-a-time", "table", "latin-hypercube", "sobol", "saltelli", "morris", "ablation", "product"
 ]  # fmt: skip
 
 
@@ -67,8 +67,13 @@ class DesignTable(_Table):
     second_order: bool = Field(True, description="saltelli: whether the points for second-order indices are added")
     table: str | None = Field(None, description="CSV file with a column a factor, relative to the study file")
     constraints: list[str] = Field([], description="conditions on the factors that every point must meet")
+    combinations: Literal["all", "single"] = Field(
+        "all", description="ablation: all combinations of the switches, or single: all on, none, each off, each alone"
+    )  # fmt: skip
     of: list[str] = Field([], description="product: names of the sub-designs [design.NAME]")
-    factors: list[str] | None = Field(None, description="sub-design: the factors that it varies")
+    factors: list[str] | None = Field(
+        None, description="the factors that a sub-design varies; ablation: its switches, all of the scene unless given"
+    )
 
 
 class KeepTable(_Table):
@@ -141,6 +146,8 @@ class Study:
         Where it came from, for messages.
     folder
         Its folder, from which tables and functions are found.
+    switches
+        Names of the factors that an ablation switches off (0) and on (1); empty for other designs.
     """
 
     file: StudyFile
@@ -152,6 +159,7 @@ class Study:
     text: str
     origin: str
     folder: Path
+    switches: tuple[str, ...] = ()
 
     @property
     def hash(self) -> str:
@@ -186,7 +194,9 @@ def parse_study(text: str, origin: str = "study", folder: Path | None = None) ->
     file = parse_file(text, origin)
     simulator = _at(origin, "[study]", lambda: load_simulator(file.study.scene, file.study.function, str(folder)))
     base = _at(origin, "[base]", lambda: check_parameters(simulator.parameters, file.base))
-    for name in file.factors:
+    switches = _at(origin, "[design]", lambda: _switches(simulator, file))
+    tables = file.factors | {name: FactorTable(values=[0, 1]) for name in switches if name not in file.factors}
+    for name in tables:
         if name not in simulator.parameters:
             known = near_match(name, simulator.parameters)
             raise InputError(f"{origin}: [factors.{name}]: unknown parameter{known}")
@@ -194,11 +204,11 @@ def parse_study(text: str, origin: str = "study", folder: Path | None = None) ->
             raise InputError(f"{origin}: {name} is both a base value and a factor; remove it from [base]")
     factors = {
         name: _at(origin, f"[factors.{name}]", lambda n=name, t=table: _factor(simulator.parameters[n], t))
-        for name, table in file.factors.items()
+        for name, table in tables.items()
     }
     keep = _at(origin, "[keep]", lambda: _kept(simulator, file.keep.outputs))
     _check_run(origin, file.run)
-    study = Study(file, simulator, base, factors, keep, (), text, origin, folder)
+    study = Study(file, simulator, base, factors, keep, (), text, origin, folder, switches)
     levels = {name: factor.values or () for name, factor in factors.items()}
     return replace(study, warnings=tuple(_at(origin, "[base]", lambda: simulator.check(base, levels, keep))))
 
@@ -248,6 +258,33 @@ def _known_keys(path: list[str]) -> list[str]:
         "run": RunTable,
     }  # fmt: skip
     return list((tables[path[0]] if path else StudyFile).model_fields)
+
+
+def _switches(simulator: Simulator, file: StudyFile) -> tuple[str, ...]:
+    """Factors that an ablation of this study switches: those it names, else the study's own, else all of the scene."""
+    alone = file.design.kind != "product"
+    parts = [file.design] if alone else [file.designs[name] for name in file.design.of if name in file.designs]
+    found: list[str] = []
+    for part in parts:
+        if part.kind == "ablation":
+            found += _switches_of(part, simulator.parameters, list(file.factors) if alone else [])
+    return tuple(dict.fromkeys(found))
+
+
+def _switches_of(part: DesignTable, parameters: Mapping[str, Parameter], own: list[str]) -> list[str]:
+    known = [name for name, parameter in parameters.items() if parameter.kind == "switch"]
+    names = part.factors or own or known
+    if not names:
+        raise InputError("an ablation needs factors = [...]: the arguments that take 0 and 1, since none is a switch")
+    for name in [*names, *own]:
+        if name not in parameters:
+            raise InputError(f"factors: unknown parameter {name!r}{near_match(name, known or parameters)}")
+        if name not in (known or names):
+            told = f" (those are {', '.join(known)})" if known else ""
+            raise InputError(
+                f'factors: {name} is no switch{told}; cross the ablation with {name} in a design of kind "product"'
+            )
+    return names
 
 
 def _kept(simulator: Simulator, names: list[str]) -> tuple[str, ...]:

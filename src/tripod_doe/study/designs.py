@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import itertools
 import warnings
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -26,6 +27,7 @@ __all__ = ["Points", "make_points", "point_keys", "salib_problem", "unit_sample"
 Column = NDArray[Any]
 
 _CHUNK = 10_000  # points whose full parameter lists are held at once
+_MOST_SWITCHES = 16  # of which all combinations can still be meant
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,8 @@ def _columns(
         if unknown:
             raise InputError(f"factors: {unknown[0]!r} is not among [factors]{near_match(unknown[0], factors)}")
         factors = {name: factors[name] for name in design.factors}
+    elif design.kind == "ablation":
+        factors = {name: factors[name] for name in study.switches}
     if not factors and design.kind != "table":
         raise InputError("the study has no factors; add [factors.PARAMETER] with values")
     match design.kind:
@@ -110,6 +114,8 @@ def _columns(
             return _one_at_a_time(study, factors)
         case "table":
             return _table(study, design, factors), {}
+        case "ablation":
+            return _ablation(design, factors), {}
         case "product":
             return _product(study, factors)
         case _:
@@ -206,6 +212,26 @@ def _table(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> 
     return columns
 
 
+def _ablation(design: DesignTable, switches: Mapping[str, Factor]) -> dict[str, Column]:
+    """All on first; then every combination, or with none on, with each off alone and with each on alone."""
+    for name, factor in switches.items():
+        if factor.table.model_fields_set and set(factor.values or ()) != {0, 1}:
+            raise InputError(f"[factors.{name}]: an ablation switches between 0 and 1; give values = [0, 1]")
+    count = len(switches)
+    if design.combinations == "all":
+        if count > _MOST_SWITCHES:
+            raise InputError(
+                f"all combinations of {count} switches are {2**count:,} points, more than {_MOST_SWITCHES} make; "
+                'set combinations = "single" or name fewer factors'
+            )
+        rows = list(itertools.product((1, 0), repeat=count))
+    else:
+        alone = [tuple(int(each == on) for each in range(count)) for on in range(count)]
+        without = [tuple(1 - state for state in row) for row in alone]
+        rows = list(dict.fromkeys([(1,) * count, (0,) * count, *without, *alone]))  # two switches: some are the same
+    return {name: _column(factor, (row[at] for row in rows)) for at, (name, factor) in enumerate(switches.items())}
+
+
 def _product(study: Study, factors: Mapping[str, Factor]) -> tuple[dict[str, Column], dict[str, Column]]:
     """Every point of the first sub-design with every point of the next."""
     names, tables = study.file.design.of, study.file.designs
@@ -216,7 +242,7 @@ def _product(study: Study, factors: Mapping[str, Factor]) -> tuple[dict[str, Col
     for name in names:
         if name not in tables:
             raise InputError(f"of: no sub-design [design.{name}]{near_match(name, tables)}")
-        if tables[name].factors is None:
+        if tables[name].factors is None and tables[name].kind != "ablation":
             raise InputError(f"[design.{name}]: give the factors that it varies")
         if tables[name].kind == "product":
             raise InputError(f"[design.{name}]: a product of products is not supported; list all parts in of")

@@ -1,9 +1,18 @@
 """Figures: functions from a cube or an analysis to charts, in one style, each with its numbers."""
 
 from tripod_doe.report.figures.chart import Chart
+from tripod_doe.report.figures.contributions import contribution_chart
 from tripod_doe.report.figures.effects import effect_charts
 from tripod_doe.report.figures.indices import index_charts
 from tripod_doe.report.figures.loci import locus_chart
 from tripod_doe.report.figures.waveforms import spectrum_chart, waveform_charts
 
-__all__ = ["Chart", "effect_charts", "index_charts", "locus_chart", "spectrum_chart", "waveform_charts"]
+__all__ = [
+    "Chart",
+    "contribution_chart",
+    "effect_charts",
+    "index_charts",
+    "locus_chart",
+    "spectrum_chart",
+    "waveform_charts",
+]

@@ -1,0 +1,178 @@
+"""The report of a contribution: shares of every definition, the paper's beside them, and what they mean."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tripod_doe.analysis.contribution import ContributionSettings, contribution_shares
+from tripod_doe.report.contributions import (
+    PAPER_SHARES,
+    contribution_findings,
+    contribution_notes,
+    contributions,
+    share_rows,
+)
+from tripod_doe.report.figures import contribution_chart
+from tripod_doe.report.findings import find
+from tripod_doe.report.page import make_page
+from tripod_doe.results import Outcome
+
+CASE_2 = """
+[study]
+name = "Case 2"
+[base]
+initial_skew_1_deg = 0.4
+initial_skew_2_deg = -0.4
+initial_skew_3_deg = 0.4
+relative_tolerance = 1e-11
+"""
+ABLATION = '[design]\nkind = "ablation"\n[keep]\noutputs = ["thrust_amplitude", "thrust_phase_deg"]\n'
+CROSSED = """
+[factors.joint_angle_deg]
+values = [5, 10]
+[design]
+kind = "product"
+of = ["angles", "switches"]
+[design.angles]
+factors = ["joint_angle_deg"]
+[design.switches]
+kind = "ablation"
+combinations = "single"
+[keep]
+outputs = ["thrust_amplitude", "thrust_phase_deg"]
+"""
+
+
+@pytest.fixture(scope="module")
+def case_2(make_cube):
+    return make_cube(CASE_2 + ABLATION)
+
+
+@pytest.fixture(scope="module")
+def parts(case_2):
+    return contributions({"contribution": contribution_shares(case_2)})
+
+
+@pytest.fixture(scope="module")
+def uneven(make_cube):
+    text = (
+        '[study]\nname = "U"\nfunction = "report_functions:uneven"\n[design]\nkind = "ablation"\nfactors = ["x", "z"]\n'
+    )
+    return make_cube(text)
+
+
+def test_the_paper_s_shares_stand_beside_those_of_the_third_order_only(parts):
+    third, second = parts
+    heads, rows, below = share_rows(third)
+    assert heads == ["Mechanism", "switching off", "on alone", "Shapley value", "paper, 3.5"]
+    assert [row[-1] for row in rows] == ["86 (rest)", "2", "5", "1", "6"]
+    assert all(len(row) == len(heads) for row in [*rows, *below])
+    assert share_rows(second)[0][-1] == "Shapley value"
+
+
+def test_the_paper_s_reading_is_the_definition_with_the_smallest_largest_difference(parts):
+    third = parts[0]
+    expected = {
+        name: max(abs(values[0, third.mechanisms.index(each)] - share) for each, share in PAPER_SHARES.items())
+        for name, values in third.shares.items()
+    }
+    assert third.differences() == pytest.approx(expected)
+    assert min(expected, key=expected.get) == "share_off"
+    assert (
+        f"closest to those by switching off: the largest difference is {expected['share_off']:.1f}"
+        in contribution_findings(third)[1]
+    )
+
+
+def test_the_note_says_that_all_thrust_passes_by_groove_sliding(parts):
+    third, second = parts
+    assert contribution_notes(third)[0].startswith(
+        "All of the third order passes by groove sliding: without it nothing is left."
+    )
+    assert contribution_notes(second)[0].startswith("The second order needs groove sliding and needle sliding together")
+    assert "groove sliding and groove rolling" in contribution_notes(third)[1]
+
+
+def test_closure_and_opponents_are_told(parts):
+    third = parts[0]
+    below = {row[0]: row[1:] for row in share_rows(third)[2]}
+    assert below["closure: 100 - sum"][0] == f"{third.closure[0]:.1f}"
+    assert float(below["closure: 100 - sum"][2]) == 0
+    assert third.shares["share_off"][0, third.mechanisms.index("needle_sliding")] < 0
+    assert "against the sum works needle sliding (-0.5 %)" in contribution_findings(third)[0]
+
+
+def test_the_csv_behind_the_chart_holds_the_shares(parts, read_table):
+    third = parts[0]
+    data = contribution_chart(third).data.set_index("definition")
+    for name, values in third.shares.items():
+        assert (data.loc[name, third.mechanisms].to_numpy(float) == values[0]).all()
+    assert "needle rolling" in contribution_chart(third).svg()
+    assert "paper, 3.5" in contribution_chart(third).svg()
+
+
+def test_the_page_shows_the_joint_with_all_mechanisms_on(case_2):
+    page = make_page(case_2, {"contribution": contribution_shares(case_2)})
+    whole = float(case_2["thrust_amplitude"].isel(point=0).sel(order=3))
+    assert f"carries the thrust force: {whole:.4g} N;" in find(case_2)[0]
+    assert '<section id="contribution">' in page
+    assert 'href="#contribution"' in page
+    assert page.count('class="shares"') == 2
+    assert "This study asks for no sensitivity analysis" in page
+
+
+def test_bars_of_several_operating_points_and_ranges_in_the_table(make_cube):
+    cube = make_cube(CASE_2 + CROSSED)
+    third = contributions({"c": contribution_shares(cube)})[0]
+    assert third.labels == ["5 deg", "10 deg"]
+    assert third.points["joint_angle_deg"].tolist() == [5, 10]
+    assert list(third.shares) == ["share_off", "share_on"]
+    chart = contribution_chart(third)
+    assert "by switching off, at 2 operating points" in chart.caption
+    assert {"5 deg", "10 deg"} <= {text.split("</text>")[0].split(">")[-1] for text in chart.svg().split("<text")[1:]}
+    assert len(chart.data) == 4
+    assert " to " in share_rows(third)[1][2][1]
+    assert third.like_paper.tolist() == [False, True]
+    assert ", at 10 deg, closest to those by switching off" in contribution_findings(third)[1]
+    assert make_page(cube, {"c": contribution_shares(cube)}).count("at 2 operating points") >= 2
+
+
+def test_a_function_has_no_paper_column(uneven):
+    part = contributions({"shares": contribution_shares(uneven, ContributionSettings(output="y"))})[0]
+    heads, rows, below = share_rows(part)
+    assert heads[-1] == "Shapley value"
+    assert [row[0] for row in rows] == ["x", "z"]
+    assert not any("paper" in row[0] for row in below)
+    assert part.what == "y"
+    assert not any("paper" in sentence for sentence in contribution_findings(part) + contribution_notes(part))
+    assert "What each mechanism contributes" in make_page(
+        uneven, {"shares": contribution_shares(uneven, ContributionSettings(output="y"))}
+    )
+
+
+@pytest.mark.parametrize(
+    ("lost", "reason"), [(0, "points that they need did not finish"), (None, "its amplitude is zero")]
+)
+def test_shares_that_cannot_be_told_are_explained(uneven, lost, reason):
+    cube = uneven.copy(deep=True)
+    if lost is None:
+        cube["y"][:] = 0
+    else:
+        cube["outcome"][lost] = Outcome.DIVERGED
+        cube["y"][lost] = np.nan
+    analyses = {"shares": contribution_shares(cube, ContributionSettings(output="y"))}
+    part = contributions(analyses)[0]
+    assert reason in contribution_findings(part)[0]
+    page = make_page(cube, analyses)
+    assert reason in page
+    assert 'class="shares"' not in page
+
+
+def test_one_missing_point_leaves_a_chart_that_says_so(uneven):
+    cube = uneven.copy(deep=True)
+    cube["outcome"][1] = Outcome.DIVERGED
+    part = contributions({"shares": contribution_shares(cube, ContributionSettings(output="y"))})[0]
+    assert "incomplete" in contribution_chart(part).svg()
+    assert share_rows(part)[1][1][1:] == ["not known", f"{100 / 11:.1f}", "not known"]
+    assert contribution_findings(part)
