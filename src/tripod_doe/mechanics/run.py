@@ -49,6 +49,8 @@ class Limits:
     ----------
     energy
         Energy residual over the work lost and the energy turned over.
+    turned_over
+        Energy that counts as turned over even where a motion turns over less.
     reversals
         Share of the steps in which a sphere's slip reversed, for the sphere that did it most.
     disagreement
@@ -64,6 +66,7 @@ class Limits:
     """
 
     energy: float = 0.05
+    turned_over: float = 0.0
     reversals: float = 0.05
     disagreement: float = 0.01
     penetration: float = 0.05
@@ -191,7 +194,7 @@ def run(
     begin_watch(assembly.tables, memory, state.positions, state.velocities, begin)
     if start is None:
         _check_start(assembly, memory, state, limits)
-    checks.initial_energy = _energy(assembly, memory, state)
+    checks.initial_energy, checks.turned_over = _energy(assembly, memory, state), limits.turned_over
     times, positions, velocities = [begin], [state.positions.copy()], [state.velocities.copy()]
     done = 0
     for stop, is_sample in stops:
