@@ -3,9 +3,9 @@
     python benchmarks/joint_methods.py [--model needles|rollers] [--explicit] [--out benchmarks/charts]
 
 Every run is one of `tripod-doe simulate` (four revolutions, warm, one core, with its own checks and error estimate). Errors
-are those of the second and third order of the thrust against adaptive-euler at a tolerance of 2.5e-4, whose own error
-is what BDF2 at 5e-6 s differs by (printed). `--explicit` adds symplectic Euler at 1e-7 s at the reference point, over
-two revolutions, its time doubled; it takes minutes.
+are those of the second and third order of the thrust against adaptive-euler at a tolerance of 2.5e-4; how far that can
+be trusted is what another method at a fine step differs by: BDF2 at 5e-6 s (rollers; with needles it does not converge
+to its tolerance) and, with `--explicit`, symplectic Euler at 1e-7 s at the reference point, which takes minutes.
 """
 
 from __future__ import annotations
@@ -34,7 +34,6 @@ SWEEP = {
     "rosenbrock": ("relative_tolerance", (1e-3,)),
 }
 REFERENCE = {"method": "adaptive-euler", "relative_tolerance": 2.5e-4}
-SECOND_OPINION = {"method": "bdf2", "step_s": 5e-6}
 
 
 def simulate(point, model, **numerics):
@@ -46,26 +45,23 @@ def simulate(point, model, **numerics):
 
 def rows_of(point, model, explicit: bool):
     _, reference, _ = simulate(point, model, **REFERENCE)
-    detail, second, _ = simulate(point, model, **SECOND_OPINION)
-    own = 100 * np.abs(second / reference - 1)
-    print(
-        f"{point}: second {reference[0]:.4f} N, third {reference[1]:.4f} N; bdf2 differs by {own} % {detail}",
-        flush=True,
-    )
+    print(f"{point}: second {reference[0]:.4f} N, third {reference[1]:.4f} N", flush=True)
+    if model == "rollers":
+        yield measured(point, model, reference, "bdf2", step_s=5e-6)
     cases = [(m, name, value) for m, (name, values) in SWEEP.items() for value in values]
     for method, name, value in cases:
-        yield measured(point, model, reference, method, 1.0, **{name: value})
+        yield measured(point, model, reference, method, **{name: value})
     if explicit and point == (10, 50):
-        yield measured(point, model, reference, "symplectic-euler", 2.0, step_s=1e-7, cycles=2)
+        yield measured(point, model, reference, "symplectic-euler", step_s=1e-7)
 
 
-def measured(point, model, reference, method, factor, **numerics):
+def measured(point, model, reference, method, **numerics):
     detail, amplitudes, seconds = simulate(point, model, method=method, **numerics)
     errors = 100 * (amplitudes / reference - 1)
     setting = next(iter(numerics.values()))
-    print(f"{point} {method:24s} {setting:8.1e} {factor * seconds:8.2f} s  second {errors[0]:+7.2f} %  third "
+    print(f"{point} {method:24s} {setting:8.1e} {seconds:8.2f} s  second {errors[0]:+7.2f} %  third "
           f"{errors[1]:+7.3f} %  {detail}", flush=True)  # fmt: skip
-    return (*point, method, setting, factor * seconds, *errors, detail)
+    return (*point, method, setting, seconds, *errors, detail)
 
 
 def chart(rows, out: Path) -> None:

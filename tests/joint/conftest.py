@@ -3,8 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import tripod_doe as td
+from tripod_doe.joint.multibody import build_joint
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_units
 from tripod_doe.joint.scene import scene
+from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.study.simulator import point_columns
 
 
@@ -19,3 +22,37 @@ def internal_points():
         return internal_units({n: c for n, c in full.items() if JOINT_PARAMETERS[n].kind != "choice"})
 
     return make
+
+
+@pytest.fixture(scope="session")
+def joint_values(internal_points):
+    """Parameters of one operating point in internal units."""
+
+    def make(**given):
+        return {name: float(column[0]) for name, column in internal_points(**given).items()}
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def joint_assembly(joint_values):
+    """The assembled scene of one operating point."""
+
+    def make(needles, **given):
+        return assemble(build_joint(joint_values(**given), needles))
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def simulated():
+    """One point by a multibody model as plain arrays by output, with outcome and detail; each is run once."""
+    answers = {}
+
+    def simulate(**given):
+        key = tuple(sorted(given.items()))
+        if key not in answers:
+            answers[key] = td.simulate(**{"model": "rollers", **given})
+        return answers[key]
+
+    return simulate

@@ -49,6 +49,8 @@ class Limits:
     ----------
     energy
         Energy residual over the work lost and the energy turned over.
+    turned_over
+        Energy that counts as turned over even where a motion turns over less.
     reversals
         Share of the steps in which a sphere's slip reversed, for the sphere that did it most.
     disagreement
@@ -64,6 +66,7 @@ class Limits:
     """
 
     energy: float = 0.05
+    turned_over: float = 0.0
     reversals: float = 0.05
     disagreement: float = 0.01
     penetration: float = 0.05
@@ -84,8 +87,6 @@ class Run:
         Samples, shapes (sample,), (sample, body, 7), (sample, body, 6), from the start on.
     work
         Time integrals of the power put in and of that lost by sliding, spinning, rolling and damping.
-    energy_turned_over
-        Largest of the change of energy, the work put in and the work lost: what the energy residual is a share of.
     energy_residual, reversals, disagreement, penetration, drift
         The quantities that `Limits` bounds; NaN where they were not found.
     steps, force_evaluations, check_evaluations
@@ -98,7 +99,6 @@ class Run:
     positions: FloatArray
     velocities: FloatArray
     work: FloatArray
-    energy_turned_over: float
     energy_residual: float
     reversals: float
     disagreement: float
@@ -194,7 +194,7 @@ def run(
     begin_watch(assembly.tables, memory, state.positions, state.velocities, begin)
     if start is None:
         _check_start(assembly, memory, state, limits)
-    checks.initial_energy = _energy(assembly, memory, state)
+    checks.initial_energy, checks.turned_over = _energy(assembly, memory, state), limits.turned_over
     times, positions, velocities = [begin], [state.positions.copy()], [state.velocities.copy()]
     done = 0
     for stop, is_sample in stops:
@@ -221,7 +221,7 @@ def run(
     outcome, detail = checks.failure or (Outcome.FINISHED, "")
     return Run(
         outcome, detail, np.array(times), np.array(positions), np.array(velocities), memory.balance.copy(),
-        checks.turned_over, energy, reversals, checks.disagreement, checks.penetration, float(memory.extremes[0]),
+        energy, reversals, checks.disagreement, checks.penetration, float(memory.extremes[0]),
         int(memory.counters[3]), int(memory.counters[0]), checks.evaluations,
     )  # fmt: skip
 
