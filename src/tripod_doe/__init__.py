@@ -14,6 +14,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from tripod_doe.analysis.comparison import compare, model_point
+    from tripod_doe.analysis.measurement import read_measurement
     from tripod_doe.analysis.sensitivity import morris_effects, sobol_indices
     from tripod_doe.errors import CubeError, InputError, StorageError, TripodDoeError
     from tripod_doe.quantities import Output, Parameter
@@ -39,12 +41,15 @@ _HOME = {
     "StorageError": "errors",
     "Study": "study.definition",
     "TripodDoeError": "errors",
+    "compare": "analysis.comparison",
     "find": "report.findings",
     "load_study": "study.definition",
+    "model_point": "analysis.comparison",
     "morris_effects": "analysis.sensitivity",
     "open_cube": "study.cube",
     "plan": "study.plan",
     "query": "study.query",
+    "read_measurement": "analysis.measurement",
     "run": "workflow.run",
     "simulate": "study.simulate",
     "sobol_indices": "analysis.sensitivity",
@@ -63,12 +68,15 @@ __all__ = [
     "StorageError",
     "Study",
     "TripodDoeError",
+    "compare",
     "find",
     "load_study",
+    "model_point",
     "morris_effects",
     "open_cube",
     "plan",
     "query",
+    "read_measurement",
     "run",
     "simulate",
     "sobol_indices",

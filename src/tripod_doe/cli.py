@@ -1,4 +1,4 @@
-"""The command line: run, plan, query, simulate, report, schema.
+"""The command line: run, plan, query, simulate, report, compare, schema.
 
 Answers go to standard output; progress and messages go to standard error. Exit codes: 0 done, 1 internal error,
 2 wrong call or input (nothing started), 3 done, but something failed that was not expected, 130 interrupted.
@@ -125,6 +125,26 @@ def _parser(arguments: Sequence[str]) -> _Parser:
     report = commands.add_parser("report", help="make the report of a result directory again")
     report.add_argument("directory", metavar="DIR", type=Path, help="result directory")
     report.set_defaults(command=_report, parser=report)
+
+    compare = commands.add_parser("compare", help="lay a measured thrust force over a point of a cube")
+    compare.add_argument("cube", metavar="DIR|CUBE.nc", type=Path, help="result directory or cube")
+    compare.add_argument("measurement", metavar="MEASUREMENT.csv", type=Path,
+                         help="columns thrust_n and rotation_deg, or thrust_n, time_s and tacho")  # fmt: skip
+    compare.add_argument("--select", metavar="NAME=VALUE", action="append", default=[],
+                         help="the value of a factor, so that one point is left; may be repeated")  # fmt: skip
+    compare.add_argument("--nearest", action="store_true", help="take the nearest value where none matches")
+    compare.add_argument("--pulses-per-revolution", metavar="N", type=int, default=1,
+                         help="rising edges of tacho a revolution (default 1)")  # fmt: skip
+    compare.add_argument("--reference-angle", metavar="DEG", type=float,
+                         help="rotation angle of the housing at the first rising edge, or at rotation_deg = 0; "
+                         "the third orders are put in phase unless given")  # fmt: skip
+    compare.add_argument(
+        "--speeds", metavar="LOW:HIGH", help="compare only revolutions with a speed in this range, rpm"
+    )
+    compare.add_argument("--format", choices=("table", "json"), default="table", help="form of the answer")
+    compare.add_argument("--output", metavar="FILE|DIR", type=Path,
+                         help="write a report page: FILE.html, or DIR/index.html with DIR/comparison.nc")  # fmt: skip
+    compare.set_defaults(command=_compare, parser=compare)
 
     schema = commands.add_parser("schema", help="print the JSON schema of study files")
     schema.add_argument("kind", choices=("study",), help="what to describe")
@@ -272,6 +292,33 @@ def _report(options: argparse.Namespace) -> int:
 
     print(write_report(options.directory))
     return DONE
+
+
+def _compare(options: argparse.Namespace) -> int:
+    from tripod_doe.analysis.comparison import compare, model_point
+    from tripod_doe.analysis.measurement import read_measurement
+    from tripod_doe.report.comparison import comparison_json, comparison_text, write_comparison
+    from tripod_doe.study.cube import open_cube
+
+    if options.reference_angle is not None and not math.isfinite(options.reference_angle):
+        raise InputError(f"--reference-angle {options.reference_angle}: must be a finite angle in degrees")
+    point = model_point(open_cube(options.cube), options.select, options.nearest)
+    measurement = read_measurement(options.measurement, options.pulses_per_revolution)
+    comparison = compare(measurement, point, options.reference_angle, _speed_range(options.speeds))
+    print(comparison_json(comparison) if options.format == "json" else comparison_text(comparison))
+    if options.output is not None:
+        print(f"report  {write_comparison(comparison, options.output)}", file=sys.stderr)
+    return DONE
+
+
+def _speed_range(text: str | None) -> tuple[float, float] | None:
+    if text is None:
+        return None
+    try:
+        low, high = (float(end) for end in text.split(":"))
+    except ValueError as error:
+        raise InputError(f"--speeds {text!r}: write two speeds in rpm, LOW:HIGH") from error
+    return low, high
 
 
 def _schema(options: argparse.Namespace) -> int:
