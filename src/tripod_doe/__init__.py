@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from tripod_doe.study.query import query
     from tripod_doe.study.schema import study_schema
     from tripod_doe.study.simulate import simulate
+    from tripod_doe.workflow.chain import WorkflowSummary, run_workflow
+    from tripod_doe.workflow.definition import workflow_schema
     from tripod_doe.workflow.run import RunSummary, run
 
 _HOME = {
@@ -51,9 +53,12 @@ _HOME = {
     "query": "study.query",
     "read_measurement": "analysis.measurement",
     "run": "workflow.run",
+    "run_workflow": "workflow.chain",
     "simulate": "study.simulate",
     "sobol_indices": "analysis.sensitivity",
     "study_schema": "study.schema",
+    "WorkflowSummary": "workflow.chain",
+    "workflow_schema": "workflow.definition",
     "write_report": "report.page",
 }
 
@@ -68,6 +73,7 @@ __all__ = [
     "StorageError",
     "Study",
     "TripodDoeError",
+    "WorkflowSummary",
     "compare",
     "find",
     "load_study",
@@ -78,9 +84,11 @@ __all__ = [
     "query",
     "read_measurement",
     "run",
+    "run_workflow",
     "simulate",
     "sobol_indices",
     "study_schema",
+    "workflow_schema",
     "write_report",
 ]
 

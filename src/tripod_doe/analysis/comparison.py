@@ -3,28 +3,58 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
 from scipy.stats import t as student
 
-from tripod_doe.analysis.measurement import Measurement
+from tripod_doe.analysis.measurement import Measurement, read_measurement
 from tripod_doe.analysis.order_tracking import CELLS, resample, track_orders
 from tripod_doe.errors import InputError
 from tripod_doe.joint.orders import ORDERS, amplitude_and_phase, complex_amplitudes
 from tripod_doe.results import Outcome
 from tripod_doe.study.query import query
 
-__all__ = ["compare", "model_point"]
+__all__ = ["ComparisonSettings", "compare", "compare_file", "model_point"]
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _BEAT = (2, 3, 4)  # the third order and its neighbours, whose sum beats once a revolution (paper 3.3)
 _NOTHING = 1e-9  # part of the largest amplitude below which a model's order has no phase
+
+
+class ComparisonSettings(BaseModel):
+    """Settings of a comparison as a step of a workflow."""
+
+    model_config = ConfigDict(extra="forbid")
+    measurement: str = Field(description="CSV file of the measurement, relative to the workflow file")
+    select: list[str] = Field([], description="name=value of each factor, so that one point is left")
+    nearest: bool = Field(False, description="take the nearest value where none matches")
+    pulses_per_revolution: int = Field(1, ge=1, description="rising edges of tacho a revolution")
+    reference_angle_deg: float | None = Field(None, description="housing's rotation angle at the measurement's zero")
+    speeds_rpm: tuple[float, float] | None = Field(None, description="range of the speeds that are compared")
+    confidence: float = Field(0.95, gt=0, lt=1, description="level of the uncertainties")
+
+
+def compare_file(cubes: Mapping[str, xr.Dataset], settings: ComparisonSettings, folder: Path) -> xr.Dataset:
+    """Compare a measurement's file with a point of the one cube that is given; see `compare`.
+
+    Raises
+    ------
+    InputError
+        If there is not one cube, or point and measurement cannot be compared.
+    """
+    if len(cubes) != 1:
+        raise InputError(f"a comparison needs one study as its input, it has {len(cubes)}")
+    point = model_point(next(iter(cubes.values())), settings.select, settings.nearest)
+    measurement = read_measurement(folder / settings.measurement, settings.pulses_per_revolution)
+    return compare(measurement, point, settings.reference_angle_deg, settings.speeds_rpm, settings.confidence)
 
 
 def model_point(cube: xr.Dataset, select: Sequence[str] = (), nearest: bool = False) -> xr.Dataset:
