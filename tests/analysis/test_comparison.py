@@ -247,6 +247,17 @@ def test_a_model_and_its_own_waveform_agree_exactly():
     assert float(np.abs(only_waveform["amplitude_difference"]).max()) < 1e-11
 
 
+def test_a_model_that_is_not_periodic_is_less_sure():
+    """Two revolutions of the model that differ by 0.3 N: the uncertainty of the difference is at least that."""
+    rotation = np.arange(0.0, 1800)
+    record = Measurement(rotation, Recorder({3: (14.2, -75.0)}).thrust(rotation), None, "zero")
+    scatter = ("order", np.where(np.arange(13) == 3, 0.3, 0.0))
+    sure = compare(record, model({3: (14.0, -75.0)}), 0.0).sel(order=3)
+    unsure = compare(record, model({3: (14.0, -75.0)}).assign(thrust_amplitude_scatter=scatter), 0.0).sel(order=3)
+    assert (int(sure["agrees"]), int(unsure["agrees"])) == (0, 1)
+    assert float(unsure["amplitude_difference_uncertainty"]) == pytest.approx(0.3, rel=1e-6)
+
+
 def spoiled(column, at, value):
     def spoil(table):
         table = table.astype({column: object})
@@ -307,6 +318,9 @@ def test_files_that_are_no_tables_are_told(tmp_path):
     for name in ("empty.csv", "binary.csv"):
         with pytest.raises(td.InputError, match="not a CSV file with one line of column names"):
             read_measurement(tmp_path / name)
+    (tmp_path / "semicolons.csv").write_text("rotation_deg;thrust_n\n1,5;2,5\n3,5;2,5\n")
+    with pytest.raises(td.InputError, match="not separated by commas"):
+        read_measurement(tmp_path / "semicolons.csv")
     (tmp_path / "few.csv").write_text("rotation_deg,thrust_n\n1,2\n")
     with pytest.raises(td.InputError, match="1 samples"):
         track(read_measurement(tmp_path / "few.csv"))

@@ -41,7 +41,7 @@ def comparison(point):
 def test_sentences_say_what_differs_and_what_was_lost(comparison):
     told = find_in_comparison(comparison)
     assert "third order" in told[0]
-    assert "+10 %, more than this uncertainty" in told[0]
+    assert "N (+10 %), beyond its uncertainty" in told[0]
     assert "second order" in told[1]
     assert "the first rising edge of tacho is at a rotation angle of 0 deg" in told[3]
     assert told[4].startswith("The record turns at 3")

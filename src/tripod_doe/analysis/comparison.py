@@ -26,6 +26,7 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _BEAT = (2, 3, 4)  # the third order and its neighbours, whose sum beats once a revolution (paper 3.3)
+_MODEL_OUTPUTS = ("thrust_amplitude", "thrust_phase_deg", "thrust_amplitude_scatter", "thrust")
 _NOTHING = 1e-9  # part of the largest amplitude below which a model's order has no phase
 
 
@@ -72,16 +73,16 @@ def model_point(cube: xr.Dataset, select: Sequence[str] = (), nearest: bool = Fa
     Returns
     -------
     xarray.Dataset
-        thrust_amplitude and thrust_phase_deg (order), thrust(rotation_deg) where the cube has it; the factors as
-        scalar coordinates.
+        thrust_amplitude, thrust_phase_deg and thrust_amplitude_scatter (order), thrust(rotation_deg), as far as the
+        cube has them; the factors as scalar coordinates.
 
     Raises
     ------
     InputError
         If the cube holds no thrust force, the selection leaves none or several points, or the point did not finish.
     """
-    wanted = [name for name in ("thrust_amplitude", "thrust_phase_deg", "thrust") if name in cube]
-    if "thrust" not in wanted and len(wanted) < 2:
+    wanted = [name for name in _MODEL_OUTPUTS if name in cube]
+    if "thrust" not in wanted and not {"thrust_amplitude", "thrust_phase_deg"} <= set(wanted):
         raise InputError(
             "the cube holds neither thrust nor thrust_amplitude with thrust_phase_deg; add them to [keep] outputs and "
             "run the study again"
@@ -119,7 +120,9 @@ def compare(
 
     The measured order is the mean of its complex amplitudes C_k over R revolutions. Its uncertainty is t s/sqrt(R)
     with s their deviation along the mean (amplitude) or across it (phase), and t Student's factor with R - 1 degrees
-    of freedom. The beat's envelope is |sum of C_k exp(i k phi)| over the orders 2, 3, 4 (paper 3.3).
+    of freedom. A model that is not periodic adds the difference between its own last two revolutions,
+    thrust_amplitude_scatter, to the uncertainty of the difference as the root of squares. The beat's
+    envelope is |sum of C_k exp(i k phi)| over the orders 2, 3, 4 (paper 3.3).
 
     Parameters
     ----------
@@ -142,7 +145,7 @@ def compare(
     xarray.Dataset
         Over ``order``: measured_amplitude, model_amplitude, amplitude_difference (measured less model),
         measured_phase_deg, model_phase_deg, phase_difference_deg, their ``_uncertainty`` and ``agrees`` (1 where the
-        model's amplitude lies within the uncertainty). Over ``rotation_deg``: measured_thrust, its deviation
+        amplitudes differ by no more than the uncertainty). Over ``rotation_deg``: measured_thrust, its deviation
         measured_thrust_scatter, model_thrust, measured_envelope with its uncertainty, model_envelope. Over
         ``revolution``: the tracked orders. Phases of orders that cannot be told from zero are NaN.
 
@@ -158,7 +161,8 @@ def compare(
     shift, alignment = _alignment(each.mean(axis=0), model, reference_angle_deg, measurement.zero)
     each = each * np.exp(-1j * np.radians(shift) * ORDERS)
     factor = float(student.ppf((1 + confidence) / 2, each.shape[0] - 1)) / np.sqrt(each.shape[0])
-    variables = _order_variables(each, model, factor)
+    scatter = point["thrust_amplitude_scatter"].values if "thrust_amplitude_scatter" in point else np.zeros(ORDERS.size)
+    variables = _order_variables(each, model, scatter, factor)
     compared = _within(measurement, chosen["revolution"].values)
     variables |= _angle_variables(measurement.rotation_deg + shift, compared, point, each, model, factor)
     values = json.loads(str(point.attrs.get("fixed_parameters", "{}")))
@@ -225,7 +229,7 @@ def _alignment(measured: ComplexArray, model: ComplexArray, reference: float | N
     )
 
 
-def _order_variables(each: ComplexArray, model: ComplexArray, factor: float) -> dict[str, Any]:
+def _order_variables(each: ComplexArray, model: ComplexArray, scatter: FloatArray, factor: float) -> dict[str, Any]:
     """Amplitudes, phases and differences with their uncertainties, over ``order``."""
     mean = each.mean(axis=0)
     amplitude, phase = amplitude_and_phase(mean)
@@ -235,7 +239,7 @@ def _order_variables(each: ComplexArray, model: ComplexArray, factor: float) -> 
     told = (amplitude > np.hypot(along, across)) | (np.maximum(along, across) == 0)
     told &= amplitude > _NOTHING * amplitude.max()
     model_told = model_amplitude > _NOTHING * model_amplitude.max()
-    sure = np.degrees(np.arctan2(across, amplitude))
+    sure, both = np.degrees(np.arctan2(across, amplitude)), np.hypot(along, scatter)
     _, difference = amplitude_and_phase(mean * np.conj(model))
     difference[~(told & model_told)] = np.nan
     phase, sure = np.where(told, phase, np.nan), np.where(told, sure, np.nan)
@@ -244,14 +248,14 @@ def _order_variables(each: ComplexArray, model: ComplexArray, factor: float) -> 
         "measured_amplitude_uncertainty": (along, "N", "its uncertainty from revolution to revolution"),
         "model_amplitude": (model_amplitude, "N", "amplitude of the model"),
         "amplitude_difference": (amplitude - model_amplitude, "N", "measured less model amplitude"),
-        "amplitude_difference_uncertainty": (along, "N", "uncertainty of the difference: that of the measurement"),
+        "amplitude_difference_uncertainty": (both, "N", "uncertainty of the difference, the model's scatter with it"),
         "measured_phase_deg": (phase, "degree", "phase of the measured mean over revolutions"),
         "measured_phase_uncertainty_deg": (sure, "degree", "its uncertainty from revolution to revolution"),
         "model_phase_deg": (np.where(model_told, model_phase, np.nan), "degree", "phase of the model"),
         "phase_difference_deg": (difference, "degree", "measured less model phase, -180 to 180"),
         "phase_difference_uncertainty_deg": (sure, "degree", "uncertainty of the phase difference"),
-        "agrees": ((np.abs(amplitude - model_amplitude) <= along).astype(np.int8), "1",
-                   "1 where the model's amplitude lies within the uncertainty of the measured one"),
+        "agrees": ((np.abs(amplitude - model_amplitude) <= both).astype(np.int8), "1",
+                   "1 where the amplitudes differ by no more than the uncertainty of the difference"),
     }  # fmt: skip
     return {name: ("order", values, _attrs(unit, meaning)) for name, (values, unit, meaning) in rows.items()}
 

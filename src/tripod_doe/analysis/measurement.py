@@ -130,6 +130,8 @@ def _from_table(table: pd.DataFrame, pulses: int) -> Measurement:
 def _column(table: pd.DataFrame, name: str) -> FloatArray:
     if name not in table:
         known = [str(column) for column in table.columns]
+        if len(known) == 1 and (";" in known[0] or "\t" in known[0]):
+            raise InputError("the columns are not separated by commas: write a, b, c with decimal points")
         raise InputError(
             f"no column {name}{near_match(name, known)}; needed are thrust_n and rotation_deg, or thrust_n, time_s and "
             f"tacho; the file has {', '.join(known)}"

@@ -24,6 +24,7 @@ _HEADS = (
 _FORCES = ("measured_amplitude", "model_amplitude", "amplitude_difference")
 _PHASES = ("measured_phase_deg", "model_phase_deg", "phase_difference_deg")
 _MOST_DECIMALS = 6
+_NOTHING = 1e-9  # part of the largest below which a number is rounding
 _SPEED_APART = 0.05  # of the model's speed, from which the reader should know
 
 
@@ -51,22 +52,23 @@ def find_in_comparison(comparison: xr.Dataset) -> list[str]:
 
 
 def _order_sentence(comparison: xr.Dataset, order: int) -> str:
-    row = comparison.sel(order=order)
-    unsure = float(row["measured_amplitude_uncertainty"])
-    model = float(row["model_amplitude"])
-    difference = float(row["amplitude_difference"])
-    measured = _rounded(float(row["measured_amplitude"]), unsure)
-    start = f"The measured {ORDINALS[order]} is {measured} +- {_rounded(unsure, unsure)} N, "
-    verdict = "within this uncertainty" if int(row["agrees"]) else "more than this uncertainty"
-    part = f", {100 * difference / model:+.2g} %" if model > 0 else ""
-    apart = f"a difference of {_rounded(difference, unsure)} N{part}, {verdict}."
-    return f"{start}the model's {_rounded(model, unsure)} N: {apart}"
+    over_order = [name for name in comparison.data_vars if comparison[name].dims == ("order",)]
+    row = {str(name): float(comparison[name].sel(order=order)) for name in over_order}
+    own, unsure = row["measured_amplitude_uncertainty"], row["amplitude_difference_uncertainty"]
+    model, difference = row["model_amplitude"], row["amplitude_difference"]
+    known = model > _NOTHING * float(comparison["model_amplitude"].max())
+    part = f" ({100 * difference / model:+.2g} %)" if known else ""
+    return (
+        f"The measured {ORDINALS[order]} is {_rounded(row['measured_amplitude'], own)} +- {_rounded(own, own)} N, the "
+        f"model's {_rounded(model, unsure)} N: a difference of {_rounded(difference, unsure)} +- "
+        f"{_rounded(unsure, unsure)} N{part}, {'within' if row['agrees'] else 'beyond'} its uncertainty."
+    )
 
 
 def _depth(envelope: np.ndarray[Any, Any]) -> float:
     """Half the change of an envelope over its mean height, 0 without beat."""
     low, high = float(np.nanmin(envelope)), float(np.nanmax(envelope))
-    return (high - low) / (high + low) if high + low > 0 else 0.0
+    return (high - low) / (high + low) if high - low > _NOTHING * high else 0.0
 
 
 def _cautions(comparison: xr.Dataset) -> list[str]:
