@@ -133,6 +133,22 @@ def test_missing_pulses_are_counted(measure):
     assert pulse_numbers(np.array([0.0, 1, 2, 4, 5, 6, 9, 10])).tolist() == [0, 1, 2, 4, 5, 6, 9, 10]
 
 
+@pytest.mark.parametrize("rpm", [(0, 600), (600, 0)])
+def test_a_start_from_rest_or_a_run_to_rest_loses_its_slow_end(measure, rpm):
+    """At rest one turn lasts as long as the next two and a half: no pulse is missing, and none is invented."""
+    got = measure(Recorder(KNOWN, rpm=rpm, revolutions=30.2, start_deg=-0.05))
+    assert got.lost_pulses == 0
+    assert 26 * 360 < got.rotation_deg[-1] < 30 * 360
+    error = np.abs(complex_of(track(got)).mean(axis=0) - complex_orders(KNOWN))
+    assert error.max() < 14 * 3 * np.radians(1.0)  # an angle error of less than 1 deg
+
+
+def test_a_pulse_missing_at_an_end_is_not_counted(measure):
+    last = measure(Recorder(), spoil=lambda t: t.assign(tacho=t["tacho"].where(np.floor(t["true_deg"] / 360) != 1, 0)))
+    assert last.lost_pulses == 0
+    assert last.rotation_deg[-1] == pytest.approx(18 * 360, abs=1)
+
+
 def test_dropouts_leave_gaps_and_no_error():
     """Without noise, missing samples change nothing as long as no gap is wider than 14.4 deg."""
     rng = np.random.default_rng(2)

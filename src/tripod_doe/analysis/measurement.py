@@ -31,6 +31,7 @@ FloatArray = NDArray[np.float64]
 _MOST_LOST = 0.2  # of the samples; beyond it a record says more of its recorder than of the joint
 _LOW, _HIGH = 0.35, 0.65  # thresholds of an edge within the range of the tachometer: noise between them makes no edge
 _NEIGHBOURS = 5  # intervals whose median is the local time between pulses
+_LOOSE = 1.5  # times the next interval, from which the first or last one may hide a pulse
 _UNEVEN = 0.3  # part of an interval by which it may differ from a whole multiple of its neighbours
 
 
@@ -196,7 +197,7 @@ def rotation_from_tachometer(
     """
     if pulses_per_revolution < 1:
         raise InputError(f"--pulses-per-revolution {pulses_per_revolution}: at least 1 is needed")
-    edges = edge_times(time_s, tacho)
+    edges = _without_loose_ends(edge_times(time_s, tacho))
     if edges.size < 2:
         raise InputError(
             f"{edges.size or 'no'} rising edge{'s' if edges.size != 1 else ''} in tacho; give a pulse or square wave "
@@ -236,6 +237,18 @@ def edge_times(time_s: FloatArray, tacho: FloatArray) -> FloatArray:
     before, after = decided[rising], decided[rising + 1]
     part = ((low + high) / 2 - tacho[before]) / (tacho[after] - tacho[before])
     return np.asarray(time_s[before] + part * (time_s[after] - time_s[before]), float)
+
+
+def _without_loose_ends(edges: FloatArray) -> FloatArray:
+    """Edges without a first or last interval much longer than the next one.
+
+    At the ends of a record a missing pulse and a start from rest look alike, so neither is counted.
+    """
+    while edges.size > 3 and edges[1] - edges[0] > _LOOSE * (edges[2] - edges[1]):
+        edges = edges[1:]
+    while edges.size > 3 and edges[-1] - edges[-2] > _LOOSE * (edges[-2] - edges[-3]):
+        edges = edges[:-1]
+    return edges
 
 
 def pulse_numbers(edges: FloatArray) -> NDArray[np.int64]:
