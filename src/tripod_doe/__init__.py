@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from tripod_doe.study.schema import study_schema
     from tripod_doe.study.simulate import simulate
     from tripod_doe.workflow.chain import WorkflowSummary, run_workflow
-    from tripod_doe.workflow.definition import workflow_schema
+    from tripod_doe.workflow.file import workflow_schema
     from tripod_doe.workflow.run import RunSummary, run
 
 _HOME = {
@@ -58,7 +58,7 @@ _HOME = {
     "sobol_indices": "analysis.sensitivity",
     "study_schema": "study.schema",
     "WorkflowSummary": "workflow.chain",
-    "workflow_schema": "workflow.definition",
+    "workflow_schema": "workflow.file",
     "write_report": "report.page",
 }
 

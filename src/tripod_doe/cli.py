@@ -347,7 +347,7 @@ def _speed_range(text: str | None) -> tuple[float, float] | None:
 
 def _schema(options: argparse.Namespace) -> int:
     if options.kind == "workflow":
-        from tripod_doe.workflow.definition import workflow_schema
+        from tripod_doe.workflow.file import workflow_schema
 
         print(json.dumps(workflow_schema(), indent=1))
         return DONE

@@ -121,8 +121,8 @@ def compare(
     The measured order is the mean of its complex amplitudes C_k over R revolutions. Its uncertainty is t s/sqrt(R)
     with s their deviation along the mean (amplitude) or across it (phase), and t Student's factor with R - 1 degrees
     of freedom. A model that is not periodic adds the difference between its own last two revolutions,
-    thrust_amplitude_scatter, to the uncertainty of the difference as the root of squares. The beat's
-    envelope is |sum of C_k exp(i k phi)| over the orders 2, 3, 4 (paper 3.3).
+    thrust_amplitude_scatter, to the uncertainty of the difference as the root of squares. The beat's envelope is
+    |sum of C_k exp(i k phi)| over the orders 2, 3, 4 (paper 3.3).
 
     Parameters
     ----------

@@ -26,7 +26,8 @@ from tripod_doe.report.figures.registry import FIGURES
 from tripod_doe.report.page import swap_in
 from tripod_doe.study.cube import open_cube, stamp_history, write_dataset
 from tripod_doe.study.execution import local_workers
-from tripod_doe.workflow.definition import AnalysisStep, FigureStep, ReportStep, Step, Workflow, load_workflow
+from tripod_doe.workflow.definition import Step, Workflow, load_workflow
+from tripod_doe.workflow.file import AnalysisStep, FigureStep, ReportStep
 from tripod_doe.workflow.run import run
 
 __all__ = ["WorkflowSummary", "run_workflow"]

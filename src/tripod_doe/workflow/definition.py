@@ -3,93 +3,34 @@
 from __future__ import annotations
 
 import hashlib
-import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import tomlkit
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel
 
 import tripod_doe
 from tripod_doe.analysis.registry import ANALYSES, CHAIN_ANALYSES, check_analyses, checked_settings, settings_of
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.report.figures.registry import FIGURES
-from tripod_doe.study.definition import FactorTable, Scalar, Study, complaints, parse_study, read_text
+from tripod_doe.study.definition import Study, parse_study, read_text
 from tripod_doe.study.designs import make_points, point_keys
+from tripod_doe.workflow.file import (
+    AnalysisStep,
+    FigureStep,
+    Overrides,
+    ReportStep,
+    StepTable,
+    StudyStep,
+    WorkflowFile,
+    analysis_name,
+    parse_step,
+    parse_workflow,
+)
 
-__all__ = ["Step", "Workflow", "load_workflow", "workflow_schema"]
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class HeadTable(_Table):
-    """[workflow]: what the chain is for."""
-
-    name: str = Field(min_length=1, description="short name of the workflow")
-    question: str = Field("", description="the question it answers, as the report repeats it")
-
-
-class Overrides(_Table):
-    """Changes to a study file: in a study step, and in [quick.STEP] for --quick."""
-
-    base: dict[str, Scalar] = Field({}, description="base values to set")
-    factors: dict[str, FactorTable] = Field({}, description="factors of the study to define anew, whole")
-    design: dict[str, Any] = Field({}, description="keys of [design] to set, for instance samples or levels")
-
-
-class StudyStep(Overrides):
-    """[steps.NAME] of kind study: run a study file."""
-
-    kind: Literal["study"] = Field(description="kind of the step")
-    study: str = Field(description="study file, relative to the workflow file")
-    inputs: list[str] = Field([], description="steps that must be finished before")
-
-
-class AnalysisStep(_Table):
-    """[steps.NAME] of kind analysis: from the cubes of other steps to a cube."""
-
-    kind: str = Field(description="analysis, or the name of the analysis itself")
-    analysis: str = Field("", description="name of the analysis, where kind is analysis")
-    inputs: list[str] = Field(min_length=1, description="steps whose cubes it reads")
-    settings: dict[str, Any] = Field({}, description="settings of the analysis")
-
-
-class FigureStep(_Table):
-    """[steps.NAME] of kind figure: from the cubes of other steps to SVG files with their numbers."""
-
-    kind: Literal["figure"] = Field(description="kind of the step")
-    figure: str = Field(description="name of the figure")
-    inputs: list[str] = Field(min_length=1, description="steps whose cubes it shows")
-
-
-class ReportStep(_Table):
-    """[steps.NAME] of kind report: one page with the findings and figures of other steps."""
-
-    kind: Literal["report"] = Field(description="kind of the step")
-    title: str = Field("", description="heading of the page; the step's name unless given")
-    inputs: list[str] = Field(min_length=1, description="steps that it shows, in this order")
-
-
-class WorkflowFile(_Table):
-    """A whole workflow file."""
-
-    workflow: HeadTable
-    steps: dict[str, dict[str, Any]] = Field(min_length=1, description="the steps, [steps.NAME] with a kind")
-    quick: dict[str, Overrides] = Field({}, description="what --quick changes in study steps, [quick.STEP]")
-
-
-_KINDS: dict[str, type[_Table]] = {
-    "study": StudyStep,
-    "analysis": AnalysisStep,
-    "figure": FigureStep,
-    "report": ReportStep,
-}
-StepTable = StudyStep | AnalysisStep | FigureStep | ReportStep
+__all__ = ["Step", "Workflow", "load_workflow"]
 
 
 @dataclass(frozen=True)
@@ -126,7 +67,7 @@ class Step:
     def analysis(self) -> str:
         """Name of the analysis of an analysis step: its kind, unless that is just "analysis"."""
         assert isinstance(self.table, AnalysisStep)
-        return _analysis_name(self.table)
+        return analysis_name(self.table)
 
 
 @dataclass(frozen=True)
@@ -186,8 +127,8 @@ def load_workflow(path: str | Path, quick: bool = False) -> Workflow:
     """
     path = Path(path)
     text, origin, folder = read_text(path, "workflow file"), str(path), path.resolve().parent
-    file = _parse(text, origin)
-    tables = {name: _step_table(origin, name, table) for name, table in file.steps.items()}
+    file = parse_workflow(text, origin)
+    tables = {name: parse_step(origin, name, table) for name, table in file.steps.items()}
     for name, table in tables.items():
         for needed in table.inputs:
             if needed not in tables:
@@ -201,56 +142,6 @@ def load_workflow(path: str | Path, quick: bool = False) -> Workflow:
     for name in _in_order(origin, tables):
         steps[name] = _check_step(workflow, name, tables[name], steps)
     return Workflow(file, steps, text, origin, folder, quick)
-
-
-def _parse(text: str, origin: str) -> WorkflowFile:
-    try:
-        return WorkflowFile.model_validate(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{origin}: not valid TOML: {error}") from error
-    except ValidationError as error:
-        raise InputError("\n".join(f"{origin}: {line}" for line in complaints(error, _known_keys))) from error
-
-
-def _known_keys(path: list[str]) -> Iterable[str]:
-    tables: dict[str, type[BaseModel]] = {"workflow": HeadTable, "quick": Overrides}
-    if len(path) > 2:
-        return FactorTable.model_fields
-    return (tables[path[0]] if path else WorkflowFile).model_fields
-
-
-def _step_table(origin: str, name: str, table: dict[str, Any]) -> StepTable:
-    where = f"[steps.{name}]"
-    if not name.replace("-", "").replace("_", "").isalnum():
-        raise InputError(f"{origin}: {where}: a step's name is also that of a directory: use letters, digits, - and _")
-    kind, known = str(table.get("kind", "")), [*_KINDS, *ANALYSES, *CHAIN_ANALYSES]
-    if kind not in known:
-        told = f"kind = {kind!r}: unknown" if kind else "kind is missing"
-        raise InputError(f"{origin}: {where}: {told}{near_match(kind, known)}")
-    model = _KINDS.get(kind, AnalysisStep)
-    try:
-        checked = model.model_validate(table)
-    except ValidationError as error:
-        lines = complaints(error, lambda path: FactorTable.model_fields if path else model.model_fields)
-        raise InputError(
-            "\n".join(f"{origin}: {line.replace('the file', where, 1)}" for line in lines)
-        ) from error  # fmt: skip
-    assert isinstance(checked, StudyStep | AnalysisStep | FigureStep | ReportStep)
-    for allowed, given, key in _names(checked):
-        if given not in allowed:
-            raise InputError(f"{origin}: {where}: {key} = {given!r}: unknown{near_match(given, allowed)}")
-    return checked
-
-
-def _names(table: StepTable) -> list[tuple[list[str], str, str]]:
-    """Allowed names, the given one, and its key, where a step names an analysis or a figure."""
-    if isinstance(table, AnalysisStep):
-        return [([*ANALYSES, *CHAIN_ANALYSES], _analysis_name(table), "analysis")]
-    return [(list(FIGURES), table.figure, "figure")] if isinstance(table, FigureStep) else []
-
-
-def _analysis_name(table: AnalysisStep) -> str:
-    return table.analysis if table.kind == "analysis" else table.kind
 
 
 def _in_order(origin: str, tables: Mapping[str, StepTable]) -> list[str]:
@@ -285,7 +176,7 @@ def _check_step(workflow: Workflow, name: str, table: StepTable, before: Mapping
 def _settings(
     workflow: Workflow, where: str, name: str, table: AnalysisStep, before: Mapping[str, Step], digest: _Digest
 ) -> BaseModel:
-    analysis = _analysis_name(table)
+    analysis = analysis_name(table)
     if analysis in ANALYSES:
         study = before[table.inputs[0]].study
         if len(table.inputs) != 1 or study is None:
@@ -368,22 +259,3 @@ class _Digest:
     def text(self) -> str:
         """The hash of all that was added, 16 hex digits."""
         return str(self._sha.hexdigest()[:16])
-
-
-def workflow_schema() -> dict[str, Any]:
-    """JSON Schema of workflow files: every table and key, every kind of step, analysis and figure."""
-    schema = WorkflowFile.model_json_schema()
-    definitions = schema["$defs"]
-    for model in _KINDS.values():
-        own = model.model_json_schema(ref_template="#/$defs/{model}")
-        definitions |= own.pop("$defs", {})
-        definitions[model.__name__] = own
-    definitions["AnalysisStep"]["properties"]["analysis"]["enum"] = ["", *ANALYSES, *CHAIN_ANALYSES]
-    definitions["AnalysisStep"]["properties"]["kind"]["enum"] = ["analysis", *ANALYSES, *CHAIN_ANALYSES]
-    definitions["FigureStep"]["properties"]["figure"]["enum"] = list(FIGURES)
-    schema["properties"]["steps"]["additionalProperties"] = {
-        "anyOf": [{"$ref": f"#/$defs/{model.__name__}"} for model in _KINDS.values()]
-    }
-    settings = {name: entry.settings for name, entry in (ANALYSES | CHAIN_ANALYSES).items()}
-    schema["x-settings"] = {name: model.model_json_schema() for name, model in settings.items()}
-    return schema
