@@ -209,6 +209,27 @@ def test_a_kill_loses_no_finished_point_and_no_finished_step(bench):
     assert sorted(set(before) | set(after)) == sorted((tag, x) for tag in (0, 1) for x in range(40))
 
 
+def test_an_interrupt_ends_with_130_and_keeps_what_is_finished(bench):
+    bench.study("first", ", ".join(map(str, range(200))), slow=0.05)
+    command = [sys.executable, "-m", "tripod_doe.cli", "workflow", str(bench.folder / "chain.toml"), "--workers", "1"]
+    process = subprocess.Popen(
+        [*command, "--out", str(bench.out), "--only", "first"],
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        text=True,
+    )
+    while not bench.log.exists() or len(bench.log.read_text().splitlines()) < 5:
+        assert process.poll() is None, process.stderr.read()
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    _, message = process.communicate(timeout=60)
+    assert process.returncode == 130, message
+    assert "interrupted; finished points are kept" in message
+    bench.calls()
+    bench.run(only="first")
+    assert len(bench.calls()) <= 198
+
+
 class Settings(BaseModel):
     model_config = {"extra": "forbid"}
     most: float
