@@ -39,7 +39,7 @@ def test_price_is_that_of_the_work():
     assert high >= mean / 1.5
     points = {name: np.full(1000, value) for name, value in study.simulator.effective({}).items() if name != "model"}
     points["model"] = np.full(1000, "equilibrium", object)
-    study.simulator.prepare()
+    study.simulator.prepare(points)
     start = time.thread_time()
     study.simulator.simulate(points, ["thrust_amplitude"])
     seconds = 2 * (time.thread_time() - start)

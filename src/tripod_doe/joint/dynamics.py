@@ -23,11 +23,11 @@ from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, method_named, run
 from tripod_doe.results import Outcome
 
-__all__ = ["JointRun", "Readings", "run_joint"]
+__all__ = ["JointRun", "Readings", "prepare_joint", "run_joint"]
 
 FloatArray = NDArray[np.float64]
 
-_LIMITS = Limits(energy=0.5, reversals=1.0, windows=0, drift=1e-2)
+_LIMITS = Limits(energy=0.5, reversals=1.0, drift=1e-2, windows=0)
 """Light needles reverse their slip and lose energy in impacts that no step resolves; neither reaches the thrust. What
 a wrong run shows is its thrust at half the tolerance, and an energy balance that misses half the friction. Constraints
 act only at the far end of the shaft, where a micrometre turns it by 3e-6 rad."""
@@ -58,8 +58,10 @@ class Readings:
     skew, skew_summary
         Skew of the needle that carries the most, shape (trunnion, 2 x sample), and its mean, least and greatest value
         in every revolution, shape (trunnion, cycle, 3); rad, None without needles.
-    penetration, energy_residual
+    penetration
         See `mechanics.run.Run`.
+    energy_residual
+        Energy that the balance misses over what friction takes, or over a thousandth of the transmitted energy.
     """
 
     groove_thrust: FloatArray
@@ -138,6 +140,13 @@ def run_joint(
     skew = None if skew is None else skew[:, -2 * samples :]
     readings = Readings(two, powers[:, last].mean(1), error, skew, summary, result.penetration, result.energy_residual)
     return JointRun(outcome, detail, readings, *work)
+
+
+def prepare_joint(values: Mapping[str, float], method: str) -> None:
+    """Compile all that a run needs, by a step of a joint without needle bodies: its tables are of the same types."""
+    assembly = assemble(build_joint(values, needles=False))
+    result = run(assembly, method, 1e-9, step=1e-9, settings=Settings(tolerance=1e-3), limits=_LIMITS)
+    groove_readings(assembly, result.positions, result.velocities)
 
 
 def _out_of_range(values: Mapping[str, float]) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint.contact import contact_constants
-from tripod_doe.joint.dynamics import Readings, run_joint
+from tripod_doe.joint.dynamics import Readings, prepare_joint, run_joint
 from tripod_doe.joint.equilibrium import solve_equilibrium
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, thrust_outputs
 from tripod_doe.mechanics.integrators.registry import METHODS
@@ -42,6 +42,8 @@ class Model:
         Names of the outputs that it gives.
     simulate
         (numeric parameters in internal units, method, samples a revolution, outputs to keep) -> results.
+    prepare
+        (numeric parameters of one point in internal units, method): compiles all that `simulate` needs.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Model:
     ignores: frozenset[str]
     outputs: frozenset[str]
     simulate: Callable[[Mapping[str, FloatArray], str, int, Collection[str]], BlockResult]
+    prepare: Callable[[Mapping[str, FloatArray], str], None]
 
     @property
     def default_method(self) -> str:
@@ -102,6 +105,10 @@ def _equilibrium_chunk(points: Mapping[str, FloatArray], samples: int, keep: Col
     return BlockResult(outputs, {}, outcome, detail, solution.sweeps, solution.sweeps)
 
 
+def _prepare_equilibrium(point: Mapping[str, FloatArray], method: str) -> None:
+    _simulate_equilibrium(point, method, 30, ())
+
+
 _EQUILIBRIUM = Model(
     name="equilibrium",
     methods={"newton": {"relative_tolerance": 1e-9}},
@@ -114,6 +121,7 @@ _EQUILIBRIUM = Model(
     ),
     outputs=frozenset(JOINT_OUTPUTS) - {"thrust_amplitude_error", *_SKEWS},
     simulate=_simulate_equilibrium,
+    prepare=_prepare_equilibrium,
 )  # fmt: skip
 
 
@@ -137,6 +145,10 @@ def _simulate_multibody(
                 outputs[name] = Values(values.dims, np.full((count, *values.data.shape[1:]), np.nan))
             outputs[name].data[i] = values.data[0]
     return BlockResult(outputs, {}, outcome, detail, work[0], work[1])
+
+
+def _prepare_multibody(point: Mapping[str, FloatArray], method: str) -> None:
+    prepare_joint({name: float(column[0]) for name, column in point.items()}, method)
 
 
 def _answer(result: Readings, keep: Collection[str]) -> dict[str, Values]:
@@ -174,6 +186,7 @@ _ROLLERS = Model(
     ignores=frozenset({"needle_axial_clearance_mm", "needle_mass_factor"}),
     outputs=frozenset(JOINT_OUTPUTS) - set(_SKEWS),
     simulate=partial(_simulate_multibody, False),
+    prepare=_prepare_multibody,
 )
 
 _NEEDLES = Model(
@@ -182,6 +195,7 @@ _NEEDLES = Model(
     ignores=frozenset(),
     outputs=frozenset(JOINT_OUTPUTS),
     simulate=partial(_simulate_multibody, True),
+    prepare=_prepare_multibody,
 )
 
 MODELS: dict[str, Model] = {model.name: model for model in (_EQUILIBRIUM, _ROLLERS, _NEEDLES)}

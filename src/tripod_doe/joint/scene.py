@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,7 @@ class JointScene:
     parameters = JOINT_PARAMETERS
     outputs = JOINT_OUTPUTS
     source_hash = KERNEL_SOURCE_HASH
+    _prepared: ClassVar[set[tuple[str, str]]] = set()
 
     def check(
         self, base: Mapping[str, Value], factors: Mapping[str, Collection[Value]], keep: Collection[str]
@@ -91,12 +92,14 @@ class JointScene:
                 full[name] = value
         return full
 
-    def prepare(self) -> None:
-        """Compile the kernels, or load their machine code from the disk, by a run that costs nothing."""
-        point: dict[str, NDArray[Any]] = {}
-        for name, value in self.effective({"samples_per_revolution": 30}).items():
-            point[name] = np.array([value if isinstance(value, str) else math.nan if value is None else float(value)])
-        self.simulate(point, ())
+    def prepare(self, points: Mapping[str, NDArray[Any]]) -> None:
+        """Compile the kernels that these points need, or load their machine code, by runs that cost nothing."""
+        for name, method in {(name, _method(name, method)) for name, method in _pairs(points)}:
+            if (name, method) not in self._prepared and method in models.MODELS[name].methods:
+                full = self.effective({"model": name, "method": method, "samples_per_revolution": 30})
+                column = {key: np.array([value], float) for key, value in full.items() if not isinstance(value, str)}
+                models.MODELS[name].prepare(internal_units(column), method)
+                self._prepared.add((name, method))
 
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
         """Simulate a block of points.

@@ -21,7 +21,8 @@ from tripod_doe.results import BlockResult, Outcome
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.journal import FinishedBlock
-from tripod_doe.study.task import Task, make_task, prepared_simulator, run_task
+from tripod_doe.study.simulator import point_columns
+from tripod_doe.study.task import Task, make_task, matching_simulator, run_task
 
 __all__ = ["Policy", "run_blocks"]
 
@@ -57,7 +58,7 @@ class Policy:
 
 def _get_ready(*what: Any) -> None:
     """Import and compile on a worker before its first block."""
-    prepared_simulator(*what)
+    matching_simulator(*what)
 
 
 def _on_worker(task: Task) -> tuple[BlockResult, float, float, str]:
@@ -130,7 +131,8 @@ def run_blocks(
     A worker that dies is replaced and its block runs elsewhere. A block that takes down three workers is halved until
     the point that does it stands alone; that point is recorded as worker_lost.
     """
-    study.simulator.prepare()  # compiles once here; the workers load the machine code from the disk
+    columns = {name: column[missing] for name, column in points.columns.items()}
+    study.simulator.prepare(point_columns(study.simulator, study.base, columns, missing.size))  # once for all workers
     queue = _Queue(missing, policy.block)
     with _client(policy) as client:
         table = study.file.study

@@ -13,6 +13,7 @@ import numpy as np
 
 from tripod_doe.study.definition import Study, load_study, parse_study
 from tripod_doe.study.designs import Points, make_points, point_keys
+from tripod_doe.study.simulator import point_columns
 from tripod_doe.study.task import make_task, run_task
 
 __all__ = ["Plan", "cube_bytes", "plan"]
@@ -157,7 +158,8 @@ def _timing_process(text: str, origin: str, folder: Any, answers: Any) -> None:
     study = parse_study(text, origin, folder)
     points = make_points(study)
     allowed = np.flatnonzero(points.allowed)
-    study.simulator.prepare()
+    columns = {name: column[allowed] for name, column in points.columns.items()}
+    study.simulator.prepare(point_columns(study.simulator, study.base, columns, allowed.size))
     run_task(make_task(study, points, allowed[:1]))  # the first call of a process is no measure
     random, batch = np.random.default_rng(0), 1
     for _ in range(_SAMPLES):

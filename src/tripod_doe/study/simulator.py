@@ -61,8 +61,8 @@ class Simulator(Protocol):
         """Complete the values of one point with defaults and with what follows from them."""
         ...
 
-    def prepare(self) -> None:
-        """Compile what must be compiled, so that the first block is timed like any other."""
+    def prepare(self, points: Mapping[str, NDArray[Any]]) -> None:
+        """Compile what these points need, so that the first block is timed like any other."""
         ...
 
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
@@ -111,7 +111,7 @@ class FunctionSimulator:
         """Complete the values with the function's defaults."""
         return {name: values.get(name, parameter.default) for name, parameter in self.parameters.items()}
 
-    def prepare(self) -> None:
+    def prepare(self, points: Mapping[str, NDArray[Any]]) -> None:
         """Nothing to compile."""
 
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # for their names only: a single point needs no designs
     from tripod_doe.study.definition import Study
     from tripod_doe.study.designs import Points
 
-__all__ = ["Task", "make_task", "prepared_simulator", "run_task"]
+__all__ = ["Task", "make_task", "matching_simulator", "run_task"]
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,8 @@ class Task:
     keep: tuple[str, ...]
 
 
-def prepared_simulator(scene: str, function: str | None, folder: str, source_hash: str) -> Simulator:
-    """The simulator of a study on this machine, compiled.
+def matching_simulator(scene: str, function: str | None, folder: str, source_hash: str) -> Simulator:
+    """The simulator of a study on this machine.
 
     Raises
     ------
@@ -47,14 +47,14 @@ def prepared_simulator(scene: str, function: str | None, folder: str, source_has
     simulator = load_simulator(scene, function, folder)
     if simulator.source_hash != source_hash:
         raise InputError("a worker has another version of the kernels; install the same tripod-doe on all machines")
-    simulator.prepare()
     return simulator
 
 
 def run_task(task: Task) -> tuple[BlockResult, float, float]:
     """Simulate one block: results, CPU seconds, wall seconds; compilation is not counted."""
-    simulator = prepared_simulator(task.scene, task.function, task.folder, task.source_hash)
+    simulator = matching_simulator(task.scene, task.function, task.folder, task.source_hash)
     points = point_columns(simulator, task.base, task.columns, task.count)
+    simulator.prepare(points)
     wall, cpu = time.perf_counter(), time.thread_time()
     result = simulator.simulate(points, task.keep)
     return result, time.thread_time() - cpu, time.perf_counter() - wall

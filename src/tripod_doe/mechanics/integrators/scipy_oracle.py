@@ -65,7 +65,7 @@ def _pack(positions: FloatArray, velocities: FloatArray) -> FloatArray:
 
 
 def _tolerances(tables: Tables, tolerance: float) -> FloatArray:
-    length, speed, rotation = tables.scales
+    length, speed, rotation = tables.scales[:3]
     each = np.array([length] * 3 + [length * rotation / speed] * 4 + [speed] * 3 + [rotation] * 3)
     return tolerance * np.tile(each, tables.bodies.size - 1)
 

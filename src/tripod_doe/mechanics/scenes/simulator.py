@@ -72,6 +72,7 @@ class SceneSimulator(ABC):
     steps: ClassVar[dict[str, float]]
     tolerances: ClassVar[dict[str, float]]
     source_hash = KERNEL_SOURCE_HASH
+    _prepared: ClassVar[set[tuple[str, str]]] = set()
 
     @abstractmethod
     def run(self, values: Mapping[str, float], method: str, step: float | None, settings: Settings) -> Run:
@@ -113,10 +114,13 @@ class SceneSimulator(ABC):
                 full[name] = defaults.get(method)
         return full
 
-    def prepare(self) -> None:
-        """Compile the kernels of the default method, or load their machine code from the disk, by a short run."""
-        full = self.effective({"duration_s": 1e-6})
-        self.simulate({name: np.array([value], object) for name, value in full.items()}, ())
+    def prepare(self, points: Mapping[str, NDArray[Any]]) -> None:
+        """Compile the kernels of these points' methods, or load their machine code, by short runs."""
+        for method in {self.parameters["method"].default if _unset(m) else m for m in points["method"]}:
+            if (self.name, str(method)) not in self._prepared:
+                full = self.effective({"duration_s": 1e-6, "method": method})
+                self.simulate({name: np.array([value], object) for name, value in full.items()}, ())
+                self._prepared.add((self.name, str(method)))
 
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
         """Simulate a block of points; see the scene ``joint``."""
