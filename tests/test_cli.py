@@ -61,6 +61,20 @@ def test_simulate_answers_one_json_object(capsys):
     assert answer["thrust_amplitude"] == direct["thrust_amplitude"].values.tolist()
 
 
+def test_simulate_runs_the_full_model(capsys):
+    few = ("--needle-count", 9, "--needle-diameter-mm", 5.89, "--spheres-per-needle", 3, "--cycles", 3)
+    code, out, _ = call(capsys, "simulate", "--model", "needles", *few, "--format", "json")
+    answer = json.loads(out)
+    assert (code, answer["outcome"]) == (0, "finished")
+    assert answer["parameters"]["method"] == "adaptive-euler"
+    assert answer["parameters"]["relative_tolerance"] == 2e-3
+    assert answer["thrust_amplitude"][3] == pytest.approx(14.4, abs=0.3)
+    assert np.shape(answer["needle_skew_deg"]) == (3, 720)
+    assert np.shape(answer["needle_skew_summary_deg"]) == (3, 3, 3)
+    assert answer["cost"]["steps"] > 1000
+    assert answer["cost"]["cpu_seconds"] < 10
+
+
 def test_simulate_that_does_not_finish_exits_3(capsys):
     code, out, _ = call(capsys, "simulate", "--needle-count", "40", "--format", "json")
     assert code == 3
@@ -197,8 +211,10 @@ def test_schema_holds_every_parameter(capsys):
         (["simulate", "--joint-angle-deg", "steep"], "expected a number"),
         (["simulate", "--joint-angle-deg", "nan"], "must be finite"),
         (["simulate", "--joint-angle-deg", "60"], "must be >= 0 and <= 40"),
-        (["simulate", "--model", "needels"], "allowed: equilibrium"),
-        (["simulate", "--step-s", "1e-5"], "not used by equilibrium"),
+        (["simulate", "--model", "needels"], "did you mean 'needles'"),
+        (["simulate", "--model", "beams"], "allowed: equilibrium, rollers, needles"),
+        (["simulate", "--step-s", "1e-5"], "not used by newton (equilibrium)"),
+        (["simulate", "--model", "needles", "--method", "newton"], "not a method of needles"),
         (["simulate", "--scene", "jiont"], "did you mean 'joint'"),
         (["run", "nowhere.toml", "--out", "x"], "cannot read"),
         (["run", "{study}"], "--out"),

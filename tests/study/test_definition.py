@@ -29,7 +29,7 @@ FACTOR = "[factors]\njoint_angle_deg = {values = [5, 10]}\n"
         (HEAD + "[base]\nneedle_count = 27.5", "whole number"),
         (HEAD + "[base]\ngroove_sliding = 2", "0 or 1"),
         (HEAD + '[base]\nmodel = "equilibrum"', "did you mean 'equilibrium'"),
-        (HEAD + "[base]\nstep_s = 1e-5\n" + FACTOR, r"\[base\]: step_s = 1e-05: not used by equilibrium"),
+        (HEAD + "[base]\nstep_s = 1e-5\n" + FACTOR, r"\[base\]: step_s = 1e-05: not used by newton \(equilibrium\)"),
         (HEAD + FACTOR + "[base]\njoint_angle_deg = 5", "both a base value and a factor"),
         (HEAD + FACTOR + "[factors.joint_angle_deg]\nvalues=[1]", "not valid TOML"),
         (HEAD + "[factors.joint_angle_deg]\nvalues = []", "values is empty"),
