@@ -1,0 +1,46 @@
+"""Where the time of a step of the full joint goes, and what needles and spheres cost and do to the orders.
+
+    python benchmarks/joint_cost.py
+
+Parts are microseconds a step at the start of the reference joint. Runs are those of `tripod-doe simulate --model
+needles` at skews of (0.4, -0.4, 0.4) deg and a tolerance of 1e-3, with their error estimates.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from engine_cost import PARTS, part_costs
+
+import tripod_doe as td
+from tripod_doe.joint.multibody import build_joint
+from tripod_doe.joint.parameters import internal_units
+from tripod_doe.joint.scene import scene
+from tripod_doe.mechanics.assembly import assemble
+
+SKEW = {"initial_skew_1_deg": 0.4, "initial_skew_2_deg": -0.4, "initial_skew_3_deg": 0.4}
+
+
+def values(**given) -> dict[str, float]:
+    full = scene.effective(given)
+    columns = {name: np.array([value], float) for name, value in full.items() if not isinstance(value, str)}
+    return {name: float(column[0]) for name, column in internal_units(columns).items()}
+
+
+def main() -> None:
+    print(f"{'us a step':12s}" + "".join(f"{name:>13s}" for name in PARTS))
+    for needles in (9, 18, 27):
+        costs = part_costs(assemble(build_joint(values(needle_count=needles), needles=True)))
+        print(f"{needles:3d} needles " + "".join(f"{cost:13.1f}" for cost in costs), flush=True)
+    cases = [{"needle_count": n} for n in (9, 18, 27)] + [{"spheres_per_needle": s} for s in (3, 5, 7, 11)]
+    for case in cases:
+        result = td.simulate(model="needles", relative_tolerance=1e-3, **SKEW, **case)
+        amplitudes = result.thrust_amplitude.values[2:4] if result.finished else (np.nan, np.nan)
+        errors = result.thrust_amplitude_error.values[2:4] if result.finished else (np.nan, np.nan)
+        cost = result.cost
+        print(f"{case}: {cost['cpu_seconds']:.2f} s, {cost['steps']} steps, second {amplitudes[0]:.4f} +- "
+              f"{errors[0]:.3f} N, third {amplitudes[1]:.4f} +- {errors[1]:.3f} N {result.outcome_detail.values}",
+              flush=True)  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
