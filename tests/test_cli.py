@@ -136,6 +136,57 @@ def test_query_forms_and_conditions(capsys, results, tmp_path):
         assert answer["cpu_seconds"].dims == ("joint_angle_deg", "needle_count")
 
 
+@pytest.fixture(scope="module")
+def whole_results(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("whole")
+    text = '[study]\nname = "whole"\n[factors.joint_angle_deg]\nvalues = [5, 10]\n'
+    (folder / "study.toml").write_text(text)
+    td.run(folder / "study.toml", out=folder / "out", progress=False)
+    return folder / "out"
+
+
+@pytest.fixture
+def record(whole_results, tmp_path):
+    """The model's own waveform at 10 deg over five turns, 4 % larger and 77 deg late, as a measurement."""
+    thrust = td.open_cube(whole_results)["thrust"].sel(joint_angle_deg=10).values[:360]
+    rotation = np.arange(1800)
+    table = np.column_stack([rotation, np.tile(1.04 * np.roll(thrust, 77), 5)])
+    np.savetxt(tmp_path / "m.csv", table, delimiter=",", header="rotation_deg,thrust_n", comments="")
+    return tmp_path / "m.csv"
+
+
+def test_compare_lays_a_measurement_over_a_point(capsys, whole_results, record, tmp_path):
+    words = ["compare", whole_results, record, "--select", "joint_angle_deg=10"]
+    code, out, err = call(capsys, *words, "--reference_angle=-77", "--format", "json", "--output", tmp_path / "page")
+    answer = json.loads(out)
+    assert code == 0
+    assert answer["amplitude_difference"][3] == pytest.approx(0.04 * answer["model_amplitude"][3], rel=1e-9)
+    assert answer["phase_difference_deg"][3] == pytest.approx(0, abs=1e-6)
+    assert answer["point"] == {"joint_angle_deg": 10.0}
+    assert str(tmp_path / "page" / "index.html") in err
+    assert (tmp_path / "page" / "index.html").exists()
+    code, out, _ = call(capsys, *words)
+    assert code == 0
+    assert "the reference angle is not known" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], "--select joint_angle_deg=5|10"),
+        (["--select", "joint_angle_deg=7"], "--nearest"),
+        (["--select", "joint_angle_deg=5", "--speeds", "600"], "LOW:HIGH"),
+        (["--select", "joint_angle_deg=5", "--speeds", "500:600"], "add time_s"),
+        (["--select", "joint_angle_deg=5", "--reference-angle", "nan"], "finite angle"),
+        (["--select", "joint_angle_deg=5", "--pulses-per-rev", "2"], "did you mean '--pulses-per-revolution'"),
+    ],
+)
+def test_a_bad_comparison_is_told(capsys, whole_results, record, words, message):
+    code, out, err = call(capsys, "compare", whole_results, record, *words)
+    assert (code, out) == (2, "")
+    assert message in err
+
+
 def test_plan_counts_and_writes_nothing(capsys, write_study, tmp_path):
     study = write_study(STUDY)
     before = sorted(tmp_path.iterdir())

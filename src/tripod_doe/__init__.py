@@ -14,7 +14,9 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from tripod_doe.analysis.comparison import compare, model_point
     from tripod_doe.analysis.contribution import contribution_shares
+    from tripod_doe.analysis.measurement import read_measurement
     from tripod_doe.analysis.sensitivity import morris_effects, sobol_indices
     from tripod_doe.errors import CubeError, InputError, StorageError, TripodDoeError
     from tripod_doe.quantities import Output, Parameter
@@ -27,6 +29,8 @@ if TYPE_CHECKING:
     from tripod_doe.study.query import query
     from tripod_doe.study.schema import study_schema
     from tripod_doe.study.simulate import simulate
+    from tripod_doe.workflow.chain import WorkflowSummary, run_workflow
+    from tripod_doe.workflow.file import workflow_schema
     from tripod_doe.workflow.run import RunSummary, run
 
 _HOME = {
@@ -40,17 +44,23 @@ _HOME = {
     "StorageError": "errors",
     "Study": "study.definition",
     "TripodDoeError": "errors",
+    "compare": "analysis.comparison",
     "contribution_shares": "analysis.contribution",
     "find": "report.findings",
     "load_study": "study.definition",
+    "model_point": "analysis.comparison",
     "morris_effects": "analysis.sensitivity",
     "open_cube": "study.cube",
     "plan": "study.plan",
     "query": "study.query",
+    "read_measurement": "analysis.measurement",
     "run": "workflow.run",
+    "run_workflow": "workflow.chain",
     "simulate": "study.simulate",
     "sobol_indices": "analysis.sensitivity",
     "study_schema": "study.schema",
+    "WorkflowSummary": "workflow.chain",
+    "workflow_schema": "workflow.file",
     "write_report": "report.page",
 }
 
@@ -65,17 +75,23 @@ __all__ = [
     "StorageError",
     "Study",
     "TripodDoeError",
+    "WorkflowSummary",
+    "compare",
     "contribution_shares",
     "find",
     "load_study",
+    "model_point",
     "morris_effects",
     "open_cube",
     "plan",
     "query",
+    "read_measurement",
     "run",
+    "run_workflow",
     "simulate",
     "sobol_indices",
     "study_schema",
+    "workflow_schema",
     "write_report",
 ]
 

@@ -1,4 +1,4 @@
-"""The command line: run, plan, query, simulate, report, schema.
+"""The command line: run, plan, query, simulate, report, workflow, compare, schema.
 
 Answers go to standard output; progress and messages go to standard error. Exit codes: 0 done, 1 internal error,
 2 wrong call or input (nothing started), 3 done, but something failed that was not expected, 130 interrupted.
@@ -12,6 +12,7 @@ import logging
 import math
 import sys
 import traceback
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
@@ -126,8 +127,38 @@ def _parser(arguments: Sequence[str]) -> _Parser:
     report.add_argument("directory", metavar="DIR", type=Path, help="result directory")
     report.set_defaults(command=_report, parser=report)
 
-    schema = commands.add_parser("schema", help="print the JSON schema of study files")
-    schema.add_argument("kind", choices=("study",), help="what to describe")
+    workflow = commands.add_parser("workflow", help="run a chain of studies, analyses, figures and reports")
+    workflow.add_argument("file", metavar="FILE.toml", type=Path, help="workflow file")
+    workflow.add_argument("--out", metavar="DIR", type=Path, required=True, help="result directory")
+    workflow.add_argument("--only", metavar="STEP", help="run this step and what it needs, and no other")
+    workflow.add_argument("--quick", action="store_true", help="apply the overrides of [quick]: smaller studies")
+    workflow.add_argument("--workers", metavar="N", type=int, default=2,
+                          help="worker processes that all studies share (default 2)")  # fmt: skip
+    workflow.add_argument("--retry-failed", action="store_true", help="run failed points again")
+    workflow.set_defaults(command=_workflow, parser=workflow)
+
+    compare = commands.add_parser("compare", help="lay a measured thrust force over a point of a cube")
+    compare.add_argument("cube", metavar="DIR|CUBE.nc", type=Path, help="result directory or cube")
+    compare.add_argument("measurement", metavar="MEASUREMENT.csv", type=Path,
+                         help="columns thrust_n and rotation_deg, or thrust_n, time_s and tacho")  # fmt: skip
+    compare.add_argument("--select", metavar="NAME=VALUE", action="append", default=[],
+                         help="the value of a factor, so that one point is left; may be repeated")  # fmt: skip
+    compare.add_argument("--nearest", action="store_true", help="take the nearest value where none matches")
+    compare.add_argument("--pulses-per-revolution", metavar="N", type=int, default=1,
+                         help="rising edges of tacho a revolution (default 1)")  # fmt: skip
+    compare.add_argument("--reference-angle", metavar="DEG", type=float,
+                         help="rotation angle of the housing at the first rising edge, or at rotation_deg = 0; "
+                         "the third orders are put in phase unless given")  # fmt: skip
+    compare.add_argument(
+        "--speeds", metavar="LOW:HIGH", help="compare only revolutions with a speed in this range, rpm"
+    )
+    compare.add_argument("--format", choices=("table", "json"), default="table", help="form of the answer")
+    compare.add_argument("--output", metavar="FILE|DIR", type=Path,
+                         help="write a report page: FILE.html, or DIR/index.html with DIR/comparison.nc")  # fmt: skip
+    compare.set_defaults(command=_compare, parser=compare)
+
+    schema = commands.add_parser("schema", help="print the JSON schema of study or workflow files")
+    schema.add_argument("kind", choices=("study", "workflow"), help="what to describe")
     schema.add_argument("--scene", default="joint", metavar="S", help="scene whose parameters are listed")
     schema.set_defaults(command=_schema, parser=schema)
     return parser
@@ -274,7 +305,52 @@ def _report(options: argparse.Namespace) -> int:
     return DONE
 
 
+def _workflow(options: argparse.Namespace) -> int:
+    from tripod_doe.workflow.chain import run_workflow
+
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    summary = run_workflow(
+        options.file, options.out, options.only, options.quick, options.workers, options.retry_failed
+    )  # fmt: skip
+    counts = Counter(step.state for step in summary.steps)
+    print(", ".join(f"{count} {state}" for state, count in counts.items()), file=sys.stderr)
+    print(f"report  {summary.page}", file=sys.stderr)
+    return DONE if summary.good else SOME_FAILED
+
+
+def _compare(options: argparse.Namespace) -> int:
+    from tripod_doe.analysis.comparison import compare, model_point
+    from tripod_doe.analysis.measurement import read_measurement
+    from tripod_doe.report.comparison import comparison_json, comparison_text, write_comparison
+    from tripod_doe.study.cube import open_cube
+
+    if options.reference_angle is not None and not math.isfinite(options.reference_angle):
+        raise InputError(f"--reference-angle {options.reference_angle}: must be a finite angle in degrees")
+    point = model_point(open_cube(options.cube), options.select, options.nearest)
+    measurement = read_measurement(options.measurement, options.pulses_per_revolution)
+    comparison = compare(measurement, point, options.reference_angle, _speed_range(options.speeds))
+    print(comparison_json(comparison) if options.format == "json" else comparison_text(comparison))
+    if options.output is not None:
+        print(f"report  {write_comparison(comparison, options.output)}", file=sys.stderr)
+    return DONE
+
+
+def _speed_range(text: str | None) -> tuple[float, float] | None:
+    if text is None:
+        return None
+    try:
+        low, high = (float(end) for end in text.split(":"))
+    except ValueError as error:
+        raise InputError(f"--speeds {text!r}: write two speeds in rpm, LOW:HIGH") from error
+    return low, high
+
+
 def _schema(options: argparse.Namespace) -> int:
+    if options.kind == "workflow":
+        from tripod_doe.workflow.file import workflow_schema
+
+        print(json.dumps(workflow_schema(), indent=1))
+        return DONE
     from tripod_doe.study.schema import study_schema
 
     print(json.dumps(study_schema(options.scene), indent=1))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,13 +10,23 @@ from typing import Any
 import xarray as xr
 from pydantic import BaseModel, ValidationError
 
+from tripod_doe.analysis.comparison import ComparisonSettings, compare_file
 from tripod_doe.analysis.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analysis.sensitivity import MorrisSettings, SobolSettings, morris_effects, sobol_indices
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.cube import stamp_history, write_dataset
 from tripod_doe.study.definition import Study
 
-__all__ = ["ANALYSES", "Analysis", "check_analyses", "run_analyses"]
+__all__ = [
+    "ANALYSES",
+    "CHAIN_ANALYSES",
+    "Analysis",
+    "ChainAnalysis",
+    "check_analyses",
+    "checked_settings",
+    "run_analyses",
+    "settings_of",
+]
 
 
 @dataclass(frozen=True)
@@ -57,10 +67,50 @@ def _serves(study: Study, analysis: Analysis) -> bool:
     return design.kind in analysis.designs
 
 
-def _settings(study: Study, name: str) -> tuple[Analysis, BaseModel]:
-    table = dict(study.file.analysis[name])
-    kind = table.pop("kind", name)
-    where = f"[analysis.{name}]"
+@dataclass(frozen=True)
+class ChainAnalysis:
+    """An analysis that only a workflow can ask for: of any number of cubes, or with files beside them.
+
+    Attributes
+    ----------
+    settings
+        Its settings in [steps.NAME.settings].
+    function
+        (cubes by the names of their steps, settings, folder of the workflow file) -> result, labelled.
+    files
+        Settings that name files, relative to the workflow file; their contents are part of the step's inputs.
+    """
+
+    settings: type[BaseModel]
+    function: Callable[[Mapping[str, xr.Dataset], Any, Path], xr.Dataset]
+    files: tuple[str, ...] = ()
+
+
+CHAIN_ANALYSES: dict[str, ChainAnalysis] = {
+    "comparison": ChainAnalysis(ComparisonSettings, compare_file, ("measurement",)),
+}
+"""Analyses that workflow files may name besides; an entry here is a kind of step."""
+
+
+def settings_of(study: Study, kind: str, table: Mapping[str, Any], where: str) -> tuple[Analysis, BaseModel]:
+    """Find an analysis of one study's cube, and check its settings before anything runs.
+
+    Parameters
+    ----------
+    study
+        The study whose cube it will read.
+    kind
+        A key of `ANALYSES`.
+    table
+        Its settings as written.
+    where
+        The table they stand in, for messages.
+
+    Raises
+    ------
+    InputError
+        If the kind or a setting is unknown, or the study's design does not serve it.
+    """
     if kind not in ANALYSES:
         raise study.fail(where, f"kind = {kind!r}: unknown analysis{near_match(str(kind), ANALYSES)}")
     analysis = ANALYSES[kind]
@@ -70,18 +120,39 @@ def _settings(study: Study, name: str) -> tuple[Analysis, BaseModel]:
         )
         raise study.fail(where, f"{kind} needs {wanted}; this study's is {study.file.design.kind}")
     try:
-        settings = analysis.settings.model_validate(table)
-    except ValidationError as error:
-        item = error.errors()[0]
-        key = str(item["loc"][0])
-        if item["type"] == "extra_forbidden":
-            hint = near_match(key, analysis.settings.model_fields)
-            raise study.fail(where, f"unknown key {key!r}{hint}") from error
-        raise study.fail(where, f"{key} = {item['input']!r}: {item['msg']}") from error
+        settings = checked_settings(analysis.settings, table)
+    except InputError as error:
+        raise study.fail(where, error) from error
     for output in getattr(settings, "outputs", ()):
         if study.keep and output not in study.keep:
             raise study.fail(where, f"{output!r} is not kept; add it to the outputs of [keep]")
     return analysis, settings
+
+
+def checked_settings(model: type[BaseModel], table: Mapping[str, Any]) -> BaseModel:
+    """Settings of an analysis as its model, or what is wrong with the first bad one.
+
+    Raises
+    ------
+    InputError
+        If a key is unknown, with the nearest known one, or missing, or its value is refused.
+    """
+    try:
+        return model.model_validate(table)
+    except ValidationError as error:
+        # an unknown key first: where it is a slip of the pen, it explains the missing one
+        item = min(error.errors(), key=lambda item: item["type"] != "extra_forbidden")
+        key = str(item["loc"][0])
+        if item["type"] == "extra_forbidden":
+            raise InputError(f"unknown key {key!r}{near_match(key, model.model_fields)}") from error
+        if item["type"] == "missing":
+            raise InputError(f"{key} is missing") from error
+        raise InputError(f"{key} = {item['input']!r}: {item['msg']}") from error
+
+
+def _settings(study: Study, name: str) -> tuple[Analysis, BaseModel]:
+    table = dict(study.file.analysis[name])
+    return settings_of(study, table.pop("kind", name), table, f"[analysis.{name}]")
 
 
 def check_analyses(study: Study) -> None:

@@ -36,7 +36,7 @@ from tripod_doe.report.tables import (
 )
 from tripod_doe.study.cube import open_cube, read_dataset
 
-__all__ = ["make_page", "write_report"]
+__all__ = ["make_page", "render", "swap_in", "write_report"]
 
 _MOST_FAILED = 50
 
@@ -68,15 +68,24 @@ def write_report(directory: Path) -> Path:
         raise InputError(f"{directory}: this is a file; a report is made of the result directory it lies in")
     cube = open_cube(directory)
     analyses = {path.stem: read_dataset(path) for path in sorted((directory / "analysis").glob("*.nc"))}
-    page = make_page(cube, analyses)
-    target = directory / "report" / "index.html"
-    fresh = target.with_name(".index.html.new")
+    return swap_in(make_page(cube, analyses), directory / "report" / "index.html")
+
+
+def swap_in(page: str, target: Path) -> Path:
+    """Write a page whole beside the old one and swap it in.
+
+    Raises
+    ------
+    StorageError
+        If it cannot be written; an older page stays.
+    """
+    fresh = target.with_name(f".{target.name}.new")
     try:
-        target.parent.mkdir(exist_ok=True)
+        target.parent.mkdir(parents=True, exist_ok=True)
         fresh.write_text(page, encoding="utf-8")
         os.replace(fresh, target)
     except OSError as error:
-        raise StorageError(f"{target}: cannot write the report: {error.strerror or error}; the cube is kept") from error
+        raise StorageError(f"{target}: cannot write the report: {error.strerror or error}; results are kept") from error
     return target
 
 
@@ -92,7 +101,8 @@ def make_page(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset]) -> str:
     """
     total, good = int(asked(cube).sum()), int(finished(cube).sum())
     shown = with_all_on(cube)
-    return _environment().get_template("page.html").render(
+    return render(
+        "page.html",
         attrs=cube.attrs,
         design=design_kind(cube),
         total=total,
@@ -122,7 +132,8 @@ def make_page(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset]) -> str:
     )  # fmt: skip
 
 
-def _environment() -> Environment:
+def render(template: str, **content: object) -> str:
+    """A page from one of the templates beside this module; text is escaped, charts are drawn inline."""
     environment = Environment(
         loader=PackageLoader("tripod_doe.report", "."),
         autoescape=True,
@@ -131,7 +142,7 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     environment.filters |= {"typeset": _typeset, "csv_link": _csv_link, "svg": _svg}
-    return environment
+    return environment.get_template(template).render(**content)
 
 
 def _typeset(text: str) -> str:

@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -19,7 +19,20 @@ from tripod_doe.quantities import Parameter, Value, check_parameters
 from tripod_doe.results import Outcome
 from tripod_doe.study.simulator import Simulator, load_simulator
 
-__all__ = ["DesignTable", "Factor", "Study", "StudyFile", "canonical", "load_study", "parse_file", "parse_study"]
+__all__ = [
+    "DesignTable",
+    "Factor",
+    "FactorTable",
+    "Scalar",
+    "Study",
+    "StudyFile",
+    "canonical",
+    "complaints",
+    "load_study",
+    "parse_file",
+    "parse_study",
+    "read_text",
+]
 
 Scalar = Annotated[float | int | str | bool, Field(union_mode="smart")]
 DesignKind = Literal[
@@ -180,12 +193,22 @@ def load_study(path: str | Path) -> Study:
         If the file cannot be read or anything in it cannot be used.
     """
     path = Path(path)
+    return parse_study(read_text(path, "study file"), origin=str(path), folder=path.resolve().parent)
+
+
+def read_text(path: Path, what: str) -> str:
+    """The text of a TOML file.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or is not UTF-8.
+    """
     try:
-        text = path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        raise InputError(f"{path}: cannot read the study file: {reason}") from error
-    return parse_study(text, origin=str(path), folder=path.resolve().parent)
+        raise InputError(f"{path}: cannot read the {what}: {reason}") from error
 
 
 def parse_study(text: str, origin: str = "study", folder: Path | None = None) -> Study:
@@ -234,17 +257,25 @@ def parse_file(text: str, origin: str = "study") -> StudyFile:
     try:
         return StudyFile.model_validate(raw)
     except ValidationError as error:
-        raise InputError("\n".join(f"{origin}: {line}" for line in _complaints(error))) from error
+        raise InputError("\n".join(f"{origin}: {line}" for line in complaints(error, _known_keys))) from error
 
 
-def _complaints(error: ValidationError) -> Iterator[str]:
-    """Pydantic's complaints in the words of a study file."""
+def complaints(error: ValidationError, known: Callable[[list[str]], Iterable[str]]) -> Iterator[str]:
+    """Pydantic's complaints about a TOML file in its own words: table, key, value, what is wrong, a near match.
+
+    Parameters
+    ----------
+    error
+        What pydantic raised.
+    known
+        The keys that the table at a path may hold, for near matches.
+    """
     for item in error.errors():
         path = [str(part) for part in item["loc"] if not str(part).startswith(("float", "int", "str", "bool"))]
         where, key = ".".join(path[:-1]), path[-1]
-        place = f"[{where}]" if where else "the study file"
+        place = f"[{where}]" if where else "the file"
         if item["type"] == "extra_forbidden":
-            yield f"{place}: unknown key {key!r}{near_match(key, _known_keys(path[:-1]))}"
+            yield f"{place}: unknown key {key!r}{near_match(key, known(path[:-1]))}"
         elif item["type"] == "missing":
             yield f"{place}: {key} is missing"
         else:

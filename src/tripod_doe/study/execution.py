@@ -24,7 +24,7 @@ from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.simulator import point_columns
 from tripod_doe.study.task import Task, make_task, matching_simulator, run_task
 
-__all__ = ["Policy", "run_blocks"]
+__all__ = ["Policy", "local_workers", "run_blocks"]
 
 _TARGET_SECONDS = 1.0
 _FIRST_BLOCK = 1  # a point may take seconds; cheap ones are told by the first answer
@@ -32,6 +32,12 @@ _LARGEST_GROWTH = 32
 _SMALLEST_SHARE = 16  # the last blocks shrink to this part of the usual ones
 _IN_FLIGHT = 2  # blocks a worker: one at work, one waiting, so that no worker waits for this process
 _ALLOWED_FAILURES = 2
+_QUIET = {
+    "distributed.scheduler.allowed-failures": _ALLOWED_FAILURES,
+    "distributed.admin.tick.limit": "1h",
+    "distributed.worker.profile.enabled": False,
+    "distributed.comm.timeouts.connect": "30s",
+}
 
 
 @dataclass(frozen=True)
@@ -67,15 +73,32 @@ def _on_worker(task: Task) -> tuple[BlockResult, float, float, str]:
 
 
 @contextmanager
+def local_workers(count: int) -> Iterator[str]:
+    """A local cluster of single-threaded processes, gone at the end; gives its scheduler's address.
+
+    Parameters
+    ----------
+    count
+        Worker processes.
+    """
+    with (
+        dask.config.set(_QUIET),
+        LocalCluster(
+            n_workers=count,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address="127.0.0.1:0",  # another run may have the default port
+            silence_logs=50,
+            memory_limit=0,
+        ) as cluster,
+    ):
+        yield str(cluster.scheduler_address)
+
+
+@contextmanager
 def _client(policy: Policy) -> Iterator[Client]:
-    """A client of the existing scheduler, or of a local cluster of single-threaded processes."""
-    quiet = {
-        "distributed.scheduler.allowed-failures": _ALLOWED_FAILURES,
-        "distributed.admin.tick.limit": "1h",
-        "distributed.worker.profile.enabled": False,
-        "distributed.comm.timeouts.connect": "30s",
-    }
-    with dask.config.set(quiet):
+    """A client of the existing scheduler, or of a local cluster of its own."""
+    with dask.config.set(_QUIET):
         if policy.scheduler:
             try:
                 client = Client(policy.scheduler, timeout=5)
@@ -84,17 +107,7 @@ def _client(policy: Policy) -> Iterator[Client]:
             with client:
                 yield client
             return
-        with (
-            LocalCluster(
-                n_workers=policy.workers,
-                threads_per_worker=1,
-                processes=True,
-                dashboard_address="127.0.0.1:0",  # another run may have the default port
-                silence_logs=50,
-                memory_limit=0,
-            ) as cluster,
-            Client(cluster) as client,
-        ):
+        with local_workers(policy.workers) as address, Client(address) as client:
             yield client
 
 

@@ -68,7 +68,7 @@ class RunSummary:
 
 
 def run(
-    path: str | Path,
+    study: Study | str | Path,
     out: str | Path,
     workers: int = 2,
     scheduler: str | None = None,
@@ -80,8 +80,8 @@ def run(
 
     Parameters
     ----------
-    path
-        The study file.
+    study
+        The study, or its file.
     out
         Result directory; made if it is not there.
     workers
@@ -102,7 +102,8 @@ def run(
     StorageError
         If writing fails; finished points stay in the journal.
     """
-    study = load_study(path)
+    if not isinstance(study, Study):
+        study = load_study(study)
     check_analyses(study)
     points = make_points(study)
     if workers < 1:

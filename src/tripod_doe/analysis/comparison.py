@@ -1,0 +1,308 @@
+"""A measured thrust force laid over the model's: orders, phase, beat, and how sure the difference is."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+from scipy.stats import t as student
+
+from tripod_doe.analysis.measurement import Measurement, read_measurement
+from tripod_doe.analysis.order_tracking import CELLS, resample, track_orders
+from tripod_doe.errors import InputError
+from tripod_doe.joint.orders import ORDERS, amplitude_and_phase, complex_amplitudes
+from tripod_doe.results import Outcome
+from tripod_doe.study.query import query
+
+__all__ = ["ComparisonSettings", "compare", "compare_file", "model_point"]
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_BEAT = (2, 3, 4)  # the third order and its neighbours, whose sum beats once a revolution (paper 3.3)
+_MODEL_OUTPUTS = ("thrust_amplitude", "thrust_phase_deg", "thrust_amplitude_scatter", "thrust")
+_NOTHING = 1e-9  # part of the largest amplitude below which a model's order has no phase
+
+
+class ComparisonSettings(BaseModel):
+    """Settings of a comparison as a step of a workflow."""
+
+    model_config = ConfigDict(extra="forbid")
+    measurement: str = Field(description="CSV file of the measurement, relative to the workflow file")
+    select: list[str] = Field([], description="name=value of each factor, so that one point is left")
+    nearest: bool = Field(False, description="take the nearest value where none matches")
+    pulses_per_revolution: int = Field(1, ge=1, description="rising edges of tacho a revolution")
+    reference_angle_deg: float | None = Field(None, description="housing's rotation angle at the measurement's zero")
+    speeds_rpm: tuple[float, float] | None = Field(None, description="range of the speeds that are compared")
+    confidence: float = Field(0.95, gt=0, lt=1, description="level of the uncertainties")
+
+
+def compare_file(cubes: Mapping[str, xr.Dataset], settings: ComparisonSettings, folder: Path) -> xr.Dataset:
+    """Compare a measurement's file with a point of the one cube that is given; see `compare`.
+
+    Raises
+    ------
+    InputError
+        If there is not one cube, or point and measurement cannot be compared.
+    """
+    if len(cubes) != 1:
+        raise InputError(f"a comparison needs one study as its input, it has {len(cubes)}")
+    point = model_point(next(iter(cubes.values())), settings.select, settings.nearest)
+    measurement = read_measurement(folder / settings.measurement, settings.pulses_per_revolution)
+    return compare(measurement, point, settings.reference_angle_deg, settings.speeds_rpm, settings.confidence)
+
+
+def model_point(cube: xr.Dataset, select: Sequence[str] = (), nearest: bool = False) -> xr.Dataset:
+    """The one point of a cube that a measurement is compared with.
+
+    Parameters
+    ----------
+    cube
+        An open cube.
+    select
+        ``name=value`` for each factor with more than one value.
+    nearest
+        Take the nearest value where none matches.
+
+    Returns
+    -------
+    xarray.Dataset
+        thrust_amplitude, thrust_phase_deg and thrust_amplitude_scatter (order), thrust(rotation_deg), as far as the
+        cube has them; the factors as scalar coordinates.
+
+    Raises
+    ------
+    InputError
+        If the cube holds no thrust force, the selection leaves none or several points, or the point did not finish.
+    """
+    wanted = [name for name in _MODEL_OUTPUTS if name in cube]
+    if "thrust" not in wanted and not {"thrust_amplitude", "thrust_phase_deg"} <= set(wanted):
+        raise InputError(
+            "the cube holds neither thrust nor thrust_amplitude with thrust_phase_deg; add them to [keep] outputs and "
+            "run the study again"
+        )
+    chosen = xr.merge([query(cube, name, select, nearest) for name in wanted], compat="equals", join="exact")
+    design = [str(dim) for dim in chosen["outcome"].dims]
+    counts = {dim: chosen.sizes[dim] for dim in design if chosen.sizes[dim] != 1}
+    if counts:
+        none = [dim for dim, count in counts.items() if count == 0]
+        told = (
+            f"no point has this {none[0]}; --nearest takes the closest"
+            if none
+            else "choose one point: --select " + (" --select ".join(f"{dim}={_levels(chosen[dim])}" for dim in counts))
+        )
+        raise InputError(f"the selection leaves {int(np.prod(list(counts.values())))} points; {told}")
+    point = chosen.squeeze(design)
+    if (outcome := Outcome(int(point["outcome"]))) is not Outcome.FINISHED:
+        raise InputError(f"this point of the cube has no thrust force: its outcome is {outcome.label}; choose another")
+    return point.assign_attrs(cube.attrs)
+
+
+def _levels(labels: xr.DataArray) -> str:
+    shown = [f"{value:g}" if isinstance(value, float) else str(value) for value in labels.values[:6].tolist()]
+    return "|".join(shown) + ("|..." if labels.size > 6 else "")
+
+
+def compare(
+    measurement: Measurement,
+    point: xr.Dataset,
+    reference_angle_deg: float | None = None,
+    speeds_rpm: tuple[float, float] | None = None,
+    confidence: float = 0.95,
+) -> xr.Dataset:
+    """Lay a measured thrust force over a model's point, with the uncertainty of the difference.
+
+    The measured order is the mean of its complex amplitudes C_k over R revolutions. Its uncertainty is t s/sqrt(R)
+    with s their deviation along the mean (amplitude) or across it (phase), and t Student's factor with R - 1 degrees
+    of freedom. A model that is not periodic adds the difference between its own last two revolutions,
+    thrust_amplitude_scatter, to the uncertainty of the difference as the root of squares. The beat's envelope is
+    |sum of C_k exp(i k phi)| over the orders 2, 3, 4 (paper 3.3).
+
+    Parameters
+    ----------
+    measurement
+        Thrust force over the rotation angle.
+    point
+        One point of a cube, see `model_point`.
+    reference_angle_deg
+        Rotation angle phi of the housing (CONTRACT: 0 with roller 1 between both axes in their plane) at the zero of
+        the measurement. None where it is not known: then the third orders are put in phase, and of the three ways to
+        do so, 120 deg apart, that with the least difference over all orders is taken; the phases of all other orders
+        then compare with the third's only.
+    speeds_rpm
+        Only revolutions with a mean speed in this range are compared; the tracked orders keep all.
+    confidence
+        Level of the uncertainties.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over ``order``: measured_amplitude, model_amplitude, amplitude_difference (measured less model),
+        measured_phase_deg, model_phase_deg, phase_difference_deg, their ``_uncertainty`` and ``agrees`` (1 where the
+        amplitudes differ by no more than the uncertainty). Over ``rotation_deg``: measured_thrust, its deviation
+        measured_thrust_scatter, model_thrust, measured_envelope with its uncertainty, model_envelope. Over
+        ``revolution``: the tracked orders. Phases of orders that cannot be told from zero are NaN.
+
+    Raises
+    ------
+    InputError
+        If the record is too short or too gappy, or no two revolutions have such a speed.
+    """
+    tracked = track_orders(measurement.rotation_deg, measurement.thrust_n, measurement.time_s)
+    chosen = _of_speed(tracked, speeds_rpm)
+    each = _complex(chosen)
+    model = _model_orders(point)
+    shift, alignment = _alignment(each.mean(axis=0), model, reference_angle_deg, measurement.zero)
+    each = each * np.exp(-1j * np.radians(shift) * ORDERS)
+    factor = float(student.ppf((1 + confidence) / 2, each.shape[0] - 1)) / np.sqrt(each.shape[0])
+    scatter = point["thrust_amplitude_scatter"].values if "thrust_amplitude_scatter" in point else np.zeros(ORDERS.size)
+    variables = _order_variables(each, model, scatter, factor)
+    compared = _within(measurement, chosen["revolution"].values)
+    variables |= _angle_variables(measurement.rotation_deg + shift, compared, point, each, model, factor)
+    values = json.loads(str(point.attrs.get("fixed_parameters", "{}")))
+    values |= {str(name): label.item() for name, label in point.coords.items() if label.ndim == 0}
+    attrs = {
+        "title": "measured thrust force against a model",
+        "measurement": measurement.name or "a measurement",
+        "measurement_hash": measurement.digest or "not recorded",
+        "study": point.attrs.get("title", "a cube"),
+        "study_hash": point.attrs.get("study_hash", "not recorded"),
+        "source": point.attrs.get("source", "not recorded"),
+        "alignment": alignment,
+        "shift_deg": shift,
+        "confidence_level": confidence,
+        "revolutions_compared": each.shape[0],
+        "lost_samples": measurement.lost_samples,
+        "lost_pulses": measurement.lost_pulses,
+        "point": json.dumps({str(name): c.item() for name, c in point.coords.items() if c.ndim == 0}),
+    } | ({"model_speed_rpm": values["speed_rpm"]} if "speed_rpm" in values else {})
+    rotation = ("rotation_deg", np.arange(CELLS, dtype=float), _attrs("degree", "rotation angle of the housing"))
+    return tracked.assign(variables).assign_coords(rotation_deg=rotation).assign_attrs(attrs)
+
+
+def _of_speed(tracked: xr.Dataset, speeds: tuple[float, float] | None) -> xr.Dataset:
+    if speeds is None:
+        return tracked
+    if "speed_rpm" not in tracked:
+        raise InputError("--speeds needs a time column: add time_s to the measurement")
+    speed = tracked["speed_rpm"].values
+    chosen = tracked.isel(revolution=np.flatnonzero((speed >= speeds[0]) & (speed <= speeds[1])))
+    if chosen.sizes["revolution"] < 2:
+        raise InputError(
+            f"--speeds {speeds[0]:g}:{speeds[1]:g}: {chosen.sizes['revolution']} revolutions have such a speed, two "
+            f"are needed; the record's lie between {speed.min():.4g} and {speed.max():.4g} rpm"
+        )
+    return chosen
+
+
+def _complex(orders: xr.Dataset) -> ComplexArray:
+    amplitude, phase = orders["thrust_amplitude"].values, orders["thrust_phase_deg"].values
+    return np.asarray(amplitude * np.exp(1j * np.radians(phase)), np.complex128)
+
+
+def _model_orders(point: xr.Dataset) -> ComplexArray:
+    """Complex amplitudes of the model, shape (order,)."""
+    if "thrust_amplitude" in point and "thrust_phase_deg" in point:
+        return _complex(point)
+    orders: ComplexArray = complex_amplitudes(point["thrust"].values.reshape(2, -1)).mean(axis=0)
+    return orders
+
+
+def _alignment(measured: ComplexArray, model: ComplexArray, reference: float | None, zero: str) -> tuple[float, str]:
+    """Angle in deg to add to the measurement's, and in words where it comes from."""
+    if reference is not None:
+        return reference, f"given: {zero} is at a rotation angle of {reference:g} deg"
+    third = np.degrees(np.angle(measured[3] / model[3])) / 3 if abs(measured[3]) and abs(model[3]) else 0.0
+    candidates = [float((third + turn + 180) % 360 - 180) for turn in (0, 120, 240)]
+    residual = [np.abs(measured * np.exp(-1j * np.radians(shift) * ORDERS) - model).sum() for shift in candidates]
+    shift = candidates[int(np.argmin(residual))]
+    return shift, (
+        f"fitted: the reference angle is not known, so {zero} was put at {shift:.4g} deg, where the third orders are "
+        "in phase; of the three such angles the one with the least difference was taken, so phases other than the "
+        "third's compare with the third order only, and no phase of the third order is a finding"
+    )
+
+
+def _order_variables(each: ComplexArray, model: ComplexArray, scatter: FloatArray, factor: float) -> dict[str, Any]:
+    """Amplitudes, phases and differences with their uncertainties, over ``order``."""
+    mean = each.mean(axis=0)
+    amplitude, phase = amplitude_and_phase(mean)
+    direction = np.exp(-1j * np.radians(phase))
+    along, across = (part.std(axis=0, ddof=1) * factor for part in ((each * direction).real, (each * direction).imag))
+    model_amplitude, model_phase = amplitude_and_phase(model)
+    told = (amplitude > np.hypot(along, across)) | (np.maximum(along, across) == 0)
+    told &= amplitude > _NOTHING * amplitude.max()
+    model_told = model_amplitude > _NOTHING * model_amplitude.max()
+    sure, both = np.degrees(np.arctan2(across, amplitude)), np.hypot(along, scatter)
+    _, difference = amplitude_and_phase(mean * np.conj(model))
+    difference[~(told & model_told)] = np.nan
+    phase, sure = np.where(told, phase, np.nan), np.where(told, sure, np.nan)
+    rows = {
+        "measured_amplitude": (amplitude, "N", "amplitude of the measured mean over revolutions"),
+        "measured_amplitude_uncertainty": (along, "N", "its uncertainty from revolution to revolution"),
+        "model_amplitude": (model_amplitude, "N", "amplitude of the model"),
+        "amplitude_difference": (amplitude - model_amplitude, "N", "measured less model amplitude"),
+        "amplitude_difference_uncertainty": (both, "N", "uncertainty of the difference, the model's scatter with it"),
+        "measured_phase_deg": (phase, "degree", "phase of the measured mean over revolutions"),
+        "measured_phase_uncertainty_deg": (sure, "degree", "its uncertainty from revolution to revolution"),
+        "model_phase_deg": (np.where(model_told, model_phase, np.nan), "degree", "phase of the model"),
+        "phase_difference_deg": (difference, "degree", "measured less model phase, -180 to 180"),
+        "phase_difference_uncertainty_deg": (sure, "degree", "uncertainty of the phase difference"),
+        "agrees": ((np.abs(amplitude - model_amplitude) <= both).astype(np.int8), "1",
+                   "1 where the amplitudes differ by no more than the uncertainty of the difference"),
+    }  # fmt: skip
+    return {name: ("order", values, _attrs(unit, meaning)) for name, (values, unit, meaning) in rows.items()}
+
+
+def _within(measurement: Measurement, revolutions: NDArray[np.int32]) -> FloatArray:
+    """The thrust force of these revolutions of the record, NaN in all others."""
+    turn = np.floor((measurement.rotation_deg - measurement.rotation_deg[0]) / 360).astype(int) + 1
+    return np.where(np.isin(turn, revolutions), measurement.thrust_n, np.nan)
+
+
+def _angle_variables(
+    rotation_deg: FloatArray,
+    thrust_n: FloatArray,
+    point: xr.Dataset,
+    each: ComplexArray,
+    model: ComplexArray,
+    factor: float,
+) -> dict[str, Any]:
+    """Waveforms and envelopes over one revolution."""
+    wave = np.exp(1j * np.radians(np.arange(CELLS))[:, None] * ORDERS)
+    revolutions = resample(rotation_deg, thrust_n)
+    count = np.isfinite(revolutions).sum(axis=0)
+    mean = np.where(count > 0, np.nansum(revolutions, axis=0) / np.maximum(count, 1), np.nan)
+    spread = np.sqrt(np.nansum((revolutions - mean) ** 2, axis=0) / np.maximum(count - 1, 1))
+    beats = each[:, list(_BEAT)] @ wave[:, list(_BEAT)].T
+    beat = beats.mean(axis=0)
+    envelope = np.abs(beat)
+    along = (beats * np.conj(beat) / np.maximum(envelope, 1e-300)).real.std(axis=0, ddof=1)
+    rows = {
+        "measured_thrust": (mean, "measured thrust force, mean over revolutions"),
+        "measured_thrust_scatter": (np.where(count > 1, spread, np.nan), "its deviation from revolution to revolution"),
+        "model_thrust": (_model_waveform(point, model, wave), "thrust force of the model"),
+        "measured_envelope": (envelope, "envelope of the measured orders 2, 3 and 4"),
+        "measured_envelope_uncertainty": (along * factor, "its uncertainty from revolution to revolution"),
+        "model_envelope": (np.abs(wave[:, list(_BEAT)] @ model[list(_BEAT)]), "envelope of the model's orders 2 to 4"),
+    }
+    return {name: ("rotation_deg", values, _attrs("N", meaning)) for name, (values, meaning) in rows.items()}
+
+
+def _model_waveform(point: xr.Dataset, model: ComplexArray, wave: ComplexArray) -> FloatArray:
+    """The model's last revolution over 0 .. 359 deg; of a cube without waveforms the sum of its orders."""
+    if "thrust" not in point:
+        return np.asarray((wave @ model).real, float)
+    rotation, thrust = point["rotation_deg"].values, point["thrust"].values
+    last = rotation >= 360
+    return np.asarray(np.interp(np.arange(CELLS), rotation[last] - 360, thrust[last], period=360), float)
+
+
+def _attrs(unit: str, meaning: str) -> dict[str, str]:
+    return {"units": unit, "long_name": meaning}

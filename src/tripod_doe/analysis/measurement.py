@@ -1,0 +1,278 @@
+"""A measured thrust force over the rotation angle: read from a file, with the angle from a tachometer where needed.
+
+Columns, found by their names; others are ignored:
+
+- ``thrust_n``: thrust force on the housing in N, positive towards the intermediate shaft; empty or NaN at a dropout;
+- ``rotation_deg``: rotation angle of the housing in degrees, growing; a jump back by a whole turn is taken as one;
+- or ``time_s`` in seconds, growing, and ``tacho`` in any unit: pulses or a square wave, whose rising edges count.
+
+With ``rotation_deg`` a column ``time_s`` is optional: it gives the speeds.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import median_filter
+
+from tripod_doe.errors import InputError, near_match
+
+__all__ = ["Measurement", "edge_times", "pulse_numbers", "read_measurement", "rotation_from_tachometer"]
+
+FloatArray = NDArray[np.float64]
+
+_MOST_LOST = 0.2  # of the samples; beyond it a record says more of its recorder than of the joint
+_LOW, _HIGH = 0.35, 0.65  # thresholds of an edge within the range of the tachometer: noise between them makes no edge
+_NEIGHBOURS = 5  # intervals whose median is the local time between pulses
+_LOOSE = 1.5  # times the next interval, from which the first or last one may hide a pulse
+_UNEVEN = 0.3  # part of an interval by which it may differ from a whole multiple of its neighbours
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A thrust signal over the rotation angle.
+
+    Attributes
+    ----------
+    rotation_deg
+        Rotation angle from an arbitrary zero, not falling, unwrapped; degrees, shape (sample,).
+    thrust_n
+        Thrust force in N, NaN at dropouts, shape (sample,).
+    time_s
+        Time of the samples in s, shape (sample,); None where it is not known.
+    zero
+        What the zero of the angle is, in words.
+    lost_samples
+        Rows without a value in any needed column.
+    lost_pulses
+        Pulses that were missing among their neighbours, and were counted all the same.
+    name, digest
+        The file and its SHA-256 (16 hex digits), for the record.
+    """
+
+    rotation_deg: FloatArray
+    thrust_n: FloatArray
+    time_s: FloatArray | None
+    zero: str
+    lost_samples: int = 0
+    lost_pulses: int = 0
+    name: str = ""
+    digest: str = ""
+
+
+def read_measurement(path: str | Path, pulses_per_revolution: int = 1) -> Measurement:
+    """Read a measured thrust signal and put it over the rotation angle.
+
+    Parameters
+    ----------
+    path
+        CSV file with one line of column names; lines that start with # are passed over.
+    pulses_per_revolution
+        Rising edges of the tachometer a turn of the housing.
+
+    Returns
+    -------
+    Measurement
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, a column is missing or holds words, too many values are missing, time or angle
+        runs backwards, or the tachometer shows no regular pulses. The message says what to change.
+    """
+    path = Path(path)
+    table = _read_table(path)
+    try:
+        measured = _from_table(table, pulses_per_revolution)
+        return replace(measured, name=path.name, digest=hashlib.sha256(path.read_bytes()).hexdigest()[:16])
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _read_table(path: Path) -> pd.DataFrame:
+    try:
+        return pd.read_csv(path, comment="#", skipinitialspace=True)
+    except OSError as error:
+        raise InputError(f"{path}: cannot read the measurement: {error.strerror}") from error
+    except (UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        reason = str(error).strip()
+        raise InputError(f"{path}: not a CSV file with one line of column names: {reason}") from error
+
+
+def _from_table(table: pd.DataFrame, pulses: int) -> Measurement:
+    over_angle = "rotation_deg" in table or not {"time_s", "tacho"} & set(table.columns)
+    needed = ["thrust_n", "rotation_deg"] if over_angle else ["thrust_n", "time_s", "tacho"]
+    axes = [*needed[1:], *(["time_s"] if over_angle and "time_s" in table else [])]
+    columns = {name: _column(table, name) for name in ["thrust_n", *axes]}
+    placed = np.logical_and.reduce([np.isfinite(columns[name]) for name in axes])
+    lost = int(np.sum(~(placed & np.isfinite(columns["thrust_n"]))))
+    if lost > _MOST_LOST * len(table):
+        raise InputError(
+            f"{lost} of {len(table)} samples have no number in {', '.join(columns)}; at most {_MOST_LOST:.0%} may be "
+            "missing: cut the record to its good part"
+        )
+    kept = {name: values[placed] for name, values in columns.items()}
+    if "time_s" in kept:
+        _check_growing("time_s", kept["time_s"], np.flatnonzero(placed), strictly=True)
+    if not over_angle:
+        return rotation_from_tachometer(kept["time_s"], kept["tacho"], kept["thrust_n"], pulses, lost)
+    rotation = _unwrapped(kept["rotation_deg"])
+    _check_growing("rotation_deg", rotation, np.flatnonzero(placed), strictly=False)
+    return Measurement(rotation, kept["thrust_n"], kept.get("time_s"), "the zero of rotation_deg", lost)
+
+
+def _column(table: pd.DataFrame, name: str) -> FloatArray:
+    if name not in table:
+        known = [str(column) for column in table.columns]
+        if len(known) == 1 and (";" in known[0] or "\t" in known[0]):
+            raise InputError("the columns are not separated by commas: write a, b, c with decimal points")
+        raise InputError(
+            f"no column {name}{near_match(name, known)}; needed are thrust_n and rotation_deg, or thrust_n, time_s and "
+            f"tacho; the file has {', '.join(known)}"
+        )
+    numbers = pd.to_numeric(table[name], errors="coerce").to_numpy(float)
+    words = np.flatnonzero(np.isnan(numbers) & table[name].notna().to_numpy())
+    if words.size:
+        raise InputError(
+            f"{name} = {table[name].iloc[words[0]]!r} in row {words[0] + 1}: expected a number, or nothing at a dropout"
+        )
+    return numbers
+
+
+def _unwrapped(degrees: FloatArray) -> FloatArray:
+    """An angle that starts again after each turn, made to run on; other steps backwards stay to be refused."""
+    turns = np.cumsum(np.diff(degrees, prepend=degrees[:1]) < -180)
+    return degrees + 360.0 * turns
+
+
+def _check_growing(name: str, values: FloatArray, rows: NDArray[np.int64], strictly: bool) -> None:
+    step = np.diff(values)
+    wrong = np.flatnonzero(step <= 0 if strictly else step < 0)
+    if wrong.size == 0:
+        return
+    at = wrong[0]
+    hint = (
+        "sort the rows by time" if name == "time_s" else "change the sign of the column if the joint turned backwards"
+    )
+    raise InputError(
+        f"{name} must grow from row to row, but goes from {values[at]:g} to {values[at + 1]:g} at row "
+        f"{rows[at + 1] + 1} ({wrong.size} such rows); {hint}"
+    )
+
+
+def rotation_from_tachometer(
+    time_s: FloatArray, tacho: FloatArray, thrust_n: FloatArray, pulses_per_revolution: int = 1, lost_samples: int = 0
+) -> Measurement:
+    """The rotation angle of every sample between the first and the last rising edge of a tachometer.
+
+    A cubic spline runs through the instants of the edges, at 360/n deg each: constant acceleration is followed
+    exactly, ripple within the time between two pulses is not seen. The zero is at the first edge. Computed order
+    tracking after Fyfe and Munck, Mechanical Systems and Signal Processing 11 (1997) 187-205.
+
+    Parameters
+    ----------
+    time_s, tacho, thrust_n
+        Time in s, tachometer in any unit, thrust force in N; shape (sample,) each.
+    pulses_per_revolution
+        Edges a turn.
+    lost_samples
+        Rows that were left out before, for the record.
+
+    Notes
+    -----
+    An edge of a sampled square wave is known to half a sample. With N samples a revolution that is an angle error
+    of at most 180/N deg, and of at most k 180/N deg in the phase of order k.
+
+    Raises
+    ------
+    InputError
+        If there are no pulses, too few, or irregular ones.
+    """
+    if pulses_per_revolution < 1:
+        raise InputError(f"--pulses-per-revolution {pulses_per_revolution}: at least 1 is needed")
+    edges = _without_loose_ends(edge_times(time_s, tacho))
+    if edges.size < 2:
+        raise InputError(
+            f"{edges.size or 'no'} rising edge{'s' if edges.size != 1 else ''} in tacho; give a pulse or square wave "
+            "with at least one rising edge a revolution, or a column rotation_deg"
+        )
+    numbers = pulse_numbers(edges)
+    between = (time_s >= edges[0]) & (time_s <= edges[-1])
+    angle: Callable[[FloatArray], FloatArray] = CubicSpline(edges, numbers * (360.0 / pulses_per_revolution))
+    rotation = angle(time_s[between])
+    if np.any(np.diff(rotation) < 0):
+        raise InputError(
+            "the angle between tachometer pulses runs backwards; the record needs more pulses a revolution"
+        )
+    lost_pulses = int(numbers[-1]) + 1 - edges.size
+    zero = "the first rising edge of tacho"
+    return Measurement(rotation, thrust_n[between], time_s[between], zero, lost_samples, lost_pulses)
+
+
+def edge_times(time_s: FloatArray, tacho: FloatArray) -> FloatArray:
+    """Instants in s at which a pulse train or square wave rises through the middle of its range.
+
+    A rise counts when it goes from below 35 % to above 65 % of the range, so that noise up to 15 % makes no edge.
+
+    Parameters
+    ----------
+    time_s, tacho
+        Time in s and tachometer in any unit, shape (sample,).
+
+    Returns
+    -------
+    ndarray, shape (edge,)
+    """
+    low, high = (float(end) for end in (np.min(tacho), np.max(tacho))) if tacho.size else (0.0, 0.0)
+    state = np.where(tacho > low + _HIGH * (high - low), 1, 0) - np.where(tacho < low + _LOW * (high - low), 1, 0)
+    decided = np.flatnonzero(state)
+    rising = np.flatnonzero(np.diff(state[decided]) > 0)
+    before, after = decided[rising], decided[rising + 1]
+    part = ((low + high) / 2 - tacho[before]) / (tacho[after] - tacho[before])
+    return np.asarray(time_s[before] + part * (time_s[after] - time_s[before]), float)
+
+
+def _without_loose_ends(edges: FloatArray) -> FloatArray:
+    """Edges without a first or last interval much longer than the next one.
+
+    At the ends of a record a missing pulse and a start from rest look alike, so neither is counted.
+    """
+    while edges.size > 3 and edges[1] - edges[0] > _LOOSE * (edges[2] - edges[1]):
+        edges = edges[1:]
+    while edges.size > 3 and edges[-1] - edges[-2] > _LOOSE * (edges[-2] - edges[-3]):
+        edges = edges[:-1]
+    return edges
+
+
+def pulse_numbers(edges: FloatArray) -> NDArray[np.int64]:
+    """Number each edge of a tachometer, the first 0; a gap of a whole number of pulses counts those that are missing.
+
+    Parameters
+    ----------
+    edges
+        Instants in s, shape (edge,).
+
+    Raises
+    ------
+    InputError
+        If an interval is no whole multiple of the median of its neighbours, within 30 % of one.
+    """
+    interval = np.diff(edges)
+    ratio = interval / median_filter(interval, size=_NEIGHBOURS, mode="nearest")
+    count = np.rint(ratio).astype(np.int64)
+    uneven = np.flatnonzero((count < 1) | (np.abs(ratio - count) > _UNEVEN))
+    if uneven.size:
+        at = uneven[0]
+        raise InputError(
+            f"the pulses of tacho are irregular: {interval[at]:.4g} s between those at {edges[at]:.6g} s and "
+            f"{edges[at + 1]:.6g} s, where their neighbours are {interval[at] / ratio[at]:.4g} s apart; clean the "
+            "tachometer signal or cut the record there"
+        )
+    return np.concatenate([[0], np.cumsum(count)])

@@ -1,0 +1,168 @@
+"""Order tracking: the rotating orders and the waveform of every revolution of a measured signal.
+
+The orders of each revolution are fitted to its samples at their own angles, so nothing is interpolated, a dropout
+leaves a gap and no invention, and for evenly spaced samples the answer is that of the Fourier transform.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.errors import InputError
+from tripod_doe.joint.orders import ORDERS, amplitude_and_phase
+
+__all__ = ["CELLS", "resample", "track_orders"]
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+CELLS = 360
+"""Cells of a resampled revolution, 1 deg each."""
+
+_UNKNOWNS = 2 * ORDERS.size - 1
+_WIDEST_GAP = 360.0 / _UNKNOWNS  # deg: beyond the spacing that just resolves order 12 the fit would invent
+_FEWEST_SAMPLES = 32  # a revolution: 25 unknowns and some to spare
+_WRAPS = {"wraps_at": "+-180 degree"}
+
+
+def track_orders(rotation_deg: FloatArray, thrust_n: FloatArray, time_s: FloatArray | None = None) -> xr.Dataset:
+    """Rotating orders 0 to 12 of every whole revolution: order tracking, for instance of a run-up.
+
+    In each revolution f(phi_i) = sum_k Re(C_k exp(i k phi_i)) is solved for C_k by least squares over its samples.
+    With N evenly spread samples and white noise of deviation sigma, the deviation of an amplitude is
+    sigma sqrt(2/N), and that of a phase is this over the amplitude, in rad. A gap raises them: all revolutions with
+    a gap wider than 360/25 = 14.4 deg are left out. Cost: 2 N 25^2 operations a revolution, 0.3 ms
+    for N = 1000.
+
+    Parameters
+    ----------
+    rotation_deg
+        Rotation angle, not falling, in degrees, shape (sample,).
+    thrust_n
+        Thrust force in N, NaN at dropouts, shape (sample,).
+    time_s
+        Time of the samples in s.
+
+    Returns
+    -------
+    xarray.Dataset
+        thrust_amplitude and thrust_phase_deg (revolution, order), samples(revolution), and with time speed_rpm
+        (revolution); attributes ``revolutions_used`` and ``revolutions_left_out``.
+
+    Raises
+    ------
+    InputError
+        If there are less than two revolutions, whole or without wide gaps, or too few samples in them.
+    """
+    there = np.isfinite(thrust_n)
+    bounds = _revolutions(rotation_deg)
+    angle, force = rotation_deg[there], thrust_n[there]
+    time = None if time_s is None else time_s[there]
+    first = np.searchsorted(angle, bounds)
+    rows, used = [], []
+    for revolution, (start, end) in enumerate(pairwise(first)):
+        gaps = np.diff(np.concatenate([[bounds[revolution]], angle[start:end], [bounds[revolution + 1]]]))
+        if end - start >= _FEWEST_SAMPLES and gaps.max() <= _WIDEST_GAP:
+            rows.append(_fit(angle[start:end], force[start:end]))
+            used.append(revolution)
+    if len(used) < 2:
+        samples = int(np.median(np.diff(first)))
+        raise InputError(
+            f"only {len(used)} of {bounds.size - 1} revolutions can be used: each needs {_FEWEST_SAMPLES} samples "
+            f"(the median is {samples}) and no gap wider than {_WIDEST_GAP:.1f} deg; sample faster, or cut dropouts out"
+        )
+    amplitude, phase = amplitude_and_phase(np.array(rows))
+    count = np.diff(first)[used].astype(np.int32)
+    tracked: dict[str, Any] = {
+        "thrust_amplitude": (("revolution", "order"), amplitude, _meaning("N", "measured amplitude, each revolution")),
+        "thrust_phase_deg": (
+            ("revolution", "order"), phase, _meaning("degree", "measured phase, each revolution") | _WRAPS),
+        "samples": ("revolution", count, _meaning("1", "samples in the revolution")),
+    }  # fmt: skip
+    if time is not None:
+        ends = [(first[r], first[r + 1] - 1) for r in used]
+        speed = [(angle[b] - angle[a]) / (time[b] - time[a]) / 6 for a, b in ends]
+        tracked["speed_rpm"] = ("revolution", np.array(speed), _meaning("rpm", "mean speed of the revolution"))
+    return xr.Dataset(
+        tracked,
+        coords={
+            "revolution": ("revolution", np.array(used, np.int32) + 1, _meaning("1", "number of the revolution")),
+            "order": ("order", ORDERS.astype(np.int32), _meaning("1", "rotating order")),
+        },
+        attrs={"revolutions_used": len(used), "revolutions_left_out": bounds.size - 1 - len(used)},
+    )
+
+
+def _revolutions(rotation_deg: FloatArray) -> FloatArray:
+    """Bounds of the whole revolutions of a record, from its first sample on."""
+    if rotation_deg.size < 2:
+        raise InputError(f"the record has {rotation_deg.size} samples with an angle; two whole revolutions are needed")
+    # the last sample stands for the step behind it: 0, 1, ... 719 deg are two revolutions
+    span, steps = rotation_deg[-1] - rotation_deg[0], np.diff(rotation_deg)
+    count = int((span + max(float(np.median(steps)), steps[-1])) / 360 + 1e-6)
+    if count < 2:
+        raise InputError(
+            f"the record covers {span / 360:.2f} revolutions; at least two whole ones are needed to tell how far "
+            "revolutions differ: measure longer, or check --pulses-per-revolution"
+        )
+    bounds: FloatArray = rotation_deg[0] + 360.0 * np.arange(count + 1)
+    return bounds
+
+
+def _fit(angle_deg: FloatArray, force: FloatArray) -> ComplexArray:
+    """Complex amplitudes of one revolution, shape (order,)."""
+    wave = np.exp(1j * np.radians(angle_deg)[:, None] * ORDERS)
+    basis = np.hstack([wave.real, -wave.imag[:, 1:]])
+    real = np.linalg.solve(basis.T @ basis, basis.T @ force)  # well conditioned: gaps are no wider than 1/25 turn
+    return real[: ORDERS.size] + 1j * np.concatenate([[0.0], real[ORDERS.size :]])
+
+
+def resample(rotation_deg: FloatArray, thrust_n: FloatArray) -> FloatArray:
+    """The thrust force over 0, 1, ... 359 deg of every whole revolution, as means over 1 deg.
+
+    The signal is integrated over the angle and differenced at the cells' ends: faster sampling is averaged, which
+    keeps noise from folding back, slower is joined by straight lines. Order k comes out smaller by the factor
+    sin(x)/x, x = pi k/360: 0.2 % at order 12. Dropouts, and what is beside them by more than two and a half
+    median steps, are NaN.
+
+    Parameters
+    ----------
+    rotation_deg
+        Rotation angle, not falling, in degrees, shape (sample,).
+    thrust_n
+        Thrust force in N, NaN at dropouts, shape (sample,).
+
+    Returns
+    -------
+    ndarray, shape (revolution, 360)
+    """
+    there = np.isfinite(thrust_n)
+    angle, force = rotation_deg[there], thrust_n[there]
+    integral = np.concatenate([[0.0], np.cumsum(np.diff(angle) * (force[1:] + force[:-1]) / 2)])
+    first, last = int(np.ceil(rotation_deg[0])), int(np.ceil(rotation_deg[-1]))
+    centre = np.arange(first, last + 1, dtype=float)
+    ends = np.clip([centre - 0.5, centre + 0.5], angle[0], angle[-1])
+    cells = np.diff(_integral_at(ends, angle, force, integral), axis=0)[0]
+    cells = np.where(ends[1] - ends[0] < 1, np.interp(centre, angle, force), cells)  # half cells at the record's ends
+    behind = np.clip(np.searchsorted(angle, centre), 1, angle.size - 1)
+    step = np.maximum(2.5 * np.median(np.diff(angle)), 1.0)
+    inside = (centre >= angle[0]) & (centre <= angle[-1])
+    cells[~inside | (angle[behind] - angle[behind - 1] > step)] = np.nan
+    whole = cells.size // CELLS * CELLS
+    return np.roll(cells[:whole].reshape(-1, CELLS), first % CELLS, axis=1)
+
+
+def _integral_at(at: FloatArray, angle: FloatArray, force: FloatArray, integral: FloatArray) -> FloatArray:
+    """The integral of the straight lines between samples, at any angle among them."""
+    row = np.clip(np.searchsorted(angle, at, side="right") - 1, 0, angle.size - 1)
+    answer: FloatArray = integral[row] + (at - angle[row]) * (force[row] + np.interp(at, angle, force)) / 2
+    return answer
+
+
+def _meaning(unit: str, meaning: str) -> dict[str, str]:
+    return {"units": unit, "long_name": meaning}

@@ -1,0 +1,170 @@
+"""A comparison with a measurement, told in sentences, as a table, as JSON, and as a page."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from tripod_doe.report.figures.comparison import comparison_charts
+from tripod_doe.report.page import render, swap_in
+from tripod_doe.report.responses import ORDINALS, number, spoken
+from tripod_doe.study.cube import stamp_history, write_dataset
+
+__all__ = ["comparison_json", "comparison_page", "comparison_text", "find_in_comparison", "write_comparison"]
+
+_HEADS = (
+    "order", "measured N", "+- N", "model N", "difference N", "measured deg", "+- deg", "model deg", "difference deg"
+)  # fmt: skip
+_FORCES = ("measured_amplitude", "model_amplitude", "amplitude_difference")
+_PHASES = ("measured_phase_deg", "model_phase_deg", "phase_difference_deg")
+_MOST_DECIMALS = 6
+_NOTHING = 1e-9  # part of the largest below which a number is rounding
+_SPEED_APART = 0.05  # of the model's speed, from which the reader should know
+
+
+def find_in_comparison(comparison: xr.Dataset) -> list[str]:
+    """Sentences on what the comparison shows, and on what it cannot.
+
+    Parameters
+    ----------
+    comparison
+        From `tripod_doe.analysis.comparison.compare`.
+
+    Returns
+    -------
+    list of str
+        The third order first, then the second, the beat, the alignment, and what was lost.
+    """
+    sentences = [_order_sentence(comparison, order) for order in (3, 2)]
+    measured, model = (100 * _depth(comparison[f"{which}_envelope"].values) for which in ("measured", "model"))
+    sentences.append(
+        f"The beat changes the envelope by +-{measured:.2g} % of its mean height in the measurement and by "
+        f"+-{model:.2g} % in the model."
+    )
+    sentences.append(f"Reference angle {comparison.attrs['alignment']}.")
+    return sentences + _cautions(comparison)
+
+
+def _order_sentence(comparison: xr.Dataset, order: int) -> str:
+    over_order = [name for name in comparison.data_vars if comparison[name].dims == ("order",)]
+    row = {str(name): float(comparison[name].sel(order=order)) for name in over_order}
+    own, unsure = row["measured_amplitude_uncertainty"], row["amplitude_difference_uncertainty"]
+    model, difference = row["model_amplitude"], row["amplitude_difference"]
+    known = model > _NOTHING * float(comparison["model_amplitude"].max())
+    part = f" ({100 * difference / model:+.2g} %)" if known else ""
+    return (
+        f"The measured {ORDINALS[order]} is {_rounded(row['measured_amplitude'], own)} +- {_rounded(own, own)} N, the "
+        f"model's {_rounded(model, unsure)} N: a difference of {_rounded(difference, unsure)} +- "
+        f"{_rounded(unsure, unsure)} N{part}, {'within' if row['agrees'] else 'beyond'} its uncertainty."
+    )
+
+
+def _depth(envelope: np.ndarray[Any, Any]) -> float:
+    """Half the change of an envelope over its mean height, 0 without beat."""
+    low, high = float(np.nanmin(envelope)), float(np.nanmax(envelope))
+    return (high - low) / (high + low) if high - low > _NOTHING * high else 0.0
+
+
+def _cautions(comparison: xr.Dataset) -> list[str]:
+    attrs, told = comparison.attrs, []
+    model_speed = attrs.get("model_speed_rpm")
+    if "speed_rpm" in comparison and model_speed is not None:
+        speed = comparison["speed_rpm"].values
+        if np.abs(speed - model_speed).max() > _SPEED_APART * model_speed:
+            told.append(
+                f"The record turns at {number(float(speed.min()))} to {number(float(speed.max()))} rpm, the model's "
+                f"point at {number(model_speed)} rpm."
+            )
+    counts = (
+        ("revolutions_left_out", "revolution", "left out for a gap wider than 14.4 deg or too few samples"),
+        ("lost_samples", "sample", "without a number"),
+        ("lost_pulses", "pulse", "of the tachometer missing and counted from the neighbours"),
+    )
+    lost = [f"{attrs[key]} {what}{'s' * (attrs[key] > 1)} {words}" for key, what, words in counts if attrs[key]]
+    return told + ([f"Lost: {', '.join(lost)}."] if lost else [])
+
+
+def comparison_text(comparison: xr.Dataset) -> str:
+    """The orders as a table for people, with the sentences above it."""
+    rows = pd.DataFrame(_order_rows(comparison), columns=list(_HEADS))
+    table = rows.to_string(index=False)
+    return "\n".join([*find_in_comparison(comparison), "", table])
+
+
+def _order_rows(comparison: xr.Dataset) -> list[list[str]]:
+    """The orders as text, every number to the digits that its uncertainty leaves."""
+    rows = []
+    for order in comparison["order"].values.tolist():
+        of_order = comparison.sel(order=order)
+        cells = [str(order)]
+        for names, unsure in (_FORCES, "measured_amplitude_uncertainty"), (_PHASES, "measured_phase_uncertainty_deg"):
+            sure = float(of_order[unsure])
+            measured, model, difference = (_rounded(float(of_order[name]), sure) for name in names)
+            cells += [measured, _rounded(sure, sure), model, difference]
+        rows.append(cells)
+    return rows
+
+
+def _rounded(value: float, unsure: float) -> str:
+    """A number to two digits of its uncertainty; a dash where there is none."""
+    if not math.isfinite(value):
+        return "-"
+    if not (math.isfinite(unsure) and unsure > 0):
+        return number(value)
+    decimals = max(1 - math.floor(math.log10(unsure)), 0)
+    return number(value) if decimals > _MOST_DECIMALS else f"{value:.{decimals}f}"
+
+
+def comparison_json(comparison: xr.Dataset) -> str:
+    """One JSON object: attributes, every variable over order and revolution by its name, NaN as null."""
+    answer: dict[str, Any] = {"point": json.loads(comparison.attrs["point"])}
+    answer |= {name: value for name, value in comparison.attrs.items() if name not in ("point", "history")}
+    for name in ("order", "revolution", *comparison.data_vars):
+        if "rotation_deg" not in comparison[name].dims:
+            answer[str(name)] = _plain(comparison[name].values.tolist())
+    for which in ("measured", "model"):
+        answer[f"{which}_beat_depth"] = _depth(comparison[f"{which}_envelope"].values)
+    answer["findings"] = find_in_comparison(comparison)
+    return json.dumps(answer, allow_nan=False, default=lambda value: value.item())
+
+
+def _plain(values: Any) -> Any:
+    if isinstance(values, list):
+        return [_plain(value) for value in values]
+    return None if isinstance(values, float) and not math.isfinite(values) else values
+
+
+def comparison_page(comparison: xr.Dataset) -> str:
+    """The comparison as one HTML page that needs nothing else."""
+    point = json.loads(comparison.attrs["point"])
+    facts = [(spoken(name), number(value) if isinstance(value, float) else str(value)) for name, value in point.items()]
+    return render(
+        "comparison.html",
+        attrs=comparison.attrs,
+        facts=facts,
+        findings=find_in_comparison(comparison),
+        charts=comparison_charts(comparison),
+        heads=_HEADS,
+        rows=_order_rows(comparison),
+    )
+
+
+def write_comparison(comparison: xr.Dataset, output: Path) -> Path:
+    """Write the page: to a file that ends in .html, else as index.html into a directory, with comparison.nc beside it.
+
+    Raises
+    ------
+    StorageError
+        If it cannot be written.
+    """
+    if output.suffix.lower() in (".html", ".htm"):
+        return swap_in(comparison_page(comparison), output)
+    page = swap_in(comparison_page(comparison), output / "index.html")
+    write_dataset(stamp_history(comparison, "tripod-doe compare"), output / "comparison.nc")
+    return page

@@ -1,0 +1,151 @@
+"""The picture of a workflow: its steps from left to right, what each needs, and what became of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.patches import FancyBboxPatch
+
+from tripod_doe.report.figures.chart import INK, MUTED, Chart, drawing
+from tripod_doe.report.responses import number
+
+__all__ = ["StepView", "chain_chart", "step_time"]
+
+_GROUNDS = {
+    "finished": "#cfe6d8",
+    "reused": "#e6edf5",
+    "failed": "#f6c9bd",
+    "blocked": "#fff4e0",
+    "not asked": "#ffffff",
+}
+_WIDTH, _HEIGHT, _ACROSS, _DOWN = 1.7, 0.62, 2.25, 0.9  # inches: of a box, and from box to box
+
+
+@dataclass(frozen=True)
+class StepView:
+    """A step as a reader sees it.
+
+    Attributes
+    ----------
+    name, kind
+        Its name, and what it is.
+    inputs
+        Names of the steps that it needs.
+    state
+        ``finished`` (run now), ``reused`` (finished before), ``failed``, ``blocked`` (needs one that failed) or
+        ``not asked``.
+    seconds
+        Wall time of the run that finished it; None where there is none.
+    detail
+        Why it failed, or what it made.
+    link
+        Its own report or files, relative to the page; empty where there are none.
+    """
+
+    name: str
+    kind: str
+    inputs: tuple[str, ...]
+    state: str
+    seconds: float | None = None
+    detail: str = ""
+    link: str = ""
+
+
+def step_time(step: StepView) -> str:
+    """Wall time of a step in words, empty where it has none."""
+    if step.seconds is None:
+        return ""
+    return f"{number(step.seconds / 60)} min" if step.seconds >= 120 else f"{step.seconds:.2g} s"
+
+
+def chain_chart(steps: Sequence[StepView]) -> Chart:
+    """Boxes in columns, each right of all that it needs, with state and time.
+
+    Parameters
+    ----------
+    steps
+        The steps, each after all that it needs.
+    """
+    place = _places(steps)
+    columns, rows = (1 + max(at[axis] for at in place.values()) for axis in (0, 1))
+    with drawing(0.25 + _ACROSS * columns, 0.3 + _DOWN * rows) as (figure, axes):
+        axes.set_axis_off()
+        axes.set_xlim(-0.1, _ACROSS * columns - 0.4)
+        axes.set_ylim(-_DOWN * rows + 0.15, 0.1)
+        for start, end in _arrows(steps):
+            _draw_arrow(axes, place[start], place[end])
+        for step in steps:
+            _draw_box(axes, step, place[step.name])
+    failed = [step.name for step in steps if step.state == "failed"]
+    caption = (
+        "Every step right of what it needs, with its state and wall time; arrows that follow from others are left out"
+    )
+    caption += f". Failed: {', '.join(failed)}." if failed else "."
+    data = pd.DataFrame(
+        {
+            "step": [step.name for step in steps],
+            "kind": [step.kind for step in steps],
+            "inputs": [" ".join(step.inputs) for step in steps],
+            "state": [step.state for step in steps],
+            "seconds": [step.seconds for step in steps],
+        }
+    )
+    return Chart("chain", caption, figure, data)
+
+
+def _places(steps: Sequence[StepView]) -> dict[str, tuple[int, int]]:
+    """Column (length of the longest way from the start) and row of each step: beside the last of its inputs, or below.
+
+    So a chain runs straight, and its arrows pass no box of another.
+    """
+    place: dict[str, tuple[int, int]] = {}
+    for step in steps:
+        column, row = max((place[needed] for needed in step.inputs), default=(-1, 0), key=lambda at: at[0])
+        column += 1
+        while (column, row) in place.values():
+            row += 1
+        place[step.name] = (column, row)
+    return place
+
+
+def _arrows(steps: Sequence[StepView]) -> list[tuple[str, str]]:
+    """What needs what, without what follows: no arrow where there is a longer way."""
+    ways: dict[str, set[str]] = {}  # all that a step needs, near or far
+    for step in steps:
+        ways[step.name] = set(step.inputs).union(*(ways[needed] for needed in step.inputs))
+    return [
+        (needed, step.name)
+        for step in steps
+        for needed in step.inputs
+        if not any(needed in ways[other] for other in step.inputs)
+    ]
+
+
+def _corner(place: tuple[int, int]) -> tuple[float, float]:
+    return _ACROSS * place[0], -_DOWN * place[1] - _HEIGHT
+
+
+def _draw_arrow(axes: Axes, start: tuple[int, int], end: tuple[int, int]) -> None:
+    (x0, y0), (x1, y1) = _corner(start), _corner(end)
+    axes.annotate(
+        "", (x1 - 0.04, y1 + _HEIGHT / 2), (x0 + _WIDTH + 0.04, y0 + _HEIGHT / 2),
+        arrowprops={"arrowstyle": "-|>", "color": MUTED, "lw": 1.1, "shrinkA": 0, "shrinkB": 0}, zorder=0.5,
+    )  # fmt: skip
+
+
+def _draw_box(axes: Axes, step: StepView, place: tuple[int, int]) -> None:
+    x, y = _corner(place)
+    dashed = "--" if step.state in ("blocked", "not asked") else "-"
+    axes.add_patch(
+        FancyBboxPatch(
+            (x, y), _WIDTH, _HEIGHT, boxstyle="round,pad=0,rounding_size=0.07", facecolor=_GROUNDS[step.state],
+            edgecolor=INK, lw=0.9, ls=dashed,
+        )
+    )  # fmt: skip
+    name = step.name if len(step.name) <= 22 else step.name[:21] + "\N{HORIZONTAL ELLIPSIS}"
+    axes.text(x + 0.09, y + 0.42, name, fontsize=8.5, fontweight="bold", color=INK, va="center")
+    told = " · ".join(part for part in (step.kind, step.state, step_time(step)) if part)
+    axes.text(x + 0.09, y + 0.18, told, fontsize=7, color=INK, va="center")

@@ -1,0 +1,269 @@
+"""Run a workflow: one Dask graph of its steps, in the order of what they need; finished steps are not run again.
+
+The graph runs in this process, one step at a time, while the blocks of a study step run on one cluster of worker
+processes that all study steps share. So never more than `workers` processes work, whatever the chain looks like: while
+workers are busy this process waits for them, and while it analyses or draws they are idle.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import dask
+import xarray as xr
+
+from tripod_doe.analysis.registry import ANALYSES, CHAIN_ANALYSES
+from tripod_doe.errors import InputError, StorageError
+from tripod_doe.report.chain import chain_page, step_page, write_charts
+from tripod_doe.report.figures.chain import StepView
+from tripod_doe.report.figures.registry import FIGURES
+from tripod_doe.report.page import swap_in
+from tripod_doe.study.cube import open_cube, stamp_history, write_dataset
+from tripod_doe.study.execution import local_workers
+from tripod_doe.workflow.definition import Step, Workflow, load_workflow
+from tripod_doe.workflow.file import AnalysisStep, FigureStep, ReportStep
+from tripod_doe.workflow.run import run
+
+__all__ = ["WorkflowSummary", "run_workflow"]
+
+_MARKS = {"study": "cube.nc", "figure": "figures.json", "report": "index.html"}
+
+
+@dataclass(frozen=True)
+class WorkflowSummary:
+    """What a workflow left behind.
+
+    Attributes
+    ----------
+    directory
+        Where it lies.
+    page
+        Its page.
+    steps
+        What became of every step, each after all that it needs.
+    """
+
+    directory: Path
+    page: Path
+    steps: tuple[StepView, ...]
+
+    @property
+    def good(self) -> bool:
+        """Whether no step failed, or waits for one that did."""
+        return not any(step.state in ("failed", "blocked") for step in self.steps)
+
+
+def run_workflow(
+    path: str | Path,
+    out: str | Path,
+    only: str | None = None,
+    quick: bool = False,
+    workers: int = 2,
+    retry_failed: bool = False,
+    progress: bool = True,
+) -> WorkflowSummary:
+    """Run what is missing of a workflow, then make its page.
+
+    A step that was finished from the same inputs is not run again: its hash is taken over its text, that of its study,
+    the kernels or the analysis' code, the files it reads, and the hashes of its inputs. A step that fails stops only
+    those that need it; a study step that was killed goes on at its next unfinished point.
+
+    Parameters
+    ----------
+    path
+        The workflow file.
+    out
+        Result directory: steps/NAME for each step (quick/NAME in a quick run), report/index.html.
+    only
+        Run this step and what it needs, and no other.
+    quick
+        Apply the overrides of [quick].
+    workers
+        Worker processes that all study steps share.
+    retry_failed
+        Run points again that failed before.
+    progress
+        Whether to tell each step on standard error, with a progress bar for studies.
+
+    Raises
+    ------
+    InputError
+        If the workflow file or the directory cannot be used; nothing is started.
+    StorageError
+        If writing fails; finished steps and points are kept.
+    """
+    workflow = load_workflow(path, quick)
+    wanted = list(workflow.steps) if only is None else workflow.needed_for(only)
+    if workers < 1:
+        raise InputError(f"--workers {workers}: at least 1 is needed")
+    directory = Path(out)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {directory}: cannot make this directory: {error.strerror}") from error
+    with ExitStack() as stack:
+        chain = _Chain(workflow, directory, workers, retry_failed, progress, stack)
+        views = chain.run(wanted)
+    for name in workflow.steps.keys() - views.keys():
+        views[name] = chain.recorded(workflow.steps[name]) or chain.view(workflow.steps[name], "not asked")
+    steps = tuple(views[name] for name in workflow.steps)
+    head = workflow.file.workflow
+    text = chain_page(head.name, head.question, steps, _notice(workflow), workflow.text)
+    return WorkflowSummary(directory, swap_in(text, directory / "report" / "index.html"), steps)
+
+
+def _notice(workflow: Workflow) -> str:
+    """What --quick changed, in a sentence; empty without it."""
+    if not workflow.quick:
+        return ""
+    told: list[str] = []
+
+    def walk(path: str, value: object) -> None:
+        if isinstance(value, dict):
+            for key, item in value.items():
+                walk(f"{path}.{key}", item)
+        else:
+            told.append(f"{path} = {value}")
+
+    for step, table in workflow.file.quick.items():
+        walk(step, table.model_dump(exclude_unset=True, exclude_none=True))
+    changes = ", ".join(told) or "nothing: the file has no [quick]"
+    return f"Quick run: its numbers are no results. Changed in the study files: {changes}."
+
+
+class _Chain:
+    """One run of a workflow: where its steps lie, and the workers that its studies share."""
+
+    def __init__(
+        self, workflow: Workflow, directory: Path, workers: int, retry_failed: bool, progress: bool, stack: ExitStack
+    ) -> None:
+        self.workflow, self.directory = workflow, directory
+        self.retry_failed, self.progress = retry_failed, progress
+        self._workers, self._stack, self._scheduler = workers, stack, ""
+
+    def run(self, wanted: list[str]) -> dict[str, StepView]:
+        """Run these steps as one Dask graph; each task gets the views of the steps that it needs."""
+        tasks: dict[str, object] = {}
+        for name in wanted:
+            needed = [tasks[other] for other in self.workflow.steps[name].inputs]
+            tasks[name] = dask.delayed(self._run_step, pure=False)(name, needed, dask_key_name=name)
+        views = dask.compute(*tasks.values(), scheduler="synchronous")
+        return dict(zip(wanted, views, strict=True))
+
+    def folder(self, name: str) -> Path:
+        """Where a step lies; quick runs have places of their own, so that they never stand for results."""
+        return self.directory / ("quick" if self.workflow.quick else "steps") / name
+
+    def view(self, step: Step, state: str, seconds: float | None = None, detail: str = "") -> StepView:
+        """A step as the page shows it."""
+        kind = step.analysis if isinstance(step.table, AnalysisStep) else step.table.kind
+        page = {"study": "report/index.html", "report": "index.html", "figure": ""}.get(step.table.kind, "cube.nc")
+        link = Path("..") / self.folder(step.name).relative_to(self.directory) / page
+        made = state in ("finished", "reused") or (state == "failed" and (self.folder(step.name) / page).is_file())
+        return StepView(step.name, kind, step.inputs, state, seconds, detail, link.as_posix() if made else "")
+
+    def recorded(self, step: Step) -> StepView | None:
+        """A step that was finished before from the same inputs, None where it was not."""
+        folder = self.folder(step.name)
+        try:
+            record = json.loads((folder / "step.json").read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return None
+        mark = folder / _MARKS.get(step.table.kind, "cube.nc")
+        if record.get("hash") != step.hash or not mark.exists():
+            return None
+        return self.view(step, "reused", record["seconds"], record["detail"])
+
+    def _run_step(self, name: str, needed: list[StepView]) -> StepView:
+        step = self.workflow.steps[name]
+        stopped = [view.name for view in needed if view.state in ("failed", "blocked")]
+        if stopped:
+            return self._tell(self.view(step, "blocked", detail=f"needs {', '.join(stopped)}"))
+        if view := self.recorded(step):
+            return self._tell(view)
+        started = time.perf_counter()
+        try:
+            detail = self._make(step)
+        except StorageError:
+            raise  # a full disk stops everything
+        except Exception as error:
+            reason = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
+            return self._tell(self.view(step, "failed", time.perf_counter() - started, reason))
+        seconds = round(time.perf_counter() - started, 3)
+        record = {"hash": step.hash, "seconds": seconds, "detail": detail}
+        swap_in(json.dumps(record), self.folder(step.name) / "step.json")
+        return self._tell(self.view(step, "finished", seconds, detail))
+
+    def _tell(self, view: StepView) -> StepView:
+        if self.progress:
+            time_text = f" in {view.seconds:.1f} s" if view.state in ("finished", "failed") and view.seconds else ""
+            print(f"{view.name}: {view.state}{time_text}{': ' if view.detail else ''}{view.detail}", file=sys.stderr)
+        return view
+
+    def _make(self, step: Step) -> str:
+        """Run a step and say in a few words what it made."""
+        makers: Mapping[str, Callable[[Step], str]] = {
+            "study": self._run_study,
+            "figure": self._draw,
+            "report": self._report,
+        }
+        return makers.get(step.table.kind, self._analyse)(step)
+
+    def _run_study(self, step: Step) -> str:
+        assert step.study is not None
+        summary = run(
+            step.study, self.folder(step.name), self._workers, self._shared_workers(), self.retry_failed,
+            progress=self.progress,
+        )  # fmt: skip
+        if not summary.good:
+            reasons = [f"{count:,} points ended as {label}" for label, count in summary.failed.items()]
+            reasons += [f"analysis {name}: {reason}" for name, reason in summary.analyses.items() if reason]
+            raise InputError("; ".join(reasons) or "not all points were run")
+        return f"{summary.computed + summary.reused:,} points"
+
+    def _shared_workers(self) -> str:
+        """Address of the cluster that all study steps share, started by the first that needs it."""
+        if not self._scheduler:
+            self._scheduler = self._stack.enter_context(local_workers(self._workers))
+        return self._scheduler
+
+    def _analyse(self, step: Step) -> str:
+        cubes = self._cubes(step)
+        name = step.analysis
+        if name in ANALYSES:
+            result = ANALYSES[name].function(next(iter(cubes.values())), step.settings)
+        else:
+            result = CHAIN_ANALYSES[name].function(cubes, step.settings, self.workflow.folder)
+        result = result.assign_attrs({"title": f"{name} of {', '.join(cubes)}"} | result.attrs)
+        write_dataset(stamp_history(result, f"tripod-doe workflow: {step.name}"), self.folder(step.name) / "cube.nc")
+        return name
+
+    def _cubes(self, step: Step) -> dict[str, xr.Dataset]:
+        """Cubes of the inputs that have one."""
+        pages = (FigureStep, ReportStep)
+        inputs = [name for name in step.inputs if not isinstance(self.workflow.steps[name].table, pages)]
+        return {name: open_cube(self.folder(name)) for name in inputs}
+
+    def _draw(self, step: Step) -> str:
+        assert isinstance(step.table, FigureStep)
+        charts = FIGURES[step.table.figure](self._cubes(step))
+        if not charts:
+            raise InputError(f"the inputs hold nothing that the figure {step.table.figure} shows")
+        write_charts(charts, step.name, self.folder(step.name))
+        return f"{len(charts)} figure{'s' * (len(charts) > 1)}"
+
+    def _report(self, step: Step) -> str:
+        assert isinstance(step.table, ReportStep)
+        steps = self.workflow.steps
+        figures = {name: self.folder(name) for name in step.inputs if isinstance(steps[name].table, FigureStep)}
+        shown = [name for name in step.inputs if not isinstance(steps[name].table, ReportStep)]
+        title = step.table.title or step.name
+        page = step_page(title, shown, self._cubes(step), figures, _notice(self.workflow))
+        swap_in(page, self.folder(step.name) / "index.html")
+        return title

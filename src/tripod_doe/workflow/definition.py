@@ -1,0 +1,261 @@
+"""Workflow files: a TOML text becomes a checked chain of steps, or an error that names file, step, value and remedy."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+from pydantic import BaseModel
+
+import tripod_doe
+from tripod_doe.analysis.registry import ANALYSES, CHAIN_ANALYSES, check_analyses, checked_settings, settings_of
+from tripod_doe.errors import InputError, near_match
+from tripod_doe.study.definition import Study, parse_study, read_text
+from tripod_doe.study.designs import make_points, point_keys
+from tripod_doe.workflow.file import (
+    AnalysisStep,
+    FigureStep,
+    Overrides,
+    ReportStep,
+    StepTable,
+    StudyStep,
+    WorkflowFile,
+    analysis_name,
+    parse_step,
+    parse_workflow,
+)
+
+__all__ = ["Step", "Workflow", "load_workflow"]
+
+
+@dataclass(frozen=True)
+class Step:
+    """One checked step.
+
+    Attributes
+    ----------
+    name
+        Its name in the file, and that of its directory.
+    table
+        Its table.
+    hash
+        Of all that decides its result: its text, that of its study and its points, the kernels or the code of its
+        analysis or figure, the files it reads, and the hashes of its inputs (16 hex digits).
+    study
+        The study of a study step, with its overrides; None for others.
+    settings
+        Checked settings of an analysis; None for others.
+    """
+
+    name: str
+    table: StepTable
+    hash: str
+    study: Study | None = None
+    settings: BaseModel | None = None
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the steps that it needs, each once."""
+        return tuple(dict.fromkeys(self.table.inputs))
+
+    @property
+    def analysis(self) -> str:
+        """Name of the analysis of an analysis step: its kind, unless that is just "analysis"."""
+        assert isinstance(self.table, AnalysisStep)
+        return analysis_name(self.table)
+
+
+@dataclass(frozen=True)
+class Workflow:
+    """A checked workflow.
+
+    Attributes
+    ----------
+    file
+        The parsed file.
+    steps
+        Steps by name, each after all that it needs.
+    text, origin, folder
+        The file as written, its path for messages, and its folder.
+    quick
+        Whether the overrides of [quick] are in force.
+    """
+
+    file: WorkflowFile
+    steps: Mapping[str, Step]
+    text: str
+    origin: str
+    folder: Path
+    quick: bool
+
+    def needed_for(self, name: str) -> list[str]:
+        """A step and all that it needs, in order.
+
+        Raises
+        ------
+        InputError
+            If there is no such step.
+        """
+        if name not in self.steps:
+            raise InputError(f"--only {name}: no such step in {self.origin}{near_match(name, self.steps)}")
+        needed = {name}
+        for other in reversed(list(self.steps)):
+            if other in needed:
+                needed |= set(self.steps[other].inputs)
+        return [other for other in self.steps if other in needed]
+
+
+def load_workflow(path: str | Path, quick: bool = False) -> Workflow:
+    """Read and check a workflow file and all study files that it names; nothing is run.
+
+    Parameters
+    ----------
+    path
+        The workflow file.
+    quick
+        Whether to apply the overrides of [quick].
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, a key, kind, name or value is not known, or steps need each other in a ring.
+    """
+    path = Path(path)
+    text, origin, folder = read_text(path, "workflow file"), str(path), path.resolve().parent
+    file = parse_workflow(text, origin)
+    tables = {name: parse_step(origin, name, table) for name, table in file.steps.items()}
+    for name, table in tables.items():
+        for needed in table.inputs:
+            if needed not in tables:
+                raise InputError(f"{origin}: [steps.{name}]: inputs: no step {needed!r}{near_match(needed, tables)}")
+    for name in file.quick:
+        if not isinstance(tables.get(name), StudyStep):
+            studies = [key for key, table in tables.items() if isinstance(table, StudyStep)]
+            raise InputError(f"{origin}: [quick.{name}]: no study step of this name{near_match(name, studies)}")
+    workflow = Workflow(file, {}, text, origin, folder, quick)
+    steps: dict[str, Step] = {}
+    for name in _in_order(origin, tables):
+        steps[name] = _check_step(workflow, name, tables[name], steps)
+    return Workflow(file, steps, text, origin, folder, quick)
+
+
+def _in_order(origin: str, tables: Mapping[str, StepTable]) -> list[str]:
+    try:
+        return list(TopologicalSorter({name: table.inputs for name, table in tables.items()}).static_order())
+    except CycleError as error:
+        ring = " -> ".join(reversed(error.args[1]))
+        raise InputError(f"{origin}: [steps]: these need each other in a ring: {ring}; take one input away") from error
+
+
+def _check_step(workflow: Workflow, name: str, table: StepTable, before: Mapping[str, Step]) -> Step:
+    """Check what a step names outside the file, and take the hash of all that decides its result."""
+    where = f"{workflow.origin}: [steps.{name}]"
+    digest = _Digest(table.model_dump_json(), *(before[needed].hash for needed in table.inputs))
+    if isinstance(table, StudyStep):
+        study = _study_of(workflow, name, table)
+        points = make_points(study)
+        digest.add(study.text, study.simulator.source_hash)
+        digest.add_bytes(point_keys(study, points)[points.allowed].tobytes())
+        return Step(name, table, digest.text(), study=study)
+    for needed in table.inputs:
+        if not isinstance(table, ReportStep) and isinstance(before[needed].table, FigureStep | ReportStep):
+            raise InputError(f"{where}: inputs: {needed!r} is a {before[needed].table.kind} and has no cube")
+    if isinstance(table, AnalysisStep):
+        settings = _settings(workflow, where, name, table, before, digest)
+        digest.add_code("analysis")
+        return Step(name, table, digest.text(), settings=settings)
+    digest.add_code("report")
+    return Step(name, table, digest.text())
+
+
+def _settings(
+    workflow: Workflow, where: str, name: str, table: AnalysisStep, before: Mapping[str, Step], digest: _Digest
+) -> BaseModel:
+    analysis = analysis_name(table)
+    if analysis in ANALYSES:
+        study = before[table.inputs[0]].study
+        if len(table.inputs) != 1 or study is None:
+            raise InputError(f"{where}: {analysis} needs one study step as its input")
+        return settings_of(study, analysis, table.settings, f"[steps.{name}] of {workflow.origin}")[1]
+    chained = CHAIN_ANALYSES[analysis]
+    try:
+        settings = checked_settings(chained.settings, table.settings)
+    except InputError as error:
+        raise InputError(f"{where}: settings: {error}") from error
+    for key in chained.files:
+        path = workflow.folder / getattr(settings, key)
+        try:
+            digest.add_bytes(path.read_bytes())
+        except OSError as error:
+            raise InputError(f"{where}: settings: {key}: cannot read {path}: {error.strerror}") from error
+    return settings
+
+
+def _study_of(workflow: Workflow, name: str, table: StudyStep) -> Study:
+    """The study of a step with its overrides; an untouched one keeps its text to the letter."""
+    path = workflow.folder / table.study
+    try:
+        text = read_text(path, "study file")
+        changes: list[tuple[Overrides, str, str]] = [(table, f"[steps.{name}]", "")]
+        if workflow.quick and name in workflow.file.quick:
+            changes.append((workflow.file.quick[name], f"[quick.{name}]", " (quick)"))
+        for overrides, where, suffix in changes:
+            text = _overridden(text, overrides, f"{where}: study {path}", suffix)
+        study = parse_study(text, str(path), path.resolve().parent)
+        check_analyses(study)
+    except InputError as error:
+        raise InputError(f"{workflow.origin}: [steps.{name}]: {error}") from error
+    return study
+
+
+def _overridden(text: str, overrides: Overrides, where: str, suffix: str) -> str:
+    given = overrides.model_dump(include={"base", "factors", "design"}, exclude_unset=True)
+    if not any(given.values()):
+        return text
+    try:
+        document: Any = tomlkit.parse(text)
+    except ValueError as error:
+        raise InputError(f"{where}: not valid TOML: {error}") from error
+    for factor in given.get("factors", {}):
+        if factor not in document.get("factors", {}):
+            hint = near_match(factor, document.get("factors", {}))
+            raise InputError(f"{where}: factors.{factor}: this study does not vary it{hint}")
+    for table, entries in given.items():
+        if entries:
+            document.setdefault(table, tomlkit.table()).update(entries)
+    if suffix and "study" in document:
+        document["study"]["name"] = str(document["study"].get("name", "")) + suffix
+    return tomlkit.dumps(document)
+
+
+class _Digest:
+    """A hash over texts and bytes, each told apart by its length."""
+
+    def __init__(self, *texts: str) -> None:
+        self._sha = hashlib.sha256()
+        self.add(*texts)
+
+    def add(self, *texts: str) -> None:
+        """Add texts, one after the other."""
+        for text in texts:
+            self.add_bytes(text.encode())
+
+    def add_bytes(self, data: bytes) -> None:
+        """Add the contents of a file, or other bytes, with their length before them."""
+        self._sha.update(len(data).to_bytes(8, "little"))
+        self._sha.update(data)
+
+    def add_code(self, folder: str) -> None:
+        """The source of a part of this package, so that a changed analysis is made again."""
+        root = Path(tripod_doe.__file__).parent / folder
+        for path in sorted(path for path in root.rglob("*") if path.suffix in (".py", ".html", ".css")):
+            self.add_bytes(path.read_bytes())
+
+    def text(self) -> str:
+        """The hash of all that was added, 16 hex digits."""
+        return str(self._sha.hexdigest()[:16])

@@ -1,0 +1,85 @@
+"""A comparison told: sentences, table, JSON and page say what the comparison holds, and nothing else."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from measured import Recorder
+
+import tripod_doe as td
+from tripod_doe.analysis.comparison import compare
+from tripod_doe.analysis.measurement import rotation_from_tachometer
+from tripod_doe.report.comparison import (
+    comparison_json,
+    comparison_page,
+    comparison_text,
+    find_in_comparison,
+    write_comparison,
+)
+from tripod_doe.report.figures.comparison import comparison_charts
+
+
+@pytest.fixture(scope="module")
+def point():
+    result = td.simulate(joint_angle_deg=10, initial_skew_1_deg=2, initial_skew_2_deg=-2)
+    return result.assign_coords(speed_rpm=600.0).assign_attrs(title="A <b>study</b>", study_hash="0123")
+
+
+@pytest.fixture(scope="module")
+def comparison(point):
+    """The model's own orders measured in a run-up with noise, the third 10 % larger."""
+    amplitude, phase = point["thrust_amplitude"].values, point["thrust_phase_deg"].values
+    orders = {k: (amplitude[k] * (1.1 if k == 3 else 1), phase[k]) for k in range(13)}
+    table = Recorder(orders, revolutions=80.2, rpm=(300, 900), noise_n=0.5).record()
+    table.loc[2000:2400, "thrust_n"] = np.nan
+    columns = (table[name].to_numpy() for name in ("time_s", "tacho", "thrust_n"))
+    return compare(rotation_from_tachometer(*columns, lost_samples=401), point, reference_angle_deg=0)
+
+
+def test_sentences_say_what_differs_and_what_was_lost(comparison):
+    told = find_in_comparison(comparison)
+    assert "third order" in told[0]
+    assert "N (+10 %), beyond its uncertainty" in told[0]
+    assert "second order" in told[1]
+    assert "the first rising edge of tacho is at a rotation angle of 0 deg" in told[3]
+    assert told[4].startswith("The record turns at 3")
+    assert told[5].startswith("Lost: 2 revolutions left out")
+    assert "401 samples" in told[5]
+
+
+def test_table_and_json_hold_the_numbers(comparison):
+    text = comparison_text(comparison)
+    assert len(text.splitlines()[-13:]) == 13
+    answer = json.loads(comparison_json(comparison))
+    assert answer["measured_amplitude"] == comparison["measured_amplitude"].values.tolist()
+    assert answer["order"] == list(range(13))
+    assert answer["measured_phase_deg"][0] in (None, 0.0, 180.0)
+    assert len(answer["speed_rpm"]) == comparison.sizes["revolution"]
+    assert "measured_thrust" not in answer
+
+
+def test_figures_hold_the_numbers(comparison, read_table):
+    charts = {chart.name: read_table(chart.csv()) for chart in comparison_charts(comparison)}
+    assert list(charts) == ["waveform", "orders", "beat", "run-up"]
+    assert (charts["orders"]["measured_amplitude"] == comparison["measured_amplitude"].values).all()
+    assert (charts["beat"]["model_envelope"] == comparison["model_envelope"].values).all()
+    assert charts["run-up"]["revolutions"].sum() == comparison.sizes["revolution"]
+    third = charts["run-up"]["amplitude_n_order_3"]
+    assert np.abs(third / float(comparison["measured_amplitude"].sel(order=3)) - 1).max() < 0.02
+    without_time = comparison.drop_vars("speed_rpm")
+    assert [chart.name for chart in comparison_charts(without_time)] == ["waveform", "orders", "beat"]
+
+
+def test_the_page_needs_nothing_else_and_escapes(comparison, tmp_path):
+    page = comparison_page(comparison)
+    assert "&lt;b&gt;study&lt;/b&gt;" in page
+    assert "src=" not in page
+    assert page == comparison_page(comparison)
+    assert write_comparison(comparison, tmp_path / "one.html").read_text() == page
+    assert write_comparison(comparison, tmp_path / "dir") == tmp_path / "dir" / "index.html"
+    assert "measured_thrust" in td.open_cube(tmp_path / "dir" / "comparison.nc")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(td.StorageError, match="cannot write the report"):
+        write_comparison(comparison, tmp_path / "file" / "below")

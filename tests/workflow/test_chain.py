@@ -1,0 +1,349 @@
+"""Workflows: order, resuming without recomputing, failures that stop only what needs them, --only, --quick, bad files."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from pydantic import BaseModel
+
+import tripod_doe as td
+from tripod_doe.analysis.registry import CHAIN_ANALYSES, ChainAnalysis
+from tripod_doe.cli import main
+from tripod_doe.workflow.definition import load_workflow
+
+COUNTED = """
+import os, time
+def counted(x, slow=0.0, tag=0.0):
+    with open(os.environ["COUNT_LOG"], "a") as log:
+        log.write(f"{tag} {x}\\n")
+    time.sleep(slow)
+    if x < 0:
+        raise ValueError("x is negative")
+    return {"y": x * x}
+"""
+
+STUDY = """
+[study]
+name = "{name}"
+function = "counted:counted"
+[base]
+tag = {tag}
+slow = {slow}
+[factors.x]
+values = [{values}]
+[run]
+block = 1
+"""
+
+CHAIN = """
+[workflow]
+name = "Chain"
+question = "Does it <b>hold</b>?"
+[steps.last]
+kind = "report"
+inputs = ["picture", "first", "second"]
+[steps.picture]
+kind = "figure"
+figure = "effects"
+inputs = ["second"]
+[steps.second]
+kind = "study"
+study = "second.toml"
+inputs = ["first"]
+[steps.first]
+kind = "study"
+study = "first.toml"
+[steps.other]
+kind = "study"
+study = "other.toml"
+[quick.second]
+base = {tag = 7}
+factors.x = {values = [1, 2]}
+"""
+
+
+class Bench:
+    """A folder with counted studies and a workflow over them."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.log, self.out = folder, folder / "log", folder / "out"
+        (folder / "counted.py").write_text(COUNTED)
+        for tag, name in enumerate(("first", "second", "other")):
+            self.study(name, tag=tag)
+        self.write(CHAIN)
+
+    def study(self, name: str, values: str = "1, 2, 3", tag: int = 0, slow: float = 0.0) -> None:
+        (self.folder / f"{name}.toml").write_text(STUDY.format(name=name, values=values, tag=tag, slow=slow))
+
+    def write(self, text: str) -> None:
+        (self.folder / "chain.toml").write_text(text)
+
+    def run(self, **options) -> dict[str, str]:
+        summary = td.run_workflow(self.folder / "chain.toml", self.out, workers=1, progress=False, **options)
+        self.steps = {step.name: step for step in summary.steps}
+        self.summary = summary
+        return {step.name: step.state for step in summary.steps}
+
+    def calls(self) -> list[tuple[float, float]]:
+        """Points that were run since the last time, (tag, x)."""
+        lines = self.log.read_text().splitlines() if self.log.exists() else []
+        self.log.unlink(missing_ok=True)
+        return [(float(line.split()[0]), float(line.split()[1])) for line in lines]
+
+
+@pytest.fixture
+def bench(tmp_path, monkeypatch):
+    monkeypatch.setenv("COUNT_LOG", str(tmp_path / "log"))
+    monkeypatch.delitem(sys.modules, "counted", raising=False)
+    return Bench(tmp_path)
+
+
+def test_steps_run_after_what_they_need_and_once(bench):
+    assert set(bench.run().values()) == {"finished"}
+    assert bench.summary.good
+    order = [tag for tag, _ in bench.calls()]
+    assert sorted(order) == [0, 0, 0, 1, 1, 1, 2, 2, 2]
+    assert max(i for i, tag in enumerate(order) if tag == 0) < min(i for i, tag in enumerate(order) if tag == 1)
+    assert set(bench.run().values()) == {"reused"}
+    assert bench.calls() == []
+    cube = td.open_cube(bench.out / "steps" / "second")
+    assert cube["y"].values.tolist() == [1, 4, 9]
+    page = bench.summary.page.read_text()
+    assert bench.summary.page == bench.out / "report" / "index.html"
+    assert "Does it &lt;b&gt;hold" in page
+    assert "Quick run" not in page
+    for name in ("first", "second", "other"):
+        assert f'href="../steps/{name}/report/index.html"' in page
+        assert (bench.out / "report" / f"../steps/{name}/report/index.html").exists()
+    report = (bench.out / "steps" / "last" / "index.html").read_text()
+    assert "<svg" in report
+    assert 'href="../first/report/index.html"' in report
+
+
+def test_only_what_changed_and_what_needs_it_runs_again(bench):
+    bench.run()
+    bench.calls()
+    bench.study("second", "1, 2, 3, 4", tag=1)  # it grew: its old points are kept
+    assert bench.run() == {
+        "first": "reused", "other": "reused", "second": "finished", "picture": "finished", "last": "finished",
+    }  # fmt: skip
+    assert bench.calls() == [(1, 4)]
+    (bench.out / "steps" / "picture" / "figures.json").unlink()  # a result that went missing is made again
+    states = bench.run()
+    assert (states["picture"], states["second"]) == ("finished", "reused")
+
+
+def test_a_failed_step_stops_only_what_needs_it(bench):
+    bench.study("first", "1, -1", tag=0)
+    assert bench.run() == {
+        "first": "failed", "second": "blocked", "picture": "blocked", "last": "blocked", "other": "finished",
+    }  # fmt: skip
+    assert not bench.summary.good
+    assert bench.steps["first"].detail == "1 points ended as error"
+    assert bench.steps["second"].detail == "needs first"
+    assert {tag for tag, _ in bench.calls()} == {0, 2}
+    assert main(["workflow", str(bench.folder / "chain.toml"), "--out", str(bench.out)]) == 3
+    assert bench.calls() == []  # the failed point stands in the journal
+    assert main(["workflow", str(bench.folder / "chain.toml"), "--out", str(bench.out), "--retry-failed"]) == 3
+    assert bench.calls() == [(0, -1)]
+
+
+def test_a_study_that_changed_under_its_results_fails_and_says_what_to_do(bench):
+    bench.run()
+    bench.study("other", "4, 5", tag=2)
+    assert bench.run()["other"] == "failed"
+    assert "choose another --out" in bench.steps["other"].detail
+
+
+def test_only_runs_a_step_and_what_it_needs(bench):
+    states = bench.run(only="second")
+    assert states == {
+        "first": "finished", "second": "finished", "other": "not asked", "picture": "not asked", "last": "not asked",
+    }  # fmt: skip
+    assert bench.summary.good
+    assert {tag for tag, _ in bench.calls()} == {0, 1}
+    assert bench.run(only="other")["second"] == "reused"
+    with pytest.raises(td.InputError, match=r"--only secnd: no such step.*did you mean 'second'"):
+        bench.run(only="secnd")
+
+
+def test_quick_overrides_studies_and_says_so(bench):
+    assert set(bench.run(quick=True).values()) == {"finished"}
+    assert sorted(bench.calls()) == [(0, 1), (0, 2), (0, 3), (2, 1), (2, 2), (2, 3), (7, 1), (7, 2)]
+    cube = td.open_cube(bench.out / "quick" / "second")
+    assert cube.attrs["title"] == "second (quick)"
+    assert cube["y"].values.tolist() == [1, 4]
+    assert "Quick run: its numbers are no results" in bench.summary.page.read_text()
+    assert "Quick run" in (bench.out / "quick" / "last" / "index.html").read_text()
+    assert set(bench.run().values()) == {"finished"}  # a quick step never stands for the real one
+    assert len(bench.calls()) == 9
+
+
+def test_a_kill_loses_no_finished_point_and_no_finished_step(bench):
+    for tag, name in enumerate(("first", "second", "other")):
+        bench.study(name, ", ".join(map(str, range(40))), tag=tag, slow=0.03)
+    command = [sys.executable, "-m", "tripod_doe.cli", "workflow", str(bench.folder / "chain.toml"), "--workers", "1"]
+    command += ["--out", str(bench.out), "--only", "second"]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, start_new_session=True, env=os.environ)
+    while not bench.log.exists() or len(bench.log.read_text().splitlines()) < 55:
+        assert process.poll() is None, process.stderr.read().decode()
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+    before = bench.calls()
+    states = bench.run(only="second")
+    assert (states["first"], states["second"]) == ("reused", "finished")
+    after = bench.calls()
+    assert not [call for call in after if call[0] == 0], "a finished step ran again"
+    lost = set(before) & set(after)
+    assert len(lost) <= 2, "only blocks in flight may run again: one at work, one waiting"
+    assert sorted(set(before) | set(after)) == sorted((tag, x) for tag in (0, 1) for x in range(40))
+
+
+def test_an_interrupt_ends_with_130_and_keeps_what_is_finished(bench):
+    bench.study("first", ", ".join(map(str, range(200))), slow=0.05)
+    command = [sys.executable, "-m", "tripod_doe.cli", "workflow", str(bench.folder / "chain.toml"), "--workers", "1"]
+    process = subprocess.Popen(
+        [*command, "--out", str(bench.out), "--only", "first"],
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        text=True,
+    )
+    while not bench.log.exists() or len(bench.log.read_text().splitlines()) < 5:
+        assert process.poll() is None, process.stderr.read()
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    _, message = process.communicate(timeout=60)
+    assert process.returncode == 130, message
+    assert "interrupted; finished points are kept" in message
+    bench.calls()
+    bench.run(only="first")
+    assert len(bench.calls()) <= 198
+
+
+class Settings(BaseModel):
+    model_config = {"extra": "forbid"}
+    most: float
+
+
+def test_python_steps_come_through_the_registry(bench, monkeypatch):
+    def claims(cubes, settings, folder):
+        worst = max(float(cube["y"].max()) for cube in cubes.values())
+        return xr.Dataset({"holds": ("claim", [int(worst <= settings.most)])}, coords={"claim": ["small"]})
+
+    monkeypatch.setitem(CHAIN_ANALYSES, "claims", ChainAnalysis(Settings, claims))
+    step = '[steps.checks]\nkind = "claims"\ninputs = ["first", "other"]\nsettings = {most = 9}\n'
+    bench.write(CHAIN + step)
+    assert bench.run(only="checks")["checks"] == "finished"
+    assert td.open_cube(bench.out / "steps" / "checks")["holds"].values.tolist() == [1]
+    assert td.query(bench.out / "steps" / "checks", "holds")["holds"].sizes == {"claim": 1}
+    bench.write(CHAIN + step.replace("most", "moist"))
+    with pytest.raises(td.InputError, match=r"\[steps.checks\]: settings: unknown key 'moist'; did you mean 'most'"):
+        bench.run()
+
+
+def test_a_comparison_is_a_step(tmp_path):
+    (tmp_path / "s.toml").write_text('[study]\nname = "s"\n[factors.joint_angle_deg]\nvalues = [5, 10]\n')
+    thrust = td.simulate(joint_angle_deg=10)["thrust"].values
+    table = np.column_stack([np.arange(720), thrust])
+    np.savetxt(tmp_path / "m.csv", table, delimiter=",", header="rotation_deg,thrust_n", comments="")
+    (tmp_path / "w.toml").write_text(
+        '[workflow]\nname = "w"\n[steps.s]\nkind = "study"\nstudy = "s.toml"\n'
+        '[steps.c]\nkind = "comparison"\ninputs = ["s"]\n'
+        'settings = {measurement = "m.csv", select = ["joint_angle_deg=10"], reference_angle_deg = 0}\n'
+        '[steps.f]\nkind = "figure"\nfigure = "comparison"\ninputs = ["c"]\n'
+        '[steps.r]\nkind = "report"\ninputs = ["c", "f"]\n'
+    )
+    summary = td.run_workflow(tmp_path / "w.toml", tmp_path / "out", progress=False)
+    assert summary.good, summary.steps
+    assert "The measured third order" in (tmp_path / "out" / "steps" / "r" / "index.html").read_text()
+    (tmp_path / "m.csv").write_text("rotation_deg,thrust_n\n1,2\n")  # the file is one of the step's inputs
+    again = td.run_workflow(tmp_path / "w.toml", tmp_path / "out", progress=False)
+    assert [step.state for step in again.steps] == ["reused", "failed", "blocked", "blocked"]
+
+
+STEP = '[workflow]\nname = "w"\n[steps.a]\nkind = "study"\nstudy = "first.toml"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[workflow", "chain.toml: not valid TOML"),
+        ("[steps.a]\nkind='study'\nstudy='first.toml'\n", "chain.toml: the file: workflow is missing"),
+        ('[workflow]\nname = "w"\n', "steps is missing"),
+        (STEP + "[worklow]\n", "unknown key 'worklow'; did you mean 'workflow'"),
+        (STEP + 'stdy = "x"\n', r"\[steps.a\]: unknown key 'stdy'; did you mean 'study'"),
+        (STEP.replace("study\"\nst", "stduy\"\nst"), r"\[steps.a\]: kind = 'stduy': unknown; did you mean 'study'"),
+        (STEP.replace('kind = "study"\n', ""), r"\[steps.a\]: kind is missing"),
+        (STEP.replace("first.toml", "frist.toml"), r"\[steps.a\]: .*frist.toml: cannot read the study file"),
+        (STEP + 'inputs = ["b"]\n', r"\[steps.a\]: inputs: no step 'b'"),
+        (STEP + 'inputs = ["a"]\n', r"in a ring: a -> a; take one input away"),
+        (STEP + 'base = {tga = 1}\n', r"\[steps.a\]: .*first.toml: \[base\]: tga: unknown parameter; did you mean 'tag'"),
+        (STEP + 'factors.z = {values = [1]}\n', "factors.z: this study does not vary it"),
+        (STEP + 'factors.x = {valeus = [1]}\n', r"unknown key 'valeus'; did you mean 'values'"),
+        (STEP + '[quick.b]\nbase = {tag = 1}\n', r"\[quick.b\]: no study step of this name; allowed: a"),
+        (STEP + '[quick.a]\nbse = {tag = 1}\n', r"\[quick.a\]: unknown key 'bse'; did you mean 'base'"),
+        (STEP + '[steps.f]\nkind = "figure"\nfigure = "wave"\ninputs = ["a"]\n', "figure = 'wave': unknown"),
+        (STEP + '[steps.f]\nkind = "figure"\nfigure = "effects"\n', r"\[steps.f\]: inputs is missing"),
+        (STEP + '[steps.s]\nkind = "sobol"\ninputs = ["a"]\n', "sobol needs a saltelli design, this study's is grid"),
+        (STEP + '[steps.s]\nkind = "analysis"\nanalysis = "sobl"\ninputs = ["a"]\n', "did you mean 'sobol'"),
+        (STEP + '[steps.c]\nkind = "comparison"\ninputs = ["a"]\n', r"\[steps.c\]: settings: measurement is missing"),
+        (
+            STEP + '[steps.c]\nkind = "comparison"\ninputs = ["a"]\nsettings = {measurement = "no.csv"}\n',
+            r"\[steps.c\]: settings: measurement: cannot read .*no.csv",
+        ),
+        (
+            STEP + '[steps.f]\nkind = "figure"\nfigure = "effects"\ninputs = ["a"]\n'
+            '[steps.g]\nkind = "figure"\nfigure = "effects"\ninputs = ["f"]\n',
+            r"\[steps.g\]: inputs: 'f' is a figure and has no cube",
+        ),
+        (STEP.replace("steps.a", 'steps."a/b"'), "use letters, digits"),
+    ],
+)  # fmt: skip
+def test_a_bad_file_is_told_and_starts_nothing(bench, capsys, text, message):
+    bench.write(text)
+    with pytest.raises(td.InputError, match=f"(?s){message}"):
+        bench.run(quick=True)
+    assert main(["workflow", str(bench.folder / "chain.toml"), "--out", str(bench.out), "--quick"]) == 2
+    assert "Traceback" not in capsys.readouterr().err
+    assert not bench.out.exists()
+
+
+def test_bad_calls_are_told(bench, capsys):
+    chain = str(bench.folder / "chain.toml")
+    for words, message in [
+        (["nowhere.toml", "--out", "x"], "cannot read the workflow file"),
+        ([chain, "--out", str(bench.out), "--workers", "0"], "at least 1"),
+        ([chain, "--out", "/proc/nowhere"], "cannot make this directory"),
+        ([chain], "--out"),
+        ([chain, "--out", "x", "--quik"], "did you mean '--quick'"),
+    ]:
+        assert main(["workflow", *words]) == 2
+        assert message in capsys.readouterr().err
+
+
+def test_the_example_is_sound_and_the_schema_describes_every_key(capsys):
+    example = Path(__file__).parents[2] / "workflows" / "small.toml"
+    steps = load_workflow(example, quick=True).steps
+    assert list(steps).index("indices") > list(steps).index("friction")
+    assert steps["map"].study.file.factors["joint_angle_deg"].values == [5, 10]
+    assert load_workflow(example).steps["map"].hash != steps["map"].hash
+    assert main(["schema", "workflow"]) == 0
+    schema = json.loads(capsys.readouterr().out)
+    kinds = {"StudyStep", "AnalysisStep", "FigureStep", "ReportStep"}
+    assert {
+        entry["$ref"].split("/")[-1] for entry in schema["properties"]["steps"]["additionalProperties"]["anyOf"]
+    } == kinds
+    for name, table in schema["$defs"].items():
+        for key, entry in table["properties"].items():
+            assert entry.get("description"), f"{name}.{key}"
+    assert set(schema["x-settings"]) == {"sobol", "morris", "comparison"}
