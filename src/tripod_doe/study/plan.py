@@ -123,8 +123,9 @@ def cube_bytes(study: Study, points: Points) -> int | None:
     if not study.simulator.outputs:
         return None
     full = study.simulator.effective(study.base)
-    lengths = {"order": 13, "groove": 3, "trunnion": 3, "mechanism": 5, "statistic": 3, "cycle": int(full.get("cycles") or 0),
-               "rotation_deg": 2 * int(full.get("samples_per_revolution") or 0)}  # fmt: skip
+    turns, samples = (int(full.get(name) or 0) for name in ("cycles", "samples_per_revolution"))
+    lengths = {"order": 13, "groove": 3, "trunnion": 3, "mechanism": 5, "statistic": 3}
+    lengths |= {"cycle": turns, "rotation_deg": 2 * samples}
     numbers = sum(
         int(np.prod([lengths.get(dim, 1) for dim in study.simulator.outputs[name].dims])) for name in study.keep
     )
