@@ -122,8 +122,10 @@ def cube_bytes(study: Study, points: Points) -> int | None:
     """Size of outputs that declare their shape; a function's are not known beforehand."""
     if not study.simulator.outputs:
         return None
-    samples = study.simulator.effective(study.base).get("samples_per_revolution")
-    lengths = {"order": 13, "groove": 3, "trunnion": 3, "mechanism": 5, "rotation_deg": 2 * int(samples or 0)}
+    full = study.simulator.effective(study.base)
+    turns, samples = (int(full.get(name) or 0) for name in ("cycles", "samples_per_revolution"))
+    lengths = {"order": 13, "groove": 3, "trunnion": 3, "mechanism": 5, "statistic": 3}
+    lengths |= {"cycle": turns, "rotation_deg": 2 * samples}
     numbers = sum(
         int(np.prod([lengths.get(dim, 1) for dim in study.simulator.outputs[name].dims])) for name in study.keep
     )
