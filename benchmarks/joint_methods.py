@@ -71,7 +71,7 @@ def chart(rows, out: Path) -> None:
             chosen = [row for row in group if np.isfinite(row[column])]
             seconds, errors = [row[4] for row in chosen], [max(abs(row[column]), 1e-3) for row in chosen]
             axis.loglog(seconds, errors, "o", label=method, alpha=0.7)
-        axis.set(title=f"{title}, five operating points", xlabel="CPU seconds a run", ylabel="error, %")
+        axis.set(title=f"{title} of the thrust", xlabel="CPU seconds a run", ylabel="error, %")
         axis.axhline(0.5 if column == 6 else 3.0, color="0.6", lw=1)
     axes[0].legend(frameon=False)
     figure.savefig(out)

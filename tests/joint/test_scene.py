@@ -46,11 +46,17 @@ def test_parts_that_do_not_fit_are_jammed(given, reason):
 
 
 def test_a_roller_that_lifts_off_is_out_of_range():
-    """A preloaded bearing with rough needles holds a roller back so hard that the balance wants its groove to pull."""
-    preloaded = {"bearing_radial_clearance_mm": -0.01, "needle_sliding_friction": 0.1}
-    result = simulate(joint_angle_deg=20, samples_per_revolution=30, **preloaded)
+    """Rough needles hold a roller back so hard that the balance wants its groove to pull."""
+    result = simulate(joint_angle_deg=20, samples_per_revolution=30, needle_sliding_friction=0.6)
     assert result.outcome.tolist() == [Outcome.OUT_OF_RANGE]
     assert "lifts off" in result.detail[0]
+
+
+def test_equilibrium_refuses_a_preloaded_bearing():
+    """Regression: at -0.003 mm it gives 16 N where the multibody models agree on 32 to 36 N."""
+    result = simulate(samples_per_revolution=30, bearing_radial_clearance_mm=-0.003)
+    assert result.outcome.tolist() == [Outcome.OUT_OF_RANGE]
+    assert "rollers or needles" in result.detail[0]
 
 
 def test_all_mechanism_combinations_finish_at_the_reference_point():

@@ -130,7 +130,7 @@ _PARAMETERS = [
               "numerics", low=1e-13, high=0.1, group=_NUMERICS),
     Parameter("step_s", None, "s", "h", "time step of a fixed-step method; by the method unless given",
               "numerics", low=1e-10, high=1e-2, group=_NUMERICS),
-    Parameter("cycles", 4, "1", "", "revolutions; the last two are sampled", "paper 3.2",
+    Parameter("cycles", 4, "1", "", "revolutions; the last two are sampled, the first two lose the swing of the start", "paper 3.2",
               low=2, high=1000, kind="integer", group=_NUMERICS),
     Parameter("samples_per_revolution", 360, "1", "", "samples of the rotation angle a revolution", "numerics",
               low=30, high=36000, kind="integer", group=_NUMERICS),
