@@ -294,7 +294,7 @@ STEP = '[workflow]\nname = "w"\n[steps.a]\nkind = "study"\nstudy = "first.toml"\
         (STEP + '[quick.a]\nbse = {tag = 1}\n', r"\[quick.a\]: unknown key 'bse'; did you mean 'base'"),
         (STEP + '[steps.f]\nkind = "figure"\nfigure = "wave"\ninputs = ["a"]\n', "figure = 'wave': unknown"),
         (STEP + '[steps.f]\nkind = "figure"\nfigure = "effects"\n', r"\[steps.f\]: inputs is missing"),
-        (STEP + '[steps.s]\nkind = "sobol"\ninputs = ["a"]\n', "sobol needs a saltelli design, this study's is grid"),
+        (STEP + '[steps.s]\nkind = "sobol"\ninputs = ["a"]\n', "sobol needs a design of kind saltelli; this study's is grid"),
         (STEP + '[steps.s]\nkind = "analysis"\nanalysis = "sobl"\ninputs = ["a"]\n', "did you mean 'sobol'"),
         (STEP + '[steps.c]\nkind = "comparison"\ninputs = ["a"]\n', r"\[steps.c\]: settings: measurement is missing"),
         (
@@ -346,4 +346,4 @@ def test_the_example_is_sound_and_the_schema_describes_every_key(capsys):
     for name, table in schema["$defs"].items():
         for key, entry in table["properties"].items():
             assert entry.get("description"), f"{name}.{key}"
-    assert set(schema["x-settings"]) == {"sobol", "morris", "comparison"}
+    assert set(schema["x-settings"]) == {"sobol", "morris", "contribution", "comparison"}
