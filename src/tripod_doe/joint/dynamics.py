@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint.multibody import build_joint
-from tripod_doe.joint.orders import ORDERS
+from tripod_doe.joint.orders import ORDERS, complex_amplitudes
 from tripod_doe.joint.readings import groove_readings, needle_skews
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
 from tripod_doe.mechanics.monitor import Settings
@@ -113,33 +113,51 @@ def run_joint(
     if reason := _out_of_range(values):
         return JointRun(Outcome.OUT_OF_RANGE, reason)
     assembly = assemble(build_joint(values, needles))
-    cycles = int(values["cycles"])
-    duration = 2 * math.pi / values["speed_rpm"]
+    cycles, revolution = int(values["cycles"]), 2 * math.pi / values["speed_rpm"]
     settings = Settings(budget=_BUDGET, tolerance=tolerance or Settings().tolerance)
-    transmitted = abs(values["torque_n_m"]) * 2 * math.pi  # in a revolution
-    limits = replace(_LIMITS, turned_over=_TURNED_OVER * cycles * transmitted)
     result = run(
-        assembly, method, cycles * duration, step=step, samples=cycles * samples, settings=settings, limits=limits
-    )
-    work = result.steps, result.force_evaluations
+        assembly, method, cycles * revolution, step=step, samples=cycles * samples, settings=settings,
+        limits=_limits(values, cycles),
+    )  # fmt: skip
     if result.outcome != Outcome.FINISHED:
-        return JointRun(result.outcome, result.detail, steps=work[0], force_evaluations=work[1])
-    thrust, powers = groove_readings(assembly, result.positions, result.velocities)
-    limits = replace(_LIMITS, turned_over=_TURNED_OVER * transmitted / 2)
-    again = _run_again(assembly, result, method, samples, step, settings, limits)
-    work = work[0] + again.steps, work[1] + again.force_evaluations
+        return JointRun(result.outcome, result.detail, None, result.steps, result.force_evaluations)
+    start = State(float(result.times[-1 - samples // 2]), *(x[-1 - samples // 2] for x in _states(result)))
+    again = run(
+        assembly, method, float(result.times[-1] - start.time), step=step and step / 2, samples=samples // 2,
+        settings=settings._replace(tolerance=settings.tolerance / 2), limits=_limits(values, 0.5), start=start,
+    )  # fmt: skip
+    work = result.steps + again.steps, result.force_evaluations + again.force_evaluations
     if again.outcome != Outcome.FINISHED:
-        detail = f"half the tolerance or step fails: {again.detail}"
-        return JointRun(Outcome.INACCURATE, detail, steps=work[0], force_evaluations=work[1])
-    finer = groove_readings(assembly, again.positions[1:], again.velocities[1:])[0]
-    error = _amplitude_error(thrust[:, -(samples // 2) :].sum(0), finer.sum(0), samples, method_named(method).order)
+        return JointRun(Outcome.INACCURATE, f"half the tolerance or step fails: {again.detail}", None, *work)
+    readings = _read(assembly, result, again, values, samples, method_named(method).order)
+    return JointRun(*_judge(readings, values), readings, *work)
+
+
+def _states(result: Run) -> tuple[FloatArray, FloatArray]:
+    return result.positions, result.velocities
+
+
+def _limits(values: Mapping[str, float], cycles: float) -> Limits:
+    """What a run of so many revolutions may show."""
+    transmitted = abs(values["torque_n_m"]) * 2 * math.pi * cycles
+    return replace(_LIMITS, turned_over=_TURNED_OVER * transmitted)
+
+
+def _read(
+    assembly: Assembly, result: Run, again: Run, values: Mapping[str, float], samples: int, order: int
+) -> Readings:
+    """Everything that is read off a run and its last half revolution run again."""
+    thrust, powers = groove_readings(assembly, *_states(result))
+    finer = groove_readings(assembly, *_states(again))[0]
+    window = samples // 2
+    error = _amplitude_error(thrust[:, -window:].sum(0), finer[:, -window:].sum(0), samples, order)
     last = slice(-2 * samples - 1, -1)  # the end of the last revolution is the start of the next one
+    skew, summary = None, None
+    if "needle 1.1" in assembly.names:
+        skew, summary = needle_skews(assembly, result.positions[:-1], values, int(values["cycles"]))
+        skew = skew[:, -2 * samples :]
     two = np.moveaxis(thrust[:, last].reshape(3, 2, samples), 1, 0)
-    outcome, detail = _judge(error, two, values)
-    skew, summary = needle_skews(assembly, result.positions[:-1], values, cycles) if needles else (None, None)
-    skew = None if skew is None else skew[:, -2 * samples :]
-    readings = Readings(two, powers[:, last].mean(1), error, skew, summary, result.penetration, result.energy_residual)
-    return JointRun(outcome, detail, readings, *work)
+    return Readings(two, powers[:, last].mean(1), error, skew, summary, result.penetration, result.energy_residual)
 
 
 def prepare_joint(values: Mapping[str, float], method: str) -> None:
@@ -158,18 +176,6 @@ def _out_of_range(values: Mapping[str, float]) -> str:
     return ""
 
 
-def _run_again(
-    assembly: Assembly, result: Run, method: str, samples: int, step: float | None, settings: Settings, limits: Limits
-) -> Run:
-    """The last half revolution with half the tolerance or step."""
-    first = result.times.size - 1 - samples // 2
-    start = State(float(result.times[first]), result.positions[first], result.velocities[first])
-    return run(
-        assembly, method, float(result.times[-1] - start.time), step=step and step / 2, samples=samples // 2,
-        settings=settings._replace(tolerance=settings.tolerance / 2), limits=limits, start=start,
-    )  # fmt: skip
-
-
 def _amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, order: int) -> FloatArray:
     """Numerical error of every order from the same stretch of thrust by a coarser and a finer run, shape (order,)."""
     angle = 2 * np.pi * np.arange(thrust.size) / samples
@@ -178,14 +184,14 @@ def _amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, order:
     return change / (1 - 0.5**order)
 
 
-def _judge(error: FloatArray, thrust: FloatArray, values: Mapping[str, float]) -> tuple[Outcome, str]:
+def _judge(readings: Readings, values: Mapping[str, float]) -> tuple[Outcome, str]:
     """Whether the third order may be used."""
-    angle = 2 * np.pi * np.arange(thrust.shape[-1]) / thrust.shape[-1]
-    third = 2 * abs(np.mean(thrust.sum(1) * np.exp(-3j * angle)))
+    thrust, error = readings.groove_thrust.sum(1), readings.amplitude_error[3]
+    third = abs(complex_amplitudes(thrust).mean(0)[3])
     floor = _ERROR_FLOOR * abs(values["torque_n_m"]) / values["pitch_radius_mm"]
     if not np.isfinite(third):
         return Outcome.DIVERGED, "the thrust is not finite"
-    if error[3] > max(_ERROR_LIMIT * third, floor):
-        text = f"{error[3]:.3g} N of {third:.3g} N of the third order are numerical error; lower relative_tolerance"
-        return Outcome.INACCURATE, text + " or step_s"
+    if error > max(_ERROR_LIMIT * third, floor):
+        advice = "lower relative_tolerance or step_s"
+        return Outcome.INACCURATE, f"{error:.3g} N of {third:.3g} N of the third order are numerical error; {advice}"
     return Outcome.FINISHED, ""

@@ -23,8 +23,8 @@ FloatArray = NDArray[np.float64]
 _CHUNK = 64  # points whose waveforms are held at once
 _ENERGY_LIMIT = 1e-5
 _PRELOADED = (
-    "the balance does not hold for a preloaded bearing: it misses 10 % of the third order at -0.001 mm, half at -0.003; "
-    "use model rollers or needles"
+    "the balance does not hold for a preloaded bearing: it misses 10 % of the third order at -0.001 mm and half of it "
+    "at -0.003 mm; use model rollers or needles"
 )
 _SKEWS = ("needle_skew_deg", "needle_skew_summary_deg")
 
