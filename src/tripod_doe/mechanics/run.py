@@ -132,6 +132,7 @@ class _Checks:
     evaluations: int = 0
     initial_energy: float = 0.0
     turned_over: float = 0.0
+    sizes: FloatArray = field(default_factory=lambda: np.zeros(0))
     windows: list[float] = field(default_factory=list)
     residuals: list[tuple[float, float]] = field(default_factory=list)
 
@@ -195,6 +196,7 @@ def run(
     if start is None:
         _check_start(assembly, memory, state, limits)
     checks.initial_energy, checks.turned_over = _energy(assembly, memory, state), limits.turned_over
+    checks.sizes = _contact_sizes(assembly)
     times, positions, velocities = [begin], [state.positions.copy()], [state.velocities.copy()]
     done = 0
     for stop, is_sample in stops:
@@ -274,6 +276,15 @@ def _stopped(assembly: Assembly, memory: Work, outcome: Outcome, time: float) ->
     return f"{reason} at t = {time:.6g}, body {body}"
 
 
+def _contact_sizes(assembly: Assembly) -> FloatArray:
+    """Length that the penetrations of each contact are small against: its body's largest sphere, or the scene's."""
+    tables = assembly.tables
+    radii = np.zeros(tables.bodies.size)
+    np.maximum.at(radii, tables.contacts["body_a"], tables.contacts["radius"])
+    sizes: FloatArray = np.where(radii > 0, radii, assembly.scene.length_scale)[tables.contacts["body_a"]]
+    return sizes
+
+
 def _inspect(assembly: Assembly, memory: Work, state: State, limits: Limits, checks: _Checks) -> None:
     """Energy, penetration and drift at a sample."""
     change = _energy(assembly, memory, state) - checks.initial_energy
@@ -282,13 +293,9 @@ def _inspect(assembly: Assembly, memory: Work, state: State, limits: Limits, che
     held = _NOTHING * abs(checks.initial_energy)
     checks.turned_over = max(checks.turned_over, abs(change), abs(put_in), abs(lost), held)
     checks.residuals.append((state.time, change - put_in + lost))
-    at = f"at t = {state.time:.6g}"
-    tables = assembly.tables
-    radii = np.zeros(tables.bodies.size)
-    np.maximum.at(radii, tables.contacts["body_a"], tables.contacts["radius"])
-    sizes = np.where(radii > 0, radii, assembly.scene.length_scale)[tables.contacts["body_a"]]
+    at, tables = f"at t = {state.time:.6g}", assembly.tables
     for deepest, share, depth, body in (
-        largest_penetration(tables.contacts, sizes, state.positions),
+        largest_penetration(tables.contacts, checks.sizes, state.positions),
         bearing_compression(tables.bearings, state.positions, state.velocities),
     ):
         checks.penetration = max(checks.penetration, float(deepest))
