@@ -114,7 +114,7 @@ def run_workflow(
         views[name] = chain.recorded(workflow.steps[name]) or chain.view(workflow.steps[name], "not asked")
     steps = tuple(views[name] for name in workflow.steps)
     head = workflow.file.workflow
-    text = chain_page(head.name, head.question, steps, _notice(workflow), workflow.text)
+    text = chain_page(head.name, head.question, steps, _notice(workflow), workflow.text, chain.answers(steps))
     return WorkflowSummary(directory, swap_in(text, directory / "report" / "index.html"), steps)
 
 
@@ -175,8 +175,8 @@ class _Chain:
             record = json.loads((folder / "step.json").read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return None
-        mark = folder / _MARKS.get(step.table.kind, "cube.nc")
-        if record.get("hash") != step.hash or not mark.exists():
+        marks = [folder / _MARKS.get(step.table.kind, "cube.nc"), *self._exported(step)]
+        if record.get("hash") != step.hash or not all(mark.exists() for mark in marks):
             return None
         return self.view(step, "reused", record["seconds"], record["detail"])
 
@@ -242,7 +242,22 @@ class _Chain:
             result = CHAIN_ANALYSES[name].function(cubes, step.settings, self.workflow.folder)
         result = result.assign_attrs({"title": f"{name} of {', '.join(cubes)}"} | result.attrs)
         write_dataset(stamp_history(result, f"tripod-doe workflow: {step.name}"), self.folder(step.name) / "cube.nc")
+        for path in self._exported(step):
+            export = CHAIN_ANALYSES[name].export
+            assert export is not None
+            swap_in(export[1](result), path)
         return name
+
+    def _exported(self, step: Step) -> list[Path]:
+        """Where an analysis that answers the workflow's question tells it to other programs."""
+        chained = CHAIN_ANALYSES.get(step.analysis) if isinstance(step.table, AnalysisStep) else None
+        folder = self.directory / "quick" if self.workflow.quick else self.directory
+        return [folder / chained.export[0]] if chained and chained.export else []
+
+    def answers(self, views: tuple[StepView, ...]) -> dict[str, xr.Dataset]:
+        """The analyses that answer the workflow's question, as far as they are made."""
+        made = [view.name for view in views if view.state in ("finished", "reused")]
+        return {name: open_cube(self.folder(name)) for name in made if self._exported(self.workflow.steps[name])}
 
     def _cubes(self, step: Step) -> dict[str, xr.Dataset]:
         """Cubes of the inputs that have one."""
