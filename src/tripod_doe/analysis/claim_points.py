@@ -14,7 +14,7 @@ import xarray as xr
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, MECHANISMS
 from tripod_doe.results import Outcome
 
-__all__ = ["ANY", "Evidence", "Measured", "Missing", "Point"]
+__all__ = ["ANY", "Evidence", "Measured", "MissingPointError", "Point"]
 
 ANY = object()
 """Asks for points whatever the value of a parameter."""
@@ -26,7 +26,7 @@ _IDENTITY = (
 _SAME = 1e-9
 
 
-class Missing(Exception):
+class MissingPointError(Exception):
     """A claim lacks the points that would decide it."""
 
 
@@ -77,11 +77,11 @@ class Point:
 
         Raises
         ------
-        Missing
+        MissingPointError
             If the cube does not keep it.
         """
         if name not in self.data or bool(self.data[name].isnull().all()):
-            raise Missing(f"the cube has no {name}")
+            raise MissingPointError(f"the cube has no {name}")
         return self.data[name]
 
     def amplitude(self, order: int) -> Measured:
@@ -138,7 +138,7 @@ class Evidence:
 
         Raises
         ------
-        Missing
+        MissingPointError
             If there is none, or one of them did not finish: a claim is not decided by those that did.
         """
         identity = {name: JOINT_PARAMETERS[name].default for name in _IDENTITY} | wanted
@@ -155,12 +155,14 @@ class Evidence:
                 key = tuple(point.value(name) for name in identity)
                 best[key] = min(best.get(key, point), point, key=_worth)
         where = ", ".join(f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
-                          for name, value in told.items() if value is not ANY)  # fmt: skip
+                          for name, value in told.items() if value is not ANY) or "the reference values"  # fmt: skip
         if not best:
-            raise Missing(f"no point with {where or 'the reference values'} was run")
+            raise MissingPointError(f"no point with {where} was run")
         for point in best.values():
             if point.outcome is not Outcome.FINISHED:
-                raise Missing(f"a point with {where or 'the reference values'} ended as {point.outcome.label}")
+                raise MissingPointError(
+                    f"a point with {where} ended as {point.outcome.label}"
+                )
         return list(best.values())
 
 

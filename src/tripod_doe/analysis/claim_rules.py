@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.analysis.claim_points import ANY, Evidence, Measured, Missing, Point
+from tripod_doe.analysis.claim_points import ANY, Evidence, Measured, MissingPointError, Point
 from tripod_doe.analysis.contribution import PAPER_SHARES, contribution_shares
 from tripod_doe.joint.multibody import build_joint
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_units
@@ -76,7 +76,7 @@ class Rule:
     low, high
         Limits within which it holds; None for none.
     measure
-        The number, from the evidence; raises `Missing` where its points are not there.
+        The number, from the evidence; raises `MissingPointError` where its points are not there.
     why_not
         The reason found where it does not hold.
     """
@@ -99,7 +99,7 @@ def _point(evidence: Evidence, cases: Cases, case: int, **more: Any) -> Point:
 def _ratio(above: Measured, below: Measured, scale: float = 1.0, note: str = "") -> Measured:
     """A quotient with its error, those of both taken as independent."""
     if not below.value > 0:
-        raise Missing("what it is compared with is zero")
+        raise MissingPointError("what it is compared with is zero")
     error = math.hypot(above.error, above.value / below.value * below.error) / below.value
     return Measured(scale * above.value / below.value, scale * error, note)
 
@@ -110,7 +110,7 @@ def _line(evidence: Evidence, cases: Cases, case: int, factor: str, order: int) 
     if factor == "joint_angle_deg":
         points = [point for point in points if _PAPER_ANGLES[0] <= point.value(factor) <= _PAPER_ANGLES[1]]
     if len(points) < 3:
-        raise Missing(f"fewer than three values of {factor} were run")
+        raise MissingPointError(f"fewer than three values of {factor} were run")
     return np.array([float(p.value(factor)) for p in points]), [point.amplitude(order) for point in points]
 
 
@@ -186,7 +186,7 @@ def _same_third_over_angle(evidence: Evidence, cases: Cases) -> Measured:
     angles, first = _line(evidence, cases, 1, "joint_angle_deg", 3)
     others, second = _line(evidence, cases, 2, "joint_angle_deg", 3)
     if not np.array_equal(angles, others):
-        raise Missing("cases 1 and 2 were run at other angles")
+        raise MissingPointError("cases 1 and 2 were run at other angles")
     return max((_spread([a, b]) for a, b in zip(first, second, strict=True)), key=lambda spread: spread.value)
 
 
@@ -265,14 +265,14 @@ def _share(mechanism: str) -> Callable[[Evidence, Cases], Measured]:
         point = _point(evidence, cases, 2)
         cube = next((cube for cube in evidence.cubes.values() if _ablates(cube, point, cases)), None)
         if cube is None:
-            raise Missing(f"no ablation of the mechanisms with model {cases.model} in case 2 was run")
+            raise MissingPointError(f"no ablation of the mechanisms with model {cases.model} in case 2 was run")
         result = contribution_shares(cube)
         shares = {
             name: float(result[name].sel(mechanism=mechanism, order=3)) for name in _DEFINITIONS if name in result
         }
         known = {name: share for name, share in shares.items() if math.isfinite(share)}
         if not known:
-            raise Missing("points of the ablation did not finish")
+            raise MissingPointError("points of the ablation did not finish")
         nearest = min(known, key=lambda name: abs(known[name] - paper))
         error = 100 * math.sqrt(2) * point.amplitude(3).error / point.amplitude(3).value
         told = ", ".join(f"{_DEFINITIONS[name]} {share:.1f} %" for name, share in shares.items())
@@ -288,7 +288,7 @@ def _ablates(cube: Any, point: Point, cases: Cases) -> bool:
     there = Evidence({"ablation": cube})
     try:
         there.joint(**cases.wanted(2))
-    except Missing:
+    except MissingPointError:
         return False
     return True
 
@@ -334,7 +334,7 @@ def _loci(evidence: Evidence) -> dict[str, tuple[float, float]]:
         key = "equal" if a == b else "A" if a > b else "B"
         found[key] = float(point.output("axial_drift_mm")), float(point.output("travel_mm"))
     if len(found) < 3:
-        raise Missing("the needle between plates was not run with equal and with both unequal frictions")
+        raise MissingPointError("the needle between plates was not run with equal and with both unequal frictions")
     return found
 
 

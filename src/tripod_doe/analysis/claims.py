@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from pydantic import BaseModel, ConfigDict, Field
 
-from tripod_doe.analysis.claim_points import Evidence, Measured, Missing
+from tripod_doe.analysis.claim_points import Evidence, Measured, MissingPointError
 from tripod_doe.analysis.claim_rules import RULES, Cases, Rule
 
 __all__ = ["ClaimsSettings", "Verdict", "check_claims", "claims_json"]
@@ -95,7 +95,7 @@ def _decide(rule: Rule, evidence: Evidence, cases: Cases) -> dict[str, Any]:
     """A row of the table."""
     try:
         measured, verdict = rule.measure(evidence, cases), Verdict.NOT_DECIDED
-    except Missing as missing:
+    except MissingPointError as missing:
         measured, verdict = Measured(math.nan, math.nan, f"not decided: {missing}"), Verdict.NOT_DECIDED
     if math.isfinite(measured.value):
         verdict = Verdict(int(_inside(rule, measured.value)))

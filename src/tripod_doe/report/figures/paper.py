@@ -45,7 +45,7 @@ def _order_wave(size: np.ndarray, phase_deg: np.ndarray, orders: tuple[int, ...]
 
 
 def waveforms_of_all(cube: xr.Dataset) -> list[Chart]:
-    """Thrust of every point, its part in each groove, and the envelope of the beat: the paper's Figs. 10, 15, 18, 20."""
+    """Thrust of every point, its part in each groove, and the envelope of the beat: Figs. 10, 15, 18, 20."""
     if "thrust" not in cube or "thrust_phase_deg" not in cube:
         return []
     points = _points(cube)
@@ -54,9 +54,7 @@ def waveforms_of_all(cube: xr.Dataset) -> list[Chart]:
     for rank, point in enumerate(points):
         angle = point["rotation_deg"].values
         beat = point.sel(order=list(_BEAT))
-        envelope = np.abs(
-            _order_wave(beat["thrust_amplitude"].values, beat["thrust_phase_deg"].values, _BEAT, angle)
-        )
+        envelope = np.abs(_order_wave(beat["thrust_amplitude"].values, beat["thrust_phase_deg"].values, _BEAT, angle))
         data = pd.DataFrame({"rotation_deg": angle, "thrust_n": point["thrust"].values, "envelope_n": envelope})
         for groove in point["groove"].values:
             data[f"groove_{groove}_thrust_n"] = point["groove_thrust"].sel(groove=groove).values
