@@ -160,9 +160,7 @@ class Evidence:
             raise MissingPointError(f"no point with {where} was run")
         for point in best.values():
             if point.outcome is not Outcome.FINISHED:
-                raise MissingPointError(
-                    f"a point with {where} ended as {point.outcome.label}"
-                )
+                raise MissingPointError(f"a point with {where} ended as {point.outcome.label}")
         return list(best.values())
 
 
