@@ -108,6 +108,9 @@ def test_a_value_within_its_numerical_error_of_the_limit_says_so():
     name = "second_vanishes_equal_skews"
     assert int(check_claims({"cases": near}, SETTINGS)["sure"].sel(claim=name)) == 0
     assert int(check_claims({"cases": clear}, SETTINGS)["sure"].sel(claim=name)) == 1
+    wide = check_claims({"cases": cases([0.1, 0.2, 0.0, 0.2], [0, 0, 0, 180], 0.1)}, SETTINGS)
+    assert verdict(wide, "beat_turned") is Verdict.HOLDS  # 180 +- 40 deg, both ends beyond the limits
+    assert int(wide["sure"].sel(claim="beat_turned")) == 0
 
 
 def test_points_are_found_by_what_they_are():

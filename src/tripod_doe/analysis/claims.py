@@ -102,7 +102,7 @@ def _decide(rule: Rule, evidence: Evidence, cases: Cases) -> dict[str, Any]:
     elif not measured.note:
         measured = Measured(math.nan, math.nan, "not decided: the value is not a number")
     reach = measured.error if math.isfinite(measured.error) else 0.0
-    ends = {_inside(rule, measured.value + change) for change in (-reach, reach)}
+    ends = {_inside(rule, measured.value + change) for change in (-reach, 0.0, reach)}
     told = [rule.why_not] if verdict is Verdict.DOES_NOT_HOLD and rule.why_not else []
     return {
         "statement": rule.statement, "place": rule.place, "quantity": rule.quantity, "unit": rule.unit,
