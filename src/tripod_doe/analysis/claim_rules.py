@@ -404,8 +404,8 @@ _SKEW_GROWS = (
     "case 1, a third of that of case 2 at most. Half a degree is where it ends."
 )
 _SMALL_SECOND = (
-    "What turns with the skew is independent of the angle (half the difference of case 1 and its reverse: 0.107, 0.113, "
-    "0.104 N at 4, 8, 14 deg). What does not turn, from skew that the needles take up on their own, grows with the angle "
+    "What turns with the skew is independent of the angle (half the difference of case 1 and its reverse is 0.107, "
+    "0.113, 0.104 N at 4, 8, 14 deg). What does not turn comes of skew that the needles take up on their own; it grows "
     "from 0.01 to 0.06 N and spoils the small second order of case 1."
 )
 _NOT_STRAIGHT = (
