@@ -83,17 +83,20 @@ class ChainAnalysis:
     export
         For the answer to a workflow's question: the file of the result directory that tells it to other programs, and
         how its text is made of the result. The page of the workflow then tells it to people.
+    partial
+        Whether it can read the cubes of failed studies: it knows which points did not finish, and says so.
     """
 
     settings: type[BaseModel]
     function: Callable[[Mapping[str, xr.Dataset], Any, Path], xr.Dataset]
     files: tuple[str, ...] = ()
     export: tuple[str, Callable[[xr.Dataset], str]] | None = None
+    partial: bool = False
 
 
 CHAIN_ANALYSES: dict[str, ChainAnalysis] = {
     "comparison": ChainAnalysis(ComparisonSettings, compare_file, ("measurement",)),
-    "claims": ChainAnalysis(ClaimsSettings, check_claims, export=("claims.json", claims_json)),
+    "claims": ChainAnalysis(ClaimsSettings, check_claims, export=("claims.json", claims_json), partial=True),
 }
 """Analyses that workflow files may name besides; an entry here is a kind of step."""
 

@@ -182,10 +182,11 @@ class _Chain:
 
     def _run_step(self, name: str, needed: list[StepView]) -> StepView:
         step = self.workflow.steps[name]
-        stopped = [view.name for view in needed if view.state in ("failed", "blocked")]
+        lacking = [view for view in needed if view.state in ("failed", "blocked")]
+        stopped = [view.name for view in lacking if not (self._reads_failed(step) and self._has_points(view))]
         if stopped:
             return self._tell(self.view(step, "blocked", detail=f"needs {', '.join(stopped)}"))
-        if view := self.recorded(step):
+        if not lacking and (view := self.recorded(step)):
             return self._tell(view)
         started = time.perf_counter()
         try:
@@ -197,8 +198,23 @@ class _Chain:
             return self._tell(self.view(step, "failed", time.perf_counter() - started, reason))
         seconds = round(time.perf_counter() - started, 3)
         record = {"hash": step.hash, "seconds": seconds, "detail": detail}
-        swap_in(json.dumps(record), self.folder(step.name) / "step.json")
+        if lacking:  # its inputs may yet be completed under the same hash, so it is made again next time
+            (self.folder(step.name) / "step.json").unlink(missing_ok=True)
+            detail += f", without points that failed in {', '.join(view.name for view in lacking)}"
+        else:
+            swap_in(json.dumps(record), self.folder(step.name) / "step.json")
         return self._tell(self.view(step, "finished", seconds, detail))
+
+    def _reads_failed(self, step: Step) -> bool:
+        chained = CHAIN_ANALYSES.get(step.analysis) if isinstance(step.table, AnalysisStep) else None
+        return chained is not None and chained.partial
+
+    def _has_points(self, view: StepView) -> bool:
+        """Whether a study step left a cube of what it is now asked, if not of all its points."""
+        study, folder = self.workflow.steps[view.name].study, self.folder(view.name)
+        if study is None or not (folder / "cube.nc").is_file():
+            return False
+        return bool(open_cube(folder).attrs.get("study_hash") == study.hash)
 
     def _tell(self, view: StepView) -> StepView:
         if self.progress:
