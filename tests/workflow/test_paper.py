@@ -124,9 +124,8 @@ def test_a_study_with_failed_points_leaves_its_claims_open_and_no_others(tmp_pat
     """29 needles do not fit on their pitch circle: that study fails, and what it would decide stays open."""
     (tmp_path / "halved.toml").write_text(HALVED)
     (tmp_path / "frictions.toml").write_text(CASE_2 + "groove_sliding_friction = { values = [0.025, 0.05, 0.1] }\n")
-    (tmp_path / "torques.toml").write_text(CASE_2 + "torque_n_m = { values = [25, 50, 5000] }\n[base]\n"[:-7])
-    text = (tmp_path / "torques.toml").read_text().replace("[factors]", "needle_count = 29\n[factors]")
-    (tmp_path / "torques.toml").write_text(text)  # 29 needles do not fit: jammed
+    torques = CASE_2 + "torque_n_m = { values = [25, 50, 100] }\n"
+    (tmp_path / "torques.toml").write_text(torques.replace("[factors]", "needle_count = 29\n[factors]"))
     summary = td.run_workflow(tmp_path / "halved.toml", tmp_path / "out", workers=1, progress=False)
     assert {step.name: step.state for step in summary.steps} == {
         "frictions": "finished", "torques": "failed", "claims": "finished",
@@ -138,7 +137,6 @@ def test_a_study_with_failed_points_leaves_its_claims_open_and_no_others(tmp_pat
     assert claims["third_follows_groove_friction"]["holds"] is True
     assert claims["third_proportional_to_torque"]["holds"] is None
     assert "jammed" in claims["third_proportional_to_torque"]["reason"]
-    text = (tmp_path / "torques.toml").read_text().replace("needle_count = 29\n", "needle_count = 30\n")
-    (tmp_path / "torques.toml").write_text(text)  # what lies there is of another study now: it decides nothing
+    (tmp_path / "torques.toml").write_text(torques.replace("[factors]", "needle_count = 30\n[factors]"))
     again = td.run_workflow(tmp_path / "halved.toml", tmp_path / "out", workers=1, progress=False)
-    assert {step.name: step.state for step in again.steps}["claims"] == "blocked"
+    assert {step.name: step.state for step in again.steps}["claims"] == "blocked"  # that cube is of another study
