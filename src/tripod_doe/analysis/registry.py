@@ -10,6 +10,7 @@ from typing import Any
 import xarray as xr
 from pydantic import BaseModel, ValidationError
 
+from tripod_doe.analysis.claims import ClaimsSettings, check_claims, claims_json
 from tripod_doe.analysis.comparison import ComparisonSettings, compare_file
 from tripod_doe.analysis.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analysis.sensitivity import MorrisSettings, SobolSettings, morris_effects, sobol_indices
@@ -79,15 +80,23 @@ class ChainAnalysis:
         (cubes by the names of their steps, settings, folder of the workflow file) -> result, labelled.
     files
         Settings that name files, relative to the workflow file; their contents are part of the step's inputs.
+    export
+        For the answer to a workflow's question: the file of the result directory that tells it to other programs, and
+        how its text is made of the result. The page of the workflow then tells it to people.
+    partial
+        Whether it can read the cubes of failed studies: it knows which points did not finish, and says so.
     """
 
     settings: type[BaseModel]
     function: Callable[[Mapping[str, xr.Dataset], Any, Path], xr.Dataset]
     files: tuple[str, ...] = ()
+    export: tuple[str, Callable[[xr.Dataset], str]] | None = None
+    partial: bool = False
 
 
 CHAIN_ANALYSES: dict[str, ChainAnalysis] = {
     "comparison": ChainAnalysis(ComparisonSettings, compare_file, ("measurement",)),
+    "claims": ChainAnalysis(ClaimsSettings, check_claims, export=("claims.json", claims_json), partial=True),
 }
 """Analyses that workflow files may name besides; an entry here is a kind of step."""
 

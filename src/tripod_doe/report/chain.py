@@ -10,6 +10,7 @@ from pathlib import Path
 import xarray as xr
 
 from tripod_doe.errors import StorageError
+from tripod_doe.report.claims import claim_table, find_in_claims, is_claims
 from tripod_doe.report.comparison import find_in_comparison
 from tripod_doe.report.figures import Chart
 from tripod_doe.report.figures.chain import StepView, chain_chart, step_time
@@ -66,18 +67,21 @@ def find_in_any(name: str, data: xr.Dataset) -> list[str]:
     """Sentences on what a study or an analysis found; empty where the house has none for it."""
     if "outcome" in data:
         return find(data)
+    if is_claims(data):
+        return find_in_claims(data)
     return find_in_comparison(data) if "amplitude_difference" in data else find_in_analyses({name: data})
 
 
 @dataclass(frozen=True)
 class PagePart:
-    """One input of a report step, as its page shows it."""
+    """One input of a report step, or one answer of a workflow, as the page shows it; a table is heads and rows."""
 
     name: str
     title: str
     findings: list[str]
     charts: list[StoredChart]
     link: str
+    table: tuple[list[str], list[list[str]]] | None = None
 
 
 def step_page(
@@ -106,7 +110,8 @@ def step_page(
 def _part(name: str, cube: xr.Dataset) -> PagePart:
     """A study with a link to its own report, or an analysis."""
     link = f"../{name}/report/index.html" if "outcome" in cube else ""
-    return PagePart(name, str(cube.attrs.get("title", name)), find_in_any(name, cube), [], link)
+    table = claim_table(cube) if is_claims(cube) else None
+    return PagePart(name, str(cube.attrs.get("title", name)), find_in_any(name, cube), [], link, table)
 
 
 def _drawn(name: str, folder: Path) -> PagePart:
@@ -114,8 +119,15 @@ def _drawn(name: str, folder: Path) -> PagePart:
     return PagePart(name, title[:1].upper() + title[1:], [], read_charts(folder), "")
 
 
-def chain_page(title: str, question: str, steps: Sequence[StepView], notice: str = "", text: str = "") -> str:
-    """The page of a whole workflow: the picture of the chain, and a row a step with its state, time and link.
+def chain_page(
+    title: str,
+    question: str,
+    steps: Sequence[StepView],
+    notice: str = "",
+    text: str = "",
+    answers: Mapping[str, xr.Dataset] | None = None,
+) -> str:
+    """The page of a whole workflow: its answers, the chain as a picture, a row a step with its state, time and link.
 
     Parameters
     ----------
@@ -127,7 +139,10 @@ def chain_page(title: str, question: str, steps: Sequence[StepView], notice: str
         What the reader must know first, for instance that this was a quick run.
     text
         The workflow file.
+    answers
+        By step, the analyses that answer the workflow's question.
     """
+    parts = [_part(name, data) for name, data in (answers or {}).items()]
     rows = [(step, step_time(step)) for step in steps]
-    return render("chain.html", title=title, question=question, kicker="Workflow", notice=notice, parts=[],
+    return render("chain.html", title=title, question=question, kicker="Workflow", notice=notice, parts=parts,
                   chain=chain_chart(steps), rows=rows, text=text)  # fmt: skip

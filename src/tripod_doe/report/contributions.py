@@ -10,12 +10,12 @@ import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
+from tripod_doe.analysis.contribution import PAPER_SHARES
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, MECHANISMS
 from tripod_doe.report.responses import ORDINALS, factor_label, factor_unit, number, spoken, unit_text, with_unit
 
 __all__ = [
     "DEFINITIONS",
-    "PAPER_SHARES",
     "Contribution",
     "contribution_findings",
     "contribution_notes",
@@ -29,9 +29,6 @@ FloatArray = NDArray[np.float64]
 
 DEFINITIONS = {"share_off": "switching off", "share_on": "on alone", "share_shapley": "Shapley value"}
 """Definitions of a share by the variables that hold them."""
-
-PAPER_SHARES = {"groove_spinning": 2.0, "groove_rolling": 5.0, "needle_sliding": 1.0, "needle_rolling": 6.0}
-"""Shares of the third order in percent that the paper prints in 3.5; groove sliding is the rest, 86 %."""
 
 _PAPER_POINT = {name: JOINT_PARAMETERS[name].default for name in ("joint_angle_deg", "torque_n_m", "speed_rpm")}
 _PRINTED = 0.05  # percent that still shows in the one digit after the point

@@ -114,7 +114,7 @@ def run_workflow(
         views[name] = chain.recorded(workflow.steps[name]) or chain.view(workflow.steps[name], "not asked")
     steps = tuple(views[name] for name in workflow.steps)
     head = workflow.file.workflow
-    text = chain_page(head.name, head.question, steps, _notice(workflow), workflow.text)
+    text = chain_page(head.name, head.question, steps, _notice(workflow), workflow.text, chain.answers(steps))
     return WorkflowSummary(directory, swap_in(text, directory / "report" / "index.html"), steps)
 
 
@@ -175,17 +175,18 @@ class _Chain:
             record = json.loads((folder / "step.json").read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return None
-        mark = folder / _MARKS.get(step.table.kind, "cube.nc")
-        if record.get("hash") != step.hash or not mark.exists():
+        marks = [folder / _MARKS.get(step.table.kind, "cube.nc"), *self._exported(step)]
+        if record.get("hash") != step.hash or not all(mark.exists() for mark in marks):
             return None
         return self.view(step, "reused", record["seconds"], record["detail"])
 
     def _run_step(self, name: str, needed: list[StepView]) -> StepView:
         step = self.workflow.steps[name]
-        stopped = [view.name for view in needed if view.state in ("failed", "blocked")]
+        lacking = [view for view in needed if view.state in ("failed", "blocked")]
+        stopped = [view.name for view in lacking if not (self._reads_failed(step) and self._has_points(view))]
         if stopped:
             return self._tell(self.view(step, "blocked", detail=f"needs {', '.join(stopped)}"))
-        if view := self.recorded(step):
+        if not lacking and (view := self.recorded(step)):
             return self._tell(view)
         started = time.perf_counter()
         try:
@@ -197,8 +198,23 @@ class _Chain:
             return self._tell(self.view(step, "failed", time.perf_counter() - started, reason))
         seconds = round(time.perf_counter() - started, 3)
         record = {"hash": step.hash, "seconds": seconds, "detail": detail}
-        swap_in(json.dumps(record), self.folder(step.name) / "step.json")
+        if lacking:  # its inputs may yet be completed under the same hash, so it is made again next time
+            (self.folder(step.name) / "step.json").unlink(missing_ok=True)
+            detail += f", without points that failed in {', '.join(view.name for view in lacking)}"
+        else:
+            swap_in(json.dumps(record), self.folder(step.name) / "step.json")
         return self._tell(self.view(step, "finished", seconds, detail))
+
+    def _reads_failed(self, step: Step) -> bool:
+        chained = CHAIN_ANALYSES.get(step.analysis) if isinstance(step.table, AnalysisStep) else None
+        return chained is not None and chained.partial
+
+    def _has_points(self, view: StepView) -> bool:
+        """Whether a study step left a cube of what it is now asked, if not of all its points."""
+        study, folder = self.workflow.steps[view.name].study, self.folder(view.name)
+        if study is None or not (folder / "cube.nc").is_file():
+            return False
+        return bool(open_cube(folder).attrs.get("study_hash") == study.hash)
 
     def _tell(self, view: StepView) -> StepView:
         if self.progress:
@@ -242,7 +258,22 @@ class _Chain:
             result = CHAIN_ANALYSES[name].function(cubes, step.settings, self.workflow.folder)
         result = result.assign_attrs({"title": f"{name} of {', '.join(cubes)}"} | result.attrs)
         write_dataset(stamp_history(result, f"tripod-doe workflow: {step.name}"), self.folder(step.name) / "cube.nc")
+        for path in self._exported(step):
+            export = CHAIN_ANALYSES[name].export
+            assert export is not None
+            swap_in(export[1](result), path)
         return name
+
+    def _exported(self, step: Step) -> list[Path]:
+        """Where an analysis that answers the workflow's question tells it to other programs."""
+        chained = CHAIN_ANALYSES.get(step.analysis) if isinstance(step.table, AnalysisStep) else None
+        folder = self.directory / "quick" if self.workflow.quick else self.directory
+        return [folder / chained.export[0]] if chained and chained.export else []
+
+    def answers(self, views: tuple[StepView, ...]) -> dict[str, xr.Dataset]:
+        """The analyses that answer the workflow's question, as far as they are made."""
+        made = [view.name for view in views if view.state in ("finished", "reused")]
+        return {name: open_cube(self.folder(name)) for name in made if self._exported(self.workflow.steps[name])}
 
     def _cubes(self, step: Step) -> dict[str, xr.Dataset]:
         """Cubes of the inputs that have one."""

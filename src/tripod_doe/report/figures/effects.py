@@ -121,7 +121,7 @@ def _map_chart(response: Response, cube: xr.Dataset, factors: list[str]) -> Char
     across, up = sorted(factors, key=lambda name: cube.sizes[name])
     response = replace(response, values=response.values.sortby([across, up]))
     cube = cube.sortby([across, up])
-    values = response.values.transpose(up, across).values
+    values = response.values.squeeze(drop=True).transpose(up, across).values
     rows, columns = values.shape
     cells = rows <= _MOST_CELLS[0] and columns <= _MOST_CELLS[1]
     with drawing(3.7, max(3.0, 0.7 + 0.22 * rows) if cells else 3.2) as (figure, axes):

@@ -7,11 +7,14 @@ from collections.abc import Callable, Mapping
 import xarray as xr
 
 from tripod_doe.errors import InputError
+from tripod_doe.report.contributions import contributions
 from tripod_doe.report.figures.chart import Chart
 from tripod_doe.report.figures.comparison import comparison_charts
+from tripod_doe.report.figures.contributions import contribution_chart
 from tripod_doe.report.figures.effects import effect_charts
 from tripod_doe.report.figures.indices import index_charts
 from tripod_doe.report.figures.loci import locus_chart
+from tripod_doe.report.figures.paper import local_order_charts, order_angle_chart, skew_chart, waveforms_of_all
 from tripod_doe.report.figures.waveforms import spectrum_chart, waveform_charts
 
 __all__ = ["FIGURES", "Figure"]
@@ -48,5 +51,10 @@ FIGURES: dict[str, Figure] = {
     "loci": _maybe(locus_chart),
     "indices": _indices,
     "comparison": _of_one(comparison_charts),
+    "contribution": lambda inputs: [contribution_chart(part) for part in contributions(inputs) if not part.missing],
+    "waveforms-of-all": _of_one(waveforms_of_all),
+    "local-orders": _of_one(local_order_charts),
+    "orders-over-angle": _maybe(order_angle_chart),
+    "skew": _maybe(skew_chart),
 }
 """Figures by name: functions from the cubes of their input steps to charts."""
