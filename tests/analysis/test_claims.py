@@ -125,7 +125,7 @@ def test_points_are_found_by_what_they_are():
     with pytest.raises(MissingPointError, match="torque_n_m 25"):
         evidence.joint(model="needles", torque_n_m=25.0)
     with pytest.raises(MissingPointError, match="no point"):
-        evidence.scene("axial_drift_mm", friction_a=ANY)
+        evidence.scene(friction_a=ANY)
 
 
 def test_json_tells_every_claim_with_null_for_what_is_not_known():

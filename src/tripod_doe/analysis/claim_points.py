@@ -142,11 +142,11 @@ class Evidence:
             If there is none, or one of them did not finish: a claim is not decided by those that did.
         """
         identity = {name: JOINT_PARAMETERS[name].default for name in _IDENTITY} | wanted
-        return self._finished(identity, [point for point in self._points if "thrust_amplitude" in point.data], wanted)
+        return self._finished(identity, [point for point in self._points if "model" in point.parameters], wanted)
 
-    def scene(self, output: str, **wanted: Any) -> list[Point]:
-        """Points of another scene, known by one of its outputs; raises as `joint` does."""
-        return self._finished(wanted, [point for point in self._points if output in point.data], wanted)
+    def scene(self, **wanted: Any) -> list[Point]:
+        """Points of another scene, known by the parameters that only it has; raises as `joint` does."""
+        return self._finished(wanted, [point for point in self._points if set(wanted) <= set(point.parameters)], wanted)
 
     def _finished(self, identity: Mapping[str, Any], among: list[Point], told: Mapping[str, Any]) -> list[Point]:
         best: dict[tuple[Any, ...], Point] = {}

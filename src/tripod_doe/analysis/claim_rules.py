@@ -343,7 +343,7 @@ def _degrees_of_freedom(evidence: Evidence, cases: Cases) -> Measured:
 def _loci(evidence: Evidence) -> dict[str, tuple[float, float]]:
     """Drift and travel in mm by which plate has more friction."""
     found = {}
-    for point in evidence.scene("axial_drift_mm", friction_a=ANY, friction_b=ANY):
+    for point in evidence.scene(friction_a=ANY, friction_b=ANY):
         a, b = float(point.value("friction_a")), float(point.value("friction_b"))
         key = "equal" if a == b else "A" if a > b else "B"
         found[key] = float(point.output("axial_drift_mm")), float(point.output("travel_mm"))
