@@ -12,7 +12,7 @@ from tripod_doe.report.responses import number, unit_text, with_unit
 
 __all__ = ["claim_table", "find_in_claims", "is_claims"]
 
-_HEADS = ["Claim", "In the paper", "Decided by", "Holds if", "Value", "Holds", "Remarks"]
+_HEADS = ["Claim", "In the paper", "Holds", "Value", "Holds if", "Decided by"]
 
 
 def is_claims(data: xr.Dataset) -> bool:
@@ -45,7 +45,7 @@ def _start(text: str) -> str:
 
 
 def claim_table(claims: xr.Dataset) -> tuple[list[str], list[list[str]]]:
-    """Heads and a row a claim, in the order of the paper."""
+    """Heads and a row a claim, in the order of the paper; reasons stand in the sentences and in claims.json."""
     words = {Verdict.HOLDS: "yes", Verdict.DOES_NOT_HOLD: "no", Verdict.NOT_DECIDED: "not decided"}
     rows = []
     for at in range(claims.sizes["claim"]):
@@ -54,8 +54,8 @@ def claim_table(claims: xr.Dataset) -> tuple[list[str], list[list[str]]]:
         near = "" if row["sure"].item() or verdict is Verdict.NOT_DECIDED else ", but within the numerical error"
         rows.append(
             [
-                row["statement"].item(), row["place"].item(), row["quantity"].item(), _limits(row), _value(row),
-                words[verdict] + near, _start(row["reason"].item()),
+                row["statement"].item(), row["place"].item(), words[verdict] + near, _value(row), _limits(row),
+                row["quantity"].item(),
             ]
         )  # fmt: skip
     return list(_HEADS), rows
