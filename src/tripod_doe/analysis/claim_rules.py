@@ -400,8 +400,8 @@ _ROLLING_STAYS = (
     "without both rolling resistances model rollers has 0.8 % instead of 8.8 %."
 )
 _SKEW_GROWS = (
-    "Within four revolutions a loaded needle gains 0.05 to 0.15 deg whatever it starts with: much of the small skew of "
-    "case 1, a third of that of case 2 at most. Half a degree is where it ends."
+    "Within four revolutions a loaded needle gains up to 0.15 deg whatever it starts with: much of the small skew of "
+    "case 1, less than a third of that of case 2."
 )
 _SMALL_SECOND = (
     "What turns with the skew is independent of the angle (half the difference of case 1 and its reverse is 0.107, "

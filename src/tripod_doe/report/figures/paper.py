@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter
 
 from tripod_doe.report.figures.chart import COLOURS, HATCHES, INK, LINES, MARKERS, Chart, drawing, legend_above
 from tripod_doe.report.responses import ORDINALS, factor_label, factor_names, finished, number, with_unit
@@ -138,12 +139,12 @@ def order_angle_chart(cube: xr.Dataset) -> Chart | None:
                 )  # fmt: skip
                 rows += [(angle, label, order, value)
                          for angle, value in zip(part["joint_angle_deg"].values, effective, strict=True)]  # fmt: skip
-        axes.set_xlim(left=0)
-        axes.set_ylim(bottom=0)
+        axes.set_yscale("log")  # the orders differ by a hundred
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes.set_xlabel(with_unit("joint angle", "(deg)"))
         axes.set_ylabel("effective value of the thrust force (N)")
         legend_above(axes, 1)
-    caption = "Effective values of the second and third order over the joint angle, a line a case of skew."
+    caption = "Effective values of the second and third order over the joint angle, a line a case of skew; logarithmic."
     return Chart("angle", caption, figure, pd.DataFrame(rows, columns=["joint_angle_deg", "case", "order", "rms_n"]))
 
 
@@ -166,11 +167,11 @@ def skew_chart(cube: xr.Dataset) -> Chart | None:
                 axes.plot(x, start[k], MARKERS[3], color=COLOURS[1], label="initial" if at == k == 0 else None)
                 rows.append((at + 1, k + 1, start[k], mean[k], least[k], most[k]))
         axes.axhline(0, color=INK, lw=0.8)
-        axes.set_xticks(range(len(points)), [", ".join(number(float(p[name])) for name in _SKEWS) for p in points])
+        axes.set_xticks(range(len(points)), ["\n".join(number(float(p[name])) for name in _SKEWS) for p in points])
         axes.grid(axis="x", visible=False)
         axes.set_xlabel("initial skew on trunnions 1, 2, 3 (deg)")
         axes.set_ylabel("skew in the last revolution (deg)")
-        legend_above(axes, 4)
+        legend_above(axes, 2)
     caption = (
         "Skew of the needle that carries the most: mean (bars), least and greatest (lines) of the last revolution, and "
         "initial value (diamonds)."
