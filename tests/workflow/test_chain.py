@@ -16,7 +16,7 @@ import xarray as xr
 from pydantic import BaseModel
 
 import tripod_doe as td
-from tripod_doe.analysis.registry import CHAIN_ANALYSES, ChainAnalysis
+from tripod_doe.analysis.registry import ANALYSES, CHAIN_ANALYSES, ChainAnalysis
 from tripod_doe.cli import main
 from tripod_doe.workflow.definition import load_workflow
 
@@ -346,4 +346,4 @@ def test_the_example_is_sound_and_the_schema_describes_every_key(capsys):
     for name, table in schema["$defs"].items():
         for key, entry in table["properties"].items():
             assert entry.get("description"), f"{name}.{key}"
-    assert set(schema["x-settings"]) == {"sobol", "morris", "contribution", "comparison"}
+    assert set(schema["x-settings"]) == {*ANALYSES, *CHAIN_ANALYSES}
