@@ -12,7 +12,7 @@ from tripod_doe.errors import InputError, near_match
 __all__ = ["Output", "Parameter", "Value", "check_parameters"]
 
 Value = float | int | str | None
-Kind = Literal["number", "integer", "switch", "choice"]
+Kind = Literal["number", "integer", "switch", "choice", "argument"]
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,8 @@ class Parameter:
     low, high
         Range of allowed values, ends included unless `low_open`.
     kind
-        ``number``, ``integer``, ``switch`` (0 or 1) or ``choice``.
+        ``number``, ``integer``, ``switch`` (0 or 1), ``choice``, or ``argument`` of a user function: a number or
+        a text, handed over as it is written.
     choices
         Allowed words of a choice.
     group
@@ -83,7 +84,9 @@ class Parameter:
             raise InputError(f"{self.name}: a value is needed ({self.range_text})")
         if self.kind == "choice":
             if not isinstance(value, str) or value not in self.choices:
-                raise InputError(f"{self.name} = {value!r}{near_match(str(value), self.choices)}")
+                raise InputError(f"{self.name} = {value!r}: unknown{near_match(str(value), self.choices)}")
+            return value
+        if self.kind == "argument" and isinstance(value, bool | str):
             return value
         if isinstance(value, bool):
             value = int(value) if self.kind == "switch" else value
@@ -97,6 +100,8 @@ class Parameter:
             raise InputError(f"{self.name} = {value:g}: must be {self.range_text}")
         if not self.low <= value <= self.high or (self.low_open and value == self.low):
             raise InputError(f"{self.name} = {value:g}: must be {self.range_text} {self.unit_text}".rstrip())
+        if self.kind == "argument":
+            return value
         return int(value) if self.kind in ("integer", "switch") else float(value)
 
     @property
@@ -152,6 +157,6 @@ def check_parameters(parameters: Mapping[str, Parameter], values: Mapping[str, o
     checked: dict[str, Value] = {}
     for name, value in values.items():
         if name not in parameters:
-            raise InputError(f"{name}: unknown parameter{near_match(name, parameters)}")
+            raise InputError(f"{name} = {value!r}: unknown parameter{near_match(name, parameters)}")
         checked[name] = parameters[name].check(value)
     return checked

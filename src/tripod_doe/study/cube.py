@@ -183,13 +183,15 @@ def _coordinates(study: Study, points: Points, labels: Mapping[str, NDArray[Any]
     coordinates: dict[str, xr.Variable] = {}
     for name, column in points.columns.items():
         attrs = parameter_attributes(study.simulator.parameters[name])
+        if column.dtype == object:  # texts have no unit
+            attrs.pop("units", None)
         if name in study.switches:
             attrs["role"] = SWITCH_ROLE
         if points.dims == ("point",):
-            coordinates[name] = xr.Variable(("point",), column, attrs)
+            coordinates[name] = xr.Variable(("point",), _cf_type(column), attrs)
         else:
             levels = np.array(study.factors[name].values, dtype=column.dtype)
-            coordinates[name] = xr.Variable((name,), levels, attrs)
+            coordinates[name] = xr.Variable((name,), _cf_type(levels), attrs)
     if points.dims == ("point",):
         coordinates["point"] = xr.Variable(
             ("point",), np.arange(points.count, dtype=np.int32), _dimension_attributes("point")
@@ -203,8 +205,10 @@ def _coordinates(study: Study, points: Points, labels: Mapping[str, NDArray[Any]
 
 
 def _cf_type(labels: NDArray[Any]) -> NDArray[Any]:
-    """CF 1.8 has no 64-bit integers."""
-    return labels.astype(np.int32) if labels.dtype == np.int64 else labels
+    """CF 1.8 has neither 64-bit integers nor booleans."""
+    if labels.dtype == np.int64:
+        return labels.astype(np.int32 if np.abs(labels).max(initial=0) < 2**31 else np.float64)
+    return labels.astype(np.int8) if labels.dtype == np.bool_ else labels
 
 
 def _dimension_attributes(name: str) -> dict[str, str]:
