@@ -9,10 +9,19 @@ from typing import Literal
 
 from tripod_doe.errors import InputError, near_match
 
-__all__ = ["Output", "Parameter", "Value", "check_parameters"]
+__all__ = ["Output", "Parameter", "Value", "check_parameters", "dimension_attributes"]
 
 Value = float | int | str | None
 Kind = Literal["number", "integer", "switch", "choice", "argument"]
+
+_DIMENSIONS = {
+    "rotation_deg": ("degree", "rotation angle of the housing"),
+    "order": ("1", "rotating order"),
+    "groove": ("1", "number of the groove"),
+    "trunnion": ("1", "number of the trunnion"),
+    "mechanism": ("", "friction mechanism"),
+    "point": ("1", "number of the point in the design"),
+}
 
 
 @dataclass(frozen=True)
@@ -160,3 +169,9 @@ def check_parameters(parameters: Mapping[str, Parameter], values: Mapping[str, o
             raise InputError(f"{name} = {value!r}: unknown parameter{near_match(name, parameters)}")
         checked[name] = parameters[name].check(value)
     return checked
+
+
+def dimension_attributes(name: str) -> dict[str, str]:
+    """Unit and meaning of a dimension's labels, as attributes of its coordinate."""
+    unit, meaning = _DIMENSIONS.get(name, ("1", name.replace("_", " ")))
+    return {"long_name": meaning} | ({"units": unit} if unit else {})

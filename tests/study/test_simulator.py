@@ -8,6 +8,7 @@ import pytest
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points
+from tripod_doe.study.simulate import simulate
 from tripod_doe.study.task import make_task, run_task
 
 FUNCTIONS = """
@@ -45,3 +46,10 @@ def test_an_answer_that_a_point_does_not_give_is_nan(tmp_path):
 def test_answers_of_different_shape_are_refused(tmp_path):
     with pytest.raises(InputError, match="a: points have different shapes"):
         answer(tmp_path, "growing", "[factors]\nx = {values = [1, 3]}\n")
+
+
+def test_a_single_point_is_labelled_like_a_cube():
+    result = simulate(samples_per_revolution=36)
+    assert result["rotation_deg"].attrs["units"] == "degree"
+    assert result["thrust"].attrs["units"] == "N"
+    assert "finished" in result["outcome"].attrs["flag_meanings"].split()

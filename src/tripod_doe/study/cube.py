@@ -17,8 +17,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.errors import CubeError, StorageError
-from tripod_doe.quantities import Output, Parameter, Value
-from tripod_doe.results import OUTCOME_MEANINGS, BlockResult, Outcome
+from tripod_doe.quantities import Output, Parameter, Value, dimension_attributes
+from tripod_doe.results import DETAIL_ATTRIBUTES, OUTCOME_ATTRIBUTES, BlockResult, Outcome
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.journal import FinishedBlock
@@ -36,14 +36,6 @@ COST_VARIABLES = {
 SWITCH_ROLE = "switch of the ablation"
 """Attribute ``role`` of the coordinates that an ablation switches, by which an analysis knows them."""
 
-_DIMENSIONS = {
-    "rotation_deg": ("degree", "rotation angle of the housing"),
-    "order": ("1", "rotating order"),
-    "groove": ("1", "number of the groove"),
-    "trunnion": ("1", "number of the trunnion"),
-    "mechanism": ("", "friction mechanism"),
-    "point": ("1", "number of the point in the design"),
-}
 _PACKAGES = ("tripod-doe", "numpy", "scipy", "numba", "xarray", "netCDF4", "dask", "SALib")
 
 
@@ -155,17 +147,9 @@ def _variable(output: Output | None, dims: tuple[str, ...], data: NDArray[Any], 
 
 
 def _outcome_variables(table: _Table, points: Points) -> dict[str, xr.Variable]:
-    flags = {
-        "long_name": "how the point ended",
-        "flag_values": np.array(list(Outcome), np.int8),
-        "flag_meanings": " ".join(outcome.label for outcome in Outcome),
-        "comment": "; ".join(f"{outcome.label}: {text}" for outcome, text in OUTCOME_MEANINGS.items()),
-    }
     return {
-        "outcome": _shaped(points, (), table.outcome, flags),
-        "outcome_detail": _shaped(
-            points, (), table.detail, {"long_name": "why the point failed; empty where it did not"}
-        ),
+        "outcome": _shaped(points, (), table.outcome, OUTCOME_ATTRIBUTES),
+        "outcome_detail": _shaped(points, (), table.detail, DETAIL_ATTRIBUTES),
     }
 
 
@@ -194,13 +178,13 @@ def _coordinates(study: Study, points: Points, labels: Mapping[str, NDArray[Any]
             coordinates[name] = xr.Variable((name,), _cf_type(levels), attrs)
     if points.dims == ("point",):
         coordinates["point"] = xr.Variable(
-            ("point",), np.arange(points.count, dtype=np.int32), _dimension_attributes("point")
+            ("point",), np.arange(points.count, dtype=np.int32), dimension_attributes("point")
         )
     for name, column in points.labels.items():
         meaning = "factor that is varied" if name == "varied" else "row of the sub-design"
         coordinates[name] = xr.Variable(("point",), _cf_type(column), {"long_name": meaning})
     for name, values in labels.items():
-        coordinates[name] = xr.Variable((name,), _cf_type(values), _dimension_attributes(name))
+        coordinates[name] = xr.Variable((name,), _cf_type(values), dimension_attributes(name))
     return coordinates
 
 
@@ -209,11 +193,6 @@ def _cf_type(labels: NDArray[Any]) -> NDArray[Any]:
     if labels.dtype == np.int64:
         return labels.astype(np.int32 if np.abs(labels).max(initial=0) < 2**31 else np.float64)
     return labels.astype(np.int8) if labels.dtype == np.bool_ else labels
-
-
-def _dimension_attributes(name: str) -> dict[str, str]:
-    unit, meaning = _DIMENSIONS.get(name, ("1", name.replace("_", " ")))
-    return {"long_name": meaning} | ({"units": unit} if unit else {})
 
 
 def _fixed_parameters(study: Study, points: Points) -> dict[str, Value]:

@@ -16,7 +16,7 @@ from SALib.sample import morris as salib_morris
 from SALib.sample import sobol as salib_sobol
 from scipy.stats import qmc
 
-from tripod_doe.errors import InputError, near_match
+from tripod_doe.errors import InputError, closest, near_match
 from tripod_doe.quantities import Parameter, Value
 from tripod_doe.study.definition import DesignTable, Factor, Study
 from tripod_doe.study.distributions import is_unbounded, quantile
@@ -187,7 +187,7 @@ def _table(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> 
     header = [name.strip() for name in header]
     for name in factors:
         if name not in header:
-            raise InputError(f"table = {design.table!r}: no column {name!r}{near_match(name, header)}")
+            raise InputError(f"table = {design.table!r}: no column {name!r}{closest(name, header)}")
     if not rows:
         raise InputError(f"table = {design.table!r}: it has no rows")
     columns = {}

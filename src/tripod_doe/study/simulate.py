@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import xarray as xr
 
-from tripod_doe.quantities import Value, check_parameters
-from tripod_doe.results import Outcome
+from tripod_doe.quantities import Value, check_parameters, dimension_attributes
+from tripod_doe.results import DETAIL_ATTRIBUTES, OUTCOME_ATTRIBUTES, Outcome
 from tripod_doe.study.simulator import load_simulator
 from tripod_doe.study.task import Task, run_task
 
@@ -55,8 +54,8 @@ def simulate(scene: str = "joint", **parameters: Any) -> xr.Dataset:
     for name, output in result.outputs.items():
         meta = simulator.outputs[name]
         variables[name] = (output.dims, output.data[0], {"units": meta.unit, "long_name": meta.meaning})
-    variables["outcome"] = ((), result.outcome[0])
-    variables["outcome_detail"] = ((), result.detail[0])
+    variables["outcome"] = ((), result.outcome[0], OUTCOME_ATTRIBUTES)
+    variables["outcome_detail"] = ((), result.detail[0], DETAIL_ATTRIBUTES)
     cost = {
         "cpu_seconds": cpu,
         "wall_seconds": wall,
@@ -68,4 +67,5 @@ def simulate(scene: str = "joint", **parameters: Any) -> xr.Dataset:
         "cost": cost,
         "finished": int(result.outcome[0]) == Outcome.FINISHED,
     }
-    return xr.Dataset(variables, coords={k: np.asarray(v) for k, v in result.coordinates.items()}, attrs=attrs)
+    coordinates = {name: (name, labels, dimension_attributes(name)) for name, labels in result.coordinates.items()}
+    return xr.Dataset(variables, coords=coordinates, attrs=attrs)

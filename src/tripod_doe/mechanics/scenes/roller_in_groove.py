@@ -28,10 +28,10 @@ _MASS, _INERTIA = 7e-5, 1e-2
 
 _PARAMETERS = [
     Parameter("tilt_deg", 10.0, "degree", "beta", "tilt of the roller's axis from the perpendicular to the groove",
-              "FACTS: closed form", low=-80, high=80, group="operating point"),
+              "assumed", low=-80, high=80, group="operating point"),
     Parameter("axial_speed_mm_s", 233.0, "mm s-1", "v_z", "speed of the roller along the groove",
-              "FACTS: peak at the reference point", low=-1e5, high=1e5, group="operating point"),
-    Parameter("load_n", 800.0, "N", "N", "load of the roller on the groove", "FACTS: closed form", low=0, high=1e6,
+              "assumed: peak at the joint's reference point", low=-1e5, high=1e5, group="operating point"),
+    Parameter("load_n", 800.0, "N", "N", "load of the roller on the groove", "assumed", low=0, high=1e6,
               low_open=True, group="operating point"),
     Parameter("duration_s", 0.02, "s", "T", "duration; the force is that at its end", "assumed", low=0, high=10,
               low_open=True, group="operating point"),
