@@ -11,6 +11,7 @@ import xarray as xr
 from pydantic import BaseModel, ValidationError
 
 from tripod_doe.analysis.claims import ClaimsSettings, check_claims, claims_json
+from tripod_doe.analysis.claims_over_skew import ClaimsOverSkewSettings, claims_over_skew
 from tripod_doe.analysis.comparison import ComparisonSettings, compare_file
 from tripod_doe.analysis.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analysis.sensitivity import MorrisSettings, SobolSettings, morris_effects, sobol_indices
@@ -97,6 +98,7 @@ class ChainAnalysis:
 CHAIN_ANALYSES: dict[str, ChainAnalysis] = {
     "comparison": ChainAnalysis(ComparisonSettings, compare_file, ("measurement",)),
     "claims": ChainAnalysis(ClaimsSettings, check_claims, export=("claims.json", claims_json), partial=True),
+    "claims-over-skew": ChainAnalysis(ClaimsOverSkewSettings, claims_over_skew, partial=True),
 }
 """Analyses that workflow files may name besides; an entry here is a kind of step."""
 

@@ -19,7 +19,9 @@ from tripod_doe.report.figures import (
     Chart,
     contribution_chart,
     effect_charts,
+    findings_over_skew_charts,
     index_charts,
+    kept_skew_charts,
     locus_chart,
     spectrum_chart,
     waveform_charts,
@@ -112,6 +114,7 @@ def make_page(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset]) -> str:
         loci=locus_chart(shown),
         waveforms=waveform_charts(shown),
         spectrum=spectrum_chart(shown),
+        skews=kept_skew_charts(shown) + findings_over_skew_charts(shown),
         effects=effect_charts(shown),
         indices=index_charts(analyses, cube),
         contributions=[
