@@ -90,17 +90,23 @@ def find_side_by_side(ladder: Mapping[str, xr.Dataset]) -> list[str]:
         off = [100 * (value / finest - 1) for value in cheap]
         told = f"the {ORDINALS[order]} ({finest:.3g} N; {_each(models, [f'{value:+.1f} %' for value in off])})"
         (right if max(map(abs, off)) <= _RIGHT else wrong).append(told)
-        for mechanism in MECHANISMS:
-            *cheap, finest = _shares(ladder, order, mechanism)
-            apart = max(abs(value - finest) for value in cheap)
-            told = (
-                f"what {spoken(mechanism)} makes of the {ORDINALS[order]} ({_percent(finest)} %; "
+        shares = {mechanism: _shares(ladder, order, mechanism) for mechanism in MECHANISMS}
+        apart = {name: max(abs(value - values[-1]) for value in values[:-1]) for name, values in shares.items()}
+        good = [name for name in MECHANISMS if apart[name] <= _RIGHT_SHARE]
+        if good:
+            right.append(
+                f"what {_said([spoken(name) for name in good])} make of the {ORDINALS[order]} (at most "
+                f"{max(apart[name] for name in good):.1f} points apart)"
+            )
+        for name in (name for name in MECHANISMS if name not in good):
+            *cheap, finest = shares[name]
+            wrong.append(
+                f"what {spoken(name)} makes of the {ORDINALS[order]} ({_percent(finest)} %; "
                 f"{_each(models, [f'{_percent(value)} %' for value in cheap])})"
             )
-            (right if apart <= _RIGHT_SHARE else wrong).append(told)
     sentences = [
-        f"{_said(models[:-1])} get right, within {_RIGHT:g} % or {_RIGHT_SHARE:g} percentage points of {models[-1]}: "
-        f"{'; '.join(right) or 'nothing'}."
+        f"Within {_RIGHT:g} % of an amplitude, or {_RIGHT_SHARE:g} percentage points of a share by switching off, "
+        f"{_said(models[:-1])} get right what {models[-1]} finds of: {'; '.join(right) or 'nothing'}."
     ]
     if wrong:
         sentences.append(f"They miss: {'; '.join(wrong)}.")

@@ -142,7 +142,7 @@ def spectrum_of_all(cube: xr.Dataset) -> Chart | None:
         return None
     orders = cube["order"].values
     data, width = pd.DataFrame({"order": orders}), 0.84 / len(points)
-    with drawing(6.4, 3.2) as (figure, axes):
+    with drawing(5.4, 3.2) as (figure, axes):
         for rank, point in enumerate(points):
             data[f"amplitude_n_{rank + 1}"] = point["thrust_amplitude"].values
             axes.bar(
@@ -162,7 +162,10 @@ def spectrum_of_all(cube: xr.Dataset) -> Chart | None:
     told = "; ".join(
         f"{point_label(cube, point)}: second {_newton(point, 2)}, fourth {_newton(point, 4)}" for point in points
     )
-    caption = f"Amplitudes of the rotating orders of every point, logarithmic from {_FLOOR:g} of the largest. {told}."
+    caption = (
+        f"Amplitudes of the rotating orders of every point, logarithmic from {_FLOOR:g} of the largest. Of these: "
+        f"{told}."
+    )
     return Chart("spectrum", caption, figure, data)
 
 
@@ -185,7 +188,7 @@ def friction_law_chart(cube: xr.Dataset) -> Chart | None:
             fine, fixed["friction"] * np.tanh(fine), color=COLOURS[0], label="\N{GREEK SMALL LETTER MU} tanh(v / v_st)"
         )
         axes.plot(velocity, data["coefficient"], "o", color=COLOURS[1], mfc="white", label="roller in its groove")
-        axes.axvline(1 / _QUARTER, color=MUTED, lw=0.9, ls="--", label="largest velocity by the paper's quarter rule")
+        axes.axvline(1 / _QUARTER, color=MUTED, lw=0.9, ls="--", label="largest, quarter rule")
         axes.set_xlabel("sliding velocity over transition velocity (-)")
         axes.set_ylabel("sliding friction coefficient (-)")
         axes.set_ylim(0, None)
@@ -193,7 +196,8 @@ def friction_law_chart(cube: xr.Dataset) -> Chart | None:
     off = float((data["coefficient"] - data["law"]).abs().max())
     caption = (
         "Sliding friction coefficient over sliding velocity: axial force of a tilted roller over its load and the sine "
-        f"of its tilt, and the law, from which it differs by at most {off:.1g}."
+        f"of its tilt, and the law, from which it differs by at most {off:.1g}; dashed: the largest velocity of a run "
+        "by the paper's rule of a quarter."
     )
     return Chart("friction-law", caption, figure, data)
 

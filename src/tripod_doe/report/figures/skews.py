@@ -158,7 +158,7 @@ def _kept_chart(
         for key in product(*levels):
             ranks = [level.index(value) for level, value in zip(levels, key, strict=True)]
             colour, dash = (*ranks, 0, 0)[:2]
-            line = part[(part[rest] == key).all(axis=1)].sort_values(along)
+            line = part[(part[rest] == list(key)).all(axis=1)].sort_values(along)
             axes.plot(
                 line[along], line[column], ls=LINES[dash % len(LINES)], marker=MARKERS[dash % len(MARKERS)],
                 color=COLOURS[colour % len(COLOURS)], mfc="white",
