@@ -84,7 +84,7 @@ def claim_value(row: xr.Dataset) -> str:
     value, error = float(row["value"]), float(row["error"])
     if not math.isfinite(value):
         return "not known"
-    spread = f" +- {error:.2g}" if math.isfinite(error) and error > 0 else ""
+    spread = f" +- {number(float(f'{error:.2g}'))}" if math.isfinite(error) and error > 0 else ""
     digits = f"{value:.6g}" if abs(value - 1) < 1e-2 else number(float(f"{value:.3g}")) if value % 1 else f"{value:g}"
     return with_unit(digits + spread, unit_text(str(row["unit"].item())))
 

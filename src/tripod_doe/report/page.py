@@ -151,7 +151,8 @@ def render(template: str, **content: object) -> str:
 def _typeset(text: str) -> str:
     """Plain-text sentences with the signs of print."""
     text = text.replace(" +- ", "\u00a0±\u00a0").replace("R2 = ", "R²\u00a0=\u00a0").replace("R^2", "R²")
-    text = re.sub(r"\b(at (?:most|least)|Figs?\.) (?=[-\d])", "\\1\u00a0", text).replace("Sobol' ", "Sobol’ ")
+    text = re.sub(r"\b(?:at (?:most|least)|Figs?\.) (?=[-\d])", lambda found: found[0].replace(" ", "\u00a0"), text)
+    text = text.replace("Sobol' ", "Sobol’ ")
     text = text.replace("N m", "N\u00a0m")
     text = re.sub(r"(?<=\d) (?=(?:N|deg|mm|um|rpm|%))", "\u00a0", text)
     return re.sub(r"(?<![\w.])-(?=\d)", "−", text)

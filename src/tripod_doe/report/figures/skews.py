@@ -162,7 +162,7 @@ def _kept_chart(
             axes.plot(
                 line[along], line[column], ls=LINES[dash % len(LINES)], marker=MARKERS[dash % len(MARKERS)],
                 color=COLOURS[colour % len(COLOURS)], mfc="white",
-                label=_bearing(cube, pd.Series(key, rest)),
+                label=", ".join(number(value) for value in key),
             )  # fmt: skip
         if column == "mean_deg":
             start = float(part["initial_deg"].iloc[0])
@@ -175,7 +175,7 @@ def _kept_chart(
         axes.set_ylim(0, None)
         axes.set_xlabel(axis_label(cube, along))
         if rest:
-            legend_above(axes, 2)
+            legend_above(axes, 3, ", ".join(axis_label(cube, factor) for factor in rest))
     return Chart(name, caption, figure, part.drop(columns="signs"))
 
 
@@ -199,10 +199,7 @@ def findings_over_skew_charts(cube: xr.Dataset) -> list[Chart]:
         for name, (low, high) in ends.items()
     )
     orders = f"Third and second order over the chosen skew of all trunnions, both logarithmic. {orders}."
-    kept = (
-        f"Skew in the last revolution, mean of the trunnions, over that at the start, both logarithmic; dotted: kept. "
-        f"{kept}."
-    )
+    kept = f"Skew in the last revolution, mean of the trunnions, over that at the start; dotted: kept. {kept}."
     return [_over_skew("orders", lines, _amplitudes, orders), _over_skew("skews", lines, _skews, kept)]
 
 
@@ -216,8 +213,8 @@ def _amplitudes(axes: Axes, which: int, name: str, line: pd.DataFrame) -> None:
 def _skews(axes: Axes, which: int, name: str, line: pd.DataFrame) -> None:
     axes.plot(line["initial_deg"], line["mean_deg"].abs(), ls=LINES[which], marker=MARKERS[which], mfc="white",
               color=COLOURS[which], label=name)  # fmt: skip
-    ends = line["initial_deg"].iloc[[0, -1]]
-    axes.plot(ends, ends, ls=LINES[3], color=INK, lw=1, label="kept" if which == 0 else None)
+    axes.plot(line["initial_deg"], line["initial_deg"], ls=LINES[3], color=INK, lw=1,
+              label="kept" if which == 0 else None)  # fmt: skip
     axes.set_ylabel("skew in the last revolution (deg)")
 
 
@@ -229,10 +226,11 @@ def _over_skew(
             draw(axes, which, label, line)
         every = pd.concat(lines.values())
         axes.set_xscale("log")
-        axes.set_yscale("log")
+        if name == "orders":  # they differ by a hundred
+            axes.set_yscale("log")
+            axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes.set_xticks(np.unique(every["initial_deg"]), [f"{v:g}" for v in np.unique(every["initial_deg"])])
         axes.minorticks_off()
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes.set_xlabel("initial skew (deg)")
         legend_above(axes, 2)
     frame = pd.concat(lines.values(), keys=lines.keys(), names=["pattern", None]).reset_index("pattern")
