@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
+from dataclasses import astuple
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
+from tripod_doe.mechanics.assembly import State
 from tripod_doe.mechanics.compilation import KERNEL_SOURCE_HASH
 from tripod_doe.mechanics.integrators.registry import METHODS
+from tripod_doe.mechanics.linearisation import fastest_rates
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Run
 from tripod_doe.quantities import Output, Parameter, Value
 from tripod_doe.results import BlockResult, Outcome, Values
 
-__all__ = ["PROGRESS", "RUN_OUTPUTS", "SceneSimulator", "numerics_parameters"]
+__all__ = ["PROGRESS", "RATE_OUTPUTS", "RUN_OUTPUTS", "SceneSimulator", "numerics_parameters"]
 
 PROGRESS = np.linspace(0.0, 1.0, 101)
 """Parts of the duration at which paths are sampled."""
@@ -27,6 +30,17 @@ RUN_OUTPUTS = (
     Output("energy_residual", "1", "", "energy residual over the energy turned over"),
 )
 """What every run tells about itself."""
+
+RATE_OUTPUTS = (
+    Output("contact_rate_per_s", "s-1", "omega", "angular frequency of the stiffest contact mode on the way"),
+    Output("friction_rate_per_s", "s-1", "lambda", "fastest relaxation by friction and damping on the way"),
+    Output("secant_lag_rate_per_s", "s-1", "", "relative error by the secant slope of friction in a linearly implicit "
+           "step, over the step"),
+)  # fmt: skip
+"""What limits a run's step, of its linearisation; nothing is computed where none of it is kept."""
+
+_RATE_STATES = 10
+"""States on the way at which a run is linearised."""
 
 _NUMERICS = "numerics"
 
@@ -80,7 +94,7 @@ class SceneSimulator(ABC):
 
     @abstractmethod
     def answer(self, values: Mapping[str, float], result: Run) -> dict[str, Any]:
-        """Make every output of the scene from a run, but those of `RUN_OUTPUTS`."""
+        """Make every output of the scene from a run, but those of `RUN_OUTPUTS` and `RATE_OUTPUTS`."""
 
     def misfit(self, values: Mapping[str, float]) -> str:
         """Say why the parts do not fit, or nothing."""
@@ -150,7 +164,7 @@ class SceneSimulator(ABC):
                 continue
             try:
                 result = self._run_point(values, method)
-                found = self._answer_point(values, result)
+                found = self._answer_point(values, result, keep)
             except Exception as error:  # one point's error is not its neighbours'
                 outcome[i], detail[i] = Outcome.ERROR, f"{type(error).__name__}: {error}"
                 continue
@@ -166,11 +180,20 @@ class SceneSimulator(ABC):
         settings = Settings(tolerance=values.get("relative_tolerance", 0.0), budget=int(values["evaluation_budget"]))
         return self.run(values, method, values.get("step_s"), settings)
 
-    def _answer_point(self, values: Mapping[str, float], result: Run) -> dict[str, Any]:
+    def _answer_point(self, values: Mapping[str, float], result: Run, keep: Collection[str]) -> dict[str, Any]:
         """All outputs of a run that may be used, none of any other."""
         if result.outcome != Outcome.FINISHED:
             return {}
-        return self.answer(values, result) | {
+        rates = _rates(result) if any(output.name in keep for output in RATE_OUTPUTS) else {}
+        return self.answer(values, result) | rates | {
             "largest_penetration_um": 1e3 * result.penetration,
             "energy_residual": result.energy_residual,
         }
+
+
+def _rates(result: Run) -> dict[str, float]:
+    """What limited the step of a run that counts by its duration; its start is left out, for it lasts no time."""
+    chosen = np.unique(np.linspace(1, len(result.times) - 1, _RATE_STATES).round().astype(int))
+    states = [State(float(result.times[k]), result.positions[k], result.velocities[k]) for k in chosen]
+    rates = fastest_rates(result.assembly, states, pace=1 / float(result.times[-1] - result.times[0]))
+    return dict(zip((output.name for output in RATE_OUTPUTS), astuple(rates), strict=True))
