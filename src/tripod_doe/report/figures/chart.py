@@ -16,7 +16,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-__all__ = ["COLOURS", "HATCHES", "INK", "LINES", "MARKERS", "MUTED", "Chart", "drawing", "factor_ticks", "legend_above"]
+__all__ = [
+    "COLOURS", "HATCHES", "INK", "LINES", "MARKERS", "MUTED", "Chart", "drawing", "factor_ticks", "legend_above",
+    "panels",
+]  # fmt: skip
 
 INK, MUTED = "#1d2733", "#5c6875"
 COLOURS = ("#0b5394", "#c4501b", "#2c7a4b", "#7a4a9e", "#8a6d00", "#3d4852")
@@ -112,6 +115,18 @@ def drawing(width: float, height: float) -> Iterator[tuple[Figure, Axes]]:
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
         yield figure, figure.add_subplot()
+
+
+@contextmanager
+def panels(count: int, columns: int, width: float, height: float) -> Iterator[tuple[Figure, list[Axes]]]:
+    """A figure of several panels that share their axes, in rows; width and height of one panel in inches."""
+    rows = -(-count // columns)
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(columns * width, rows * height), layout="constrained")
+        grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+        for unused in grid.ravel()[count:]:
+            unused.set_axis_off()
+        yield figure, list(grid.ravel()[:count])
 
 
 def factor_ticks(axes: Axes, levels: NDArray[Any]) -> None:
