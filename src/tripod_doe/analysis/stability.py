@@ -76,7 +76,9 @@ class StabilitySettings(BaseModel):
     model_config = ConfigDict(extra="forbid")
     output: str = Field(description="output whose error decides")
     select: dict[str, float] = Field({}, description="which component of it, for instance order = 3")
-    limit: float = Field(0.01, gt=0, lt=1, description="relative error up to which a run is good")
+    limit: float = Field(
+        0.02, gt=0, lt=1, description="relative error up to which a run is good; what a halved step that agrees promises"
+    )
     factor: float = Field(2.0, gt=1, description="factor within which measured and predicted border agree")
 
     @property
@@ -272,7 +274,7 @@ def _border(
     failed = there[first] if bad.size else None
     return {
         "border_low": low, "border_high": high, "border_predicted": predicted[0], "limited_by": predicted[1],
-        "ratio": math.sqrt(low * high) / predicted[0] if known and low * high < math.inf else math.nan,
+        "ratio": math.sqrt(low * high) / predicted[0] if known and max(low * high, predicted[0]) < math.inf else math.nan,
         "agrees": _agreement(low, high, predicted[0], factor) if known else Agreement.NOT_DECIDED,
         "first_failure": Outcome.NOT_RUN if failed is None else int(runs.outcome[m, c, failed]),
         "first_detail": "" if failed is None else str(runs.detail[m, c, failed]),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,8 +15,10 @@ from tripod_doe.report.claims import claim_table, find_in_claims, is_claims
 from tripod_doe.report.comparison import find_in_comparison
 from tripod_doe.report.figures import Chart
 from tripod_doe.report.figures.chain import StepView, chain_chart, step_time
+from tripod_doe.report.figures.chart import WIDE
 from tripod_doe.report.findings import find, find_in_analyses
 from tripod_doe.report.page import render
+from tripod_doe.report.stability import find_in_stability, is_stability, stability_table
 
 __all__ = ["StoredChart", "chain_page", "find_in_any", "read_charts", "step_page", "write_charts"]
 
@@ -27,6 +30,12 @@ class StoredChart:
     name: str
     caption: str
     folder: Path
+
+    @property
+    def wide(self) -> bool:
+        """Whether it needs the whole width of a page."""
+        width = re.search(r'width="([\d.]+)pt"', self.svg())
+        return bool(width) and float(width[1]) / 72 > WIDE
 
     def svg(self) -> str:
         """The figure as an SVG element."""
@@ -69,6 +78,8 @@ def find_in_any(name: str, data: xr.Dataset) -> list[str]:
         return find(data)
     if is_claims(data):
         return find_in_claims(data)
+    if is_stability(data):
+        return find_in_stability(data)
     return find_in_comparison(data) if "amplitude_difference" in data else find_in_analyses({name: data})
 
 
@@ -110,7 +121,7 @@ def step_page(
 def _part(name: str, cube: xr.Dataset) -> PagePart:
     """A study with a link to its own report, or an analysis."""
     link = f"../{name}/report/index.html" if "outcome" in cube else ""
-    table = claim_table(cube) if is_claims(cube) else None
+    table = claim_table(cube) if is_claims(cube) else stability_table(cube) if is_stability(cube) else None
     return PagePart(name, str(cube.attrs.get("title", name)), find_in_any(name, cube), [], link, table)
 
 

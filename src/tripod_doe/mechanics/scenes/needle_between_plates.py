@@ -18,15 +18,10 @@ from scipy.optimize import brentq
 
 from tripod_doe.mechanics import scene as parts
 from tripod_doe.mechanics.assembly import assemble
+from tripod_doe.mechanics.linearisation import RATE_OUTPUTS
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Run, run
-from tripod_doe.mechanics.scenes.simulator import (
-    PROGRESS,
-    RATE_OUTPUTS,
-    RUN_OUTPUTS,
-    SceneSimulator,
-    numerics_parameters,
-)  # fmt: skip
+from tripod_doe.mechanics.scenes.simulator import PROGRESS, RUN_OUTPUTS, SceneSimulator, numerics_parameters
 from tripod_doe.quantities import Output, Parameter
 
 __all__ = ["NeedleBetweenPlates", "build", "closed_form", "scene", "transition_velocity"]

@@ -14,13 +14,13 @@ from tripod_doe.errors import InputError
 from tripod_doe.mechanics.assembly import State
 from tripod_doe.mechanics.compilation import KERNEL_SOURCE_HASH
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.mechanics.linearisation import fastest_rates
+from tripod_doe.mechanics.linearisation import RATE_OUTPUTS, fastest_rates
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Run
 from tripod_doe.quantities import Output, Parameter, Value
 from tripod_doe.results import BlockResult, Outcome, Values
 
-__all__ = ["PROGRESS", "RATE_OUTPUTS", "RUN_OUTPUTS", "SceneSimulator", "numerics_parameters"]
+__all__ = ["PROGRESS", "RUN_OUTPUTS", "SceneSimulator", "numerics_parameters"]
 
 PROGRESS = np.linspace(0.0, 1.0, 101)
 """Parts of the duration at which paths are sampled."""
@@ -30,14 +30,6 @@ RUN_OUTPUTS = (
     Output("energy_residual", "1", "", "energy residual over the energy turned over"),
 )
 """What every run tells about itself."""
-
-RATE_OUTPUTS = (
-    Output("contact_rate_per_s", "s-1", "omega", "angular frequency of the stiffest contact mode on the way"),
-    Output("friction_rate_per_s", "s-1", "lambda", "fastest relaxation by friction and damping on the way"),
-    Output("secant_lag_rate_per_s", "s-1", "", "relative error by the secant slope of friction in a linearly implicit "
-           "step, over the step"),
-)  # fmt: skip
-"""What limits a run's step, of its linearisation; nothing is computed where none of it is kept."""
 
 _RATE_STATES = 10
 """States on the way at which a run is linearised."""

@@ -17,7 +17,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 __all__ = [
-    "COLOURS", "HATCHES", "INK", "LINES", "MARKERS", "MUTED", "Chart", "drawing", "factor_ticks", "legend_above",
+    "COLOURS", "HATCHES", "INK", "LINES", "MARKERS", "MUTED", "WIDE", "Chart", "drawing", "factor_ticks", "legend_above",
     "panels",
 ]  # fmt: skip
 
@@ -26,6 +26,9 @@ COLOURS = ("#0b5394", "#c4501b", "#2c7a4b", "#7a4a9e", "#8a6d00", "#3d4852")
 LINES = ("-", "--", "-.", ":", (0, (6, 2, 1, 2, 1, 2)), (0, (1, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "P")
 HATCHES = ("", "////", "....", "xxxx")
+
+WIDE = 6.0
+"""Width in inches above which a chart does not share a row of a page with others."""
 
 _OWN_TICKS = 5
 _STYLE: dict[Any, Any] = {
@@ -86,6 +89,11 @@ class Chart:
     caption: str
     figure: Figure
     data: pd.DataFrame
+
+    @property
+    def wide(self) -> bool:
+        """Whether it needs the whole width of a page."""
+        return float(self.figure.get_figwidth()) > WIDE
 
     def svg(self) -> str:
         """The figure as an SVG element with text as text: the same figure gives the same characters."""

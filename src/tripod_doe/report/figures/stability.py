@@ -105,7 +105,7 @@ def _draw(panel: Axes, part: xr.Dataset, classes: NDArray[np.int64]) -> None:
     if not np.isfinite(shown).any():
         beyond = "no border" if np.isinf(predicted).all() else "border beyond" if np.isfinite(predicted).any() else ""
         told = f"theory: {beyond}" if beyond else "no theory"
-        panel.text(0.98, 1.02, told, transform=panel.transAxes, ha="right", va="bottom", fontsize=7.5, color=COLOURS[3])
+        panel.text(0.97, 0.95, told, transform=panel.transAxes, ha="right", va="top", fontsize=7.5, color=COLOURS[3])
     panel.set_ylim(edges[0], edges[-1])
     panel.grid(visible=False)
 
