@@ -283,10 +283,12 @@ def _border(
 
 
 def _agreement(low: float, high: float, predicted: float, factor: float) -> Agreement:
-    """Whether the bracket, widened by the factor, holds the predicted border; where no step failed, any beyond."""
+    """Whether measured and predicted border agree; an open end of the bracket agrees with all that lies beyond it."""
     if math.isinf(high):
         return Agreement(int(predicted >= low / factor))
-    return Agreement(int((math.isnan(low) or predicted >= low / factor) and predicted <= high * factor))
+    if math.isnan(low):
+        return Agreement(int(predicted <= high * factor))
+    return Agreement(int(1 / factor <= math.sqrt(low * high) / predicted <= factor))
 
 
 _MEANINGS = {

@@ -18,6 +18,8 @@ _HEADS = [
     "Varied", "Method", "Measured border", "By theory", "Limited by", "Measured over theory", "Agree", "First failure",
     "Wrong and not noticed",
 ]  # fmt: skip
+_TIMES = ((1.0, "s"), (1e-3, "ms"), (1e-6, "us"), (1e-9, "ns"))
+_LONG = 1e3  # seconds: a rate that small limits nothing
 _WORDS = {
     Limit.NONE: "nothing", Limit.FRICTION: "friction", Limit.CONTACT: "stiffest contact mode",
     Limit.LAG: "lag of the secant", Limit.TOLERANCE: "tolerance itself", Limit.UNKNOWN: "not known",
@@ -85,9 +87,13 @@ def _level(row: xr.Dataset, factor: str) -> str:
 
 
 def _border(borders: xr.Dataset, value: float) -> str:
-    if math.isnan(value):
-        return "not known"
-    return with_unit(f"{value:.2g}", unit_text(borders["numerics"].attrs["units"])) if math.isfinite(value) else "none"
+    """A step in the unit that suits it, or a tolerance."""
+    if not math.isfinite(value):
+        return "not known" if math.isnan(value) else "none"
+    if borders.attrs["numerics"] != "step_s":
+        return f"{value:.2g}"
+    size, unit = next(((size, unit) for size, unit in _TIMES if value >= size), _TIMES[-1])
+    return f"{float(f'{value / size:.2g}'):g} {unit}" if value < _LONG else "none within reach"
 
 
 def _bracket(borders: xr.Dataset, row: xr.Dataset) -> str:
@@ -95,7 +101,9 @@ def _bracket(borders: xr.Dataset, row: xr.Dataset) -> str:
     low, high = float(row["border_low"]), float(row["border_high"])
     if math.isinf(high):
         return f"none up to {_border(borders, low)}" if math.isfinite(low) else "not known"
-    return f"{low:.2g} to {_border(borders, high)}" if math.isfinite(low) else f"below {_border(borders, high)}"
+    if math.isnan(low):
+        return f"below {_border(borders, high)}"
+    return f"{_border(borders, low)} to {_border(borders, high)}"
 
 
 def stability_table(borders: xr.Dataset) -> tuple[list[str], list[list[str]]]:

@@ -14,6 +14,7 @@ from tripod_doe.report.figures.contributions import contribution_chart
 from tripod_doe.report.figures.effects import effect_charts
 from tripod_doe.report.figures.indices import index_charts
 from tripod_doe.report.figures.loci import locus_chart
+from tripod_doe.report.figures.outcomes import outcome_charts
 from tripod_doe.report.figures.paper import local_order_charts, order_angle_chart, skew_chart, waveforms_of_all
 from tripod_doe.report.figures.stability import stability_charts
 from tripod_doe.report.figures.waveforms import spectrum_chart, waveform_charts
@@ -57,6 +58,7 @@ FIGURES: dict[str, Figure] = {
     "local-orders": _of_one(local_order_charts),
     "orders-over-angle": _maybe(order_angle_chart),
     "skew": _maybe(skew_chart),
+    "outcome-map": _of_one(outcome_charts),
     "stability-map": _of_one(stability_charts),
 }
 """Figures by name: functions from the cubes of their input steps to charts."""
