@@ -77,8 +77,8 @@ class StabilitySettings(BaseModel):
     output: str = Field(description="output whose error decides")
     select: dict[str, float] = Field({}, description="which component of it, for instance order = 3")
     limit: float = Field(
-        0.02, gt=0, lt=1, description="relative error up to which a run is good; what a halved step that agrees promises"
-    )
+        0.02, gt=0, lt=1, description="relative error up to which a run is good; what half the step promises"
+    )  # fmt: skip
     factor: float = Field(2.0, gt=1, description="factor within which measured and predicted border agree")
 
     @property
@@ -155,7 +155,8 @@ def stability_borders(cube: xr.Dataset, settings: StabilitySettings) -> xr.Datas
         Per method and case: ``border_low`` and ``border_high``, the last step up to which all runs are good and the
         next one (NaN and inf where there is none), ``border_predicted`` (inf for none) with ``limited_by``, ``ratio``,
         ``agrees``, ``first_failure`` (an outcome; finished means a wrong number that passed) and its detail, and
-        ``wrong_runs``. Per run: ``run_kind``, ``run_outcome`` and ``error``. Per case the reference and how well it is known.
+        ``wrong_runs``. Per run: ``run_kind``, ``run_outcome`` and ``error``. Per case the reference and how well
+        it is known.
 
     Raises
     ------
@@ -227,7 +228,8 @@ def _placed(shape: tuple[int, ...], place: tuple[Any, ...], column: NDArray[Any]
 def _output(cube: xr.Dataset, settings: StabilitySettings) -> FloatArray:
     """The number that decides, shape (point,)."""
     if settings.output not in cube:
-        raise InputError(f"output = {settings.output!r}: not in the cube{near_match(settings.output, cube.data_vars)}")
+        known = [str(name) for name in cube.data_vars]
+        raise InputError(f"output = {settings.output!r}: not in the cube{near_match(settings.output, known)}")
     values = cube[settings.output]
     for dim, label in settings.select.items():
         if dim not in values.dims or label not in values[dim].values:
@@ -272,9 +274,10 @@ def _border(
     high = float(runs.steps[there[first]]) if bad.size else math.inf
     known = there.size > 0 and not (kind[m, c, there] == RunKind.UNKNOWN).any() and not math.isnan(predicted[0])
     failed = there[first] if bad.size else None
+    bounded = known and max(low * high, predicted[0]) < math.inf
     return {
         "border_low": low, "border_high": high, "border_predicted": predicted[0], "limited_by": predicted[1],
-        "ratio": math.sqrt(low * high) / predicted[0] if known and max(low * high, predicted[0]) < math.inf else math.nan,
+        "ratio": math.sqrt(low * high) / predicted[0] if bounded else math.nan,
         "agrees": _agreement(low, high, predicted[0], factor) if known else Agreement.NOT_DECIDED,
         "first_failure": Outcome.NOT_RUN if failed is None else int(runs.outcome[m, c, failed]),
         "first_detail": "" if failed is None else str(runs.detail[m, c, failed]),

@@ -142,8 +142,9 @@ def _simulate_multibody(
     outputs: dict[str, Values] = {}
     for i in range(count):
         point = {name: float(column[i]) for name, column in points.items()}
-        numerics = [None if np.isnan(point[name]) else point[name] for name in ("step_s", "relative_tolerance")]
-        result = run_joint(point, needles, method, samples, *numerics, rates=not set(_RATES).isdisjoint(keep))
+        step, tolerance = (None if np.isnan(point[name]) else point[name] for name in ("step_s", "relative_tolerance"))
+        wants_rates = not set(_RATES).isdisjoint(keep)
+        result = run_joint(point, needles, method, samples, step, tolerance, wants_rates)
         outcome[i], detail[i] = result.outcome, result.detail
         work[:, i] = result.steps, result.force_evaluations
         if result.readings is None:

@@ -4,7 +4,7 @@ contact
     The stiffest mode of the contacts, omega with omega^2 the largest eigenvalue of M^-1 K.
 friction
     The fastest relaxation by friction and damping, the largest eigenvalue of M^-1 D with the exact tangent of every
-    law: mu f_n / (v_st m) for a body that slides without slip, times m r^2 / I where friction turns it with the lever r.
+    law: mu f_n / (v_st m) for a body that hardly slips, times m r^2 / I where friction turns it with the lever r.
 lag
     What the secant (lagged) slope of friction costs a linearly implicit step. With D_s the secant's matrix and D the
     tangent's, such a step solves M u' + h (D_s - D) u' + ... to first order in h, so in a motion that changes at the

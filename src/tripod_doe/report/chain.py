@@ -35,7 +35,7 @@ class StoredChart:
     def wide(self) -> bool:
         """Whether it needs the whole width of a page."""
         width = re.search(r'width="([\d.]+)pt"', self.svg())
-        return bool(width) and float(width[1]) / 72 > WIDE
+        return width is not None and float(width[1]) / 72 > WIDE
 
     def svg(self) -> str:
         """The figure as an SVG element."""

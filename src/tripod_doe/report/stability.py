@@ -29,7 +29,7 @@ _WHY = {
     (Limit.LAG, "above"): "the rate is that of the mode which lags most, and the output feels other modes, too",
     (Limit.LAG, "below"): "the rate is a mean over the way, and counts neither the start nor other errors of the step",
     (Limit.FRICTION, "above"): "the motion is at its steepest friction only for a part of the way",
-    (Limit.FRICTION, "below"): "friction, its lever and contact act together, and the way between the states is not seen",
+    (Limit.FRICTION, "below"): "friction and contact act together, and the way between the states is not seen",
     (Limit.CONTACT, "above"): "the stiffest mode is hardly moved by this motion",
     (Limit.CONTACT, "below"): "damping and friction add to the stiffness of the contact",
     (Limit.TOLERANCE, "above"): "the error stays below its tolerance",
@@ -48,10 +48,11 @@ def find_in_stability(borders: xr.Dataset) -> list[str]:
     agrees = borders["agrees"].values
     decided = agrees != Agreement.NOT_DECIDED
     ratio = borders["ratio"].values[np.isfinite(borders["ratio"].values)]
-    spread = f"; where both exist, measured over predicted is {ratio.min():.2g} to {ratio.max():.2g}" if ratio.size else ""
+    spread = f"; where both exist, measured over theory is {ratio.min():.2g} to {ratio.max():.2g}" if ratio.size else ""
     sentences = [
         f"{int((agrees == Agreement.YES).sum())} of {int(decided.sum())} borders agree with theory within a factor of "
-        f"{borders.attrs['factor']:g}{spread}; a run is good within {100 * borders.attrs['limit']:g} % of the reference."
+        f"{borders.attrs['factor']:g}{spread}. A run is right within {100 * borders.attrs['limit']:g} % of the "
+        "reference."
     ]
     kind = borders["run_kind"].values
     refused, wrong = (int((kind == which).sum()) for which in (RunKind.REFUSED, RunKind.WRONG))
@@ -83,7 +84,8 @@ def _disagreement(borders: xr.Dataset, m: int, c: int) -> str:
 
 
 def _level(row: xr.Dataset, factor: str) -> str:
-    return f"{spoken(factor)} {with_unit(number(float(row[factor])), unit_text(str(row[factor].attrs.get('units', '1'))))}"
+    unit = unit_text(str(row[factor].attrs.get("units", "1")))
+    return f"{spoken(factor)} {with_unit(number(float(row[factor])), unit)}"
 
 
 def _border(borders: xr.Dataset, value: float) -> str:
@@ -108,12 +110,9 @@ def _bracket(borders: xr.Dataset, row: xr.Dataset) -> str:
 
 def stability_table(borders: xr.Dataset) -> tuple[list[str], list[list[str]]]:
     """Heads and a row a map and method, the borders from the first to the last value of the factor."""
-    rows = []
-    for factor in maps(borders):
-        part = map_of(borders, factor)
-        for m in range(part.sizes["method"]):
-            rows.append(_row(part, part.isel(method=m), factor))
-    return list(_HEADS), rows
+    parts = {factor: map_of(borders, factor) for factor in maps(borders)}
+    methods = range(borders.sizes["method"])
+    return list(_HEADS), [_row(part, part.isel(method=m), factor) for factor, part in parts.items() for m in methods]
 
 
 def _row(borders: xr.Dataset, part: xr.Dataset, factor: str) -> list[str]:

@@ -27,9 +27,9 @@ def simulate(scene: str = "joint", **parameters: Any) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Every output of the model but those on request; ``outcome`` and ``outcome_detail``; the attributes ``parameters`` (all values that
-        were used) and ``cost`` (CPU and wall seconds without compilation, steps, force evaluations). Outputs are
-        missing where the point did not finish.
+        Every output of the model but those on request, ``outcome`` and ``outcome_detail``; the attributes
+        ``parameters`` (all values that were used) and ``cost`` (CPU and wall seconds without compilation, steps, force
+        evaluations). Outputs are missing where the point did not finish.
 
     Raises
     ------

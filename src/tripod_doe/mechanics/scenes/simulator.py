@@ -177,10 +177,14 @@ class SceneSimulator(ABC):
         if result.outcome != Outcome.FINISHED:
             return {}
         rates = _rates(result) if any(output.name in keep for output in RATE_OUTPUTS) else {}
-        return self.answer(values, result) | rates | {
-            "largest_penetration_um": 1e3 * result.penetration,
-            "energy_residual": result.energy_residual,
-        }
+        return (
+            self.answer(values, result)
+            | rates
+            | {
+                "largest_penetration_um": 1e3 * result.penetration,
+                "energy_residual": result.energy_residual,
+            }
+        )
 
 
 def _rates(result: Run) -> dict[str, float]:

@@ -17,8 +17,8 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 __all__ = [
-    "COLOURS", "HATCHES", "INK", "LINES", "MARKERS", "MUTED", "WIDE", "Chart", "drawing", "factor_ticks", "legend_above",
-    "panels",
+    "COLOURS", "HATCHES", "INK", "LINES", "MARKERS", "MUTED", "WIDE", "Chart", "drawing", "factor_ticks",
+    "legend_above", "panels",
 ]  # fmt: skip
 
 INK, MUTED = "#1d2733", "#5c6875"

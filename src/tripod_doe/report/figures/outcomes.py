@@ -38,7 +38,7 @@ def outcome_charts(cube: xr.Dataset) -> list[Chart]:
 
 
 def _chart(cube: xr.Dataset, part: pd.DataFrame, what: str) -> Chart:
-    word, factor, _, key = part.columns
+    word, factor = part.columns[:2]
     rows, levels = list(dict.fromkeys(part[word])), sorted(part[factor].unique())
     with drawing(1.6 + 0.62 * len(levels), 1.0 + 0.36 * len(rows)) as (figure, axes):
         for name, level, outcome, value in part.itertuples(index=False):

@@ -62,7 +62,7 @@ def _chart(borders: xr.Dataset, factor: str) -> Chart:
         shown = np.unique(classes)
         handles = [Patch(fc=c, hatch=h, ec=INK, lw=0.4, label=t) for k, (c, h, t) in _CLASSES.items() if k in shown]
         lines = [Line2D([], [], color=INK, lw=2, label="measured border"),
-                 Line2D([], [], color=COLOURS[3], lw=1.6, ls="--", marker="D", ms=4, label="border by theory")]  # fmt: skip
+                 Line2D([], [], color=COLOURS[3], ls="--", marker="D", ms=4, label="border by theory")]  # fmt: skip
         figure.legend(handles=handles + lines, loc="outside upper left", ncols=3, frameon=False, fontsize=8)
     return Chart(factor, _caption(borders, factor), figure, _numbers(part, factor))
 
