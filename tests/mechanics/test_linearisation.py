@@ -7,13 +7,14 @@ import math
 import numpy as np
 import pytest
 
+import tripod_doe as td
 from tripod_doe.mechanics import scene as parts
 from tripod_doe.mechanics.assembly import State, assemble
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.mechanics.linearisation import fastest_rates, linear_matrices, rates_at
+from tripod_doe.mechanics.linearisation import RATE_OUTPUTS, fastest_rates, linear_matrices, rates_at
 from tripod_doe.mechanics.monitor import Settings, begin_watch
 from tripod_doe.mechanics.scenes.examples import pendulum
-from tripod_doe.mechanics.scenes.needle_between_plates import build, scene, transition_velocity
+from tripod_doe.mechanics.scenes.needle_between_plates import build, closed_form, scene, transition_velocity
 
 EXACT = 1e-9  # eigenvalues of small well-scaled matrices: rounding
 
@@ -114,3 +115,25 @@ def test_explicit_methods_reach_as_far_as_they_say(name):
         )
         ends.append(abs(state.velocities[1, 0]))
     assert ends[0] < 1 < ends[1]
+
+
+def test_rates_are_outputs_on_request_only():
+    rates = {output.name for output in RATE_OUTPUTS}
+    point = {name: np.array([value], object) for name, value in scene.effective({"duration_s": 1e-3}).items()}
+    kept = scene.simulate(point, ["axial_drift_mm", *sorted(rates)]).outputs
+    values = {k: float(v) for k, v in scene.effective({"duration_s": 1e-3}).items() if isinstance(v, int | float)}
+    slip, v_st = closed_form(values)[0], transition_velocity(values)
+    along = values["plate_speed_mm_s"] * math.sin(math.radians(values["skew_deg"]))
+    mass = values["density_kg_m3"] * 1e-12 * math.pi * values["needle_length_mm"]
+    chords = [mu * values["load_n"] * math.tanh(v / v_st) / v
+              for mu, v in ((values["friction_a"], slip), (values["friction_b"], along - slip))]  # fmt: skip
+    # steady motion: turning about its axis, a needle slips across its slip, where a friction law's slope is its chord;
+    # sliding across couples in as the chords differ, so the rate lies above that of turning alone
+    turning = 2 * sum(chords) / mass
+    coupled = np.linalg.eigvals(np.array([[sum(chords), chords[1] - chords[0]],
+                                          [2 * (chords[1] - chords[0]), 2 * sum(chords)]]) / mass).max()  # fmt: skip
+    assert turning < coupled
+    assert kept["friction_rate_per_s"].data[0] == pytest.approx(coupled, rel=1e-3)  # contact damping is in it, too
+    assert kept["secant_lag_rate_per_s"].data[0] > 0
+    assert all(scene.outputs[name].on_request for name in rates)
+    assert rates.isdisjoint(td.simulate("needle-between-plates", duration_s=1e-3).data_vars)
