@@ -267,10 +267,11 @@ def _simulate(options: argparse.Namespace) -> int:
     outcome = Outcome(int(result["outcome"]))
     names = [str(name) for name in result.data_vars if not str(name).startswith("outcome")]
     outputs = {name: _plain(result[name].values) for name in names}
+    usual = [name for name, output in simulator.outputs.items() if not output.on_request]
     answer = {
         "scene": options.scene,
         "parameters": result.attrs["parameters"],
-        **(dict.fromkeys(simulator.outputs) | outputs),  # null where the point did not get that far
+        **(dict.fromkeys(usual) | outputs),  # null where the point did not get that far
         "coordinates": {str(name): _plain(values.values) for name, values in result.coords.items()},
         "outcome": outcome.label,
         "outcome_detail": str(result["outcome_detail"].values),

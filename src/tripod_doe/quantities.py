@@ -139,6 +139,8 @@ class Output:
         Whether values are angles in degrees that wrap at +-180, so that differences need care.
     optional
         Whether some models cannot give it: their points hold NaN although they finished.
+    on_request
+        Whether it is computed only where a study names it among what it keeps.
     """
 
     name: str
@@ -148,6 +150,7 @@ class Output:
     dims: tuple[str, ...] = ()
     angle: bool = False
     optional: bool = False
+    on_request: bool = False
 
     @property
     def unit_text(self) -> str:

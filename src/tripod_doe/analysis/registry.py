@@ -15,6 +15,7 @@ from tripod_doe.analysis.claims_over_skew import ClaimsOverSkewSettings, claims_
 from tripod_doe.analysis.comparison import ComparisonSettings, compare_file
 from tripod_doe.analysis.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analysis.sensitivity import MorrisSettings, SobolSettings, morris_effects, sobol_indices
+from tripod_doe.analysis.stability import StabilitySettings, stability_borders
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.cube import stamp_history, write_dataset
 from tripod_doe.study.definition import Study
@@ -57,6 +58,7 @@ ANALYSES: dict[str, Analysis] = {
     "sobol": Analysis(SobolSettings, ("saltelli",), sobol_indices),
     "morris": Analysis(MorrisSettings, ("morris",), morris_effects),
     "contribution": Analysis(ContributionSettings, ("ablation",), contribution_shares, crossed=True),
+    "stability": Analysis(StabilitySettings, ("grid", "product"), stability_borders),
 }
 """Analyses by the kind that study files use."""
 

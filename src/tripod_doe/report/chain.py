@@ -11,18 +11,18 @@ from pathlib import Path
 import xarray as xr
 
 from tripod_doe.errors import StorageError
-from tripod_doe.report.claims import claim_table, claims_of_figures, find_in_claims, is_claims
-from tripod_doe.report.claims_over_skew import find_over_skew, is_over_skew, over_skew_table
-from tripod_doe.report.comparison import find_in_comparison
+from tripod_doe.report.claims import claims_of_figures, is_claims
 from tripod_doe.report.figures import Chart
 from tripod_doe.report.figures.chain import StepView, chain_chart, step_time
-from tripod_doe.report.findings import find, find_in_analyses
+from tripod_doe.report.figures.chart import WIDE
+from tripod_doe.report.findings import find_in_analyses
 from tripod_doe.report.page import render
 from tripod_doe.report.side_by_side import find_side_by_side, of_one_ladder, side_by_side_table
+from tripod_doe.report.telling import findings_of, table_of
 
-__all__ = ["StoredChart", "chain_page", "find_in_any", "read_charts", "step_page", "write_charts"]
+__all__ = ["StoredChart", "chain_page", "read_charts", "step_page", "write_charts"]
 
-_WIDE = 300.0  # points: a figure drawn wider than this is not readable in a third of the page
+_THIRD = 300.0  # points: a figure drawn wider than this is not readable in a third of the page
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,11 @@ class StoredChart:
         """Width in points as drawn; a page gives wide figures more room."""
         found = re.search(r'<svg[^>]* width="([\d.]+)pt"', self.svg())
         return float(found[1]) if found else 0.0
+
+    @property
+    def wide(self) -> bool:
+        """Whether it needs the whole width of a page."""
+        return self.width / 72 > WIDE
 
 
 def write_charts(charts: Sequence[Chart], step: str, folder: Path) -> None:
@@ -74,17 +79,6 @@ def read_charts(folder: Path) -> list[StoredChart]:
     return [StoredChart(name, caption, folder) for name, caption in captions.items()]
 
 
-def find_in_any(name: str, data: xr.Dataset) -> list[str]:
-    """Sentences on what a study or an analysis found; empty where the house has none for it."""
-    if "outcome" in data:
-        return find(data)
-    if is_claims(data):
-        return find_in_claims(data)
-    if is_over_skew(data):
-        return find_over_skew(data)
-    return find_in_comparison(data) if "amplitude_difference" in data else find_in_analyses({name: data})
-
-
 @dataclass(frozen=True)
 class PagePart:
     """One input of a report step, or one answer of a workflow, as the page shows it; a table is heads and rows."""
@@ -101,7 +95,7 @@ class PagePart:
         """How many figures stand side by side: wide ones need more room, a single one gets it."""
         if len(self.charts) == 1:
             return "one"
-        return "two" if len(self.charts) == 2 or max(chart.width for chart in self.charts) > _WIDE else "three"
+        return "two" if len(self.charts) == 2 or max(chart.width for chart in self.charts) > _THIRD else "three"
 
 
 def step_page(
@@ -144,8 +138,8 @@ def step_page(
 def _part(name: str, cube: xr.Dataset) -> PagePart:
     """A study with a link to its own report, or an analysis."""
     link = f"../{name}/report/index.html" if "outcome" in cube else ""
-    table = claim_table(cube) if is_claims(cube) else over_skew_table(cube) if is_over_skew(cube) else None
-    return PagePart(name, str(cube.attrs.get("title", name)), find_in_any(name, cube), [], link, table)
+    title = str(cube.attrs.get("title", name))
+    return PagePart(name, title, findings_of(name, cube), [], link, table_of(cube))
 
 
 def _side_by_side(name: str, ladder: Mapping[str, xr.Dataset]) -> PagePart:

@@ -98,7 +98,7 @@ class DesignTable(_Table):
 class KeepTable(_Table):
     """[keep]: what goes into the cube."""
 
-    outputs: list[str] = Field([], description="names of the outputs; all unless given")
+    outputs: list[str] = Field([], description="names of the outputs; all but those on request unless given")
 
 
 class RunTable(_Table):
@@ -334,7 +334,8 @@ def _kept(simulator: Simulator, names: list[str]) -> tuple[str, ...]:
     for name in names:
         if name not in simulator.outputs:
             raise InputError(f"outputs: unknown output {name!r}{near_match(name, simulator.outputs)}")
-    return tuple(dict.fromkeys(names)) or tuple(simulator.outputs)
+    usual = (name for name, output in simulator.outputs.items() if not output.on_request)
+    return tuple(dict.fromkeys(names)) or tuple(usual)
 
 
 def _check_run(origin: str, run: RunTable) -> None:

@@ -27,9 +27,9 @@ def simulate(scene: str = "joint", **parameters: Any) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Every output of the model; ``outcome`` and ``outcome_detail``; the attributes ``parameters`` (all values that
-        were used) and ``cost`` (CPU and wall seconds without compilation, steps, force evaluations). Outputs are
-        missing where the point did not finish.
+        Every output of the model but those on request, ``outcome`` and ``outcome_detail``; the attributes
+        ``parameters`` (all values that were used) and ``cost`` (CPU and wall seconds without compilation, steps, force
+        evaluations). Outputs are missing where the point did not finish.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def simulate(scene: str = "joint", **parameters: Any) -> xr.Dataset:
     values: dict[str, Value] = {
         n: v for n, v in check_parameters(simulator.parameters, parameters).items() if v is not None
     }
-    keep = tuple(simulator.outputs)
+    keep = tuple(name for name, output in simulator.outputs.items() if not output.on_request)
     simulator.check(values, {}, keep)
     result, cpu, wall = run_task(Task(scene, None, "", simulator.source_hash, values, {}, 1, keep))
     variables: dict[str, Any] = {}

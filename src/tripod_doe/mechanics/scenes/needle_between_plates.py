@@ -18,6 +18,7 @@ from scipy.optimize import brentq
 
 from tripod_doe.mechanics import scene as parts
 from tripod_doe.mechanics.assembly import assemble
+from tripod_doe.mechanics.linearisation import RATE_OUTPUTS
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Run, run
 from tripod_doe.mechanics.scenes.simulator import PROGRESS, RUN_OUTPUTS, SceneSimulator, numerics_parameters
@@ -68,6 +69,7 @@ _OUTPUTS = [
     Output("axial_path_mm", "mm", "y", "locus of the needle: drift across the plate's velocity", ("progress",)),
     Output("travel_path_mm", "mm", "x", "locus of the needle: travel along the plate's velocity", ("progress",)),
     *RUN_OUTPUTS,
+    *RATE_OUTPUTS,
 ]
 
 

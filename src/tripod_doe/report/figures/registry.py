@@ -14,6 +14,7 @@ from tripod_doe.report.figures.contributions import contribution_chart
 from tripod_doe.report.figures.effects import effect_charts
 from tripod_doe.report.figures.indices import index_charts
 from tripod_doe.report.figures.loci import locus_chart
+from tripod_doe.report.figures.outcomes import outcome_charts
 from tripod_doe.report.figures.paper import (
     friction_law_chart,
     local_order_charts,
@@ -22,6 +23,7 @@ from tripod_doe.report.figures.paper import (
     waveforms_of_all,
 )
 from tripod_doe.report.figures.skews import findings_over_skew_charts, kept_skew_charts, skew_chart
+from tripod_doe.report.figures.stability import stability_charts
 from tripod_doe.report.figures.waveforms import spectrum_chart, waveform_charts
 
 __all__ = ["FIGURES", "Figure"]
@@ -67,5 +69,7 @@ FIGURES: dict[str, Figure] = {
     "findings-over-skew": _of_one(findings_over_skew_charts),
     "spectrum-of-all": _maybe(spectrum_of_all),
     "friction-law": _maybe(friction_law_chart),
+    "outcome-map": _of_one(outcome_charts),
+    "stability-map": _of_one(stability_charts),
 }
 """Figures by name: functions from the cubes of their input steps to charts."""
