@@ -39,9 +39,6 @@ loses nothing, and nothing is not what its rounding should be measured by."""
 _ERROR_LIMIT, _ERROR_FLOOR = 0.05, 1e-4
 """Share of the third order, and of |T| / R_p, above which a numerical error makes a run inaccurate."""
 
-_BUDGET = 20_000_000
-"""Force evaluations: a minute or so of rollers, half an hour of needles."""
-
 
 @dataclass(frozen=True)
 class Readings:
@@ -85,6 +82,8 @@ class JointRun:
         What it gives, None if it did not come to its end.
     steps, force_evaluations
         Counted work, with that of the error estimate.
+    followed
+        Time that was simulated, up to the end or the failure; without that of the error estimate.
     """
 
     outcome: Outcome
@@ -92,6 +91,7 @@ class JointRun:
     readings: Readings | None = None
     steps: int = 0
     force_evaluations: int = 0
+    followed: float = 0.0
 
 
 def run_joint(
@@ -114,19 +114,20 @@ def run_joint(
         return JointRun(Outcome.OUT_OF_RANGE, reason)
     assembly = assemble(build_joint(values, needles))
     cycles, revolution = int(values["cycles"]), 2 * math.pi / values["speed_rpm"]
-    settings = Settings(budget=_BUDGET, tolerance=tolerance or Settings().tolerance)
+    settings = Settings(budget=int(values["evaluation_budget"]), tolerance=tolerance or Settings().tolerance)
     result = run(
         assembly, method, cycles * revolution, step=step, samples=cycles * samples, settings=settings,
         limits=_limits(values, cycles),
     )  # fmt: skip
     if result.outcome != Outcome.FINISHED:
-        return JointRun(result.outcome, result.detail, None, result.steps, result.force_evaluations)
+        work = result.steps, result.force_evaluations, result.followed
+        return JointRun(result.outcome, result.detail, None, *work)
     start = State(float(result.times[-1 - samples // 2]), *(x[-1 - samples // 2] for x in _states(result)))
     again = run(
         assembly, method, float(result.times[-1] - start.time), step=step and step / 2, samples=samples // 2,
         settings=settings._replace(tolerance=settings.tolerance / 2), limits=_limits(values, 0.5), start=start,
     )  # fmt: skip
-    work = result.steps + again.steps, result.force_evaluations + again.force_evaluations
+    work = result.steps + again.steps, result.force_evaluations + again.force_evaluations, result.followed
     if again.outcome != Outcome.FINISHED:
         return JointRun(Outcome.INACCURATE, f"half the tolerance or step fails: {again.detail}", None, *work)
     readings = _read(assembly, result, again, values, samples, method_named(method).order)

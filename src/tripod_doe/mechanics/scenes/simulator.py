@@ -126,7 +126,7 @@ class SceneSimulator(ABC):
         """Simulate a block of points; see the scene ``joint``."""
         count = len(points["method"])
         outcome, detail = np.full(count, Outcome.NOT_APPLICABLE, np.int8), [""] * count
-        work = np.zeros((2, count), np.int64)
+        work, followed = np.zeros((2, count), np.int64), np.zeros(count)
         shapes = {name: (PROGRESS.size,) if self.outputs[name].dims else () for name in keep}
         outputs = {
             name: Values(self.outputs[name].dims, np.full((count, *shape), np.nan)) for name, shape in shapes.items()
@@ -156,11 +156,12 @@ class SceneSimulator(ABC):
                 continue
             outcome[i], detail[i] = result.outcome, result.detail
             work[:, i] = result.steps, result.force_evaluations + result.check_evaluations
+            followed[i] = result.followed
             for name in keep if found else ():
                 outputs[name].data[i] = found[name]
         used = {dim for values in outputs.values() for dim in values.dims}
         labels = {"progress": PROGRESS} if "progress" in used else {}
-        return BlockResult(outputs, labels, outcome, detail, work[0], work[1])
+        return BlockResult(outputs, labels, outcome, detail, work[0], work[1], followed)
 
     def _run_point(self, values: Mapping[str, float], method: str) -> Run:
         settings = Settings(tolerance=values.get("relative_tolerance", 0.0), budget=int(values["evaluation_budget"]))
