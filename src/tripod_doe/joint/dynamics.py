@@ -23,7 +23,7 @@ from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, method_named, run
 from tripod_doe.results import Outcome
 
-__all__ = ["JointRun", "Readings", "prepare_joint", "run_joint"]
+__all__ = ["JointRun", "Readings", "amplitude_error", "follow", "judge_third_order", "prepare_joint", "run_joint"]
 
 FloatArray = NDArray[np.float64]
 
@@ -113,25 +113,43 @@ def run_joint(
     if reason := _out_of_range(values):
         return JointRun(Outcome.OUT_OF_RANGE, reason)
     assembly = assemble(build_joint(values, needles))
-    cycles, revolution = int(values["cycles"]), 2 * math.pi / values["speed_rpm"]
     settings = Settings(budget=int(values["evaluation_budget"]), tolerance=tolerance or Settings().tolerance)
+    result, again = follow(assembly, values, method, samples, step, settings)
+    if again is None:
+        counted = result.steps, result.force_evaluations, result.followed
+        return JointRun(result.outcome, result.detail, None, *counted)
+    evaluations = result.force_evaluations + again.force_evaluations
+    work = result.steps + again.steps, evaluations, result.followed
+    if again.outcome != Outcome.FINISHED:
+        return JointRun(Outcome.INACCURATE, f"half the tolerance or step fails: {again.detail}", None, *work)
+    readings = _read(assembly, result, again, values, samples, method_named(method).order)
+    outcome = judge_third_order(readings.groove_thrust.sum(1), readings.amplitude_error, values)
+    return JointRun(*outcome, readings, *work)
+
+
+def follow(
+    assembly: Assembly, values: Mapping[str, float], method: str, samples: int, step: float | None, settings: Settings
+) -> tuple[Run, Run | None]:
+    """Follow all revolutions, and then the last half of the last one again with half the tolerance or step.
+
+    Returns
+    -------
+    result, again
+        `again` is None where the run did not come to its end.
+    """
+    cycles, revolution = int(values["cycles"]), 2 * math.pi / values["speed_rpm"]
     result = run(
         assembly, method, cycles * revolution, step=step, samples=cycles * samples, settings=settings,
         limits=_limits(values, cycles),
     )  # fmt: skip
     if result.outcome != Outcome.FINISHED:
-        work = result.steps, result.force_evaluations, result.followed
-        return JointRun(result.outcome, result.detail, None, *work)
+        return result, None
     start = State(float(result.times[-1 - samples // 2]), *(x[-1 - samples // 2] for x in _states(result)))
     again = run(
         assembly, method, float(result.times[-1] - start.time), step=step and step / 2, samples=samples // 2,
         settings=settings._replace(tolerance=settings.tolerance / 2), limits=_limits(values, 0.5), start=start,
     )  # fmt: skip
-    work = result.steps + again.steps, result.force_evaluations + again.force_evaluations, result.followed
-    if again.outcome != Outcome.FINISHED:
-        return JointRun(Outcome.INACCURATE, f"half the tolerance or step fails: {again.detail}", None, *work)
-    readings = _read(assembly, result, again, values, samples, method_named(method).order)
-    return JointRun(*_judge(readings, values), readings, *work)
+    return result, again
 
 
 def _states(result: Run) -> tuple[FloatArray, FloatArray]:
@@ -150,8 +168,7 @@ def _read(
     """Everything that is read off a run and its last half revolution run again."""
     thrust, powers = groove_readings(assembly, *_states(result))
     finer = groove_readings(assembly, *_states(again))[0]
-    window = samples // 2
-    error = _amplitude_error(thrust[:, -window:].sum(0), finer[:, -window:].sum(0), samples, order)
+    error = amplitude_error(thrust.sum(0), finer.sum(0), samples, order)
     last = slice(-2 * samples - 1, -1)  # the end of the last revolution is the start of the next one
     skew, summary = None, None
     if "needle 1.1" in assembly.names:
@@ -177,18 +194,41 @@ def _out_of_range(values: Mapping[str, float]) -> str:
     return ""
 
 
-def _amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, order: int) -> FloatArray:
-    """Numerical error of every order from the same stretch of thrust by a coarser and a finer run, shape (order,)."""
+def amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, order: int) -> FloatArray:
+    """Numerical error of every order from the last half revolution of two runs, shape (order,).
+
+    Parameters
+    ----------
+    thrust, finer
+        Thrust over the samples of a run, and over those of the finer one that ends with it.
+    samples
+        Samples a revolution.
+    order
+        Of the method.
+    """
+    window = samples // 2
+    thrust, finer = thrust[-window:], finer[-window:]
     angle = 2 * np.pi * np.arange(thrust.size) / samples
     weight = np.where(ORDERS == 0, 1.0, 2.0) / thrust.size
     change: FloatArray = np.abs(np.exp(-1j * ORDERS[:, None] * angle) @ (thrust - finer)) * weight
     return change / (1 - 0.5**order)
 
 
-def _judge(readings: Readings, values: Mapping[str, float]) -> tuple[Outcome, str]:
-    """Whether the third order may be used."""
-    thrust, error = readings.groove_thrust.sum(1), readings.amplitude_error[3]
-    third = abs(complex_amplitudes(thrust).mean(0)[3])
+def judge_third_order(
+    thrust: FloatArray, amplitude_error: FloatArray, values: Mapping[str, float]
+) -> tuple[Outcome, str]:
+    """Whether the third order may be used: its outcome, and why not.
+
+    Parameters
+    ----------
+    thrust
+        Of the last revolutions, shape (revolution, sample).
+    amplitude_error
+        Numerical error of every order.
+    values
+        Joint parameters in internal units.
+    """
+    third, error = abs(complex_amplitudes(thrust).mean(0)[3]), amplitude_error[3]
     floor = _ERROR_FLOOR * abs(values["torque_n_m"]) / values["pitch_radius_mm"]
     if not np.isfinite(third):
         return Outcome.DIVERGED, "the thrust is not finite"

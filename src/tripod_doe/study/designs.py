@@ -175,7 +175,7 @@ def _one_at_a_time(study: Study, factors: Mapping[str, Factor]) -> tuple[dict[st
 
 
 def _table(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> dict[str, Column]:
-    """A CSV file with a header: one column a factor; where a parameter has no default of its own, fields may be empty."""
+    """A CSV file with a header: one column a factor; fields of a parameter without default may be empty."""
     if design.table is None:
         raise InputError("a table design needs table = a CSV file")
     path = study.folder / design.table

@@ -23,6 +23,7 @@ __all__ = ["SCENES", "FunctionSimulator", "Simulator", "column_of", "load_simula
 SCENES = {
     "joint": "tripod_doe.joint.scene:scene",
     "needle-between-plates": "tripod_doe.mechanics.scenes.needle_between_plates:scene",
+    "trunnion": "tripod_doe.joint.trunnion:scene",
     "roller-in-groove": "tripod_doe.mechanics.scenes.roller_in_groove:scene",
 }
 """Scenes by the name that study files and the command line use, each ``package.module:object``."""

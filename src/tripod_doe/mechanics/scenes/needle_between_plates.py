@@ -40,8 +40,8 @@ _PARAMETERS = [
               "needle", "paper 3.1", low=0, high=10, low_open=True, group="friction"),
     Parameter("plate_speed_mm_s", 100.0, "mm s-1", "V", "speed of plate B", "assumed", low=-1e5, high=1e5,
               group="operating point"),
-    Parameter("reversing_frequency_hz", 0.0, "Hz", "f", "frequency at which plate B moves to and fro, V its largest speed; "
-              "0 for a constant speed", "assumed", low=0, high=1e4, group="operating point"),
+    Parameter("reversing_frequency_hz", 0.0, "Hz", "f", "frequency at which plate B moves to and fro, V its largest "
+              "speed; 0 for a constant speed", "assumed", low=0, high=1e4, group="operating point"),
     Parameter("load_n", 200.0, "N", "P", "load on plate B", "assumed", low=0, high=1e5, low_open=True,
               group="operating point"),
     Parameter("skew_deg", 2.0, "degree", "phi", "skew of the needle, counterclockwise seen from plate B",
