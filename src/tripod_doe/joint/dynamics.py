@@ -116,15 +116,17 @@ def run_joint(
     settings = Settings(budget=int(values["evaluation_budget"]), tolerance=tolerance or Settings().tolerance)
     result, again = follow(assembly, values, method, samples, step, settings)
     if again is None:
-        counted = result.steps, result.force_evaluations, result.followed
-        return JointRun(result.outcome, result.detail, None, *counted)
-    evaluations = result.force_evaluations + again.force_evaluations
-    work = result.steps + again.steps, evaluations, result.followed
-    if again.outcome != Outcome.FINISHED:
-        return JointRun(Outcome.INACCURATE, f"half the tolerance or step fails: {again.detail}", None, *work)
-    readings = _read(assembly, result, again, values, samples, method_named(method).order)
-    outcome = judge_third_order(readings.groove_thrust.sum(1), readings.amplitude_error, values)
-    return JointRun(*outcome, readings, *work)
+        done = JointRun(result.outcome, result.detail)
+    elif again.outcome != Outcome.FINISHED:
+        done = JointRun(Outcome.INACCURATE, f"half the tolerance or step fails: {again.detail}")
+    else:
+        readings = _read(assembly, result, again, values, samples, method_named(method).order)
+        outcome, detail = judge_third_order(readings.groove_thrust.sum(1), readings.amplitude_error, values)
+        done = JointRun(outcome, detail, readings)
+    steps, evaluations = (
+        sum(getattr(part, name) for part in (result, again) if part) for name in ("steps", "force_evaluations")
+    )
+    return replace(done, steps=steps, force_evaluations=evaluations, followed=result.followed)
 
 
 def follow(
