@@ -19,6 +19,7 @@ from tripod_doe.report.figures.chain import StepView, chain_chart, step_time
 from tripod_doe.report.findings import find, find_in_analyses
 from tripod_doe.report.page import render
 from tripod_doe.report.side_by_side import find_side_by_side, of_one_ladder, side_by_side_table
+from tripod_doe.report.speed_accuracy import find_in_speed_accuracy, is_speed_accuracy, price_table
 
 __all__ = ["StoredChart", "chain_page", "find_in_any", "read_charts", "step_page", "write_charts"]
 
@@ -76,6 +77,8 @@ def read_charts(folder: Path) -> list[StoredChart]:
 
 def find_in_any(name: str, data: xr.Dataset) -> list[str]:
     """Sentences on what a study or an analysis found; empty where the house has none for it."""
+    if is_speed_accuracy(data):
+        return find_in_speed_accuracy(data)
     if "outcome" in data:
         return find(data)
     if is_claims(data):
@@ -141,10 +144,15 @@ def step_page(
                   rows=[], text="")  # fmt: skip
 
 
+_TABLES = ((is_claims, claim_table), (is_over_skew, over_skew_table), (is_speed_accuracy, price_table))
+"""What has a table of its own, and how it is made."""
+
+
 def _part(name: str, cube: xr.Dataset) -> PagePart:
     """A study with a link to its own report, or an analysis."""
-    link = f"../{name}/report/index.html" if "outcome" in cube else ""
-    table = claim_table(cube) if is_claims(cube) else over_skew_table(cube) if is_over_skew(cube) else None
+    study = "outcome" in cube and not is_speed_accuracy(cube)
+    link = f"../{name}/report/index.html" if study else ""
+    table = next((make(cube) for known, make in _TABLES if known(cube)), None)
     return PagePart(name, str(cube.attrs.get("title", name)), find_in_any(name, cube), [], link, table)
 
 
