@@ -1,14 +1,14 @@
 """Error against CPU time of every method and model: references, errors, prices, Pareto front, price at a target.
 
 Numerical error is the difference of a run to the reference of its own scene and model, model error that to the
-reference of the finest model. A reference is one of the finest finished runs of all methods: the one with which the
-others agree best. Its own error is what the second best of them differs by (the best could be chance; with two methods
-it is that of the other), so it is known because methods agree that share no discretisation. An error below that is not
-known better than that.
+reference of the finest model. Each method's finest finished run could be the reference; the two that agree best, in all
+quantities together, are taken, the dearer as the reference, and what they differ by is its own error: known because two
+methods agree that share no discretisation. An error below that is not known better than that.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -128,24 +128,15 @@ def _distance(answer: FloatArray, truth: FloatArray) -> float:
 
 
 def _reference(case: Case) -> _Reference | None:
-    """The finest run that others agree with best, None where fewer than two methods finished."""
+    """The dearer of the two methods whose finest runs agree best, None where fewer than two methods finished."""
     finest = [done[-1] for method in case.methods if (done := [run for run in case.of(method) if run.finished])]
-    if len(finest) < 2:
-        return None
-    rank = min(2, len(finest) - 1)
     best: _Reference | None = None
-    for run in finest:
-        others = [other for other in finest if other is not run]
-        apart = {
-            quantity.name: sorted(_distance(other.answers[quantity.name], run.answers[quantity.name])
-                                  for other in others if quantity.name in other.answers)
-            for quantity in case.quantities if quantity.name in run.answers
-        }  # fmt: skip
-        errors = {name: values[min(rank, len(values)) - 1] for name, values in apart.items() if values}
+    for one, other in itertools.combinations(sorted(finest, key=lambda run: run.price), 2):
+        errors = {
+            name: _distance(one.answers[name], other.answers[name]) for name in one.answers.keys() & other.answers
+        }
         if errors and (best is None or _mean(errors.values()) < _mean(best.errors.values())):
-            lead = case.quantities[0].name
-            nearest = min(others, key=lambda other: _distance(other.answers[lead], run.answers[lead]))
-            best = _Reference(run, nearest.method, errors)
+            best = _Reference(other, one.method, errors)
     return best
 
 
@@ -289,8 +280,8 @@ def _case_variables(
         "reference": ("case", [_told(reference) for reference in referred], {"long_name": "run that stands for the "
                       "truth, and the method that agrees with it best"}),
         "reference_error": (("case", "quantity"), np.vstack([_own_errors(r) for r in referred]),
-                            {"long_name": "relative error of the reference: what the second best of the other "
-                             "methods' finest runs differs by", "units": "1"}),
+                            {"long_name": "relative error of the reference: what the finest run of another method "
+                             "differs by", "units": "1"}),
         "price": (three, prices, {"long_name": f"CPU seconds per simulated second at {100 * target:g} % error",
                                   "units": "1"}),
         "price_known": (three, known, {"long_name": "how the price is known"} | flags),

@@ -8,7 +8,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.report.figures.chart import COLOURS, INK, MARKERS, MUTED, Chart, drawing, legend_above
+from tripod_doe.report.figures.chart import COLOURS, INK, MARKERS, MUTED, Chart, drawing
 from tripod_doe.results import Outcome
 
 __all__ = ["model_error_charts", "speed_accuracy_charts"]
@@ -44,7 +44,7 @@ def _error_chart(data: xr.Dataset) -> Chart:
     error, price = np.maximum(100 * data["numerical_error"].values, floor), data["cpu_per_second"].values
     finished, name = np.isfinite(error), str(data["quantity"].item())
     top = 10 * max(float(error[finished].max()), 3.0)
-    with drawing(4.6, 4.7) as (figure, axes):
+    with drawing(5.6, 5.4) as (figure, axes):
         _frame(axes, f"{case.replace('_', ' ')}: {data['quantity_meaning'].item()}", "numerical error (%)")
         for method in dict.fromkeys(data["run_method"].values):
             mine = data["run_method"].values == method
@@ -58,7 +58,7 @@ def _error_chart(data: xr.Dataset) -> Chart:
         axes.axhline(100 * float(data.attrs["target"]), color=MUTED, lw=0.8, ls=":")
         axes.axhspan(floor / 30, floor, color=MUTED, alpha=0.12, lw=0, label="below the reference's error")
         axes.set_ylim(floor / 3, 3 * top)
-        legend_above(axes, 3)
+        _legend(axes)
     caption = (
         f"Numerical error of the {data['quantity_meaning'].item()} over price, a line a method, coarse settings left. "
         f"Reference: {data['reference'].item()}; its own error is {floor:.2g} %. Crosses at the top: runs that failed, "
@@ -79,6 +79,14 @@ def _frame(axes: Axes, title: str, label: str) -> None:
     axes.set_xlabel(_X_LABEL)
     axes.set_ylabel(label)
     axes.figure.suptitle(title, x=0.02, ha="left", fontsize=9, fontweight="bold", color=INK)
+
+
+def _legend(axes: Axes) -> None:
+    """Three narrow columns above the axes: a dozen methods and the signs of failures need them."""
+    axes.legend(
+        loc="lower left", bbox_to_anchor=(-0.12, 1.0), ncols=3, fontsize=7, handlelength=2.2, columnspacing=1.0,
+        alignment="left", borderaxespad=0.3,
+    )  # fmt: skip
 
 
 def _style(method: str) -> tuple[str, str, str]:
@@ -130,7 +138,7 @@ def _model_chart(data: xr.Dataset, scene: str) -> Chart:
     floor = 100 * max(float(cases["reference_error"].values[-1]), 1e-14)
     error, price = np.maximum(100 * data["model_error"].values, floor), data["cpu_per_second"].values
     finest = str(cases["case_model"].values[-1])
-    with drawing(4.6, 4.2) as (figure, axes):
+    with drawing(5.6, 4.8) as (figure, axes):
         _frame(axes, f"{scene.replace('_', ' ')}: {data['quantity_meaning'].item()}", f"difference to {finest} (%)")
         for at, model in enumerate(dict.fromkeys(data["model"].values)):
             mine = (data["model"].values == model) & np.isfinite(error)
@@ -140,7 +148,7 @@ def _model_chart(data: xr.Dataset, scene: str) -> Chart:
         axes.plot(price[default], error[default], "o", ms=12, mfc="none", mec=INK, mew=1.4, ls="none", label="default")
         axes.axhspan(floor / 30, floor, color=MUTED, alpha=0.12, lw=0, label="below the reference's error")
         axes.set_ylim(bottom=floor / 3)
-        legend_above(axes, 3)
+        _legend(axes)
     caption = (
         f"Model and numerical error together: difference of the {data['quantity_meaning'].item()} to that of the "
         f"finest model, {finest} ({cases['reference'].values[-1]}; own error {floor:.2g} %), over price. Points are "
