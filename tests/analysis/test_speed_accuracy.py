@@ -86,6 +86,14 @@ def test_bounds_are_called_bounds():
     assert Known(int(price(result, "implicit-euler", "price_known"))) is Known.NOT_REACHED
 
 
+def test_a_price_that_stability_sets_is_called_so():
+    good = fixed("bdf2", [1e-5, 1e-6], lambda h: h, lambda h: 1 / h)
+    failed = fixed("bdf2", [1e-4], lambda h: 0, lambda h: 1 / h, outcome=Outcome.DIVERGED)
+    result = analyse(good, failed, EXACT)
+    assert Known(int(price(result, "bdf2", "price_known"))) is Known.LIMITED
+    assert price(result, "bdf2") == pytest.approx(1e5)
+
+
 def test_repetitions_are_one_run_with_a_spread():
     slow = [(*row[:5], 3 * row[5], row[6]) for row in FIRST]
     result = analyse(FIRST, slow, FIRST, SECOND, EXACT)

@@ -38,6 +38,7 @@ class Known(IntEnum):
     NOT_REACHED = 2
     PRICE_ONLY = 3
     FAILED = 4
+    LIMITED = 5
 
     @property
     def label(self) -> str:
@@ -46,10 +47,13 @@ class Known(IntEnum):
 
 
 _KNOWN_MEANINGS = (
-    "interpolated: between two finished runs, on logarithmic scales; at_most: the coarsest finished run already meets "
-    "the target; not_reached: no finished run meets it; price_only: no run came to its end, this is what the cheapest "
+    "interpolated: between two finished runs, on logarithmic scales; at_most: the coarsest run meets the target, a "
+    "coarser one might too; limited: the coarsest run that does not fail meets it, so that stability sets the price; not_reached: no finished run meets it; price_only: no run came to its end, this is what the cheapest "
     "run that did not fail costs, extrapolated from the part that it followed; failed: all runs failed"
 )
+
+
+_SURE = (Known.INTERPOLATED, Known.AT_MOST, Known.LIMITED)
 
 
 class SpeedAccuracySettings(BaseModel):
@@ -262,7 +266,7 @@ def _case_variables(
                 prices[at], known[at] = price.value, price.known
                 if case.default_method in told:
                     ratios[at] = price.value / told[case.default_method].value
-            sure = {m: p.value for m, p in told.items() if p.known in (Known.INTERPOLATED, Known.AT_MOST)}
+            sure = {m: p.value for m, p in told.items() if p.known in _SURE}
             if sure:
                 best[i, q] = min(sure, key=lambda method: sure[method])
                 if case.default_method in sure:
@@ -319,7 +323,9 @@ def _price(case: Case, method: str, errors: FloatArray, target: float) -> _Price
         return _Price(min(stopped), Known.PRICE_ONLY) if stopped else _Price(math.nan, Known.FAILED)
     above = [at for at, (_, error) in enumerate(done) if error > target]
     if not above:
-        return _Price(min(price for price, _ in done), Known.AT_MOST)
+        price, cheapest = min((run.price, at) for at, (run, _) in enumerate(rows) if run.finished)
+        coarser_failed = any(not run.finished for run, _ in rows[:cheapest])
+        return _Price(price, Known.LIMITED if coarser_failed else Known.AT_MOST)
     if above[-1] == len(done) - 1:
         return _Price(math.nan, Known.NOT_REACHED)
     (before, coarse), (after, fine) = done[above[-1]], done[above[-1] + 1]

@@ -14,6 +14,12 @@ from tripod_doe.results import Outcome
 
 __all__ = ["find_in_speed_accuracy", "is_speed_accuracy", "price_table"]
 
+_HOW = {
+    Known.INTERPOLATED: "interpolated",
+    Known.AT_MOST: "at its coarsest setting",
+    Known.LIMITED: "at the coarsest setting that does not fail",
+}
+
 _NEAR = 1.5
 """Factor within which a default counts as one of the best."""
 
@@ -81,8 +87,9 @@ def _front_sentence(row: xr.Dataset, case: str) -> str:
         else f"the default {default} costs {over:.3g} times the cheapest, {best}: "
         + ("on the front within a factor of 1.5" if over <= _NEAR else "not on the front within a factor of 1.5")
     )  # fmt: skip
+    own_known = Known(int(row["price_known"].sel({"method": default})))
     ratios = [
-        f"{method} {float(ratio):.3g}{_mark(Known(int(known)))}"
+        f"{method} {float(ratio):.3g}{_mark(Known(int(known)), own_known)}"
         for method, ratio, known in zip(
             row["method"].values, row["price_ratio"].values, row["price_known"].values, strict=True
         )
@@ -90,14 +97,18 @@ def _front_sentence(row: xr.Dataset, case: str) -> str:
     ]
     price = number(float(row["price"].sel({"method": default})))
     return (
-        f"{start}: at {target:g} % error {verdict} ({default} {price} s per simulated second). Ratio to the default: "
-        f"{', '.join(ratios)}."
+        f"{start}: at {target:g} % error {verdict} ({default} {price} s per simulated second, {_HOW[own_known]}). "
+        f"Ratio to the default: {', '.join(ratios)}."
     )
 
 
-def _mark(known: Known) -> str:
-    """What stands behind a ratio that is no interpolation."""
-    return {Known.AT_MOST: " or less", Known.PRICE_ONLY: " (extrapolated, error not known)"}.get(known, "")
+def _mark(known: Known, of_default: Known) -> str:
+    """What stands behind a ratio that is not one of two known prices."""
+    if known is Known.PRICE_ONLY:
+        return " (extrapolated, error not known)"
+    if known is of_default:
+        return ""  # of two coarsest settings
+    return " or less" if known is Known.AT_MOST else " or more" if of_default is Known.AT_MOST else ""
 
 
 def _failures(runs: xr.Dataset) -> str:
