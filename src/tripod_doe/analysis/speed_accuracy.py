@@ -48,8 +48,9 @@ class Known(IntEnum):
 
 _KNOWN_MEANINGS = (
     "interpolated: between two finished runs, on logarithmic scales; at_most: the coarsest run meets the target, a "
-    "coarser one might too; limited: the coarsest run that does not fail meets it, so that stability sets the price; not_reached: no finished run meets it; price_only: no run came to its end, this is what the cheapest "
-    "run that did not fail costs, extrapolated from the part that it followed; failed: all runs failed"
+    "coarser one might too; limited: the coarsest run that does not fail meets it, so that stability sets the price; "
+    "not_reached: no finished run meets it; price_only: no run came to its end, this is what the cheapest that did not "
+    "fail costs, extrapolated from the part that it followed; failed: all runs failed"
 )
 
 
