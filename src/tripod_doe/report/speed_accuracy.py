@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analysis.speed_accuracy import Known
+from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.report.responses import number
 from tripod_doe.results import Outcome
 
@@ -70,8 +71,8 @@ def _lead(row: xr.Dataset) -> str:
 def _front_sentence(row: xr.Dataset, case: str) -> str:
     default, best = str(row["default_method"].item()), str(row["best_method"].item())
     what, target = str(row["quantity_meaning"].item()), 100 * float(row.attrs["target"])
-    own = 100 * float(row["reference_error"])
-    start = f"{_spoken(case)[:1].upper()}{_spoken(case)[1:]}, {what}, reference known to {own:.2g} %"
+    sharp = 100 * float(row["reference_error"])
+    start = f"{_spoken(case)[:1].upper()}{_spoken(case)[1:]}, {what}, reference known to {sharp:.2g} %"
     if not best:
         return f"{start}: no method reaches {target:g} %."
     over = float(row["default_over_best"])
@@ -87,19 +88,31 @@ def _front_sentence(row: xr.Dataset, case: str) -> str:
         else f"the default {default} costs {over:.3g} times the cheapest, {best}: "
         + ("on the front within a factor of 1.5" if over <= _NEAR else "not on the front within a factor of 1.5")
     )  # fmt: skip
-    own_known = Known(int(row["price_known"].sel({"method": default})))
-    ratios = [
-        f"{method} {float(ratio):.3g}{_mark(Known(int(known)), own_known)}"
-        for method, ratio, known in zip(
-            row["method"].values, row["price_ratio"].values, row["price_known"].values, strict=True
-        )
-        if math.isfinite(ratio) and method != default
-    ]
+    own = Known(int(row["price_known"].sel({"method": default})))
     price = number(float(row["price"].sel({"method": default})))
     return (
-        f"{start}: at {target:g} % error {verdict} ({default} {price} s per simulated second, {_HOW[own_known]}). "
-        f"Ratio to the default: {', '.join(ratios)}."
+        f"{start}: at {target:g} % error {verdict} ({default} {price} s per simulated second, {_HOW[own]}). "
+        f"Ratio to the default: {', '.join(_peers(row, own))}."
     )
+
+
+def _peers(row: xr.Dataset, of_default: Known) -> list[str]:
+    """Ratios of the cheapest explicit method, of linearly implicit Euler, and of the cheapest of SciPy's."""
+    groups = {
+        "explicit": [name for name, method in METHODS.items() if method.explicit and method.compiled],
+        "": ["linearly-implicit-euler"],
+        "SciPy": [name for name, method in METHODS.items() if not method.compiled],
+    }
+    told = []
+    for group, members in groups.items():
+        ratios = {name: float(row["price_ratio"].sel({"method": name})) for name in members if name in row["method"]}
+        known = {name: Known(int(row["price_known"].sel({"method": name}))) for name in ratios}
+        finite = [name for name, ratio in ratios.items() if math.isfinite(ratio)]
+        sure = [name for name in finite if known[name] is not Known.PRICE_ONLY] or finite
+        if sure:
+            name = min(sure, key=lambda name: ratios[name])
+            told.append(f"{group} {name} {ratios[name]:.3g}{_mark(known[name], of_default)}".strip())
+    return told
 
 
 def _mark(known: Known, of_default: Known) -> str:
