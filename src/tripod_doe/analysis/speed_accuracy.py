@@ -137,7 +137,7 @@ def _reference(case: Case) -> _Reference | None:
     finest = [done[-1] for method in case.methods if (done := [run for run in case.of(method) if run.finished])]
     best: _Reference | None = None
     for one, other in itertools.combinations(sorted(finest, key=lambda run: run.price), 2):
-        apart = {name: _distance(answer, one.answers[name]) for name, answer in other.answers.items()
+        apart = {name: _distance(one.answers[name], answer) for name, answer in other.answers.items()
                  if name in one.answers}  # fmt: skip
         errors = {name: error for name, error in apart.items() if math.isfinite(error)}
         if errors and (best is None or _mean(errors.values()) < _mean(best.errors.values())):
