@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+import re
 
 import numpy as np
 import xarray as xr
@@ -125,20 +125,17 @@ def _mark(known: Known, of_default: Known) -> str:
 
 
 def _failures(runs: xr.Dataset) -> str:
-    """Methods with the settings at which they failed, and how."""
-    counts: Counter[tuple[str, str]] = Counter()
-    settings: dict[tuple[str, str], list[float]] = {}
-    for method, outcome, setting in zip(
-        runs["run_method"].values, runs["outcome"].values, runs["setting"].values, strict=True
-    ):
+    """Methods with the settings at which they failed, how, and the reason of the coarsest."""
+    settings: dict[tuple[str, str], list[str]] = {}
+    reasons: dict[tuple[str, str], str] = {}
+    columns = (runs[name].values for name in ("run_method", "outcome", "setting", "outcome_detail"))
+    for method, outcome, setting, detail in zip(*columns, strict=True):
         kind = Outcome(int(outcome))
         if kind not in (Outcome.FINISHED, Outcome.EVALUATION_LIMIT):
             key = str(method), kind.label.replace("_", " ")
-            counts[key] += 1
-            settings.setdefault(key, []).append(float(setting))
-    return "; ".join(
-        f"{method} {', '.join(f'{value:g}' for value in settings[method, label])} ({label})" for method, label in counts
-    )
+            settings.setdefault(key, []).append(f"{float(setting):g}")
+            reasons.setdefault(key, re.split(r" at t = | up to t = |;", str(detail))[0])
+    return "; ".join(f"{key[0]} {', '.join(values)} ({key[1]}: {reasons[key]})" for key, values in settings.items())
 
 
 def _model_sentences(data: xr.Dataset) -> list[str]:
