@@ -14,6 +14,7 @@ from tripod_doe.analysis.speed_accuracy import SpeedAccuracySettings, speed_accu
 from tripod_doe.report.chain import find_in_any
 from tripod_doe.report.figures.registry import FIGURES
 from tripod_doe.report.speed_accuracy import price_table
+from tripod_doe.report.tables import factor_rows
 from tripod_doe.results import Outcome
 from tripod_doe.workflow.definition import load_workflow
 
@@ -86,3 +87,18 @@ def test_models_have_a_chart_of_their_own(joint, roller):
 def test_the_workflow_is_sound(quick):
     workflow = load_workflow(ROOT / "workflows" / "speed_accuracy.toml", quick)
     assert {"trunnion", "joint", "accuracy", "charts", "models", "page"} <= set(workflow.steps)
+
+
+def test_a_study_of_many_methods_lists_them_and_passes_over_open_fields():
+    methods = ["bdf2", "rk4", "rosenbrock", "implicit-euler", "symplectic-euler", "adaptive-euler", "generalized-alpha"]
+    rows = [row for method in methods for row in fixed(method, [1e-4], lambda h: h, lambda h: 1.0)]
+    rows += [
+        ("", "rosenbrock", np.nan, tolerance, 0.0, 1.0, Outcome.FINISHED) for tolerance in np.geomspace(1e-9, 1e-2, 8)
+    ]
+    cube = cube_of(rows)
+    for name in ("method", "step_s", "relative_tolerance"):
+        cube[name].attrs["source"] = "numerics"
+    told = {row.name: row.value for row in factor_rows(cube)}
+    assert told["method"] == ", ".join(sorted(methods))
+    assert told["step_s"] == "0.0001"
+    assert told["relative_tolerance"] == "1e-09 to 0.01 (8 values)"
