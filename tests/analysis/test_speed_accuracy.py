@@ -119,6 +119,19 @@ def test_model_error_is_the_difference_to_the_finest_model():
     assert list(result["case"].values) == ["joint rollers", "joint needles"]
 
 
+def test_a_numerical_error_that_cancels_the_models_is_no_merit():
+    """Exact: a run of the cheap model, 4 % off by itself, that is right by chance, is not on the front."""
+    rows = []
+    for model, off in (("rollers", 0.04), ("needles", 0.0)):
+        rows += fixed("implicit-euler", STEPS, lambda h, off=off: off + 10 * h, lambda h: 1e-3 / h, model)
+        rows += fixed("bdf2", FINE, lambda h, off=off: off + 1e4 * h**2, lambda h: 2e-3 / h, model)
+    rows += fixed("rk4", [1e-3], lambda h: 0.001, lambda h: 5.0, "rollers")
+    result = speed_accuracy({"joint": cube_of(rows, JOINT, "thrust_amplitude")}, SpeedAccuracySettings())
+    chance = result.sel(quantity="third_order").isel(run=np.flatnonzero(result["run_method"] == "rk4"))
+    assert float(chance["model_error"][0]) == pytest.approx(0.001, rel=1e-3)
+    assert int(chance["model_front"][0]) == 0
+
+
 def test_a_cube_without_costs_is_refused():
     with pytest.raises(InputError, match="scene: this cube has no costs"):
         speed_accuracy({"scene": cube_of(FIRST).drop_vars("simulated_seconds")}, SpeedAccuracySettings())

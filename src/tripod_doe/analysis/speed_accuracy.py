@@ -150,15 +150,14 @@ def _mean(errors: Iterable[float]) -> float:
     return float(np.exp(np.mean(np.log(np.maximum(list(errors), 1e-16)))))
 
 
-def _errors(case: Case, reference: _Reference | None) -> FloatArray:
+def _errors(runs: Iterable[TimedRun], reference: _Reference | None) -> FloatArray:
     """Relative error of every run and quantity against a reference, shape (run, QUANTITIES)."""
-    errors = np.full((len(case.runs), len(QUANTITIES)), np.nan)
-    if reference is not None:
-        for row, run in enumerate(case.runs):
-            for column, quantity in enumerate(QUANTITIES):
-                if quantity.name in run.answers and quantity.name in reference.run.answers:
-                    errors[row, column] = _distance(run.answers[quantity.name], reference.run.answers[quantity.name])
-    return errors
+    truth = reference.run.answers if reference else {}
+    return np.array([
+        [_distance(run.answers[quantity.name], truth[quantity.name])
+         if quantity.name in run.answers and quantity.name in truth else math.nan for quantity in QUANTITIES]
+        for run in runs
+    ])  # fmt: skip
 
 
 def _own_errors(reference: _Reference | None) -> FloatArray:
@@ -188,16 +187,16 @@ def _run_variables(
     """Everything along ``run``."""
     runs = [(case, run) for case in cases for run in case.runs]
     prices = np.array([run.price for _, run in runs])
-    own = [_errors(case, references[case.label]) for case in cases]
+    own = [_errors(case.runs, references[case.label]) for case in cases]
     floors = [np.maximum(errors, _own_errors(references[case.label])) for case, errors in zip(cases, own, strict=True)]
     fronts = [_front(np.array([run.price for run in case.runs]), floored)
               for case, floored in zip(cases, floors, strict=True)]  # fmt: skip
-    model = np.vstack([_errors(case, truths[case.label]) for case in cases])
+    model = np.vstack([_errors(case.runs, truths[case.label]) for case in cases])
+    known = np.vstack([_model_floors(case, references[case.label], truths[case.label]) for case in cases])
     model_front = np.zeros(model.shape, np.int8)
     for scene in dict.fromkeys(case.scene for case in cases):  # all models of a scene compete
         rows = np.array([case.scene == scene for case, _ in runs])
-        truth = next((truths[case.label] for case in cases if case.scene == scene), None)
-        model_front[rows] = _front(prices[rows], np.maximum(model[rows], _own_errors(truth)))
+        model_front[rows] = _front(prices[rows], np.maximum(model, known)[rows])
     repeated = [run.seconds[np.isfinite(run.seconds)] for _, run in runs]
     spread = np.array([(values.min(), values.max()) if values.size else (np.nan, np.nan) for values in repeated])
 
@@ -238,8 +237,17 @@ def _run_variables(
             "1 where the numerical error is not larger than the reference's own"),
         "front": error(np.vstack(fronts), "1 where no run of this scene and model is cheaper and more exact"),
         "model_front": error(model_front, "1 where no run of any model of this scene is cheaper and nearer to the "
-                             "finest model"),
+                             "finest model, errors that cancel a model's not counted"),
     }  # fmt: skip
+
+
+def _model_floors(case: Case, reference: _Reference | None, truth: _Reference | None) -> FloatArray:
+    """Least model error that a run can claim, shape (run, QUANTITIES): that of its model, and that of the truth itself.
+
+    A numerical error that happens to cancel the model's is no merit.
+    """
+    own = _errors([reference.run], truth)[0] if reference else np.full(len(QUANTITIES), np.nan)
+    return np.tile(np.fmax(own, _own_errors(truth)), (len(case.runs), 1))
 
 
 def _is_default(case: Case, run: TimedRun) -> bool:
@@ -257,7 +265,7 @@ def _case_variables(
     best = np.full((shape[0], shape[2]), "", dtype=object)
     for i, case in enumerate(cases):
         reference = references[case.label]
-        errors = np.maximum(_errors(case, reference), _own_errors(reference))
+        errors = np.maximum(_errors(case.runs, reference), _own_errors(reference))
         for q, quantity in enumerate(QUANTITIES):
             if quantity not in case.quantities or reference is None:
                 continue
