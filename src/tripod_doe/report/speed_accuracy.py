@@ -21,6 +21,9 @@ _HOW = {
     Known.LIMITED: "at the coarsest setting that does not fail",
 }
 
+_MISS = 0.05
+"""Error above which a finished run is one that its checks missed."""
+
 _NEAR = 1.5
 """Factor within which a default counts as one of the best."""
 
@@ -47,6 +50,10 @@ def find_in_speed_accuracy(data: xr.Dataset) -> list[str]:
         )
         if failed := _failures(mine):
             sentences.append(f"Failed in {_spoken(str(case))}: {failed}.")
+        if lead and (missed := _missed(mine.sel(quantity=lead))):
+            sentences.append(
+                f"Called finished in {_spoken(str(case))}, but off by more than {100 * _MISS:g} %: {missed}."
+            )
     return sentences + _model_sentences(data)
 
 
@@ -72,7 +79,8 @@ def _front_sentence(row: xr.Dataset, case: str) -> str:
     default, best = str(row["default_method"].item()), str(row["best_method"].item())
     what, target = str(row["quantity_meaning"].item()), 100 * float(row.attrs["target"])
     sharp = 100 * float(row["reference_error"])
-    start = f"{_spoken(case)[:1].upper()}{_spoken(case)[1:]}, {what}, reference known to {sharp:.2g} %"
+    known_to = f"to {sharp:.2g} %" if sharp > 0 else "to rounding"
+    start = f"{_spoken(case)[:1].upper()}{_spoken(case)[1:]}, {what}, reference known {known_to}"
     if not best:
         return f"{start}: no method reaches {target:g} %."
     over = float(row["default_over_best"])
@@ -136,6 +144,16 @@ def _failures(runs: xr.Dataset) -> str:
             settings.setdefault(key, []).append(f"{float(setting):g}")
             reasons.setdefault(key, re.split(r" at t = | up to t = |;", str(detail))[0])
     return "; ".join(f"{key[0]} {', '.join(values)} ({key[1]}: {reasons[key]})" for key, values in settings.items())
+
+
+def _missed(runs: xr.Dataset) -> str:
+    """Finished runs whose numerical error their own checks should have told."""
+    wrong = np.flatnonzero(runs["numerical_error"].values > _MISS)
+    return ", ".join(
+        f"{runs['run_method'].values[at]} {runs['setting'].values[at]:g} "
+        f"({100 * runs['numerical_error'].values[at]:.2g} %)"
+        for at in wrong
+    )
 
 
 def _model_sentences(data: xr.Dataset) -> list[str]:
