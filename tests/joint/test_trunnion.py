@@ -15,6 +15,7 @@ from tripod_doe.joint.trunnion import scene
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Limits, run
+from tripod_doe.results import Outcome
 
 
 @pytest.mark.parametrize("given", [{}, FEW])
@@ -26,10 +27,7 @@ def test_degrees_of_freedom(joint_values, given):
 
 @pytest.mark.parametrize("torque", [50.0, -200.0])
 def test_the_groove_carries_a_third_of_the_torque(joint_values, torque):
-    """Exact physics: |T| / (3 R_p) at the start, and over a revolution on average, but for the lag of the trunnions.
-
-    The force acts at R_p, turned by the lag of 0.2 mm (1e-4), and the shaft stands at an angle: mean of 1 / cos (0.5 %).
-    """
+    """Exact physics: |T| / (3 R_p) at the start, and over a revolution on average (measured: to 0.1 %)."""
     values = joint_values(**FEW, torque_n_m=torque)
     assembly = assemble(build_trunnion(values))
     load = abs(values["torque_n_m"]) / (3 * values["pitch_radius_mm"])
@@ -40,13 +38,13 @@ def test_the_groove_carries_a_third_of_the_torque(joint_values, torque):
     )  # fmt: skip
     assert result.outcome == 0, result.detail
     forces = groove_forces(assembly, result.positions, values)[0]
-    assert forces[0] == pytest.approx(load, rel=0.01)
-    assert forces[121:].mean() == pytest.approx(load, rel=0.01)
+    assert forces[0] == pytest.approx(load, rel=1e-6)
+    assert forces[121:].mean() == pytest.approx(load, rel=3e-3)
     assert np.abs(forces / load - 1).max() < 0.15
 
 
 def test_the_spider_moves_as_in_the_joint(joint_values):
-    """Limit: without friction at the other grooves the spider is where it is in the joint, to a micrometre."""
+    """Limit: without friction at the other grooves the spider is where it is in the joint, to 0.3 um of its 0.16 mm."""
     places = []
     values = joint_values(**FEW)
     for scene_of in (build_trunnion(values), build_joint(values, needles=True)):
@@ -56,11 +54,11 @@ def test_the_spider_moves_as_in_the_joint(joint_values):
             limits=Limits(energy=0.5, reversals=1.0, drift=1e-2, windows=0),
         )  # fmt: skip
         places.append(result.positions[:, assembly.names.index("shaft"), :3])
-    assert np.abs(places[0] - places[1]).max() < 0.02 * np.ptp(places[1], axis=0).max()
+    assert np.abs(places[0] - places[1]).max() < 1e-3
 
 
 def test_thrust_of_the_groove_is_that_of_the_joint(simulated):
-    """Limit: friction at the other two grooves is what is left out; measured 0.3 % and 3.4 % with 27 needles."""
+    """Limit: friction at the other two grooves is what is left out; measured 1.1 % and 3.2 %, with 27 needles 0.3 % and 3.4 %."""
     joint = simulated(model="needles", initial_skew_1_deg=0.4, **FEW)
     one = td.simulate("trunnion", initial_skew_1_deg=0.4, **FEW)
     assert one.attrs["finished"], str(one["outcome_detail"].values)
@@ -93,7 +91,5 @@ def test_what_is_asked_of_the_joint_can_be_asked_of_a_trunnion():
 )
 def test_runs_that_cannot_go_well_say_why(given, label, reason):
     result = td.simulate("trunnion", **{**FEW, **given})
-    from tripod_doe.results import Outcome
-
     assert Outcome(int(result["outcome"])).label in label
     assert reason in str(result["outcome_detail"].values)

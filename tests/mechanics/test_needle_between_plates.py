@@ -73,7 +73,7 @@ def test_three_loci(friction_b, sign):
 def test_a_reversing_plate_takes_the_needle_to_and_fro():
     """Quasi-steady limit: the closed form at every speed V cos(2 pi f t), integrated over a turn of the crank.
 
-    Measured 2.5e-3 of the stroke: the needle lags while its slip passes through zero.
+    Measured 4e-4 of the path: the needle lags while its slip passes through zero.
     """
     given = {"reversing_frequency_hz": 100.0, "duration_s": 0.01}
     result = _simulate(["axial_path_mm", "travel_mm"], method="rosenbrock", **given)
@@ -85,7 +85,7 @@ def test_a_reversing_plate_takes_the_needle_to_and_fro():
     rates = [closed_form({**values, "plate_speed_mm_s": v, "transition_ratio": _ratio(v, v_st), "duration_s": 1.0})[1]
              for v in speeds]  # fmt: skip
     expected = np.concatenate([[0.0], np.cumsum(0.5 * np.add(rates[1:], rates[:-1]) * np.diff(times))])[::20]
-    assert np.abs(path - expected).max() < 5e-3 * np.ptp(expected)
+    assert np.abs(path - expected).max() < 1e-3 * np.ptp(expected)
     assert abs(result.outputs["travel_mm"].data[0]) < 1e-3 * 100.0 / (2 * math.pi * 100.0)
 
 
