@@ -177,3 +177,8 @@ def test_evaluation_budget():
     result = _simulate(method="implicit-euler", evaluation_budget=50)
     assert result.outcome[0] == Outcome.EVALUATION_LIMIT
     assert "force evaluations are used up at t = " in result.detail[0]
+    assert 0 < result.simulated_seconds[0] < 0.1
+
+
+def test_a_finished_run_followed_its_whole_duration():
+    assert _simulate(duration_s=0.003).simulated_seconds[0] == pytest.approx(0.003, rel=1e-12)
