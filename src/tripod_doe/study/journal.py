@@ -33,6 +33,8 @@ CREATE TABLE IF NOT EXISTS block (
 CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
 """
 
+_PER_POINT = ("outcome", "steps", "force_evaluations", "simulated_seconds")
+
 
 @dataclass(frozen=True)
 class FinishedBlock:
@@ -159,7 +161,7 @@ def _pack(result: BlockResult) -> bytes:
     header = {"dims": {name: values.dims for name, values in result.outputs.items()}, "detail": result.detail}
     arrays: dict[str, Any] = {f"output/{name}": values.data for name, values in result.outputs.items()}
     arrays |= {f"coordinate/{name}": labels for name, labels in result.coordinates.items()}
-    arrays |= {"outcome": result.outcome, "steps": result.steps, "force_evaluations": result.force_evaluations}
+    arrays |= {name: getattr(result, name) for name in _PER_POINT}
     buffer = io.BytesIO()
     np.savez(buffer, header=np.frombuffer(json.dumps(header).encode(), np.uint8), **arrays)
     return buffer.getvalue()
@@ -175,8 +177,6 @@ def _unpack(payload: bytes) -> BlockResult:
         return BlockResult(
             outputs,
             coordinates,
-            archive["outcome"],
-            header["detail"],
-            archive["steps"],
-            archive["force_evaluations"],
+            detail=header["detail"],
+            **{name: archive[name] for name in _PER_POINT},
         )
