@@ -49,7 +49,7 @@ _PARAMETERS = [
     Parameter("contact_damping_s_per_mm", 0.001, "s mm-1", "", "Hunt-Crossley factor on the penetration rate",
               "assumed", low=0, high=1, group="material"),
     Parameter("contact_stiffness_factor", 1.0, "1", "", "factor on the contact stiffness",
-              "CONTRACT: for stability studies", low=1e-4, high=1e4, group="stability studies"),
+              "numerics: for stability studies", low=1e-4, high=1e4, group="stability studies"),
     *numerics_parameters("bdf2", 50_000_000),
 ]  # fmt: skip
 
