@@ -12,7 +12,7 @@ from tripod_doe.report.figures.stability import map_of, maps
 from tripod_doe.report.responses import number, spoken, unit_text, with_unit
 from tripod_doe.results import Outcome
 
-__all__ = ["find_in_stability", "is_stability", "stability_table"]
+__all__ = ["border_text", "find_in_stability", "is_stability", "measured_border", "stability_table"]
 
 _HEADS = [
     "Varied", "Method", "Measured border", "By theory", "Limited by", "Measured over theory", "Agree", "First failure",
@@ -71,9 +71,9 @@ def _disagreement(borders: xr.Dataset, m: int, c: int) -> str:
     if not low >= predicted:
         told.append(_first_failure(row))
     where = "base case" if row["varied"].item() == "base" else _level(row, str(row["varied"].item()))
-    reason = "; ".join(told)
+    reason, theory = "; ".join(told), border_text(borders, predicted)
     return (
-        f"{row['method'].item()}, {where}: measured {_bracket(borders, row)}, theory {_border(borders, predicted)}"
+        f"{row['method'].item()}, {where}: measured {measured_border(borders, row)}, theory {theory}"
         f"{'. ' if reason else ''}{reason[:1].upper()}{reason[1:]}."
     )
 
@@ -90,7 +90,7 @@ def _level(row: xr.Dataset, factor: str) -> str:
     return f"{spoken(factor)} {with_unit(number(float(row[factor])), unit)}"
 
 
-def _border(borders: xr.Dataset, value: float) -> str:
+def border_text(borders: xr.Dataset, value: float) -> str:
     """A step in the unit that suits it, or a tolerance."""
     if not math.isfinite(value):
         return "not known" if math.isnan(value) else "none"
@@ -100,14 +100,14 @@ def _border(borders: xr.Dataset, value: float) -> str:
     return f"{float(f'{value / size:.2g}'):g} {unit}" if value < _LONG else "none within reach"
 
 
-def _bracket(borders: xr.Dataset, row: xr.Dataset) -> str:
+def measured_border(borders: xr.Dataset, row: xr.Dataset) -> str:
     """The measured border between two steps, or beyond the ends of the study."""
     low, high = float(row["border_low"]), float(row["border_high"])
     if math.isinf(high):
-        return f"none up to {_border(borders, low)}" if math.isfinite(low) else "not known"
+        return f"none up to {border_text(borders, low)}" if math.isfinite(low) else "not known"
     if math.isnan(low):
-        return f"below {_border(borders, high)}"
-    return f"{_border(borders, low)} to {_border(borders, high)}"
+        return f"below {border_text(borders, high)}"
+    return f"{border_text(borders, low)} to {border_text(borders, high)}"
 
 
 def stability_table(borders: xr.Dataset) -> tuple[list[str], list[list[str]]]:
@@ -126,12 +126,12 @@ def _row(borders: xr.Dataset, part: xr.Dataset, factor: str) -> list[str]:
     decided = int((agrees != Agreement.NOT_DECIDED).sum())
     failures = part["first_failure"].values[part["first_failure"].values != Outcome.NOT_RUN]
     named = [f"{Outcome(int(kind)).label} {int((failures == kind).sum())}" for kind in np.unique(failures)]
-    predicted = [_border(borders, float(end["border_predicted"])) for end in ends]
+    predicted = [border_text(borders, float(end["border_predicted"])) for end in ends]
     limits = dict.fromkeys(_WORDS[Limit(int(kind))] for kind in part["limited_by"].values)
     return [
         f"{spoken(factor)} {with_unit(levels, unit_text(str(part[factor].attrs.get('units', '1'))))}",
         str(part["method"].item()),
-        "; ".join(dict.fromkeys(_bracket(borders, end) for end in ends)),
+        "; ".join(dict.fromkeys(measured_border(borders, end) for end in ends)),
         " to ".join(dict.fromkeys(predicted)),
         ", ".join(limits),
         " to ".join(dict.fromkeys(f"{value:.2f}" for value in (ratio.min(), ratio.max()))) if ratio.size else "",
