@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping
 from typing import Any, ClassVar
 
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
 from tripod_doe.joint import models
+from tripod_doe.joint.fit import misfits
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, coordinates
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_units
 from tripod_doe.mechanics.compilation import KERNEL_SOURCE_HASH
@@ -218,26 +218,12 @@ def _reject(
         for position in np.flatnonzero(is_set):
             detail[chosen[position]] = f"{name} is not used by {model.name} with {method}"
         usable &= ~is_set
-    for misfit, reason in _misfits(columns):
+    for misfit, reason in misfits(_numbers(model, method, columns, np.arange(chosen.size))):
         if usable[misfit]:
             outcome[chosen[misfit]] = Outcome.JAMMED
             detail[chosen[misfit]] = reason
             usable[misfit] = False
     return np.flatnonzero(usable)
-
-
-def _misfits(columns: Mapping[str, NDArray[Any]]) -> list[tuple[int, str]]:
-    """Points whose parts cannot be put together, with the reason."""
-    pitch, needle = columns["needle_pitch_diameter_mm"], columns["needle_diameter_mm"]
-    bore = pitch + needle + 2 * columns["bearing_radial_clearance_mm"]
-    with np.errstate(invalid="ignore"):
-        angle = 2 * np.arcsin(np.minimum(needle / pitch, 1.0)) * columns["needle_count"]
-    reasons = [
-        (needle >= pitch, "the needles leave no trunnion: needle_diameter_mm must be below needle_pitch_diameter_mm"),
-        (angle > 2 * math.pi, "the needles do not fit on the pitch circle: reduce needle_count or needle_diameter_mm"),
-        (bore >= 2 * columns["roller_radius_mm"], "the bore is larger than the roller: raise roller_radius_mm"),
-    ]
-    return [(int(position), text) for bad, text in reasons for position in np.flatnonzero(bad)]
 
 
 scene = JointScene()
