@@ -10,7 +10,8 @@ slip reversals
 halved step
     Short windows along the way are run again from the same state with half the step (or a tenth of the tolerance). The
     displacements and turns must agree within `Limits.disagreement` of the slip path of the window (of its travel where
-    nothing slips): a first-order method's error is twice the difference.
+    nothing slips), or of what the run slips on average in that time, if that is more: a first-order method's error is
+    twice the difference.
 penetration, drift, runaway, budget, step floor
     Bounds on the state and on the work.
 """
@@ -19,6 +20,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,18 +124,34 @@ def method_named(name: str) -> Method:
     return METHODS[name]
 
 
+class _Window(NamedTuple):
+    """How far apart a window and its halved steps led.
+
+    Lengths and turns (times the scene's lever) apart a body, each of shape (body,); the slip path, travel and spin of
+    the window that they are measured by.
+    """
+
+    begin: float
+    duration: float
+    apart: FloatArray
+    turned: FloatArray
+    path: float
+    travel: float
+    spun: float
+
+
 @dataclass
 class _Checks:
     """Findings that gather while a run goes on."""
 
     failure: tuple[Outcome, str] | None = None
-    disagreement: float = math.nan
     penetration: float = 0.0
     evaluations: int = 0
     initial_energy: float = 0.0
     turned_over: float = 0.0
     sizes: FloatArray = field(default_factory=lambda: np.zeros(0))
-    windows: list[float] = field(default_factory=list)
+    windows: list[_Window] = field(default_factory=list)
+    speeds: list[FloatArray] = field(default_factory=list)
     residuals: list[tuple[float, float]] = field(default_factory=list)
 
     def fail(self, outcome: Outcome, detail: str) -> None:
@@ -211,19 +229,20 @@ def run(
             checks.fail(Outcome(int(status)), _stopped(assembly, memory, Outcome(int(status)), state.time))
             break
         if before is not None:
-            _compare(assembly, chosen, before, state, memory, stop - done, settings, limits, checks)
+            _compare(assembly, chosen, before, state, memory, stop - done, settings, checks)
         done = stop
         if is_sample:
             _inspect(assembly, memory, state, limits, checks)
             times.append(state.time)
             positions.append(state.positions.copy())
             velocities.append(state.velocities.copy())
+    disagreement = _halved_steps(assembly, limits, checks)
     energy = _energy_balance(limits, checks)
     reversals = _reversals(assembly, memory, limits, state.time, checks)
     outcome, detail = checks.failure or (Outcome.FINISHED, "")
     return Run(
         outcome, detail, np.array(times), np.array(positions), np.array(velocities), memory.balance.copy(),
-        energy, reversals, checks.disagreement, checks.penetration, float(memory.extremes[0]),
+        energy, reversals, disagreement, checks.penetration, float(memory.extremes[0]),
         int(memory.counters[3]), int(memory.counters[0]), checks.evaluations,
     )  # fmt: skip
 
@@ -293,6 +312,7 @@ def _inspect(assembly: Assembly, memory: Work, state: State, limits: Limits, che
     held = _NOTHING * abs(checks.initial_energy)
     checks.turned_over = max(checks.turned_over, abs(change), abs(put_in), abs(lost), held)
     checks.residuals.append((state.time, change - put_in + lost))
+    checks.speeds.append(_speeds(assembly, memory, state))
     at, tables = f"at t = {state.time:.6g}", assembly.tables
     for deepest, share, depth, body in (
         largest_penetration(tables.contacts, checks.sizes, state.positions),
@@ -322,7 +342,7 @@ def _energy_balance(limits: Limits, checks: _Checks) -> float:
 
 def _compare(
     assembly: Assembly, method: Method, before: State, after: State, memory: Work, count: int,
-    settings: Settings, limits: Limits, checks: _Checks,
+    settings: Settings, checks: _Checks,
 ) -> None:  # fmt: skip
     """Run a window again with half the step, or a tenth of the tolerance, and compare where it leads."""
     probe, again, clock = assembly.work(), before.copy(), np.array([before.time, 0.0, 0.0])
@@ -337,25 +357,43 @@ def _compare(
         checks.fail(Outcome.INACCURATE, f"half the step fails {at}: {Outcome(int(status)).label}")
         return
     evaluate(assembly.tables, probe, before.positions, before.velocities, before.time, 0.0)
-    slips = [np.sqrt((slip**2).sum(axis=1)).max(initial=0.0) for slip in (probe.slip, memory.slip)]
-    path = float(np.mean(slips)) * (after.time - before.time)
-    travel = float(np.abs(after.positions[:, :3] - before.positions[:, :3]).max())
+    begun, ended = _speeds(assembly, probe, before), _speeds(assembly, memory, after)
+    duration, lever = after.time - before.time, assembly.scene.speed_scale / assembly.scene.rotation_scale
     apart = np.sqrt(((again.positions[:, :3] - after.positions[:, :3]) ** 2).sum(axis=1))
-    least = 1e-9 * assembly.scene.length_scale
-    lever = assembly.scene.speed_scale / assembly.scene.rotation_scale
-    spun = lever * float(np.abs(after.velocities[:, 3:]).max()) * (after.time - before.time)
     turned = lever * _turns_between(again.positions, after.positions)
-    apart = np.maximum(
-        apart / max(path if path > 0 else travel, least), turned / max(path if path > 0 else spun, least)
+    travel = float(np.abs(after.positions[:, :3] - before.positions[:, :3]).max())
+    path = 0.5 * float(begun[0] + ended[0]) * duration
+    checks.windows.append(_Window(before.time, duration, apart, turned, path, travel, float(ended[2]) * duration))
+
+
+def _speeds(assembly: Assembly, memory: Work, state: State) -> FloatArray:
+    """Largest slip, speed and angular velocity (times the scene's lever) of a state whose slips are known."""
+    lever = assembly.scene.speed_scale / assembly.scene.rotation_scale
+    return np.array(
+        [
+            np.sqrt((memory.slip**2).sum(axis=1)).max(initial=0.0),
+            np.abs(state.velocities[:, :3]).max(),
+            lever * np.abs(state.velocities[:, 3:]).max(),
+        ]
     )
-    disagreement = float(apart.max())
-    checks.windows.append(disagreement)
-    checks.disagreement = max(checks.windows)
-    if not disagreement <= limits.disagreement:
-        body = assembly.names[int(apart.argmax())]
-        way = "slip path" if path > 0 else "travel"
-        text = f"half the step leads {100 * disagreement:.3g} % of the {way} elsewhere {at}, body {body}"
-        checks.fail(Outcome.INACCURATE, text)
+
+
+def _halved_steps(assembly: Assembly, limits: Limits, checks: _Checks) -> float:
+    """Largest disagreement of a window with its halved steps, over its own slip path or the run's in that time."""
+    slip, speed, spin = np.mean(checks.speeds, axis=0) if checks.speeds else np.zeros(3)
+    least, worst = 1e-9 * assembly.scene.length_scale, math.nan
+    for w in checks.windows:
+        path = max(w.path, slip * w.duration)
+        by_length = path if path > 0 else max(w.travel, speed * w.duration)
+        by_turn = path if path > 0 else max(w.spun, spin * w.duration)
+        apart = np.maximum(w.apart / max(by_length, least), w.turned / max(by_turn, least))
+        disagreement = float(apart.max())
+        if not disagreement <= limits.disagreement:
+            body, way = assembly.names[int(apart.argmax())], "slip path" if path > 0 else "travel"
+            text = f"half the step leads {100 * disagreement:.3g} % of the {way} elsewhere at t = {w.begin:.6g}"
+            checks.fail(Outcome.INACCURATE, f"{text}, body {body}")
+        worst = disagreement if not disagreement <= worst else worst
+    return worst
 
 
 def _turns_between(positions: FloatArray, others: FloatArray) -> FloatArray:
