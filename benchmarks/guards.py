@@ -144,7 +144,7 @@ def run_thrown(values: Mapping[str, float], method: str, setting: float) -> tupl
 
 
 def draw_dropped(rng: np.random.Generator) -> dict[str, float]:
-    return {"height": log_uniform(rng, 0.01, 0.2), "stiffness": log_uniform(rng, 1e5, 1e7)}
+    return {"height": log_uniform(rng, 0.01, 0.2), "stiffness": log_uniform(rng, 3e6, 3e8)}
 
 
 def run_dropped(values: Mapping[str, float], method: str, setting: float) -> tuple[Run, float]:
@@ -154,10 +154,10 @@ def run_dropped(values: Mapping[str, float], method: str, setting: float) -> tup
 
 
 CHEAP = {
-    "needle": CheapScene(draw_needle, run_needle, (2e-9, 1e-6), (1e-7, 1e-3), (1e-7, 1e-1)),
-    "groove": CheapScene(draw_groove, run_groove, (1e-7, 2e-5), (1e-7, 1e-3), (1e-7, 1e-1)),
+    "needle": CheapScene(draw_needle, run_needle, (2e-9, 1e-6), (3e-7, 1e-3), (1e-7, 1e-1)),
+    "groove": CheapScene(draw_groove, run_groove, (2e-6, 2e-4), (1e-6, 1e-3), (1e-7, 1e-1)),
     "thrown": CheapScene(draw_thrown, run_thrown, (1e-5, 1e-2), (1e-4, 2e-1), (1e-6, 1e-1)),
-    "dropped": CheapScene(draw_dropped, run_dropped, (1e-5, 2e-2), (1e-6, 1e-2), (1e-7, 1e-1)),
+    "dropped": CheapScene(draw_dropped, run_dropped, (5e-6, 1e-2), (3e-6, 1e-2), (1e-7, 1e-1)),
 }
 
 

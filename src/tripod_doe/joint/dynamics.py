@@ -44,7 +44,7 @@ _ERROR_LIMIT, _ERROR_FLOOR = 0.05, 1e-4
 _UNREST_LIMIT = 0.25
 """Effective difference of the thrust's waveforms in the last two revolutions over the third order above which a run is
 inaccurate. A joint that rattles or swings slides to and fro at its grooves, which takes part of the friction away.
-Measured (benchmarks/guards.py, 90 runs): up to 0.18 where the third order is good to 1 %, from 0.38 where this spoils it."""
+Measured on 90 runs (benchmarks/guards.py): up to 0.18 where the third order is good to 1 %, above 0.38 where not."""
 
 _BUDGET = 20_000_000
 """Force evaluations: a minute or so of rollers, half an hour of needles."""

@@ -8,10 +8,10 @@ energy
 slip reversals
     A slip that reverses from step to step is chatter, not motion.
 halved step
-    Short windows along the way are run again from the same state with half the step (or a tenth of the tolerance). The
-    displacements and turns must agree within `Limits.disagreement` of the slip path of the window (of its travel where
-    nothing slips), or of what the run slips on average in that time, if that is more: a first-order method's error is
-    twice the difference.
+    Short windows along the way are run again from the same state with half the step (or a tenth of the tolerance). They
+    are a sample of the run: the differences of a body's places and turns, summed over all windows, must stay within
+    `Limits.disagreement` of their slip paths in sum (of their travel where nothing slips). A first-order method's error
+    is twice the difference.
 penetration, drift, runaway, budget, step floor
     Bounds on the state and on the work.
 """
@@ -54,7 +54,8 @@ class Limits:
     turned_over
         Energy that counts as turned over even where a motion turns over less.
     reversals
-        Share of the steps in which a sphere's slip reversed, for the sphere that did it most.
+        Share of the steps in which a sphere's slip reversed, for the sphere that did it most; slip below a hundredth of
+        the transition velocity is rolling, whichever way it points.
     disagreement
         Difference to the halved step over the slip path: one per cent stands for an error of two of it at first order.
         Turns count by the length that speed_scale is at rotation_scale.
@@ -125,14 +126,12 @@ def method_named(name: str) -> Method:
 
 
 class _Window(NamedTuple):
-    """How far apart a window and its halved steps led.
+    """How far a window and its halved steps led apart.
 
-    Lengths and turns (times the scene's lever) apart a body, each of shape (body,); the slip path, travel and spin of
-    the window that they are measured by.
+    Lengths, and turns times the scene's lever, shape (body,); slip path, travel and spin that they are measured by.
     """
 
     begin: float
-    duration: float
     apart: FloatArray
     turned: FloatArray
     path: float
@@ -151,7 +150,6 @@ class _Checks:
     turned_over: float = 0.0
     sizes: FloatArray = field(default_factory=lambda: np.zeros(0))
     windows: list[_Window] = field(default_factory=list)
-    speeds: list[FloatArray] = field(default_factory=list)
     residuals: list[tuple[float, float]] = field(default_factory=list)
 
     def fail(self, outcome: Outcome, detail: str) -> None:
@@ -312,7 +310,6 @@ def _inspect(assembly: Assembly, memory: Work, state: State, limits: Limits, che
     held = _NOTHING * abs(checks.initial_energy)
     checks.turned_over = max(checks.turned_over, abs(change), abs(put_in), abs(lost), held)
     checks.residuals.append((state.time, change - put_in + lost))
-    checks.speeds.append(_speeds(assembly, memory, state))
     at, tables = f"at t = {state.time:.6g}", assembly.tables
     for deepest, share, depth, body in (
         largest_penetration(tables.contacts, checks.sizes, state.positions),
@@ -357,43 +354,36 @@ def _compare(
         checks.fail(Outcome.INACCURATE, f"half the step fails {at}: {Outcome(int(status)).label}")
         return
     evaluate(assembly.tables, probe, before.positions, before.velocities, before.time, 0.0)
-    begun, ended = _speeds(assembly, probe, before), _speeds(assembly, memory, after)
+    slips = [np.sqrt((slip**2).sum(axis=1)).max(initial=0.0) for slip in (probe.slip, memory.slip)]
     duration, lever = after.time - before.time, assembly.scene.speed_scale / assembly.scene.rotation_scale
-    apart = np.sqrt(((again.positions[:, :3] - after.positions[:, :3]) ** 2).sum(axis=1))
-    turned = lever * _turns_between(again.positions, after.positions)
-    travel = float(np.abs(after.positions[:, :3] - before.positions[:, :3]).max())
-    path = 0.5 * float(begun[0] + ended[0]) * duration
-    checks.windows.append(_Window(before.time, duration, apart, turned, path, travel, float(ended[2]) * duration))
-
-
-def _speeds(assembly: Assembly, memory: Work, state: State) -> FloatArray:
-    """Largest slip, speed and angular velocity (times the scene's lever) of a state whose slips are known."""
-    lever = assembly.scene.speed_scale / assembly.scene.rotation_scale
-    return np.array(
-        [
-            np.sqrt((memory.slip**2).sum(axis=1)).max(initial=0.0),
-            np.abs(state.velocities[:, :3]).max(),
-            lever * np.abs(state.velocities[:, 3:]).max(),
-        ]
+    checks.windows.append(
+        _Window(
+            before.time,
+            np.sqrt(((again.positions[:, :3] - after.positions[:, :3]) ** 2).sum(axis=1)),
+            lever * _turns_between(again.positions, after.positions),
+            float(np.mean(slips)) * duration,
+            float(np.abs(after.positions[:, :3] - before.positions[:, :3]).max()),
+            lever * float(np.abs(after.velocities[:, 3:]).max()) * duration,
+        )
     )
 
 
 def _halved_steps(assembly: Assembly, limits: Limits, checks: _Checks) -> float:
-    """Largest disagreement of a window with its halved steps, over its own slip path or the run's in that time."""
-    slip, speed, spin = np.mean(checks.speeds, axis=0) if checks.speeds else np.zeros(3)
-    least, worst = 1e-9 * assembly.scene.length_scale, math.nan
-    for w in checks.windows:
-        path = max(w.path, slip * w.duration)
-        by_length = path if path > 0 else max(w.travel, speed * w.duration)
-        by_turn = path if path > 0 else max(w.spun, spin * w.duration)
-        apart = np.maximum(w.apart / max(by_length, least), w.turned / max(by_turn, least))
-        disagreement = float(apart.max())
-        if not disagreement <= limits.disagreement:
-            body, way = assembly.names[int(apart.argmax())], "slip path" if path > 0 else "travel"
-            text = f"half the step leads {100 * disagreement:.3g} % of the {way} elsewhere at t = {w.begin:.6g}"
-            checks.fail(Outcome.INACCURATE, f"{text}, body {body}")
-        worst = disagreement if not disagreement <= worst else worst
-    return worst
+    """What all windows are apart from their halved steps, over their slip paths: the body that it is largest for."""
+    if not checks.windows:
+        return math.nan
+    path, travel, spun = (sum(getattr(w, name) for w in checks.windows) for name in ("path", "travel", "spun"))
+    least = 1e-9 * assembly.scene.length_scale
+    by_length, by_turn = (max(path if path > 0 else other, least) for other in (travel, spun))
+    shares = np.array([np.maximum(w.apart / by_length, w.turned / by_turn) for w in checks.windows])
+    total = shares.sum(axis=0)
+    disagreement = float(total.max())
+    if not disagreement <= limits.disagreement:
+        body = int(total.argmax())
+        time, way = checks.windows[int(shares[:, body].argmax())].begin, "slip path" if path > 0 else "travel"
+        text = f"half the step leads {100 * disagreement:.3g} % of the {way} elsewhere, most at t = {time:.6g}"
+        checks.fail(Outcome.INACCURATE, f"{text}, body {assembly.names[body]}")
+    return disagreement
 
 
 def _turns_between(positions: FloatArray, others: FloatArray) -> FloatArray:
