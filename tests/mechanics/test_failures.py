@@ -130,3 +130,43 @@ def test_the_tangent_slope_of_friction_fails_where_the_secant_holds():
     truth = closed_form(numbers(duration_s=duration))[1]
     assert drift_by_linear_steps(1.0, step, duration) == pytest.approx(truth, rel=0.02)
     assert not abs(drift_by_linear_steps(0.0, step, duration) / truth - 1) < 0.5
+
+
+def swing(**settings):
+    """A pendulum of length 1 in steps of 0.02 s by the classical Runge-Kutta method."""
+    return run(assemble(pendulum()), "rk4", 2.0, step=0.02, samples=20, settings=Settings(**settings))
+
+
+def test_drift_without_stabilisation_is_told():
+    """Accelerations alone let the rod grow longer; projection or Baumgarte's rates hold it."""
+    held, drifting = swing(), swing(projection=False)
+    assert held.outcome == Outcome.FINISHED, held.detail
+    assert held.drift < 1e-12
+    assert drifting.drift > 10 * swing(projection=False, baumgarte=10.0).drift
+    fast = run(assemble(pendulum()), "rk4", 10.0, step=0.1, samples=20, settings=Settings(projection=False))
+    assert fast.outcome == Outcome.INACCURATE
+    assert "constraints have drifted by" in fast.detail
+
+
+def test_baumgartes_rate_beyond_the_steps_is_told():
+    """alpha h beyond 2.785, where the method itself leaves its region of stability on the decay alpha."""
+    assert swing(projection=False, baumgarte=20.0).outcome == Outcome.FINISHED
+    stiff = swing(projection=False, baumgarte=4.0 / 0.02)
+    assert stiff.outcome in (Outcome.DIVERGED, Outcome.INACCURATE)
+    assert "t = " in stiff.detail
+
+
+@pytest.mark.parametrize("method", list(METHODS))
+def test_a_budget_of_few_evaluations_is_told_by_every_method(method):
+    settings = Settings(tolerance=1e-6, budget=40)
+    result, _ = needle(method, settings, None if METHODS[method].controlled else 1e-8)
+    assert result.outcome == Outcome.EVALUATION_LIMIT
+    assert "force evaluations are used up at t = " in result.detail
+
+
+def test_chatter_of_unloaded_needles_is_told():
+    """A loaded ring with clearance: most needles are loose and are thrown to and fro in steps too long for their gaps."""
+    assembly = assemble(needle_ring(9, preload=-3e-3, speed=60.0, load=300.0))
+    result = run(assembly, "linearly-implicit-euler", 5e-3, step=1e-4, samples=20)
+    assert result.outcome in (Outcome.INACCURATE, Outcome.DIVERGED)
+    assert "t = " in result.detail
