@@ -121,6 +121,7 @@ def test_a_straight_joint_has_no_thrust(simulated):
 @pytest.mark.parametrize("given", [{}, skews(0.4, -0.4, 0.4)])
 def test_few_needles_behave_like_rollers(simulated, given):
     """Limit: bodies that roll with the bearing's friction; few thick needles rattle, so 5 % of the third order."""
+    given = given | {"relative_tolerance": 1e-3}  # their rattling is an error of 5 % at the default, 1 % here
     needles, rollers = (simulated(model=model, **FEW, **given) for model in ("needles", "rollers"))
     assert abs(order(needles, 3)) == pytest.approx(abs(order(rollers, 3)), rel=0.05)
     assert needles["needle_skew_deg"].sizes == {"trunnion": 3, "rotation_deg": 720}
@@ -221,8 +222,8 @@ def test_a_budget_that_is_used_up_is_told():
 
 
 def test_a_preloaded_bearing_gives_a_converged_answer(simulated):
-    """Numerical error: -0.003 mm and -0.05 mm finish, with a number that holds at a quarter of the tolerance."""
-    for clearance in (-0.003, -0.05):
+    """Numerical error: -0.003 mm and -0.005 mm finish, with a number that holds at a quarter of the tolerance."""
+    for clearance in (-0.003, -0.005):
         rough, fine = (simulated(bearing_radial_clearance_mm=clearance, **numerics)
                        for numerics in ({}, {"relative_tolerance": 1e-3}))  # fmt: skip
         assert abs(order(rough, 3) - order(fine, 3)) < rough["thrust_amplitude_error"].values[3]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
 from tripod_doe.joint import models
-from tripod_doe.joint.construction import misfits
+from tripod_doe.joint.fit import misfits
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, coordinates
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_units
 from tripod_doe.mechanics.compilation import KERNEL_SOURCE_HASH
@@ -219,7 +219,7 @@ def _reject(
         for position in np.flatnonzero(is_set):
             detail[chosen[position]] = f"{name} is not used by {model.name} with {method}"
         usable &= ~is_set
-    for misfit, reason in misfits(columns):
+    for misfit, reason in misfits(_numbers(model, method, columns, np.arange(chosen.size))):
         if usable[misfit]:
             outcome[chosen[misfit]] = Outcome.JAMMED
             detail[chosen[misfit]] = reason

@@ -13,8 +13,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.joint.construction import misfits
-from tripod_doe.joint.dynamics import amplitude_error, follow, judge_third_order, prepare_joint
+from tripod_doe.joint.dynamics import amplitude_error, finer_thrust, follow, judge, prepare_joint
+from tripod_doe.joint.fit import misfits
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.multibody import build_trunnion
 from tripod_doe.joint.orders import ORDERS, amplitude_and_phase, complex_amplitudes
@@ -25,7 +25,6 @@ from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Run, method_named
 from tripod_doe.mechanics.scenes.simulator import RUN_OUTPUTS, SceneSimulator
 from tripod_doe.quantities import Output, Parameter
-from tripod_doe.results import Outcome
 
 __all__ = ["TrunnionScene", "scene"]
 
@@ -85,7 +84,7 @@ class TrunnionScene(SceneSimulator):
 
     def misfit(self, values: Mapping[str, float]) -> str:
         """Say why the parts do not fit, or nothing."""
-        found = misfits({name: np.array([value]) for name, value in values.items()})
+        found = misfits({name: np.array([value]) for name, value in _internal(values).items()})
         return found[0][1] if found else ""
 
     def compile(self, method: str) -> None:
@@ -93,7 +92,7 @@ class TrunnionScene(SceneSimulator):
         prepare_joint(_internal({}), method)
 
     def run(self, values: Mapping[str, float], method: str, step: float | None, settings: Settings) -> Run:
-        """Simulate one point; its last half revolution is run again, and its third order judged by the difference."""
+        """Simulate one point; its last revolution is run again, and its third order judged by the difference."""
         inside = _internal(values)
         if not (inside["speed_rpm"] > 0 and inside["torque_n_m"] != 0):
             raise ValueError("a trunnion at rest or without torque has no thrust orders; give speed_rpm and torque_n_m")
@@ -101,12 +100,9 @@ class TrunnionScene(SceneSimulator):
         result, again = follow(assembly, inside, method, _SAMPLES, step, settings)
         if again is None:
             return result
-        if again.outcome != Outcome.FINISHED:
-            detail = f"half the tolerance or step fails: {again.detail}"
-            return replace(result, outcome=Outcome.INACCURATE, detail=detail, check_evaluations=again.force_evaluations)
-        thrust, finer = (groove_readings(assembly, run.positions, run.velocities)[0][0] for run in (result, again))
-        error = amplitude_error(thrust, finer, _SAMPLES, method_named(method).order)
-        outcome, detail = judge_third_order(_last_two(thrust), error, inside)
+        thrust = groove_readings(assembly, result.positions, result.velocities)[0][0]
+        error = amplitude_error(thrust, finer_thrust(assembly, again)[0], _SAMPLES, method_named(method))
+        outcome, detail = judge(result, again, _last_two(thrust), error, inside)
         return replace(result, outcome=outcome, detail=detail, check_evaluations=again.force_evaluations)
 
     def answer(self, values: Mapping[str, float], result: Run) -> dict[str, Any]:

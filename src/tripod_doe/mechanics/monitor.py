@@ -18,6 +18,10 @@ RUNAWAY = 1e6
 """A speed this many times the scene's scale is no motion of the scene."""
 
 
+_ROLLING = 0.01
+"""Slip below this share of the transition velocity is what rolling and rounding leave: its sign means nothing."""
+
+
 class Settings(NamedTuple):
     """Numerics of a run.
 
@@ -66,10 +70,11 @@ def _count_reversals(contacts, touching, slip, before, reversals):
         if touching[i, 0] + touching[i, 1] == 0:
             continue
         touching[i, 1] = touching[i, 0]
+        least = (_ROLLING * contacts[i].sliding_transition) ** 2
         for k in range(contacts[i].first, contacts[i].first + contacts[i].groups):
             now, then, counts = slip[k], before[k], reversals[k]
             product = load(now, 0) * load(then, 0) + load(now, 1) * load(then, 1) + load(now, 2) * load(then, 2)
-            store(counts, 0, load(counts, 0) + select(product < 0.0, 1.0, 0.0))
+            store(counts, 0, load(counts, 0) + select(product < -least, 1.0, 0.0))
             store(counts, 1, load(counts, 1) + select(abs(product) > 0.0, 1.0, 0.0))
             for d in range(3):
                 store(then, d, load(now, d))

@@ -8,9 +8,10 @@ energy
 slip reversals
     A slip that reverses from step to step is chatter, not motion.
 halved step
-    Short windows along the way are run again from the same state with half the step (or a tenth of the tolerance). The
-    displacements and turns must agree within `Limits.disagreement` of the slip path of the window (of its travel where
-    nothing slips): a first-order method's error is twice the difference.
+    Short windows along the way are run again from the same state with half the step (or a tenth of the tolerance). They
+    are a sample of the run: the differences of a body's places and turns, summed over all windows, must stay within
+    `Limits.disagreement` of their slip paths in sum (of their travel where nothing slips). A first-order method's error
+    is twice the difference.
 penetration, drift, runaway, budget, step floor
     Bounds on the state and on the work.
 """
@@ -19,6 +20,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +54,8 @@ class Limits:
     turned_over
         Energy that counts as turned over even where a motion turns over less.
     reversals
-        Share of the steps in which a sphere's slip reversed, for the sphere that did it most.
+        Share of the steps in which a sphere's slip reversed, for the sphere that did it most; slip below a hundredth of
+        the transition velocity is rolling, whichever way it points.
     disagreement
         Difference to the halved step over the slip path: one per cent stands for an error of two of it at first order.
         Turns count by the length that speed_scale is at rotation_scale.
@@ -128,18 +131,31 @@ def method_named(name: str) -> Method:
     return METHODS[name]
 
 
+class _Window(NamedTuple):
+    """How far a window and its halved steps led apart.
+
+    Lengths, and turns times the scene's lever, shape (body,); slip path, travel and spin that they are measured by.
+    """
+
+    begin: float
+    apart: FloatArray
+    turned: FloatArray
+    path: float
+    travel: float
+    spun: float
+
+
 @dataclass
 class _Checks:
     """Findings that gather while a run goes on."""
 
     failure: tuple[Outcome, str] | None = None
-    disagreement: float = math.nan
     penetration: float = 0.0
     evaluations: int = 0
     initial_energy: float = 0.0
     turned_over: float = 0.0
     sizes: FloatArray = field(default_factory=lambda: np.zeros(0))
-    windows: list[float] = field(default_factory=list)
+    windows: list[_Window] = field(default_factory=list)
     residuals: list[tuple[float, float]] = field(default_factory=list)
 
     def fail(self, outcome: Outcome, detail: str) -> None:
@@ -217,19 +233,20 @@ def run(
             checks.fail(Outcome(int(status)), _stopped(assembly, memory, Outcome(int(status)), state.time))
             break
         if before is not None:
-            _compare(assembly, chosen, before, state, memory, stop - done, settings, limits, checks)
+            _compare(assembly, chosen, before, state, memory, stop - done, settings, checks)
         done = stop
         if is_sample:
             _inspect(assembly, memory, state, limits, checks)
             times.append(state.time)
             positions.append(state.positions.copy())
             velocities.append(state.velocities.copy())
+    disagreement = _halved_steps(assembly, limits, checks)
     energy = _energy_balance(limits, checks)
     reversals = _reversals(assembly, memory, limits, state.time, checks)
     outcome, detail = checks.failure or (Outcome.FINISHED, "")
     return Run(
         assembly, outcome, detail, np.array(times), np.array(positions), np.array(velocities), memory.balance.copy(),
-        energy, reversals, checks.disagreement, checks.penetration, float(memory.extremes[0]),
+        energy, reversals, disagreement, checks.penetration, float(memory.extremes[0]),
         int(memory.counters[3]), int(memory.counters[0]), checks.evaluations, state.time - begin,
     )  # fmt: skip
 
@@ -328,7 +345,7 @@ def _energy_balance(limits: Limits, checks: _Checks) -> float:
 
 def _compare(
     assembly: Assembly, method: Method, before: State, after: State, memory: Work, count: int,
-    settings: Settings, limits: Limits, checks: _Checks,
+    settings: Settings, checks: _Checks,
 ) -> None:  # fmt: skip
     """Run a window again with half the step, or a tenth of the tolerance, and compare where it leads."""
     probe, again, clock = assembly.work(), before.copy(), np.array([before.time, 0.0, 0.0])
@@ -344,24 +361,35 @@ def _compare(
         return
     evaluate(assembly.tables, probe, before.positions, before.velocities, before.time, 0.0)
     slips = [np.sqrt((slip**2).sum(axis=1)).max(initial=0.0) for slip in (probe.slip, memory.slip)]
-    path = float(np.mean(slips)) * (after.time - before.time)
-    travel = float(np.abs(after.positions[:, :3] - before.positions[:, :3]).max())
-    apart = np.sqrt(((again.positions[:, :3] - after.positions[:, :3]) ** 2).sum(axis=1))
-    least = 1e-9 * assembly.scene.length_scale
-    lever = assembly.scene.speed_scale / assembly.scene.rotation_scale
-    spun = lever * float(np.abs(after.velocities[:, 3:]).max()) * (after.time - before.time)
-    turned = lever * _turns_between(again.positions, after.positions)
-    apart = np.maximum(
-        apart / max(path if path > 0 else travel, least), turned / max(path if path > 0 else spun, least)
+    duration, lever = after.time - before.time, assembly.scene.speed_scale / assembly.scene.rotation_scale
+    checks.windows.append(
+        _Window(
+            before.time,
+            np.sqrt(((again.positions[:, :3] - after.positions[:, :3]) ** 2).sum(axis=1)),
+            lever * _turns_between(again.positions, after.positions),
+            float(np.mean(slips)) * duration,
+            float(np.abs(after.positions[:, :3] - before.positions[:, :3]).max()),
+            lever * float(np.abs(after.velocities[:, 3:]).max()) * duration,
+        )
     )
-    disagreement = float(apart.max())
-    checks.windows.append(disagreement)
-    checks.disagreement = max(checks.windows)
+
+
+def _halved_steps(assembly: Assembly, limits: Limits, checks: _Checks) -> float:
+    """What all windows are apart from their halved steps, over their slip paths: the body that it is largest for."""
+    if not checks.windows:
+        return math.nan
+    path, travel, spun = (sum(getattr(w, name) for w in checks.windows) for name in ("path", "travel", "spun"))
+    least = 1e-9 * assembly.scene.length_scale
+    by_length, by_turn = (max(path if path > 0 else other, least) for other in (travel, spun))
+    shares = np.array([np.maximum(w.apart / by_length, w.turned / by_turn) for w in checks.windows])
+    total = shares.sum(axis=0)
+    disagreement = float(total.max())
     if not disagreement <= limits.disagreement:
-        body = assembly.names[int(apart.argmax())]
-        way = "slip path" if path > 0 else "travel"
-        text = f"half the step leads {100 * disagreement:.3g} % of the {way} elsewhere {at}, body {body}"
-        checks.fail(Outcome.INACCURATE, text)
+        body = int(total.argmax())
+        time, way = checks.windows[int(shares[:, body].argmax())].begin, "slip path" if path > 0 else "travel"
+        text = f"half the step leads {100 * disagreement:.3g} % of the {way} elsewhere, most at t = {time:.6g}"
+        checks.fail(Outcome.INACCURATE, f"{text}, body {assembly.names[body]}")
+    return disagreement
 
 
 def _turns_between(positions: FloatArray, others: FloatArray) -> FloatArray:

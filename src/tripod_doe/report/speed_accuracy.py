@@ -37,7 +37,7 @@ def find_in_speed_accuracy(data: xr.Dataset) -> list[str]:
     """What each case's default costs against the best method, what its model is off by, and what failed."""
     sentences = [
         "Prices are CPU seconds per simulated second with all checks of a run (a multibody run of joint or trunnion "
-        "repeats its last half revolution), the median of the repetitions; those of a run differ by a factor of "
+        "repeats its last revolution), the median of the repetitions; those of a run differ by a factor of "
         f"{_spread(data):.2f} or less in nine of ten runs."
     ]
     for case in data["case"].values:

@@ -19,7 +19,7 @@ from tripod_doe.mechanics.scene import (
     Vector,
 )  # fmt: skip
 
-__all__ = ["four_bars", "free_body", "pendulum", "rolling_sphere", "smooth_groove"]
+__all__ = ["dropped_ball", "four_bars", "free_body", "pendulum", "rolling_sphere", "smooth_groove"]
 
 _GRAVITY = (0.0, -9.81, 0.0)
 
@@ -65,6 +65,23 @@ def rolling_sphere(friction: float = 0.2, transition: float = 1e-3) -> Scene:
     ball = Body("ball", mass, (0.4 * mass * radius**2,) * 3, position=(0.0, 0.0, radius - depth), velocity=(1.0, 0, 0))
     touch = SphereRow("ball", Plane(GROUND), radius, stiffness, damping=1.0, friction=Friction(friction, transition))
     return Scene((ball,), contacts=(touch,), gravity=(0.0, 0.0, -9.81), length_scale=0.1, rotation_scale=10.0)
+
+
+def dropped_ball(height: float = 0.05, stiffness: float = 1e6) -> tuple[Scene, float, float]:
+    """A ball of 1 kg that falls onto an elastic plane and comes back to its height. SI units.
+
+    Returns
+    -------
+    tuple
+        The scene, when the ball is at its height again, and how long it touches the plane (Hertz: 2.943 delta / v).
+    """
+    gravity, radius = 9.81, 0.1
+    speed = math.sqrt(2 * gravity * height)
+    touching = 2.943 * (5 * speed**2 / (4 * stiffness)) ** 0.4 / speed
+    ball = Body("ball", 1.0, (0.4 * radius**2,) * 3, position=(0.0, 0.0, radius + height))
+    touch = SphereRow("ball", Plane(GROUND), radius, stiffness)
+    scene = Scene((ball,), contacts=(touch,), gravity=(0.0, 0.0, -gravity), length_scale=height, speed_scale=speed)
+    return scene, 2 * speed / gravity + touching, touching
 
 
 def smooth_groove() -> Scene:

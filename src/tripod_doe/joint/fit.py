@@ -1,0 +1,80 @@
+"""Whether the parts of the joint go together and can move: what makes a point jammed before anything is solved.
+
+Needles on their pitch circle, all skewed by psi, are lines of a hyperboloid: the axes of neighbours are apart by
+
+    2 r_p sin(pi/N) / sqrt(1 + tan^2 psi cos^2(pi/N)),
+
+which is room for a needle's diameter or not. A preloaded bearing (negative clearance c) presses every needle into
+trunnion and bore by -c/2 each. It does not fit where that alone exceeds the contact pressure that needles bear without
+a lasting dent. It cannot move where that alone holds the roller on its trunnion by more, mu_s sum f, than the load
+|T| / (3 R_p) presses it into its groove: then the roller would have to climb its groove by more than 45 deg before it
+slides on its trunnion. tanh friction never sticks, so a run of such a joint ends, with forces that a real one would not
+live to show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.joint.contact import contact_constants
+
+__all__ = ["misfits"]
+
+FloatArray = NDArray[np.float64]
+
+_STATIC_PRESSURE = 4000.0
+"""MPa; contact stress of the basic static load rating of roller bearings (ISO 76)."""
+
+_EXPONENT = 10 / 9
+
+
+def misfits(points: Mapping[str, FloatArray]) -> list[tuple[int, str]]:
+    """Points whose parts cannot be put together or cannot move, with the reason.
+
+    Parameters
+    ----------
+    points
+        Joint parameters in internal units, each of shape (point,).
+    """
+    pitch, needle = points["needle_pitch_diameter_mm"], points["needle_diameter_mm"]
+    bore = pitch + needle + 2 * points["bearing_radial_clearance_mm"]
+    load, held, pressure = _preload(points)
+    reasons = [
+        (needle >= pitch, "the needles leave no trunnion: needle_diameter_mm must be below needle_pitch_diameter_mm"),
+        (_spacing(points, 0.0) < needle,
+         "the needles do not fit on the pitch circle: reduce needle_count or needle_diameter_mm"),
+        (bore >= 2 * points["roller_radius_mm"], "the bore is larger than the roller: raise roller_radius_mm"),
+        (pressure > _STATIC_PRESSURE,
+         f"the preload of the needles dents them, above {_STATIC_PRESSURE:g} MPa: raise bearing_radial_clearance_mm"),
+        ((held > load) & (load > 0),
+         "the preload of the needles holds the rollers on their trunnions by more than the torque presses them into "
+         "their grooves: raise bearing_radial_clearance_mm or torque_n_m"),
+    ]  # fmt: skip
+    reasons += [
+        (_spacing(points, points[name]) < needle, f"needles skewed by {name} do not fit beside each other")
+        for name in (f"initial_skew_{k}_deg" for k in (1, 2, 3))
+    ]
+    return [(int(position), text) for bad, text in reasons for position in np.flatnonzero(bad)]
+
+
+def _spacing(points: Mapping[str, FloatArray], skew: FloatArray | float) -> FloatArray:
+    """Distance of the axes of neighbouring needles that all have the same skew; infinite for one needle."""
+    count = points["needle_count"]
+    half = np.pi / np.maximum(count, 2)
+    spacing = points["needle_pitch_diameter_mm"] * np.sin(half) / np.hypot(1.0, np.tan(skew) * np.cos(half))
+    return np.where(count > 1, spacing, np.inf)
+
+
+def _preload(points: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Mean load of a groove, sliding resistance of a bearing by its preload alone, and largest pressure that makes."""
+    squeeze = np.maximum(-points["bearing_radial_clearance_mm"], 0.0) / 2
+    each = contact_constants(points)["needle_stiffness"] * squeeze**_EXPONENT
+    length, radius = points["needle_length_mm"], points["needle_diameter_mm"] / 2
+    trunnion = np.maximum(points["needle_pitch_diameter_mm"] / 2 - radius, 1e-9)
+    modulus = points["youngs_modulus_gpa"] / (2 * (1 - points["poissons_ratio"] ** 2))
+    pressure = np.sqrt(each / length * modulus / np.pi * (1 / radius + 1 / trunnion))  # Hertz, a line contact
+    load = np.abs(points["torque_n_m"]) / (3 * points["pitch_radius_mm"])
+    return load, points["needle_sliding_friction"] * points["needle_count"] * each, pressure

@@ -1,0 +1,172 @@
+"""Every method has a scene where it fails, and the run says so: what failed, when, and at which body."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from tripod_doe.mechanics.assembly import assemble
+from tripod_doe.mechanics.implicit import factorise_system, gather, solve_system
+from tripod_doe.mechanics.integrators.registry import METHODS
+from tripod_doe.mechanics.monitor import Settings
+from tripod_doe.mechanics.motion import linearise
+from tripod_doe.mechanics.rotations import move
+from tripod_doe.mechanics.run import run
+from tripod_doe.mechanics.scenes.examples import dropped_ball, pendulum
+from tripod_doe.mechanics.scenes.needle_between_plates import build, closed_form, scene
+from tripod_doe.mechanics.scenes.needle_ring import needle_ring
+from tripod_doe.results import Outcome
+
+
+def numbers(**values):
+    return {k: float(v) for k, v in scene.effective(values).items() if isinstance(v, int | float)}
+
+
+def needle(method, settings, step):
+    """A skewed needle between plates: the run, and how far its drift is off the closed form."""
+    values = numbers(duration_s=2e-3)
+    result = scene.run(values, method, step, settings)
+    return result, abs(result.positions[-1, 1, 1] / closed_form(values)[1] - 1)
+
+
+def bounce(method, settings, step):
+    """A ball that must come back to its height: the run, and how far it is off it."""
+    ball, duration, _ = dropped_ball()
+    result = run(assemble(ball), method, duration, step=step, samples=20, settings=settings)
+    return result, abs((result.positions[-1, 1, 2] - 0.1) / 0.05 - 1)
+
+
+def stiff_bounce(method, settings, step):
+    """The same on a plane as hard as steel, which it touches for 0.8 ms."""
+    ball, duration, _ = dropped_ball(stiffness=1e9)
+    result = run(assemble(ball), method, duration, step=step, samples=20, settings=settings)
+    return result, abs((result.positions[-1, 1, 2] - 0.1) / 0.05 - 1)
+
+
+class Failure(NamedTuple):
+    """A method on a scene, with the step or the tolerance that is too coarse."""
+
+    method: str
+    simulate: object
+    setting: float
+
+
+TOUCHING = dropped_ball()[2]
+
+FAILURES = [
+    # beyond 2 m v_st / (mu f_n): smooth, and wrong
+    Failure("symplectic-euler", needle, 2e-7),
+    Failure("rk4", needle, 2e-7),
+    # a step longer than the contact
+    *(
+        Failure(method, bounce, 1.5 * TOUCHING)
+        for method in (
+            "symplectic-euler",
+            "rk4",
+            "linearly-implicit-euler",
+            "implicit-euler",
+            "bdf2",
+            "generalized-alpha",
+        )
+    ),
+    # a tolerance that lets a step jump over it
+    Failure("adaptive-euler", bounce, 1e-2),
+    Failure("rosenbrock", bounce, 1e-1),
+    Failure("scipy-radau", stiff_bounce, 1e-1),
+    Failure("scipy-bdf", bounce, 1e-2),
+    Failure("scipy-lsoda", bounce, 1e-2),
+]
+
+
+def test_every_method_has_a_scene_where_it_fails():
+    assert {failure.method for failure in FAILURES} == set(METHODS)
+
+
+@pytest.mark.parametrize("failure", FAILURES, ids=lambda f: f"{f.method}-{f.simulate.__name__}")
+def test_a_method_that_fails_is_found_out(failure):
+    """Exact physics is missed by more than 5 %, with finite numbers; the outcome is not finished, and says when."""
+    controlled = METHODS[failure.method].controlled
+    settings = Settings(tolerance=failure.setting if controlled else 1e-6, budget=1_000_000)
+    result, error = failure.simulate(failure.method, settings, None if controlled else failure.setting)
+    assert error > 0.05
+    assert result.outcome in (Outcome.INACCURATE, Outcome.DIVERGED)
+    assert "t = " in result.detail
+
+
+@pytest.mark.parametrize("method", ["symplectic-euler", "rk4"])
+def test_explicit_methods_beyond_the_friction_limit_are_smooth_and_wrong(method):
+    """Nothing in the states tells: the needle keeps going at an even speed, only elsewhere; halved steps tell."""
+    result, error = needle(method, Settings(), 2e-7)
+    speeds = np.diff(result.positions[1:, 1, 1])
+    assert error > 0.1
+    assert np.ptp(speeds) < 0.02 * abs(speeds.mean())
+    assert result.disagreement > 0.01
+
+
+def drift_by_linear_steps(secant, step, duration):
+    """Drift of the needle by linearly implicit Euler with the secant slope of friction (1) or its tangent (0)."""
+    assembly = assemble(build(numbers(duration_s=duration)))
+    tables, work, state = assembly.tables, assembly.work(), assembly.initial_state()
+    change = np.zeros((len(assembly.names), 8))
+    for _ in range(round(duration / step)):
+        linearise(tables, work, state.positions, state.velocities, secant, step, step * step, work.matrix)
+        if not factorise_system(tables, work, state.positions):
+            return np.nan
+        work.blocks[:] = 0.0
+        gather(tables, work.force, step, work.blocks)
+        gather(tables, work.drift, -step * step, work.blocks)
+        solve_system(tables, work, work.gamma, change)
+        state.velocities += change[:, :6]
+        for i in range(len(assembly.names)):
+            move(state.positions[i], step * np.append(state.velocities[i], [0.0, 0.0]), state.positions[i])
+    return state.positions[1, 1]
+
+
+def test_the_tangent_slope_of_friction_fails_where_the_secant_holds():
+    """Why no method of one linear solve a step takes the tangent: in slip it sees no friction at all."""
+    duration, step = 5e-3, 2e-5
+    truth = closed_form(numbers(duration_s=duration))[1]
+    assert drift_by_linear_steps(1.0, step, duration) == pytest.approx(truth, rel=0.02)
+    assert not abs(drift_by_linear_steps(0.0, step, duration) / truth - 1) < 0.5
+
+
+def swing(**settings):
+    """A pendulum of length 1 in steps of 0.02 s by the classical Runge-Kutta method."""
+    return run(assemble(pendulum()), "rk4", 2.0, step=0.02, samples=20, settings=Settings(**settings))
+
+
+def test_drift_without_stabilisation_is_told():
+    """Accelerations alone let the rod grow longer; projection or Baumgarte's rates hold it."""
+    held, drifting = swing(), swing(projection=False)
+    assert held.outcome == Outcome.FINISHED, held.detail
+    assert held.drift < 1e-12
+    assert drifting.drift > 10 * swing(projection=False, baumgarte=10.0).drift
+    fast = run(assemble(pendulum()), "rk4", 10.0, step=0.1, samples=20, settings=Settings(projection=False))
+    assert fast.outcome == Outcome.INACCURATE
+    assert "constraints have drifted by" in fast.detail
+
+
+def test_baumgartes_rate_beyond_the_steps_is_told():
+    """alpha h beyond 2.785, where the method itself leaves its region of stability on the decay alpha."""
+    assert swing(projection=False, baumgarte=20.0).outcome == Outcome.FINISHED
+    stiff = swing(projection=False, baumgarte=4.0 / 0.02)
+    assert stiff.outcome in (Outcome.DIVERGED, Outcome.INACCURATE)
+    assert "t = " in stiff.detail
+
+
+@pytest.mark.parametrize("method", list(METHODS))
+def test_a_budget_of_few_evaluations_is_told_by_every_method(method):
+    settings = Settings(tolerance=1e-6, budget=40)
+    result, _ = needle(method, settings, None if METHODS[method].controlled else 1e-8)
+    assert result.outcome == Outcome.EVALUATION_LIMIT
+    assert "force evaluations are used up at t = " in result.detail
+
+
+def test_chatter_of_unloaded_needles_is_told():
+    """A loaded ring with clearance: most needles are loose and are thrown to and fro in steps too long for their gaps."""
+    assembly = assemble(needle_ring(9, preload=-3e-3, speed=60.0, load=300.0))
+    result = run(assembly, "linearly-implicit-euler", 5e-3, step=1e-4, samples=20)
+    assert result.outcome in (Outcome.INACCURATE, Outcome.DIVERGED)
+    assert "t = " in result.detail
