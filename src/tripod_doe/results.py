@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["OUTCOME_MEANINGS", "BlockResult", "Outcome", "Values"]
+__all__ = ["OUTCOME_MEANINGS", "BlockResult", "Outcome", "Retries", "Values"]
 
 
 class Outcome(IntEnum):
@@ -70,6 +70,27 @@ class Values:
 
 
 @dataclass(frozen=True)
+class Retries:
+    """What the retry ladder of a study did to a block; every array starts with the point.
+
+    Attributes
+    ----------
+    attempt
+        Changes of the ladder that were made, 0 where the first attempt stands, shape (point,).
+    first_outcome, first_detail
+        How the first attempt ended, and why it failed.
+    used
+        Values with which the point finished, or was first tried where it never did, of every parameter that the ladder
+        may change: floats (NaN where the model has no such number), or words ("" where it has none).
+    """
+
+    attempt: NDArray[np.int8]
+    first_outcome: NDArray[np.int8]
+    first_detail: list[str]
+    used: dict[str, NDArray[Any]]
+
+
+@dataclass(frozen=True)
 class BlockResult:
     """What a simulator answers for a block of points; every array starts with the point.
 
@@ -85,6 +106,8 @@ class BlockResult:
         Why a point failed, empty where it did not.
     steps, force_evaluations
         Counted work, shape (point,).
+    retries
+        What the retry ladder did, None without one.
     """
 
     outputs: dict[str, Values]
@@ -93,3 +116,4 @@ class BlockResult:
     detail: list[str]
     steps: NDArray[np.int64]
     force_evaluations: NDArray[np.int64]
+    retries: Retries | None = None

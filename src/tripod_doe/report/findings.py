@@ -62,6 +62,8 @@ def find(cube: xr.Dataset) -> list[str]:
         sentences = [_dominant_order(shown)] if "thrust_amplitude" in cube else []
         for response in responses(shown):
             sentences.extend(_effects(response, shown))
+    if "attempt" in cube and (changed := int(((cube["attempt"] > 0) & finished(cube)).sum())):
+        sentences.append(f"{changed:,} of {total:,} points finished only after a change of the retry ladder.")
     if good < total:
         failed = f"{total - good:,} of {total:,} points did not finish: {_reasons(cube)}."
         sentences.insert(0 if good < total / 2 else len(sentences), failed)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
@@ -23,7 +24,16 @@ from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.journal import FinishedBlock
 
-__all__ = ["COST_VARIABLES", "SWITCH_ROLE", "build_cube", "open_cube", "read_dataset", "stamp_history", "write_dataset"]
+__all__ = [
+    "COST_VARIABLES",
+    "RECORD_ROLE",
+    "SWITCH_ROLE",
+    "build_cube",
+    "open_cube",
+    "read_dataset",
+    "stamp_history",
+    "write_dataset",
+]
 
 COST_VARIABLES = {
     "cpu_seconds": ("s", "CPU time of the point (its share of the block)"),
@@ -36,6 +46,9 @@ COST_VARIABLES = {
 SWITCH_ROLE = "switch of the ablation"
 """Attribute ``role`` of the coordinates that an ablation switches, by which an analysis knows them."""
 
+RECORD_ROLE = "record of the run"
+"""Attribute ``role`` of variables that tell how a point was computed: they are no results."""
+
 _DIMENSIONS = {
     "rotation_deg": ("degree", "rotation angle of the housing"),
     "order": ("1", "rotating order"),
@@ -44,6 +57,7 @@ _DIMENSIONS = {
     "mechanism": ("", "friction mechanism"),
     "point": ("1", "number of the point in the design"),
 }
+_UNKNOWN = -1  # flag of a point that has not run, or of a choice that its model does not have
 _PACKAGES = ("tripod-doe", "numpy", "scipy", "numba", "xarray", "netCDF4", "dask", "SALib")
 
 
@@ -79,7 +93,8 @@ def build_cube(
             name: _variable(study.simulator.outputs.get(name), dims, data, points)
             for name, (dims, data) in table.outputs.items()
         }
-        | _outcome_variables(table, points),
+        | _outcome_variables(table, points)
+        | _retry_variables(study, table, points),
         coords=_coordinates(study, points, table.coordinates),
         attrs=attributes,
     )
@@ -118,6 +133,10 @@ class _Table:
         self.detail = np.full(count, "", dtype=object)
         self.worker = np.full(count, "", dtype=object)
         self.costs = {name: np.full(count, np.nan) for name in COST_VARIABLES}
+        self.attempt = np.full(count, _UNKNOWN, np.int8)
+        self.first_outcome = self.outcome.copy()
+        self.first_detail = self.detail.copy()
+        self.used: dict[str, NDArray[Any]] = {}
 
     def fill(self, block: FinishedBlock, rows: NDArray[np.int64], at: NDArray[np.int64]) -> None:
         """Put the rows of a block where they belong."""
@@ -137,6 +156,14 @@ class _Table:
         self.costs["wall_seconds"][at] = block.wall_seconds / block.keys.size
         self.costs["steps"][at] = result.steps[rows]
         self.costs["force_evaluations"][at] = result.force_evaluations[rows]
+        if retries := result.retries:
+            self.attempt[at] = retries.attempt[rows]
+            self.first_outcome[at] = retries.first_outcome[rows]
+            self.first_detail[at] = np.array(retries.first_detail, dtype=object)[rows]
+            for name, column in retries.used.items():
+                words = column.dtype.kind == "U"
+                unknown = np.full(self.count, "", dtype=object) if words else np.full(self.count, np.nan)
+                self.used.setdefault(name, unknown)[at] = column[rows]
 
 
 def _shaped(points: Points, dims: tuple[str, ...], data: NDArray[Any], attrs: Mapping[str, Any]) -> xr.Variable:
@@ -154,19 +181,63 @@ def _variable(output: Output | None, dims: tuple[str, ...], data: NDArray[Any], 
     return _shaped(points, dims, data, attrs)
 
 
+_OUTCOME_FLAGS: dict[str, Any] = {
+    "flag_values": np.array(list(Outcome), np.int8),
+    "flag_meanings": " ".join(outcome.label for outcome in Outcome),
+    "comment": "; ".join(f"{outcome.label}: {text}" for outcome, text in OUTCOME_MEANINGS.items()),
+}
+
+
 def _outcome_variables(table: _Table, points: Points) -> dict[str, xr.Variable]:
-    flags = {
-        "long_name": "how the point ended",
-        "flag_values": np.array(list(Outcome), np.int8),
-        "flag_meanings": " ".join(outcome.label for outcome in Outcome),
-        "comment": "; ".join(f"{outcome.label}: {text}" for outcome, text in OUTCOME_MEANINGS.items()),
-    }
+    flags = {"long_name": "how the point ended"} | _OUTCOME_FLAGS
     return {
         "outcome": _shaped(points, (), table.outcome, flags),
         "outcome_detail": _shaped(
             points, (), table.detail, {"long_name": "why the point failed; empty where it did not"}
         ),
     }
+
+
+def _retry_variables(study: Study, table: _Table, points: Points) -> dict[str, xr.Variable]:
+    """How often each point was tried, why the first attempt failed, and what it finished with."""
+    if not study.retry.changes:
+        return {}
+    labels = ["not_run", "first", *(f"{i}_{_flag_word(c.label)}" for i, c in enumerate(study.retry.changes, 1))]
+    flags: dict[str, Any] = {
+        "long_name": "last change of the retry ladder that was made",
+        "role": RECORD_ROLE,
+        "flag_values": np.arange(_UNKNOWN, len(labels) - 1, dtype=np.int8),
+        "flag_meanings": " ".join(labels),
+    }
+    parameters = study.simulator.parameters
+    return {
+        "attempt": _shaped(points, (), table.attempt, flags),
+        "first_outcome": _shaped(
+            points, (), table.first_outcome, {"long_name": "how the first attempt ended"} | _OUTCOME_FLAGS
+        ),
+        "first_outcome_detail": _shaped(
+            points, (), table.first_detail, {"long_name": "why the first attempt failed; empty where it did not"}
+        ),
+    } | {f"{name}_used": used_variable(parameters[name], column, points) for name, column in table.used.items()}
+
+
+def _flag_word(label: str) -> str:
+    """A label as CF allows it among flag_meanings."""
+    return re.sub(r"[^A-Za-z0-9.+@-]+", "_", label)
+
+
+def used_variable(parameter: Parameter, column: NDArray[Any], points: Points) -> xr.Variable:
+    """What each point used of a parameter: a flag for each word of a choice, else the number."""
+    attrs: dict[str, Any] = {"long_name": f"used: {parameter.meaning}", "role": RECORD_ROLE}
+    if parameter.kind != "choice":
+        return _shaped(points, (), column, attrs | {"units": parameter.unit})
+    codes = {word: code for code, word in enumerate(parameter.choices)}
+    flags = np.array([codes.get(str(word), _UNKNOWN) for word in column], np.int8)
+    attrs |= {
+        "flag_values": np.arange(_UNKNOWN, len(codes), dtype=np.int8),
+        "flag_meanings": " ".join(["none", *codes]),
+    }
+    return _shaped(points, (), flags, attrs)
 
 
 def parameter_attributes(parameter: Parameter) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.quantities import Parameter, Value, check_parameters
 from tripod_doe.results import Outcome
+from tripod_doe.study.retry import NO_LADDER, Ladder, check_ladder
 from tripod_doe.study.simulator import Simulator, load_simulator
 
 __all__ = [
@@ -96,11 +97,16 @@ class KeepTable(_Table):
 
 
 class RunTable(_Table):
-    """[run]: policy that changes no value."""
+    """[run]: policy that changes no value; but retry is a part of the question."""
 
     block: int | None = Field(None, ge=1, description="points a task; sized by their cost unless given")
     exclusive: bool = Field(False, description="run one block at a time, so that timings have no neighbour")
     expected_outcomes: list[str] = Field([], description="outcomes besides finished that do not count as failures")
+    retry: list[str | dict[str, Scalar]] = Field(
+        [],
+        description='changes tried in this order, each on top of those before, on points that failed: "smaller-step" '
+        "(half the step or tolerance) or a table of parameters to set",
+    )
 
 
 class StudyFile(_Table):
@@ -161,6 +167,8 @@ class Study:
         Its folder, from which tables and functions are found.
     switches
         Names of the factors that an ablation switches off (0) and on (1); empty for other designs.
+    retry
+        Changes tried on points that failed.
     """
 
     file: StudyFile
@@ -173,6 +181,7 @@ class Study:
     origin: str
     folder: Path
     switches: tuple[str, ...] = ()
+    retry: Ladder = NO_LADDER
 
     @property
     def hash(self) -> str:
@@ -231,8 +240,15 @@ def parse_study(text: str, origin: str = "study", folder: Path | None = None) ->
     }
     keep = _at(origin, "[keep]", lambda: _kept(simulator, file.keep.outputs))
     _check_run(origin, file.run)
-    study = Study(file, simulator, base, factors, keep, (), text, origin, folder, switches)
     levels = {name: factor.values or () for name, factor in factors.items()}
+    run = file.run
+    unknown = simulator.parameters.keys() - base if file.design.kind == "table" else ()
+    retry = _at(
+        origin,
+        "[run]",
+        lambda: check_ladder(simulator, base, levels, keep, run.retry, run.expected_outcomes, unknown),
+    )
+    study = Study(file, simulator, base, factors, keep, (), text, origin, folder, switches, retry)
     return replace(study, warnings=tuple(_at(origin, "[base]", lambda: simulator.check(base, levels, keep))))
 
 
@@ -271,7 +287,7 @@ def complaints(error: ValidationError, known: Callable[[list[str]], Iterable[str
         The keys that the table at a path may hold, for near matches.
     """
     for item in error.errors():
-        path = [str(part) for part in item["loc"] if not str(part).startswith(("float", "int", "str", "bool"))]
+        path = [str(part) for part in item["loc"] if not str(part).startswith(("float", "int", "str", "bool", "dict"))]
         where, key = ".".join(path[:-1]), path[-1]
         place = f"[{where}]" if where else "the file"
         if item["type"] == "extra_forbidden":
@@ -417,4 +433,6 @@ def canonical(study: Study) -> dict[str, str]:
     content = study.file.model_dump()
     walk("", {key: content[key] for key in ("base", "factors", "design", "designs", "keep")})
     walk("study", {key: content["study"][key] for key in ("scene", "function")})
+    if study.retry.changes:  # what is retried decides what a point ends with
+        walk("run", {key: content["run"][key] for key in ("retry", "expected_outcomes")})
     return flat

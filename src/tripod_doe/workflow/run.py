@@ -160,7 +160,7 @@ def _refuse_changes(study: Study, keys: NDArray[np.void], journal: Journal, dire
     old, new = canonical(parse_study(stored.read_text(encoding="utf-8"), str(stored), study.folder)), canonical(study)
     grew = bool(np.isin(done, keys).all())
     changed = sorted(key for key in old.keys() | new.keys() if old.get(key) != new.get(key))
-    if grew and not any(key.startswith("keep") for key in changed):
+    if grew and not any(key.startswith(("keep", "run")) for key in changed):
         return
     told = [f"  {key}: {old.get(key, 'not set')} -> {new.get(key, 'not set')}" for key in changed]
     raise InputError(
