@@ -94,6 +94,8 @@ def build_cube(
             for name, (dims, data) in table.outputs.items()
         }
         | _outcome_variables(table, points)
+        | _choice_variables(points)
+        | _used_variables(study, table, points)
         | _retry_variables(study, table, points),
         coords=_coordinates(study, points, table.coordinates),
         attrs=attributes,
@@ -209,7 +211,6 @@ def _retry_variables(study: Study, table: _Table, points: Points) -> dict[str, x
         "flag_values": np.arange(_UNKNOWN, len(labels) - 1, dtype=np.int8),
         "flag_meanings": " ".join(labels),
     }
-    parameters = study.simulator.parameters
     return {
         "attempt": _shaped(points, (), table.attempt, flags),
         "first_outcome": _shaped(
@@ -218,7 +219,33 @@ def _retry_variables(study: Study, table: _Table, points: Points) -> dict[str, x
         "first_outcome_detail": _shaped(
             points, (), table.first_detail, {"long_name": "why the first attempt failed; empty where it did not"}
         ),
-    } | {f"{name}_used": used_variable(parameters[name], column, points) for name, column in table.used.items()}
+    }
+
+
+def _used_variables(study: Study, table: _Table, points: Points) -> dict[str, xr.Variable]:
+    """What each point used of the parameters that a pilot chose, or that the retry ladder may change."""
+    used = dict(points.chosen)
+    for name, column in table.used.items():
+        used[name] = np.where(table.attempt == _UNKNOWN, points.chosen.get(name, column), column)
+    parameters = study.simulator.parameters
+    return {f"{name}_used": _used_variable(parameters[name], column, points) for name, column in used.items()}
+
+
+def _choice_variables(points: Points) -> dict[str, xr.Variable]:
+    """How accurate each point is expected to be with the model that a pilot chose for it."""
+    variables = {
+        f"{name}_error_estimate": _shaped(points, (), column, {
+            "long_name": f"estimated relative error of {name}, of the model and numerical", "units": "1",
+            "role": RECORD_ROLE,
+        })
+        for name, column in points.error_estimate.items()
+    }  # fmt: skip
+    if points.accuracy_met is not None:
+        variables["accuracy_met"] = _shaped(points, (), points.accuracy_met, {
+            "long_name": "whether the estimated error is within the accuracy asked for", "role": RECORD_ROLE,
+            "flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "unknown no yes",
+        })  # fmt: skip
+    return variables
 
 
 def _flag_word(label: str) -> str:
@@ -226,7 +253,7 @@ def _flag_word(label: str) -> str:
     return re.sub(r"[^A-Za-z0-9.+@-]+", "_", label)
 
 
-def used_variable(parameter: Parameter, column: NDArray[Any], points: Points) -> xr.Variable:
+def _used_variable(parameter: Parameter, column: NDArray[Any], points: Points) -> xr.Variable:
     """What each point used of a parameter: a flag for each word of a choice, else the number."""
     attrs: dict[str, Any] = {"long_name": f"used: {parameter.meaning}", "role": RECORD_ROLE}
     if parameter.kind != "choice":
@@ -285,16 +312,24 @@ def _dimension_attributes(name: str) -> dict[str, str]:
 
 def _fixed_parameters(study: Study, points: Points) -> dict[str, Value]:
     """Values that all points share, without those that follow from a factor (spin friction from sliding)."""
-    ends = []
-    for at in (0, -1):
-        varied = {name: column[[at]].tolist()[0] for name, column in points.columns.items()}
-        ends.append(study.simulator.effective({**study.base, **varied}))
-    first, last = ends
+    samples = []
+    for at in [0, -1, *_first_of_each(points.chosen)]:
+        varied = {name: column[[at]].tolist()[0] for name, column in points.settings.items()}
+        samples.append(study.simulator.effective({**study.base, **varied}))
+    first = samples[0]
     return {
         name: value
         for name, value in first.items()
-        if name not in points.columns and value is not None and last[name] == value
+        if name not in points.settings and value is not None and all(other[name] == value for other in samples)
     }
+
+
+def _first_of_each(columns: Mapping[str, NDArray[Any]]) -> list[int]:
+    """The first row of every combination of values."""
+    rows: dict[tuple[Any, ...], int] = {}
+    for at, values in enumerate(zip(*(column.tolist() for column in columns.values()), strict=True)):
+        rows.setdefault(values, at)
+    return list(rows.values())
 
 
 def _attributes(study: Study, points: Points) -> dict[str, Any]:

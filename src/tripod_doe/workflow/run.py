@@ -24,6 +24,7 @@ from tripod_doe.study.designs import Points, make_points, point_keys
 from tripod_doe.study.execution import Policy, run_blocks
 from tripod_doe.study.journal import FinishedBlock, Journal
 from tripod_doe.study.plan import cube_bytes
+from tripod_doe.workflow.choice import chosen_keys, chosen_points, make_choice
 
 __all__ = ["RunSummary", "run"]
 
@@ -110,8 +111,16 @@ def run(
         raise InputError(f"--workers {workers}: at least 1 is needed")
     directory = _make_directory(Path(out))
     with Journal(directory) as journal:
+        if study.accuracy:
+            _refuse_changes(study, point_keys(study, points), chosen_keys(study, directory), journal, directory)
+            _adopt(study, journal, directory)
+
+            def run_pilot(pilot: Study, place: Path) -> RunSummary:
+                return run(pilot, place, workers, scheduler, progress=progress)
+
+            points = chosen_points(study, points, make_choice(study, points, directory, run_pilot))
         keys = point_keys(study, points)
-        _refuse_changes(study, keys[points.allowed], journal, directory)
+        _refuse_changes(study, keys[points.allowed], journal.keys(), journal, directory)
         missing = _missing(study, points, keys, journal, retry_failed)
         _check_space(study, directory, points)
         _adopt(study, journal, directory)
@@ -145,9 +154,10 @@ def _make_directory(directory: Path) -> Path:
     return directory
 
 
-def _refuse_changes(study: Study, keys: NDArray[np.void], journal: Journal, directory: Path) -> None:
+def _refuse_changes(
+    study: Study, keys: NDArray[np.void], done: NDArray[np.void], journal: Journal, directory: Path
+) -> None:
     """Refuse a study that is not the one whose results are here, key by key, unless it only grew."""
-    done = journal.keys()
     stored = directory / "study.toml"
     if done.size == 0 or not stored.exists():
         return
