@@ -21,20 +21,24 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
 from scipy.interpolate import RBFInterpolator
 
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.quantities import Rung
 from tripod_doe.results import Outcome
-from tripod_doe.study.accuracy import Accuracy, Demand
+from tripod_doe.study.accuracy import AUTO, Accuracy, Demand
+from tripod_doe.study.definition import load_study
+from tripod_doe.study.designs import make_points
 from tripod_doe.study.pilot import normalised
 
-__all__ = ["Evidence", "choose", "evidence", "without_pilot"]
+__all__ = ["ChooseSettings", "Evidence", "choose", "choose_for_study", "evidence", "without_pilot"]
 
 FloatArray = NDArray[np.float64]
 
@@ -43,6 +47,16 @@ _HOPELESS = 10.0
 number would spoil the interpolation far around."""
 
 _LIMITS = np.linspace(1.0, 0.0, 101)
+
+
+class ChooseSettings(BaseModel):
+    """Settings of the analysis ``choose``."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    study: str = Field(
+        description='study file with model = "auto" for whose points the model is chosen, relative to the workflow file'
+    )
 
 
 @dataclass(frozen=True)
@@ -95,11 +109,7 @@ def evidence(pilot: xr.Dataset, names: list[str], accuracy: Accuracy) -> Evidenc
         If the cube lacks a factor, a quantity or a rung, or the reference finished nowhere.
     """
     shape = pilot["outcome"].shape
-    cells = {
-        name: xr.broadcast(pilot["outcome"], pilot[name])[1].values.reshape(-1)
-        for name in [*names, *accuracy.parameters]
-        if _in(pilot, name)
-    }
+    cells = {name: _column(pilot, name) for name in [*names, *accuracy.parameters]}
     rung_of = np.full(int(np.prod(shape)), -1)
     for number, rung in enumerate(accuracy.rungs):
         alike = [_equal(cells[name], value) for name, value in rung.values.items()]
@@ -123,11 +133,15 @@ def evidence(pilot: xr.Dataset, names: list[str], accuracy: Accuracy) -> Evidenc
     return Evidence(columns, rungs, errors, _prices(pilot, table, rungs))
 
 
-def _in(pilot: xr.Dataset, name: str) -> bool:
-    if name not in pilot.coords:
-        known = near_match(name, [str(key) for key in pilot.coords])
-        raise InputError(f"the pilot does not vary {name}, which the study varies or has chosen{known}")
-    return True
+def _column(pilot: xr.Dataset, name: str) -> NDArray[Any]:
+    """A parameter in every cell of a cube, shape (cell,), whether it varies or all share it."""
+    if name in pilot.coords:
+        return np.asarray(xr.broadcast(pilot["outcome"], pilot[name])[1].values.reshape(-1))
+    fixed = json.loads(str(pilot.attrs.get("fixed_parameters", "{}")))
+    if name not in fixed:
+        known = near_match(name, [*(str(key) for key in pilot.coords), *fixed])
+        raise InputError(f"the pilot does not tell {name}, which the study varies or has chosen{known}")
+    return np.full(pilot["outcome"].size, fixed[name])
 
 
 def _equal(column: NDArray[Any], value: object) -> NDArray[np.bool_]:
@@ -204,6 +218,34 @@ def choose(found: Evidence, columns: Mapping[str, NDArray[Any]], accuracy: Accur
         "limit": limit, "misses": misses, "price_study_s": study, "price_pilot_s": found.price,
         "price_reference_s": float(found.prices[-1] * rung.size),
     })  # fmt: skip
+
+
+def choose_for_study(cubes: Mapping[str, xr.Dataset], settings: ChooseSettings, folder: Path) -> xr.Dataset:
+    """The rung of every point of a study file, from the cube of any pilot: a design table, see `choose`.
+
+    Parameters
+    ----------
+    cubes
+        One cube: rungs of the scene's ladder at points that span those of the study.
+    settings
+        The study.
+    folder
+        Where its file is looked for.
+
+    Raises
+    ------
+    InputError
+        If the study names its model, or the pilot does not serve it.
+    """
+    if len(cubes) != 1:
+        raise InputError(f"choose needs one pilot as its input, not {len(cubes)}")
+    study = load_study(folder / settings.study)
+    if study.accuracy is None:
+        raise InputError(f'{study.origin}: it names its model; set model = "{AUTO}" and [accuracy]')
+    points = make_points(study)
+    columns = {name: column[points.allowed] for name, column in points.columns.items()}
+    found = evidence(next(iter(cubes.values())), list(columns), study.accuracy)
+    return choose(found, columns, study.accuracy)
 
 
 def without_pilot(columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr.Dataset:

@@ -10,6 +10,7 @@ from typing import Any
 import xarray as xr
 from pydantic import BaseModel, ValidationError
 
+from tripod_doe.analysis.choice import ChooseSettings, choose_for_study
 from tripod_doe.analysis.claims import ClaimsSettings, check_claims, claims_json
 from tripod_doe.analysis.comparison import ComparisonSettings, compare_file
 from tripod_doe.analysis.contribution import ContributionSettings, contribution_shares
@@ -96,6 +97,7 @@ class ChainAnalysis:
 
 CHAIN_ANALYSES: dict[str, ChainAnalysis] = {
     "comparison": ChainAnalysis(ComparisonSettings, compare_file, ("measurement",)),
+    "choose": ChainAnalysis(ChooseSettings, choose_for_study, ("study",)),
     "claims": ChainAnalysis(ClaimsSettings, check_claims, export=("claims.json", claims_json), partial=True),
 }
 """Analyses that workflow files may name besides; an entry here is a kind of step."""

@@ -70,7 +70,7 @@ def pilot_study(study: Study, points: Points, chosen: NDArray[np.int64], rungs: 
     assert accuracy is not None
     places = {name: column[chosen].tolist() for name, column in points.columns.items()}
     ways = {name: [rung.values[name] for rung in rungs] for name in accuracy.parameters}
-    head = study.file.study
+    head, policy = study.file.study, study.file.run
     content: dict[str, Any] = {
         "study": {
             "name": f"{head.name}: pilot",
@@ -87,7 +87,11 @@ def pilot_study(study: Study, points: Points, chosen: NDArray[np.int64], rungs: 
         },
         "keep": {"outputs": _kept(study, accuracy)},
         # a rung that fails is an answer
-        "run": {"expected_outcomes": [outcome.label for outcome in Outcome if outcome is not Outcome.WORKER_LOST]},
+        "run": {
+            "expected_outcomes": [outcome.label for outcome in Outcome if outcome is not Outcome.WORKER_LOST],
+            "exclusive": policy.exclusive,
+            **({"block": policy.block} if policy.block else {}),
+        },
     }
     return parse_study(tomlkit.dumps(content), f"{study.origin}: pilot", study.folder)
 

@@ -22,7 +22,7 @@ from tripod_doe.quantities import Rung
 from tripod_doe.study.accuracy import Accuracy
 from tripod_doe.study.cube import open_cube, read_dataset, stamp_history, write_dataset
 from tripod_doe.study.definition import Study
-from tripod_doe.study.designs import Points, point_keys
+from tripod_doe.study.designs import Points, make_points, point_keys
 from tripod_doe.study.pilot import pilot_points, pilot_study
 
 __all__ = ["chosen_keys", "chosen_points", "describe_choice", "frozen_choice", "make_choice", "pilot_price"]
@@ -199,9 +199,9 @@ def _check_budget(study: Study, price: float, what: str) -> None:
         )
 
 
-def describe_choice(study: Study, points: Points, directory: Path | None) -> str:
+def describe_choice(study: Study, directory: Path | None) -> str:
     """What is known of the choice, for `plan`: the price of the pilot, or the choice with its evidence and price."""
-    accuracy = _accuracy(study)
+    accuracy, points = _accuracy(study), make_points(study)
     choice = frozen_choice(study, directory) if directory else None
     if choice is None:
         count = pilot_points(study, points).size

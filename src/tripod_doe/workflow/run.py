@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from tripod_doe.results import Outcome
 from tripod_doe.study.cube import build_cube, stamp_history, write_dataset
 from tripod_doe.study.definition import Study, canonical, load_study, parse_study
 from tripod_doe.study.designs import Points, make_points, point_keys
-from tripod_doe.study.execution import Policy, run_blocks
+from tripod_doe.study.execution import Policy, local_workers, run_blocks
 from tripod_doe.study.journal import FinishedBlock, Journal
 from tripod_doe.study.plan import cube_bytes
 from tripod_doe.workflow.choice import chosen_keys, chosen_points, make_choice
@@ -110,13 +111,16 @@ def run(
     if workers < 1:
         raise InputError(f"--workers {workers}: at least 1 is needed")
     directory = _make_directory(Path(out))
-    with Journal(directory) as journal:
+    with ExitStack() as stack:
+        journal = stack.enter_context(Journal(directory))
         if study.accuracy:
             _refuse_changes(study, point_keys(study, points), chosen_keys(study, directory), journal, directory)
             _adopt(study, journal, directory)
 
-            def run_pilot(pilot: Study, place: Path) -> RunSummary:
-                return run(pilot, place, workers, scheduler, progress=progress)
+            def run_pilot(pilot: Study, place: Path) -> None:
+                nonlocal scheduler  # one cluster for all stages of the pilot and for the study
+                scheduler = scheduler or stack.enter_context(local_workers(workers))
+                run(pilot, place, workers, scheduler, progress=progress)
 
             points = chosen_points(study, points, make_choice(study, points, directory, run_pilot))
         keys = point_keys(study, points)
