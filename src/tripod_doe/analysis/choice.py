@@ -215,7 +215,7 @@ def choose(found: Evidence, columns: Mapping[str, NDArray[Any]], accuracy: Accur
     choice = _labelled(found, columns, accuracy, rung, expected[every, rung])
     study = float(found.prices[rung].sum())
     return choice.assign_attrs({
-        "limit": limit, "misses": misses, "price_study_s": study, "price_pilot_s": found.price,
+        "limit": max(limit, 0.0), "misses": misses, "price_study_s": study, "price_pilot_s": found.price,
         "price_reference_s": float(found.prices[-1] * rung.size),
     })  # fmt: skip
 
