@@ -1,10 +1,12 @@
 """Choice of model: from a pilot that ran several rungs at a few points to the cheapest rung that is enough at each.
 
 The pilot tells at each of its points how far each rung is from the finest one, the reference, relative to the accuracy
-asked for; the numerical error of the reference, which has nothing to do with that difference, is added as squares. The
-worst of all quantities counts. Between pilot points it is interpolated (linear radial functions over the design, scaled
-to its ranges). At any point the cheapest rung is taken whose interpolated error stays below a limit, else the
-reference.
+asked for. Between pilot points that difference is interpolated, with its sign (cubic radial functions and a linear
+trend, over the design scaled to its ranges). Added as squares are the numerical error of the reference, and what the
+interpolation missed at the pilot points around, each left out in turn; these two are means weighted by the inverse
+squares of the distances. The worst of all quantities counts. At any point the cheapest rung is taken whose error so
+estimated stays below a limit, else the reference; never a rung that failed at one of the nearest pilot points, of which
+one more count than there are dimensions.
 
 How strict the limit must be is tried on the pilot itself: every pilot point is left out in turn, its rung chosen from
 the others, and counted as a miss where that rung's own error there is above the accuracy. The limit is the loosest at
@@ -20,7 +22,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,23 +29,17 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
-from scipy.interpolate import RBFInterpolator
 
-from tripod_doe.errors import InputError, near_match
-from tripod_doe.quantities import Rung
-from tripod_doe.results import Outcome
-from tripod_doe.study.accuracy import AUTO, Accuracy, Demand
+from tripod_doe.analysis.pilot_evidence import HOPELESS, Evidence, evidence
+from tripod_doe.errors import InputError
+from tripod_doe.study.accuracy import AUTO, Accuracy
 from tripod_doe.study.definition import load_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.pilot import normalised
 
-__all__ = ["ChooseSettings", "Evidence", "choose", "choose_for_study", "evidence", "without_pilot"]
+__all__ = ["ChooseSettings", "choose", "choose_for_study", "without_pilot"]
 
 FloatArray = NDArray[np.float64]
-
-_HOPELESS = 10.0
-"""Error over the allowed one that also stands for a rung that failed: how bad it is no longer matters, and a larger
-number would spoil the interpolation far around."""
 
 _LIMITS = np.linspace(1.0, 0.0, 101)
 
@@ -57,133 +52,6 @@ class ChooseSettings(BaseModel):
     study: str = Field(
         description='study file with model = "auto" for whose points the model is chosen, relative to the workflow file'
     )
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """What a pilot tells.
-
-    Attributes
-    ----------
-    columns
-        Factors of the pilot points, each of shape (pilot point,).
-    rungs
-        The rungs that it ran, from the cheapest to the reference.
-    errors
-        Error over the allowed one, shape (pilot point, rung, quantity), at most `_HOPELESS`.
-    prices
-        CPU seconds a run of each rung, shape (rung,).
-    """
-
-    columns: dict[str, NDArray[Any]]
-    rungs: tuple[Rung, ...]
-    errors: FloatArray
-    prices: FloatArray
-
-    @property
-    def worst(self) -> FloatArray:
-        """Error of the worst quantity over the allowed one, shape (pilot point, rung)."""
-        return np.asarray(self.errors.max(axis=2))
-
-    @property
-    def price(self) -> float:
-        """CPU seconds of the pilot."""
-        return float(self.prices.sum() * self.errors.shape[0])
-
-
-def evidence(pilot: xr.Dataset, names: list[str], accuracy: Accuracy) -> Evidence:
-    """Read off a pilot how much each rung misses, and what it costs.
-
-    Parameters
-    ----------
-    pilot
-        A cube with its costs, of any design that runs some of the rungs of `accuracy` at some points.
-    names
-        The factors of the study that is to be run.
-    accuracy
-        What is asked for.
-
-    Raises
-    ------
-    InputError
-        If the cube lacks a factor, a quantity or a rung, or the reference finished nowhere.
-    """
-    shape = pilot["outcome"].shape
-    cells = {name: _column(pilot, name) for name in [*names, *accuracy.parameters]}
-    rung_of = np.full(int(np.prod(shape)), -1)
-    for number, rung in enumerate(accuracy.rungs):
-        alike = [_equal(cells[name], value) for name, value in rung.values.items()]
-        rung_of[np.all(alike, axis=0)] = number
-    ran = [number for number in range(len(accuracy.rungs)) if (rung_of == number).any()]
-    if len(ran) < 2:
-        raise InputError("the pilot ran less than two rungs of the ladder: nothing can be compared")
-    places = normalised({name: cells[name] for name in names}, {name: cells[name] for name in names})
-    _, first, point_of = np.unique(places.round(12), axis=0, return_index=True, return_inverse=True)
-    table = np.full((first.size, len(ran)), -1)
-    for position, number in enumerate(ran):
-        chosen = np.flatnonzero(rung_of == number)
-        table[point_of[chosen], position] = chosen
-    rungs = tuple(accuracy.rungs[number] for number in ran)
-    errors = np.stack([_errors(pilot, demand, table, accuracy.floor) for demand in accuracy.demands], axis=2)
-    known = np.isfinite(errors[:, -1]).all(axis=1)
-    if not known.any():
-        raise InputError(f"the pilot's reference ({rungs[-1].label}) finished at no point: nothing can be compared")
-    columns = {name: cells[name][first][known] for name in names}
-    errors = np.minimum(np.nan_to_num(errors[known], nan=_HOPELESS), _HOPELESS)
-    return Evidence(columns, rungs, errors, _prices(pilot, table, rungs))
-
-
-def _column(pilot: xr.Dataset, name: str) -> NDArray[Any]:
-    """A parameter in every cell of a cube, shape (cell,), whether it varies or all share it."""
-    if name in pilot.coords:
-        return np.asarray(xr.broadcast(pilot["outcome"], pilot[name])[1].values.reshape(-1))
-    fixed = json.loads(str(pilot.attrs.get("fixed_parameters", "{}")))
-    if name not in fixed:
-        known = near_match(name, [*(str(key) for key in pilot.coords), *fixed])
-        raise InputError(f"the pilot does not tell {name}, which the study varies or has chosen{known}")
-    return np.full(pilot["outcome"].size, fixed[name])
-
-
-def _equal(column: NDArray[Any], value: object) -> NDArray[np.bool_]:
-    if isinstance(value, str):
-        return np.asarray(column.astype(str) == value)
-    return np.isclose(column.astype(float), float(value), rtol=1e-9, atol=0)  # type: ignore[arg-type]
-
-
-def _errors(pilot: xr.Dataset, demand: Demand, table: NDArray[np.int64], floor: float) -> FloatArray:
-    """Error over the allowed one, shape (pilot point, rung); NaN where a run is missing or did not finish."""
-    values, largest = _cells(pilot, demand.output, demand)
-    numerical = np.zeros_like(values)
-    if demand.error in pilot:
-        numerical = np.nan_to_num(_cells(pilot, demand.error, demand)[0])
-    usable = (table >= 0) & (pilot["outcome"].values.reshape(-1)[table] == Outcome.FINISHED)
-    at = np.where(usable, values[table], np.nan)
-    reference, numerical = at[:, -1:], numerical[table[:, -1:]]
-    size = np.maximum(np.abs(reference), floor * largest[table[:, -1:]])
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(np.hypot(at - reference, numerical) / size / demand.allowed)
-
-
-def _cells(pilot: xr.Dataset, name: str, demand: Demand) -> tuple[FloatArray, FloatArray]:
-    """A quantity in every cell, and the largest value beside it; shape (cell,)."""
-    if name not in pilot:
-        known = near_match(name, [str(key) for key in pilot.data_vars])
-        raise InputError(f"[accuracy]: {demand.name}: the pilot has no output {name}{known}")
-    rows = pilot[name].values.reshape(pilot["outcome"].size, -1)
-    if demand.label is None:
-        return rows[:, 0], np.abs(rows[:, 0])
-    labels = pilot[str(pilot[name].dims[-1])].values.tolist()
-    if demand.label not in labels:
-        raise InputError(f"[accuracy]: {demand.name}: {name} goes from {labels[0]} to {labels[-1]}")
-    rotating = [position for position, label in enumerate(labels) if label != 0]
-    return rows[:, labels.index(demand.label)], np.abs(rows[:, rotating]).max(axis=1)
-
-
-def _prices(pilot: xr.Dataset, table: NDArray[np.int64], rungs: tuple[Rung, ...]) -> FloatArray:
-    if "force_evaluations" not in pilot:
-        return np.array([rung.price for rung in rungs])
-    counted = np.where(table >= 0, pilot["force_evaluations"].values.reshape(-1)[table], np.nan)
-    return np.asarray(np.nanmean(counted, axis=0) * [rung.evaluation_seconds for rung in rungs])
 
 
 def choose(found: Evidence, columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr.Dataset:
@@ -205,11 +73,9 @@ def choose(found: Evidence, columns: Mapping[str, NDArray[Any]], accuracy: Accur
         every quantity and whether it meets the accuracy. Along ``rung``: price and number of points. Along
         ``pilot_point``: the factors and the relative errors that were found.
     """
-    limit, misses = _limit(found, accuracy.confidence)
-    places, pilot = normalised(columns, found.columns), normalised(found.columns, found.columns)
-    expected = np.stack(
-        [_interpolate(pilot, found.errors[:, :, k], places) for k in range(found.errors.shape[2])], axis=2
-    )
+    foresight = _Foresight(found)
+    limit, misses = foresight.limit(accuracy.confidence)
+    expected = foresight.errors(normalised(columns, found.columns))
     rung = _cheapest(expected.max(axis=2), found.prices, limit)
     every = np.arange(rung.size)
     choice = _labelled(found, columns, accuracy, rung, expected[every, rung])
@@ -256,6 +122,7 @@ def without_pilot(columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr
         {name: column[:0] for name, column in columns.items()},
         rungs,
         np.zeros((0, 1, len(accuracy.demands))),
+        np.zeros((0, len(accuracy.demands))),
         np.array([rungs[0].price]),
     )
     choice = _labelled(found, columns, accuracy, np.zeros(count, int), np.full((count, len(accuracy.demands)), np.nan))
@@ -265,15 +132,79 @@ def without_pilot(columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr
     })  # fmt: skip
 
 
+class _Foresight:
+    """Errors of all rungs at any place of the design, foretold from a pilot, and how far they may be trusted."""
+
+    def __init__(self, found: Evidence) -> None:
+        self._found = found
+        self._places = normalised(found.columns, found.columns)
+        every = np.arange(found.count)
+        blind = np.stack([self._differences(every != i, self._places[i : i + 1])[0] for i in every])
+        self._missed = np.square(np.nan_to_num(blind - found.differences))
+        self._blind = np.stack([self._errors(every != i, self._places[i : i + 1], blind[i : i + 1])[0] for i in every])
+
+    def errors(self, places: FloatArray) -> FloatArray:
+        """Estimated errors over the allowed ones at places, shape (place, rung, quantity)."""
+        every = np.ones(self._found.count, bool)
+        return self._errors(every, places, self._differences(every, places))
+
+    def _differences(self, known: NDArray[np.bool_], places: FloatArray) -> FloatArray:
+        """Differences to the reference, interpolated between the known points where each rung finished."""
+        found = np.stack([
+            _interpolate(self._places[usable], rung[usable], places)
+            for rung in np.moveaxis(self._found.differences, 1, 0)
+            for usable in [known & np.isfinite(rung).all(axis=1)]
+        ], axis=1)  # fmt: skip
+        return np.clip(found, -HOPELESS, HOPELESS)
+
+    def _errors(self, known: NDArray[np.bool_], places: FloatArray, differences: FloatArray) -> FloatArray:
+        weights = _weights(self._places[known], places)
+        numerical = np.square(np.tensordot(weights, self._found.numerical[known], 1))
+        missed = np.tensordot(weights, self._missed[known], 1)
+        errors = np.sqrt(np.square(differences) + numerical[:, None] + missed)
+        failed = np.asarray(np.isnan(self._found.differences[known]).any(axis=2))
+        around = np.argsort(-weights, axis=1, kind="stable")[:, : places.shape[1] + 1]
+        near = np.asarray(failed[around].any(axis=1))
+        return np.where(near[:, :, None], HOPELESS, np.minimum(errors, HOPELESS))
+
+    def limit(self, confidence: float) -> tuple[float, int]:
+        """How large an estimated error may be, over the allowed one, and how many pilot points are then missed."""
+        found = self._found
+        rows, last, misses = np.arange(found.count), len(found.rungs) - 1, []
+        for limit in _LIMITS:
+            rung = _cheapest(self._blind.max(axis=2), found.prices, float(limit))
+            misses.append(int(((found.worst[rows, rung] > 1) & (rung != last)).sum()))
+        most_below = np.maximum.accumulate(misses[::-1])[::-1]
+        allowed = (most_below + 1) / (found.count + 1) <= 1 - confidence + 1e-12
+        if not allowed.any():
+            return -1.0, 0  # too few pilot points for such a confidence: nothing is trusted
+        return float(_LIMITS[allowed.argmax()]), misses[int(allowed.argmax())]
+
+
 def _interpolate(known: FloatArray, values: FloatArray, places: FloatArray) -> FloatArray:
     """Values at known places, shape (known, column), interpolated at others, shape (place, column).
 
-    Never below the smallest that is known: linear radial functions swing a little beside a jump.
+    Cubic radial functions with a linear trend; the smallest solution where the places do not settle the trend.
     """
-    if known.shape[0] < 2:
-        return np.repeat(values, places.shape[0], axis=0)
-    smooth = RBFInterpolator(known, values, kernel="linear")
-    return np.asarray(np.clip(smooth(places), values.min(axis=0), _HOPELESS))
+    if known.shape[0] == 0:
+        return np.full((places.shape[0], values.shape[1]), HOPELESS)
+    trend = np.hstack([np.ones((known.shape[0], 1)), known])
+    nothing = np.zeros((trend.shape[1], trend.shape[1]))
+    system = np.block([[_distances(known, known) ** 3, trend], [trend.T, nothing]])
+    right = np.vstack([values, np.zeros((trend.shape[1], values.shape[1]))])
+    solution = np.linalg.lstsq(system, right, rcond=None)[0]
+    basis = np.hstack([_distances(places, known) ** 3, np.ones((places.shape[0], 1)), places])
+    return np.asarray(basis @ solution)
+
+
+def _weights(known: FloatArray, places: FloatArray) -> FloatArray:
+    """Shares of the known places by the inverse squares of their distances, shape (place, known)."""
+    inverse = 1 / np.maximum(_distances(places, known), 1e-9) ** 2
+    return np.asarray(inverse / inverse.sum(axis=1, keepdims=True))
+
+
+def _distances(some: FloatArray, others: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.norm(some[:, None] - others[None], axis=2))
 
 
 def _cheapest(expected: FloatArray, prices: FloatArray, limit: float) -> NDArray[np.int64]:
@@ -283,23 +214,6 @@ def _cheapest(expected: FloatArray, prices: FloatArray, limit: float) -> NDArray
     trusted = expected[:, order] <= limit
     trusted[:, -1] = True
     return np.asarray(order[trusted.argmax(axis=1)])
-
-
-def _limit(found: Evidence, confidence: float) -> tuple[float, int]:
-    """How large an interpolated error may be, over the allowed one, and how many pilot points are then missed."""
-    count, last = found.worst.shape[0], found.worst.shape[1] - 1
-    pilot = normalised(found.columns, found.columns)
-    blind = np.concatenate([
-        _interpolate(np.delete(pilot, i, 0), np.delete(found.worst, i, 0), pilot[i : i + 1]) for i in range(count)
-    ]) if count > 2 else np.full_like(found.worst, _HOPELESS)  # fmt: skip
-    misses = []
-    for limit in _LIMITS:
-        rung = _cheapest(blind, found.prices, float(limit))
-        misses.append(int(((found.worst[np.arange(count), rung] > 1) & (rung != last)).sum()))
-    worst_below = np.maximum.accumulate(misses[::-1])[::-1]
-    allowed = (worst_below + 1) / (count + 1) <= 1 - confidence + 1e-12
-    at = int(allowed.argmax()) if allowed.any() else len(_LIMITS) - 1
-    return (float(_LIMITS[at]), misses[at]) if allowed.any() else (-1.0, 0)
 
 
 def _labelled(

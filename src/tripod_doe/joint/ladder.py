@@ -8,7 +8,7 @@ more iterations; a tolerance of 4e-3 saves a third, but ends as inaccurate at ev
 
 from __future__ import annotations
 
-from tripod_doe.quantities import Rung
+from tripod_doe.quantities import Rung, Value
 
 __all__ = ["JOINT_LADDER"]
 
@@ -20,7 +20,7 @@ _RING = {"needle_count": 27, "needle_diameter_mm": 2.0, "spheres_per_needle": 7}
 
 
 def _full(tolerance: float, evaluations: int) -> Rung:
-    values = {"model": "needles", **_RING, "relative_tolerance": tolerance}
+    values: dict[str, Value] = {"model": "needles", **_RING, "relative_tolerance": tolerance}
     return Rung(values, _SECONDS["needles"], evaluations, full=True)
 
 

@@ -16,7 +16,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from tripod_doe.analysis.choice import Evidence, choose, evidence, without_pilot
+from tripod_doe.analysis.choice import choose, without_pilot
+from tripod_doe.analysis.pilot_evidence import Evidence, evidence
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import Rung
 from tripod_doe.study.accuracy import Accuracy
@@ -68,7 +69,13 @@ def make_choice(
         choice = _with_frozen(choice, frozen)
     price = choice.attrs["price_pilot_s"] + choice.attrs["price_study_s"]
     _check_budget(study, price, "pilot and study")
-    attrs = {"title": f"{study.file.study.name}: choice of model", "source": f"simulator {study.simulator.name}"}
+    attrs = {
+        "Conventions": "CF-1.8",
+        "title": f"{study.file.study.name}: choice of model",
+        "institution": "tripod_doe",
+        "source": f"pilot with simulator {study.simulator.name}",
+        "references": "Angelopoulos et al., Conformal risk control, ICLR 2024",
+    }
     write_dataset(stamp_history(choice.assign_attrs(attrs), "tripod-doe run: model chosen"), directory / _CHOICE)
     return choice
 
