@@ -63,7 +63,7 @@ def compare(name: str, out: Path) -> dict[str, object]:
         for label, n in zip(choice["rung_label"].values, choice["points_of_rung"].values, strict=True)
     }
     result["expected_not_met"] = int((choice["accuracy_met"] == 0).sum())
-    result |= {key: choice.attrs[key] for key in ("limit", "misses")}
+    result |= {key: float(choice.attrs[key]) for key in ("limit", "misses")}
     own, trial = float(auto["cpu_seconds"].sum()), float(pilot["cpu_seconds"].sum())
     everywhere = float(reference["cpu_seconds"].mean()) * count
     estimated = {key: float(choice.attrs[f"price_{key}_s"]) for key in ("study", "pilot", "reference")}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from tripod_doe.errors import InputError, near_match
@@ -117,15 +117,30 @@ def check_accuracy(
     return Accuracy(found, confidence, floor, budget, rungs)
 
 
-def own_rungs(ladder: Collection[Rung], taken: Collection[str]) -> tuple[Rung, ...]:
-    """The rungs of a ladder without the parameters that a study sets itself; of those then alike, a full one."""
+def own_rungs(ladder: Sequence[Rung], taken: Collection[str]) -> tuple[Rung, ...]:
+    """The rungs that a study can choose from: only what differs between them, and nothing that it sets itself.
+
+    A spare rung that would need another value of what the study sets is none for it; of rungs that then are alike, a
+    full one stays.
+    """
+    full = next((rung for rung in ladder if rung.full), ladder[-1]) if ladder else None
     kept: dict[str, Rung] = {}
     for rung in ladder:
-        values = {name: value for name, value in rung.values.items() if name not in taken}
-        bare = replace(rung, values=values)
+        own = {name: value for name, value in rung.values.items() if name not in taken}
+        if full and rung.spare and any(full.values[name] != rung.values[name] for name in rung.values.keys() - own):
+            continue
+        bare = replace(rung, values=own)
         if bare.label not in kept or (bare.full and not kept[bare.label].full):
             kept[bare.label] = bare
-    return tuple(rung for rung in kept.values() if rung.values)
+    differ = {name for rung in kept.values() for name in rung.values if _varies(name, kept.values())}
+    return tuple(
+        replace(rung, values={name: value for name, value in rung.values.items() if name in differ})
+        for rung in kept.values()
+    )
+
+
+def _varies(name: str, rungs: Collection[Rung]) -> bool:
+    return len({rung.values[name] for rung in rungs}) > 1
 
 
 def _demand(simulator: Simulator, name: str, allowed: float) -> Demand:
