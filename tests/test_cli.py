@@ -202,6 +202,8 @@ def test_schema_holds_every_parameter(capsys):
     _, out, _ = call(capsys, "schema", "study")
     schema = json.loads(out)
     assert set(schema["properties"]["base"]["properties"]) == set(JOINT_PARAMETERS)
+    assert "designs" not in schema["properties"]  # a file writes [design.NAME]
+    assert schema["properties"]["design"]["additionalProperties"] == {"$ref": "#/$defs/DesignTable"}
 
 
 @pytest.mark.parametrize(
@@ -235,8 +237,10 @@ def test_schema_holds_every_parameter(capsys):
         (["query", "{results}", "--variable", "outcome", "--where", "import os"], "not an expression"),
         (["query", "{results}", "--variable", "outcome", "--format", "netcdf"], "--output"),
         (["report", "{empty}"], "no cube.nc"),
-        (["schema", "studdy"], "invalid choice"),
-        (["fly"], "invalid choice"),
+        (["plan", "{analysis}"], "sobol needs a design of kind saltelli"),
+        (["schema", "studdy"], "invalid choice: 'studdy'; did you mean 'study'? allowed: study, workflow"),
+        (["simulat"], "did you mean 'simulate'"),
+        (["fly"], "invalid choice: 'fly'; allowed: run, plan"),
         ([], "required"),
     ],
 )
@@ -246,6 +250,7 @@ def test_bad_calls_are_told_and_start_nothing(capsys, write_study, tmp_path, res
     (tmp_path / "cut.nc").write_bytes((results / "cube.nc").read_bytes()[:3000])
     places = {
         "study": write_study(STUDY),
+        "analysis": write_study(STUDY + "[analysis.sobol]\n", "analysis.toml"),
         "bad": write_study('[study]\nname="b"\n[base]\ntorque_nm = 5\n', "bad.toml"),
         "out": tmp_path / "out",
         "file": tmp_path / "file" / "below",

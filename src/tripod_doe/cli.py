@@ -41,6 +41,11 @@ class _Parser(argparse.ArgumentParser):
         flags = [flag for action in self._actions for flag in action.option_strings]
         self.error(f"unknown flag {flag}{near_match(flag, flags)}" if flag.startswith("-") else f"{word!r} is too much")
 
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """Refuse a word that is none of an argument's choices, with the nearest one (argparse only lists them)."""
+        if action.choices is not None and value not in action.choices:
+            raise argparse.ArgumentError(action, f"invalid choice: {value!r}{near_match(str(value), action.choices)}")
+
     def error(self, message: str) -> NoReturn:
         """Print the message and where to look, and leave with exit code 2."""
         print(f"{self.prog}: {message}", file=sys.stderr)
@@ -220,10 +225,12 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _plan(options: argparse.Namespace) -> int:
+    from tripod_doe.analysis.registry import check_analyses
     from tripod_doe.study.definition import load_study
     from tripod_doe.study.plan import plan
 
     study = load_study(options.study)
+    check_analyses(study)
     print(plan(study, timing=not options.no_timing).describe(max(options.workers, 1)))
     if study.accuracy:
         from tripod_doe.workflow.choice import describe_choice
@@ -266,10 +273,11 @@ def _simulate(options: argparse.Namespace) -> int:
     outcome = Outcome(int(result["outcome"]))
     names = [str(name) for name in result.data_vars if not str(name).startswith("outcome")]
     outputs = {name: _plain(result[name].values) for name in names}
+    usual = [name for name, output in simulator.outputs.items() if not output.on_request]
     answer = {
         "scene": options.scene,
         "parameters": result.attrs["parameters"],
-        **(dict.fromkeys(simulator.outputs) | outputs),  # null where the point did not get that far
+        **(dict.fromkeys(usual) | outputs),  # null where the point did not get that far
         "coordinates": {str(name): _plain(values.values) for name, values in result.coords.items()},
         "outcome": outcome.label,
         "outcome_detail": str(result["outcome_detail"].values),

@@ -8,7 +8,9 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
-__all__ = ["CubeError", "InputError", "StorageError", "TripodDoeError", "near_match"]
+__all__ = ["CubeError", "InputError", "StorageError", "TripodDoeError", "closest", "near_match"]
+
+_FEW = 16  # names that can still be read at a glance
 
 
 class TripodDoeError(Exception):
@@ -40,12 +42,17 @@ def near_match(name: str, known: Iterable[str]) -> str:
     Returns
     -------
     str
-        ``"; did you mean 'torque_n_m'?"``, or the allowed names where they are few, or an empty string.
+        ``"; did you mean 'rollers'? allowed: equilibrium, rollers, needles"``; many names are not listed beside a near
+        match, and no name gives an empty string.
     """
     names = list(known)
-    matches = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
-    if matches:
-        return f"; did you mean {matches[0]!r}?"
-    if 0 < len(names) <= 16:
-        return f"; allowed: {', '.join(names)}"
-    return ""
+    meant = closest(name, names)
+    if not names or (meant and len(names) > _FEW):
+        return meant
+    return f"{meant or ';'} allowed: {', '.join(names)}"
+
+
+def closest(name: str, known: Iterable[str]) -> str:
+    """Say which known name was probably meant, without listing the others: ``"; did you mean 'a.toml'?"`` or empty."""
+    matches = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
+    return f"; did you mean {matches[0]!r}?" if matches else ""

@@ -9,10 +9,19 @@ from typing import Literal
 
 from tripod_doe.errors import InputError, near_match
 
-__all__ = ["Output", "Parameter", "Rung", "Value", "check_parameters"]
+__all__ = ["Output", "Parameter", "Rung", "Value", "check_parameters", "dimension_attributes"]
 
 Value = float | int | str | None
-Kind = Literal["number", "integer", "switch", "choice"]
+Kind = Literal["number", "integer", "switch", "choice", "argument"]
+
+_DIMENSIONS = {
+    "rotation_deg": ("degree", "rotation angle of the housing"),
+    "order": ("1", "rotating order"),
+    "groove": ("1", "number of the groove"),
+    "trunnion": ("1", "number of the trunnion"),
+    "mechanism": ("", "friction mechanism"),
+    "point": ("1", "number of the point in the design"),
+}
 
 
 @dataclass(frozen=True)
@@ -36,7 +45,8 @@ class Parameter:
     low, high
         Range of allowed values, ends included unless `low_open`.
     kind
-        ``number``, ``integer``, ``switch`` (0 or 1) or ``choice``.
+        ``number``, ``integer``, ``switch`` (0 or 1), ``choice``, or ``argument`` of a user function: a number or
+        a text, handed over as it is written.
     choices
         Allowed words of a choice.
     group
@@ -83,7 +93,9 @@ class Parameter:
             raise InputError(f"{self.name}: a value is needed ({self.range_text})")
         if self.kind == "choice":
             if not isinstance(value, str) or value not in self.choices:
-                raise InputError(f"{self.name} = {value!r}{near_match(str(value), self.choices)}")
+                raise InputError(f"{self.name} = {value!r}: unknown{near_match(str(value), self.choices)}")
+            return value
+        if self.kind == "argument" and isinstance(value, bool | str):
             return value
         if isinstance(value, bool):
             value = int(value) if self.kind == "switch" else value
@@ -97,6 +109,8 @@ class Parameter:
             raise InputError(f"{self.name} = {value:g}: must be {self.range_text}")
         if not self.low <= value <= self.high or (self.low_open and value == self.low):
             raise InputError(f"{self.name} = {value:g}: must be {self.range_text} {self.unit_text}".rstrip())
+        if self.kind == "argument":
+            return value
         return int(value) if self.kind in ("integer", "switch") else float(value)
 
     @property
@@ -125,6 +139,8 @@ class Output:
         Whether values are angles in degrees that wrap at +-180, so that differences need care.
     optional
         Whether some models cannot give it: their points hold NaN although they finished.
+    on_request
+        Whether it is computed only where a study names it among what it keeps.
     """
 
     name: str
@@ -134,6 +150,7 @@ class Output:
     dims: tuple[str, ...] = ()
     angle: bool = False
     optional: bool = False
+    on_request: bool = False
 
     @property
     def unit_text(self) -> str:
@@ -187,6 +204,12 @@ def check_parameters(parameters: Mapping[str, Parameter], values: Mapping[str, o
     checked: dict[str, Value] = {}
     for name, value in values.items():
         if name not in parameters:
-            raise InputError(f"{name}: unknown parameter{near_match(name, parameters)}")
+            raise InputError(f"{name} = {value!r}: unknown parameter{near_match(name, parameters)}")
         checked[name] = parameters[name].check(value)
     return checked
+
+
+def dimension_attributes(name: str) -> dict[str, str]:
+    """Unit and meaning of a dimension's labels, as attributes of its coordinate."""
+    unit, meaning = _DIMENSIONS.get(name, ("1", name.replace("_", " ")))
+    return {"long_name": meaning} | ({"units": unit} if unit else {})

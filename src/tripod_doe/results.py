@@ -9,7 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["OUTCOME_MEANINGS", "BlockResult", "Outcome", "Retries", "Values"]
+__all__ = [
+    "DETAIL_ATTRIBUTES",
+    "OUTCOME_ATTRIBUTES",
+    "OUTCOME_MEANINGS",
+    "BlockResult",
+    "Outcome",
+    "Retries",
+    "Values",
+]
 
 
 class Outcome(IntEnum):
@@ -51,6 +59,17 @@ OUTCOME_MEANINGS: dict[Outcome, str] = {
     Outcome.NOT_RUN: "excluded by a constraint, or not computed yet",
     Outcome.ERROR: "the model raised an error",
 }
+
+OUTCOME_ATTRIBUTES: dict[str, Any] = {
+    "long_name": "how the point ended",
+    "flag_values": np.array(list(Outcome), np.int8),
+    "flag_meanings": " ".join(outcome.label for outcome in Outcome),
+    "comment": "; ".join(f"{outcome.label}: {text}" for outcome, text in OUTCOME_MEANINGS.items()),
+}
+"""CF flags of the variable ``outcome``."""
+
+DETAIL_ATTRIBUTES = {"long_name": "why the point failed; empty where it did not"}
+"""Attributes of the variable ``outcome_detail``."""
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,8 @@ import xarray as xr
 
 from tripod_doe.analysis.claim_points import ANY, Evidence, MissingPointError
 from tripod_doe.analysis.claims import ClaimsSettings, Verdict, check_claims, claims_json
+from tripod_doe.analysis.claims_over_skew import ClaimsOverSkewSettings, claims_over_skew
+from tripod_doe.errors import InputError
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.results import Outcome
 
@@ -139,3 +141,23 @@ def test_json_tells_every_claim_with_null_for_what_is_not_known():
     assert open_one["value"] is None
     assert {"statement", "where", "quantity", "unit", "numerical_error", "reason"} <= set(failed)
     assert "does not print" in table["cases"]
+
+
+def test_the_choice_of_the_skews_decides_what_depends_on_it_and_nothing_else():
+    """A second order that follows the skew up to 0.4 deg and not beyond: its claim holds for that choice only."""
+    second = {0.2: 0.1, 0.4: 0.2, 0.8: 0.2}
+    rows = [{f"initial_skew_{k}_deg": skew * sign for k, sign in ((1, 1), (2, -1), (3, 1))} for skew in second]
+    cube = points(rows, 14.4, list(second.values()))
+    over = claims_over_skew({"cases": cube}, ClaimsOverSkewSettings(skews_deg=[0.4, 0.8]))
+    assert over["skew_deg"].values.tolist() == [0.4, 0.8]
+    assert over["verdict"].sel(claim="second_follows_skew").values.tolist() == [Verdict.HOLDS, Verdict.DOES_NOT_HOLD]
+    assert over["value"].sel(claim="second_follows_skew").values == pytest.approx([1.0, 0.5])
+    assert (over["verdict"].sel(claim="third_order_dominant") == Verdict.HOLDS).all()
+    # what needs other points, or none at all, is left out
+    assert not {"beat_turned", "degrees_of_freedom", "share_groove_rolling"} & set(over["claim"].values)
+    alone = check_claims({"cases": cube}, ClaimsSettings(small_skew_deg=0.4, large_skew_deg=0.8))
+    assert float(over["value"].sel(claim="beat_visible", skew_deg=0.8)) == float(
+        alone["value"].sel(claim="beat_visible")
+    )
+    with pytest.raises(InputError, match="no claim is decided"):
+        claims_over_skew({"cases": cube}, ClaimsOverSkewSettings(skews_deg=[3, 5]))

@@ -76,6 +76,15 @@ def test_failed_points_take_their_whole_block_out():
         sobol_indices(data)
 
 
+def test_a_finished_point_without_a_number_takes_its_block_out():
+    """Regression: a function that returns NaN made all indices NaN, and no block was said to be dropped."""
+    data = cube("saltelli", 256, y=((), additive), never=((), lambda x: np.full(len(x), np.nan)))
+    data["y"][5] = np.nan
+    result = sobol_indices(data)
+    assert result.attrs["groups_dropped"] == 1
+    assert result["ST"].sel(output="y", factor="torque_n_m") == pytest.approx(0.8, abs=0.05)
+
+
 def test_phases_do_not_wrap():
     def phase(x):
         return (175 + 10 * x[:, 0] + 180) % 360 - 180

@@ -28,7 +28,8 @@ FACTOR = "[factors]\njoint_angle_deg = {values = [5, 10]}\n"
         (HEAD + "[base]\njoint_angle_deg = 60", r"must be >= 0 and <= 40 degree"),
         (HEAD + "[base]\nneedle_count = 27.5", "whole number"),
         (HEAD + "[base]\ngroove_sliding = 2", "0 or 1"),
-        (HEAD + '[base]\nmodel = "equilibrum"', "did you mean 'equilibrium'"),
+        (HEAD + '[base]\nmodel = "equilibrum"', r"did you mean 'equilibrium'\? allowed: equilibrium, rollers, needles"),
+        (HEAD + "[base]\nzzz = 5", "zzz = 5: unknown parameter; allowed: joint_angle_deg, torque_n_m"),
         (HEAD + "[base]\nstep_s = 1e-5\n" + FACTOR, r"\[base\]: step_s = 1e-05: not used by newton \(equilibrium\)"),
         (HEAD + FACTOR + "[base]\njoint_angle_deg = 5", "both a base value and a factor"),
         (HEAD + FACTOR + "[factors.joint_angle_deg]\nvalues=[1]", "not valid TOML"),
@@ -36,10 +37,12 @@ FACTOR = "[factors]\njoint_angle_deg = {values = [5, 10]}\n"
         (HEAD + "[factors.joint_angle_deg]\nlow = 5", "needs high"),
         (HEAD + "[factors.joint_angle_deg]\nlow = 9\nhigh = 5\ncount = 2", "must be below"),
         (HEAD + "[factors.joint_angle_deg]\nvalues = [1]\nlow = 5", "not both"),
-        (HEAD + "[factors.joint_angle_deg]\ndistribution = 'gauss'", "distribution = 'gauss'"),
+        (HEAD + "[factors.joint_angle_deg]\ndistribution = 'gauss'", "distribution = 'gauss': unknown; allowed: uniform, normal"),
+        (HEAD + "[factors.joint_angle_deg]\nlow = 1\nhigh = 5\ndistribution = 'uniform'\nscale = 'log'", "not use scale"),
+        (HEAD + "[factors.needle_count]\ndistribution = 'normal'\nmean = 27\nstd = 2", "takes whole numbers"),
         (HEAD + "[factors.joint_angle_deg]\ndistribution = 'normal'\nmean = 5", "needs std"),
         (HEAD + "[factors.speed_rpm]\nlow = 0\nhigh = 5\ncount = 3\nscale = 'log'", "logarithmic"),
-        (HEAD + FACTOR + "[design]\nkind = 'gird'", "kind = 'gird'"),
+        (HEAD + FACTOR + "[design]\nkind = 'gird'", r"\[design\]: kind = 'gird': unknown; did you mean 'grid'\? allowed: grid, zip"),
         (HEAD + FACTOR + "[keep]\noutputs = ['thrust_amplitud']", "did you mean 'thrust_amplitude'"),
         (HEAD + FACTOR + "[run]\nexpected_outcomes = ['jamed']", "did you mean 'jammed'"),
         (HEAD + FACTOR + "[run]\nblock = 0", "block = 0"),
@@ -52,9 +55,12 @@ def test_mistakes_are_named(text, message):
     assert str(caught.value).startswith("my.toml")
 
 
-def test_a_file_that_is_not_there():
-    with pytest.raises(InputError, match="cannot read"):
-        load_study("nowhere.toml")
+def test_a_file_that_is_not_there(tmp_path):
+    (tmp_path / "thrust_map.toml").touch()
+    with pytest.raises(
+        InputError, match="cannot read the study file: No such file or directory; did you mean 'thrust_"
+    ):
+        load_study(tmp_path / "thrust_mapp.toml")
 
 
 def test_a_factor_that_the_model_ignores_is_told():

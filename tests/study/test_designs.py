@@ -34,6 +34,27 @@ def test_logarithmic_levels():
     assert points.columns["speed_rpm"] == pytest.approx([10, 100, 1000])
 
 
+def test_a_logarithmic_scale_is_sampled_log_uniformly():
+    """Exact: every decade of 10 .. 1000 gets half of 64 latin hypercube samples."""
+    points = points_of(
+        '[factors]\nspeed_rpm = {low = 10, high = 1000, scale = "log"}\n'
+        '[design]\nkind = "latin-hypercube"\nsamples = 64'
+    )
+    assert (points.columns["speed_rpm"] < 100).sum() == 32
+
+
+def test_a_morris_design_meets_the_ends_of_its_ranges():
+    """Regression: the ends were moved inwards by 1e-12 of the range, and tables showed 10.00000000009."""
+    points = points_of(
+        "[factors]\ntorque_n_m = {low = 10, high = 100}\nneedle_count = {low = 20, high = 29}\n"
+        'speed_rpm = {low = 10, high = 1000, scale = "log"}\n[design]\nkind = "morris"\nsamples = 8\nlevels = 4'
+    )
+    assert set(points.columns["torque_n_m"].round(9)) == {10, 40, 70, 100}
+    assert {points.columns["torque_n_m"].min(), points.columns["torque_n_m"].max()} == {10, 100}
+    assert {points.columns["speed_rpm"].min(), points.columns["speed_rpm"].max()} == {10, 1000}
+    assert {points.columns["needle_count"].min(), points.columns["needle_count"].max()} == {20, 29}
+
+
 def test_zip_pairs_values():
     points = points_of(
         "[factors]\ninitial_skew_1_deg = {values = [1, 0]}\ninitial_skew_2_deg = {values = [-1, 0]}\n"
@@ -233,7 +254,7 @@ def test_an_ablation_of_a_function_names_its_arguments(tmp_path):
         ('kind = "ablation"\nfactors = ["needle_rolling"]\n[factors]\ntorque_n_m = {values = [1, 2]}', "torque_n_m is no switch"),
         ('kind = "ablation"\n[factors]\nneedle_rolling = {values = [1]}', r"needle_rolling.*values = \[0, 1\]"),
         ('kind = "ablation"\n[base]\nneedle_rolling = 0', "needle_rolling is both a base value and a factor"),
-        ('kind = "ablation"\ncombinations = "some"', "combinations = 'some': input should be 'all' or 'single'"),
+        ('kind = "ablation"\ncombinations = "some"', "combinations = 'some': unknown; allowed: all, single"),
         ('kind = "product"\nof = ["a", "b"]\n[design.a]\nkind = "ablation"\n[design.b]\nkind = "ablation"', "varied by"),
     ],
 )  # fmt: skip

@@ -39,6 +39,13 @@ def test_values_match_to_1e_9(cube):
     assert query(cube, "f", ["x=0.3000001"], nearest=True)["x"].values.tolist() == [0.3]
 
 
+def test_the_ends_of_a_range_match_to_1e_9(cube):
+    """Regression: linspace gives 0.30000000000000004, and a range up to 0.3 left it out."""
+    assert (
+        query(cube.assign_coords(x=("point", np.linspace(0, 1, 11)[1:5])), "f", ["x=0.1:0.3"])["f"].sizes["point"] == 3
+    )
+
+
 def test_conditions_see_coordinates_outcome_and_values(cube):
     frame = to_frame(query(cube, "f", where="outcome == 'finished' and f > 2 and order == 3"))
     assert frame["x"].tolist() == [0.2, 0.4]

@@ -287,7 +287,7 @@ STEP = '[workflow]\nname = "w"\n[steps.a]\nkind = "study"\nstudy = "first.toml"\
         (STEP.replace("first.toml", "frist.toml"), r"\[steps.a\]: .*frist.toml: cannot read the study file"),
         (STEP + 'inputs = ["b"]\n', r"\[steps.a\]: inputs: no step 'b'"),
         (STEP + 'inputs = ["a"]\n', r"in a ring: a -> a; take one input away"),
-        (STEP + 'base = {tga = 1}\n', r"\[steps.a\]: .*first.toml: \[base\]: tga: unknown parameter; did you mean 'tag'"),
+        (STEP + 'base = {tga = 1}\n', r"\[steps.a\]: .*first.toml: \[base\]: tga = 1: unknown parameter; did you mean 'tag'"),
         (STEP + 'factors.z = {values = [1]}\n', "factors.z: this study does not vary it"),
         (STEP + 'factors.x = {valeus = [1]}\n', r"unknown key 'valeus'; did you mean 'values'"),
         (STEP + '[quick.b]\nbase = {tag = 1}\n', r"\[quick.b\]: no study step of this name; allowed: a"),

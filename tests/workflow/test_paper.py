@@ -31,12 +31,15 @@ initial_skew_3_deg = {{ values = [0.2, 0.4] }}
 [steps.ablation]
 kind = "study"
 study = "{studies}/contribution.toml"
+[steps.friction]
+kind = "study"
+study = "{studies}/friction_law.toml"
 [steps.shares]
 kind = "contribution"
 inputs = ["ablation"]
 [steps.claims]
 kind = "claims"
-inputs = ["cases", "joint_angle", "ablation"]
+inputs = ["friction", "cases", "joint_angle", "ablation"]
 settings = {{ model = "equilibrium" }}
 [steps.waves]
 kind = "figure"
@@ -54,9 +57,23 @@ inputs = ["joint_angle"]
 kind = "figure"
 figure = "contribution"
 inputs = ["shares"]
+[steps.law]
+kind = "figure"
+figure = "friction-law"
+title = "Fig. 4: friction"
+inputs = ["friction"]
+[steps.spectrum]
+kind = "figure"
+figure = "spectrum-of-all"
+title = "Fig. 13: orders"
+inputs = ["cases"]
+[steps.over_skew]
+kind = "claims-over-skew"
+inputs = ["cases"]
+settings = {{ model = "equilibrium", skews_deg = [0.4, 0.8] }}
 [steps.page]
 kind = "report"
-inputs = ["claims", "waves", "local", "angle", "bars"]
+inputs = ["claims", "law", "waves", "spectrum", "local", "angle", "bars", "shares", "over_skew"]
 [quick.joint_angle]
 factors = {{ joint_angle_deg = {{ values = [4, 9, 14] }} }}
 """
@@ -79,7 +96,13 @@ def test_a_tiny_workflow_decides_its_claims_and_shows_them(tmp_path):
     table = tmp_path / "out" / "quick" / "claims.json"
     claims = {record["claim"]: record for record in json.loads(table.read_text())["claims"]}
     assert list(claims) == [rule.name for rule in RULES]
-    for name in ("third_order_dominant", "third_linear_in_angle", "beat_turned", "share_groove_rolling"):
+    for name in (
+        "friction_from_rest",
+        "third_order_dominant",
+        "third_linear_in_angle",
+        "beat_turned",
+        "share_groove_rolling",
+    ):
         assert claims[name]["holds"] is True, claims[name]
     assert claims["third_independent_of_speed"]["holds"] is None
     assert claims["skew_stays"]["holds"] is None  # this model has no needles whose skew could change
@@ -87,6 +110,11 @@ def test_a_tiny_workflow_decides_its_claims_and_shows_them(tmp_path):
         text = page.read_text()
         assert "The third order is clearly evident" in text
         assert "not decided" in text
+    section = text[text.index('<section id="spectrum">') :]
+    section = section[: section.index("</section>")]
+    assert "Fig. 13: orders" in section
+    assert "more evident than the fourth" in section  # the claim stands beside the figure that shows it
+    assert "straight line" not in section
     table.unlink()  # a table that went missing is made again
     again = td.run_workflow(path, tmp_path / "out", quick=True, workers=1, progress=False)
     assert {step.name for step in again.steps if step.state == "finished"} >= {"claims"}

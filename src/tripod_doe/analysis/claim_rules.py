@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.analysis import claim_reasons as reasons
 from tripod_doe.analysis.claim_points import ANY, Evidence, Measured, MissingPointError, Point
 from tripod_doe.analysis.contribution import PAPER_SHARES, contribution_shares
 from tripod_doe.joint.multibody import build_joint
@@ -340,6 +341,23 @@ def _degrees_of_freedom(evidence: Evidence, cases: Cases) -> Measured:
     return Measured(float(free - tables.rows.size), 0.0, f"{free} free velocities less {tables.rows.size} constraints.")
 
 
+def _friction_from_rest(evidence: Evidence, cases: Cases) -> Measured:
+    """Largest deviation of a tilted roller's axial force from that of mu_s tanh(v/v_st), percent of its full value."""
+    points = evidence.scene(tilt_deg=ANY, axial_speed_mm_s=ANY, transition_ratio=ANY)
+    velocity = np.array([1 / float(point.value("transition_ratio")) for point in points])
+    if velocity.size < 3:
+        raise MissingPointError("fewer than three sliding velocities were run")
+    full = [float(point.value("friction")) for point in points]
+    normal = [float(p.value("load_n")) * math.sin(math.radians(abs(float(p.value("tilt_deg"))))) for p in points]
+    felt = np.array([float(point.output("axial_force_n")) for point in points]) / normal / full
+    slow, fast = int(velocity.argmin()), int(velocity.argmax())
+    note = (
+        f"Of its full value the coefficient has {100 * felt[slow]:.3g} % at {velocity[slow]:g} and "
+        f"{100 * felt[fast]:.4g} % at {velocity[fast]:g} transition velocities."
+    )
+    return Measured(100 * float(np.abs(felt - np.tanh(velocity)).max()), note=note)
+
+
 def _loci(evidence: Evidence) -> dict[str, tuple[float, float]]:
     """Drift and travel in mm by which plate has more friction."""
     found = {}
@@ -389,39 +407,12 @@ def _share_rule(mechanism: str) -> Rule:
     )  # fmt: skip
 
 
-_FAINT_BEAT = (
-    "The assumed joint makes a second order in proportion to a skew that its loaded needles keep only up to about half "
-    "a degree, so the beat is there but faint; a beat that is seen by eye asks for a joint whose needles keep several "
-    "degrees."
-)
-_FAINT_LOCAL = "Orders 1 and 3 dominate; the second is as small at a groove as the kept skews make it."
-_ROLLING_STAYS = (
-    "Rolling friction does not fall with the joint angle as the groove's sliding does, and its part is the offset: "
-    "without both rolling resistances model rollers has 0.8 % instead of 8.8 %."
-)
-_SKEW_GROWS = (
-    "Within four revolutions a loaded needle gains up to 0.15 deg whatever it starts with: much of the small skew of "
-    "case 1, less than a third of that of case 2."
-)
-_SMALL_SECOND = (
-    "What turns with the skew is independent of the angle (half the difference of case 1 and its reverse is 0.107, "
-    "0.113, 0.104 N at 4, 8, 14 deg). What does not turn comes of skew that the needles take up on their own; it grows "
-    "from 0.01 to 0.06 N and spoils the small second order of case 1."
-)
-_NOT_STRAIGHT = (
-    "Needles that start straight take some skew in the first revolutions, on each trunnion another, since each starts "
-    "at another place of the load's cycle."
-)
-_NOT_EQUAL = (
-    "Skews that start equal do not stay equal, since each trunnion starts at another place of the load's cycle. It is "
-    "no numerical error (the same with half and a quarter of the tolerance), not the shaft (ten times as long) and not "
-    "the start alone (eight revolutions instead of four); model rollers, which has no needles, shows none of it."
-)
-"""Reasons found by varying the model at the reference point."""
-
 RULES: tuple[Rule, ...] = (
     Rule("degrees_of_freedom", "The model with 27 needles a trunnion has 18 N_n + 21 degrees of freedom", "2.4, Eq. 9",
          "free velocities less constraints of the scene", "1", 507, 507, _degrees_of_freedom),
+    Rule("friction_from_rest", "The friction coefficient grows continuously from rest, as a hyperbolic tangent",
+         "2.3, Fig. 4; 3.1", "largest deviation of the coefficient that a roller feels, of its full value", "%", None,
+         0.1, _friction_from_rest),
     Rule("locus_equal_friction", "A skewed needle between plates of equal friction does not drift", "2.3.3, Fig. 8(b)",
          "drift over travel", "%", None, 0.1, _locus_straight),
     Rule("loci_unequal_friction", "With more friction at one plate or the other it drifts to opposite sides",
@@ -429,12 +420,12 @@ RULES: tuple[Rule, ...] = (
     Rule("third_order_dominant", "The third order is clearly evident", "3.2, Fig. 10; 3.3, Fig. 13",
          "next largest order over the third, cases 1 and 2", "1", None, 0.25, _third_dominates),
     Rule("beat_visible", "A beat occurs in case 2", "3.2, Fig. 10", "second over third order", "%", 5, None, _beat,
-         _FAINT_BEAT),
+         reasons.FAINT_BEAT),
     Rule("second_above_fourth", "The beat comes of the second order, more evident than the fourth", "3.3, Fig. 13",
          "fourth over second order, case 2", "1", None, 0.5, _second_above_fourth),
     Rule("skew_stays", "The skew stays near its initial value", "3.2, Fig. 11",
          "largest change of the mean skew up to the fourth revolution, cases 1 and 2", "%", None, 35, _skew_stays,
-         _SKEW_GROWS),
+         reasons.SKEW_GROWS),
     Rule("third_independent_of_case", "The third order is the same in all cases of skew", "3.3, Fig. 14",
          "largest deviation from the mean of cases 1 to 4", "%", None, 1, _same_third),
     Rule("third_cases_over_angle", "Cases 1 and 2 have the same third order at all joint angles", "3.3, Fig. 14",
@@ -442,20 +433,20 @@ RULES: tuple[Rule, ...] = (
     Rule("third_linear_in_angle", "The third order follows the joint angle along a straight line", "3.3, Fig. 14",
          "R^2 of the line over 4 to 14 deg, the smaller of cases 1 and 2", "1", 0.999, None, _straight),
     Rule("third_proportional_to_angle", "The line passes through zero: a proportion", "3.3, Fig. 14; 4 (1)(b)",
-         "offset of the line over its value at 10 deg", "%", None, 5, _offset, _ROLLING_STAYS),
+         "offset of the line over its value at 10 deg", "%", None, 5, _offset, reasons.ROLLING_STAYS),
     Rule("third_proportional_to_torque", "The third order is proportional to the torque", "3.3",
          "largest deviation of amplitude over torque from its mean", "%", None, 2, _torque),
     Rule("third_independent_of_speed", "The third order is independent of the speed", "3.3",
          "largest deviation from the mean", "%", None, 5, _speed),
     Rule("second_from_skew", "Uneven skew makes the second order: next to none without skew", "3.3; 3.4",
-         "second order without skew over that of case 2", "%", None, 20, _without_skew, _NOT_STRAIGHT),
+         "second order without skew over that of case 2", "%", None, 20, _without_skew, reasons.NOT_STRAIGHT),
     Rule("second_follows_skew", "The second order corresponds to the magnitude of the skew", "3.3, Fig. 14",
          "ratio of the second orders of cases 2 and 1 over that of their skews", "1", 0.85, 1.15, _with_skew),
     Rule("second_independent_of_angle", "The second order is independent of the joint angle", "3.3, Fig. 14",
          "largest deviation from the mean over 4 to 14 deg, the larger of cases 1 and 2", "%", None, 20,
-         _second_over_angle, _SMALL_SECOND),
+         _second_over_angle, reasons.SMALL_SECOND),
     Rule("second_vanishes_equal_skews", "With equal skews there is no beat", "3.4, Fig. 18 case 3",
-         "second order of case 3 over that of case 2", "%", None, 5, _equal_skews, _NOT_EQUAL),
+         "second order of case 3 over that of case 2", "%", None, 5, _equal_skews, reasons.NOT_EQUAL),
     Rule("local_phases_regular", "With equal skews the local second orders follow each other regularly", "3.4, Fig. 17",
          "largest deviation of their steps of phase from those of equal grooves", "deg", None, 10, _regular),
     Rule("beat_turned", "The beat turns by 180 deg when all skews are reversed", "3.4, Fig. 18 case 4",
@@ -466,7 +457,7 @@ RULES: tuple[Rule, ...] = (
          "third order of the sum over the mean of the grooves", "1", 2.97, 3.03, _three_local),
     Rule("local_orders_dominant", "At a groove the orders 1, 2 and 3 dominate", "3.4, Fig. 16",
          "largest further local order over the least of the three", "1", None, 1, _local_orders,
-         _FAINT_LOCAL),
+         reasons.FAINT_LOCAL),
     *(_share_rule(mechanism) for mechanism in _SWITCHING),
     Rule("third_follows_groove_friction", "The thrust's amplitude follows the sliding friction in the groove",
          "3.5, Fig. 20", "R^2 of the line of the third order over the coefficient", "1", 0.99, None,

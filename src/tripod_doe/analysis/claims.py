@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from tripod_doe.analysis.claim_points import Evidence, Measured, MissingPointError
 from tripod_doe.analysis.claim_rules import RULES, Cases, Rule
 
-__all__ = ["ClaimsSettings", "Verdict", "check_claims", "claims_json"]
+__all__ = ["VERDICT_FLAGS", "ClaimsSettings", "Verdict", "check_claims", "claims_json"]
 
 
 class Verdict(IntEnum):
@@ -30,6 +30,14 @@ class Verdict(IntEnum):
     def label(self) -> str:
         """In words."""
         return self.name.lower().replace("_", " ")
+
+
+VERDICT_FLAGS = {
+    "long_name": "whether the claim holds",
+    "flag_values": np.array(list(Verdict), np.int8),
+    "flag_meanings": " ".join(verdict.name.lower() for verdict in Verdict),
+}
+"""CF attributes of verdicts."""
 
 
 class ClaimsSettings(BaseModel):
@@ -78,14 +86,9 @@ def check_claims(cubes: Mapping[str, xr.Dataset], settings: ClaimsSettings, fold
     verdicts = np.array([row.pop("verdict") for row in rows], np.int8)
     columns = {name: ("claim", np.array([row[name] for row in rows]), {"long_name": meaning})
                for name, meaning in _VARIABLES.items()}  # fmt: skip
-    flags = {
-        "long_name": "whether the claim holds",
-        "flag_values": np.array(list(Verdict), np.int8),
-        "flag_meanings": " ".join(verdict.name.lower() for verdict in Verdict),
-    }
     names = np.array([rule.name for rule in RULES])
     return xr.Dataset(
-        columns | {"verdict": ("claim", verdicts, flags)},
+        columns | {"verdict": ("claim", verdicts, VERDICT_FLAGS)},
         coords={"claim": ("claim", names, {"long_name": "claim"})},
         attrs={"title": "Claims of the paper", "model": settings.model, "cases": cases.text},
     )

@@ -131,7 +131,7 @@ def compare(
     point
         One point of a cube, see `model_point`.
     reference_angle_deg
-        Rotation angle phi of the housing (CONTRACT: 0 with roller 1 between both axes in their plane) at the zero of
+        Rotation angle phi of the housing (0 with roller 1 between both axes in their plane) at the zero of
         the measurement. None where it is not known: then the third orders are put in phase, and of the three ways to
         do so, 120 deg apart, that with the least difference over all orders is taken; the phases of all other orders
         then compare with the third's only.

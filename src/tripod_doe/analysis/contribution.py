@@ -7,6 +7,7 @@ but the mean: a factor that cancels, so its shares are those of the amplitude.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -184,8 +185,14 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
         | {"mechanism": ("mechanism", list(mechanisms), {"long_name": "mechanism that is switched"})}
         | ({"pair": _pair_labels(mechanisms)} if "interaction" in variables else {}),
         attrs={"outputs": settings.output, "operating_dims": " ".join(operating.dims)}
-        | ({"comment": comment} if comment else {}),
+        | ({"comment": comment} if comment else {})
+        | ({"model": model} if (model := _model(cube)) else {}),
     )
+
+
+def _model(cube: xr.Dataset) -> str:
+    """The model of all points; empty where they have none, or several."""
+    return str(json.loads(str(cube.attrs.get("fixed_parameters", "{}"))).get("model", ""))
 
 
 def _has_all_combinations(cube: xr.Dataset) -> bool:

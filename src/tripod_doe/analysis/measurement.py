@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import median_filter
 
-from tripod_doe.errors import InputError, near_match
+from tripod_doe.errors import InputError, closest
 
 __all__ = ["Measurement", "edge_times", "pulse_numbers", "read_measurement", "rotation_from_tachometer"]
 
@@ -134,7 +134,7 @@ def _column(table: pd.DataFrame, name: str) -> FloatArray:
         if len(known) == 1 and (";" in known[0] or "\t" in known[0]):
             raise InputError("the columns are not separated by commas: write a, b, c with decimal points")
         raise InputError(
-            f"no column {name}{near_match(name, known)}; needed are thrust_n and rotation_deg, or thrust_n, time_s and "
+            f"no column {name}{closest(name, known)}; needed are thrust_n and rotation_deg, or thrust_n, time_s and "
             f"tacho; the file has {', '.join(known)}"
         )
     numbers = pd.to_numeric(table[name], errors="coerce").to_numpy(float)

@@ -12,9 +12,11 @@ from pydantic import BaseModel, ValidationError
 
 from tripod_doe.analysis.choice import ChooseSettings, choose_for_study
 from tripod_doe.analysis.claims import ClaimsSettings, check_claims, claims_json
+from tripod_doe.analysis.claims_over_skew import ClaimsOverSkewSettings, claims_over_skew
 from tripod_doe.analysis.comparison import ComparisonSettings, compare_file
 from tripod_doe.analysis.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analysis.sensitivity import MorrisSettings, SobolSettings, morris_effects, sobol_indices
+from tripod_doe.analysis.stability import StabilitySettings, stability_borders
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.cube import stamp_history, write_dataset
 from tripod_doe.study.definition import Study
@@ -57,6 +59,7 @@ ANALYSES: dict[str, Analysis] = {
     "sobol": Analysis(SobolSettings, ("saltelli",), sobol_indices),
     "morris": Analysis(MorrisSettings, ("morris",), morris_effects),
     "contribution": Analysis(ContributionSettings, ("ablation",), contribution_shares, crossed=True),
+    "stability": Analysis(StabilitySettings, ("grid", "product"), stability_borders),
 }
 """Analyses by the kind that study files use."""
 
@@ -99,6 +102,7 @@ CHAIN_ANALYSES: dict[str, ChainAnalysis] = {
     "comparison": ChainAnalysis(ComparisonSettings, compare_file, ("measurement",)),
     "choose": ChainAnalysis(ChooseSettings, choose_for_study, ("study",)),
     "claims": ChainAnalysis(ClaimsSettings, check_claims, export=("claims.json", claims_json), partial=True),
+    "claims-over-skew": ChainAnalysis(ClaimsOverSkewSettings, claims_over_skew, partial=True),
 }
 """Analyses that workflow files may name besides; an entry here is a kind of step."""
 

@@ -6,7 +6,7 @@ failed, its whole Saltelli block or trajectory is left out, and the result says 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -109,7 +109,7 @@ def morris_effects(cube: xr.Dataset, settings: MorrisSettings | None = None) -> 
     design, names = _design_of(cube, "morris")
     unit = unit_sample(design, names)
     levels = design.levels or 4
-    whole = _complete(cube, len(names) + 1)
+    whole = _complete(cube, len(names) + 1, _chosen(cube, settings))
 
     def analyse(output: FloatArray) -> dict[str, FloatArray]:
         answer = salib_morris.analyze(
@@ -129,10 +129,17 @@ def _design_of(cube: xr.Dataset, kind: str) -> tuple[DesignTable, list[str]]:
     return file.design, list(file.factors)
 
 
-def _complete(cube: xr.Dataset, rows: int) -> NDArray[np.bool_]:
-    """Points of those groups of `rows` that all finished, shape (point,)."""
-    finished = (cube["outcome"].values == Outcome.FINISHED).reshape(-1, rows).all(axis=1)
-    return np.repeat(finished, rows)
+def _complete(cube: xr.Dataset, rows: int, outputs: Iterable[str]) -> NDArray[np.bool_]:
+    """Points of those groups of `rows` that all finished and gave numbers, shape (point,).
+
+    A finished point may lack one: a function returned NaN, a model cannot give the output. SALib would not say so.
+    """
+    usable = cube["outcome"].values == Outcome.FINISHED
+    for name in outputs:
+        given = np.isfinite(cube[name].values.reshape(usable.size, -1)).all(axis=1)
+        if given.any():  # an output that no point gives takes nothing away from the others
+            usable = usable & given
+    return np.repeat(usable.reshape(-1, rows).all(axis=1), rows)
 
 
 def _chosen(cube: xr.Dataset, settings: SobolSettings) -> list[str]:
@@ -159,11 +166,11 @@ def _analyse_outputs(
     meaning: str,
 ) -> xr.Dataset:
     """Analyse every component of every chosen output, and put the answers under their labels."""
-    whole = _complete(cube, rows)
+    chosen = _chosen(cube, settings)
+    whole = _complete(cube, rows, chosen)
     groups, dropped = int(whole.sum()) // rows, int((~whole).sum()) // rows
     if groups < 2:
         raise InputError(f"only {groups} of {groups + dropped} groups of {rows} points finished; nothing to analyse")
-    chosen = _chosen(cube, settings)
     parts = [_analyse_output(cube[name].isel(point=whole), analyse) for name in chosen]
     result = parts[0]
     if len(parts) > 1:

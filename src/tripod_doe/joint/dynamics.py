@@ -19,6 +19,7 @@ from tripod_doe.joint.multibody import build_joint
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
 from tripod_doe.joint.readings import groove_readings, needle_skews
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
+from tripod_doe.mechanics.linearisation import Rates, fastest_rates
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, method_named, run
 from tripod_doe.results import Outcome
@@ -38,6 +39,9 @@ loses nothing, and nothing is not what its rounding should be measured by."""
 
 _ERROR_LIMIT, _ERROR_FLOOR = 0.05, 1e-4
 """Share of the third order, and of |T| / R_p, above which a numerical error makes a run inaccurate."""
+
+_RATE_STATES = 12
+"""States of a third of a revolution at which a run is linearised."""
 
 _BUDGET = 20_000_000
 """Force evaluations: a minute or so of rollers, half an hour of needles."""
@@ -62,6 +66,8 @@ class Readings:
         See `mechanics.run.Run`.
     energy_residual
         Energy that the balance misses over what friction takes, or over a thousandth of the transmitted energy.
+    rates
+        What limits the step on the way through the last third of a revolution; None unless asked for.
     """
 
     groove_thrust: FloatArray
@@ -71,6 +77,7 @@ class Readings:
     skew_summary: FloatArray | None
     penetration: float
     energy_residual: float
+    rates: Rates | None = None
 
 
 @dataclass(frozen=True)
@@ -95,8 +102,9 @@ class JointRun:
 
 
 def run_joint(
-    values: Mapping[str, float], needles: bool, method: str, samples: int, step: float | None, tolerance: float | None
-) -> JointRun:
+    values: Mapping[str, float], needles: bool, method: str, samples: int, step: float | None,
+    tolerance: float | None, rates: bool = False,
+) -> JointRun:  # fmt: skip
     """Simulate one operating point.
 
     Parameters
@@ -109,6 +117,8 @@ def run_joint(
         Numerics; a method uses a step or a tolerance.
     samples
         Samples a revolution.
+    rates
+        Whether to find what limits the step.
     """
     if reason := _out_of_range(values):
         return JointRun(Outcome.OUT_OF_RANGE, reason)
@@ -130,7 +140,16 @@ def run_joint(
     if again.outcome != Outcome.FINISHED:
         return JointRun(Outcome.INACCURATE, f"half the tolerance or step fails: {again.detail}", None, *work)
     readings = _read(assembly, result, again, values, samples, method_named(method).order)
+    if rates:
+        readings = replace(readings, rates=_rates(result, values, samples))
     return JointRun(*_judge(readings, values), readings, *work)
+
+
+def _rates(result: Run, values: Mapping[str, float], samples: int) -> Rates:
+    """What limits the step in the last third of a revolution, after which it repeats; the pace is the third order's."""
+    chosen = np.unique(np.linspace(-1 - samples // 3, -1, _RATE_STATES, endpoint=False).round().astype(int))
+    states = [State(float(result.times[k]), result.positions[k], result.velocities[k]) for k in chosen]
+    return fastest_rates(result.assembly, states, pace=3 * values["speed_rpm"])
 
 
 def _states(result: Run) -> tuple[FloatArray, FloatArray]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from tripod_doe.joint.dynamics import Readings, prepare_joint, run_joint
 from tripod_doe.joint.equilibrium import solve_equilibrium
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, thrust_outputs
 from tripod_doe.mechanics.integrators.registry import METHODS
+from tripod_doe.mechanics.linearisation import RATE_OUTPUTS
 from tripod_doe.results import BlockResult, Outcome, Values
 
 __all__ = ["MODELS", "Model"]
@@ -26,6 +28,7 @@ _PRELOADED = (
     "the balance does not hold for a preloaded bearing: it misses 10 % of the third order at -0.001 mm and half of it "
     "at -0.003 mm; use model rollers or needles"
 )
+_RATES = tuple(output.name for output in RATE_OUTPUTS)
 _SKEWS = ("needle_skew_deg", "needle_skew_summary_deg")
 
 
@@ -124,7 +127,7 @@ _EQUILIBRIUM = Model(
             "contact_damping_s_per_mm", "needle_mass_factor", "cycles",
         }
     ),
-    outputs=frozenset(JOINT_OUTPUTS) - {"thrust_amplitude_error", *_SKEWS},
+    outputs=frozenset(JOINT_OUTPUTS) - {"thrust_amplitude_error", *_SKEWS, *_RATES},
     simulate=_simulate_equilibrium,
     prepare=_prepare_equilibrium,
 )  # fmt: skip
@@ -139,8 +142,9 @@ def _simulate_multibody(
     outputs: dict[str, Values] = {}
     for i in range(count):
         point = {name: float(column[i]) for name, column in points.items()}
-        numerics = [None if np.isnan(point[name]) else point[name] for name in ("step_s", "relative_tolerance")]
-        result = run_joint(point, needles, method, samples, *numerics)
+        step, tolerance = (None if np.isnan(point[name]) else point[name] for name in ("step_s", "relative_tolerance"))
+        wants_rates = not set(_RATES).isdisjoint(keep)
+        result = run_joint(point, needles, method, samples, step, tolerance, wants_rates)
         outcome[i], detail[i] = result.outcome, result.detail
         work[:, i] = result.steps, result.force_evaluations
         if result.readings is None:
@@ -159,7 +163,7 @@ def _prepare_multibody(point: Mapping[str, FloatArray], method: str) -> None:
 def _answer(result: Readings, keep: Collection[str]) -> dict[str, Values]:
     """Outputs of one run, with a leading dimension of one point."""
     outputs = thrust_outputs(result.groove_thrust[None], keep)
-    others = {
+    others: dict[str, Any] = {
         "thrust_amplitude_error": result.amplitude_error,
         "friction_power_w": result.friction_power / 1e3,
         "needle_skew_deg": None if result.skew is None else np.degrees(result.skew),
@@ -167,6 +171,8 @@ def _answer(result: Readings, keep: Collection[str]) -> dict[str, Values]:
         "largest_penetration_um": 1e3 * result.penetration,
         "energy_residual": result.energy_residual,
     }
+    if result.rates is not None:
+        others |= dict(zip((output.name for output in RATE_OUTPUTS), astuple(result.rates), strict=True))
     for name, data in others.items():
         if name in keep and data is not None:
             outputs[name] = Values(JOINT_OUTPUTS[name].dims, np.asarray(data)[None])

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.joint.orders import ORDERS, amplitude_and_phase, complex_amplitudes, rms
 from tripod_doe.joint.parameters import MECHANISMS
+from tripod_doe.mechanics.linearisation import RATE_OUTPUTS
 from tripod_doe.quantities import Output
 from tripod_doe.results import Values
 
@@ -43,6 +44,7 @@ _OUTPUTS = [
     Output("largest_penetration_um", "um", "delta", "largest penetration of any contact"),
     Output("energy_residual", "1", "", "input less output less friction power, over the friction power (or over a "
            "thousandth of the transmitted power, where that is larger)"),
+    *RATE_OUTPUTS,
 ]  # fmt: skip
 
 JOINT_OUTPUTS: dict[str, Output] = {output.name: output for output in _OUTPUTS}

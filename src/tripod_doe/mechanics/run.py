@@ -81,6 +81,8 @@ class Run:
 
     Attributes
     ----------
+    assembly
+        What was run.
     outcome, detail
         How it ended, and if not well then why, when and at which body.
     times, positions, velocities
@@ -93,6 +95,7 @@ class Run:
         Counted work; that of the checks by itself.
     """
 
+    assembly: Assembly
     outcome: Outcome
     detail: str
     times: FloatArray
@@ -222,7 +225,7 @@ def run(
     reversals = _reversals(assembly, memory, limits, state.time, checks)
     outcome, detail = checks.failure or (Outcome.FINISHED, "")
     return Run(
-        outcome, detail, np.array(times), np.array(positions), np.array(velocities), memory.balance.copy(),
+        assembly, outcome, detail, np.array(times), np.array(positions), np.array(velocities), memory.balance.copy(),
         energy, reversals, checks.disagreement, checks.penetration, float(memory.extremes[0]),
         int(memory.counters[3]), int(memory.counters[0]), checks.evaluations,
     )  # fmt: skip

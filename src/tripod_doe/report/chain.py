@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,14 +11,18 @@ from pathlib import Path
 import xarray as xr
 
 from tripod_doe.errors import StorageError
-from tripod_doe.report.claims import claim_table, find_in_claims, is_claims
-from tripod_doe.report.comparison import find_in_comparison
+from tripod_doe.report.claims import claims_of_figures, is_claims
 from tripod_doe.report.figures import Chart
 from tripod_doe.report.figures.chain import StepView, chain_chart, step_time
-from tripod_doe.report.findings import find, find_in_analyses
+from tripod_doe.report.figures.chart import WIDE
+from tripod_doe.report.findings import find_in_analyses
 from tripod_doe.report.page import render
+from tripod_doe.report.side_by_side import find_side_by_side, of_one_ladder, side_by_side_table
+from tripod_doe.report.telling import findings_of, table_of
 
-__all__ = ["StoredChart", "chain_page", "find_in_any", "read_charts", "step_page", "write_charts"]
+__all__ = ["StoredChart", "chain_page", "read_charts", "step_page", "write_charts"]
+
+_THIRD = 300.0  # points: a figure drawn wider than this is not readable in a third of the page
 
 
 @dataclass(frozen=True)
@@ -35,6 +40,17 @@ class StoredChart:
     def csv(self) -> str:
         """Its numbers."""
         return (self.folder / f"{self.name}.csv").read_text(encoding="utf-8")
+
+    @property
+    def width(self) -> float:
+        """Width in points as drawn; a page gives wide figures more room."""
+        found = re.search(r'<svg[^>]* width="([\d.]+)pt"', self.svg())
+        return float(found[1]) if found else 0.0
+
+    @property
+    def wide(self) -> bool:
+        """Whether it needs the whole width of a page."""
+        return self.width / 72 > WIDE
 
 
 def write_charts(charts: Sequence[Chart], step: str, folder: Path) -> None:
@@ -63,15 +79,6 @@ def read_charts(folder: Path) -> list[StoredChart]:
     return [StoredChart(name, caption, folder) for name, caption in captions.items()]
 
 
-def find_in_any(name: str, data: xr.Dataset) -> list[str]:
-    """Sentences on what a study or an analysis found; empty where the house has none for it."""
-    if "outcome" in data:
-        return find(data)
-    if is_claims(data):
-        return find_in_claims(data)
-    return find_in_comparison(data) if "amplitude_difference" in data else find_in_analyses({name: data})
-
-
 @dataclass(frozen=True)
 class PagePart:
     """One input of a report step, or one answer of a workflow, as the page shows it; a table is heads and rows."""
@@ -83,11 +90,24 @@ class PagePart:
     link: str
     table: tuple[list[str], list[list[str]]] | None = None
 
+    @property
+    def columns(self) -> str:
+        """How many figures stand side by side: wide ones need more room, a single one gets it."""
+        if len(self.charts) == 1:
+            return "one"
+        return "two" if len(self.charts) == 2 or max(chart.width for chart in self.charts) > _THIRD else "three"
+
 
 def step_page(
-    title: str, order: Sequence[str], data: Mapping[str, xr.Dataset], charts: Mapping[str, Path], notice: str = ""
+    title: str,
+    order: Sequence[str],
+    data: Mapping[str, xr.Dataset],
+    charts: Mapping[str, tuple[str, Path]],
+    notice: str = "",
 ) -> str:
-    """The page of a report step: findings of its studies and analyses, and figures.
+    """The page of a report step: findings of its studies and analyses, and figures with the claims that they show.
+
+    Contributions of several models stand side by side, where the first of them is asked for.
 
     Parameters
     ----------
@@ -98,11 +118,19 @@ def step_page(
     data
         Cubes of its study and analysis inputs by step.
     charts
-        Directories of its figure inputs by step.
+        Headings and directories of its figure inputs by step.
     notice
         What the reader must know first; empty for nothing.
     """
-    parts = [_part(name, data[name]) if name in data else _drawn(name, charts[name]) for name in order]
+    claims = next((each for each in data.values() if is_claims(each)), None)
+    ladder = of_one_ladder(data)
+    parts = []
+    for name in order:
+        if name in ladder:
+            if name == next(iter(ladder)):
+                parts.append(_side_by_side(name, ladder))
+        else:
+            parts.append(_part(name, data[name]) if name in data else _drawn(name, *charts[name], claims))
     return render("chain.html", title=title, question="", kicker="Report", notice=notice, parts=parts, chain=None,
                   rows=[], text="")  # fmt: skip
 
@@ -110,13 +138,22 @@ def step_page(
 def _part(name: str, cube: xr.Dataset) -> PagePart:
     """A study with a link to its own report, or an analysis."""
     link = f"../{name}/report/index.html" if "outcome" in cube else ""
-    table = claim_table(cube) if is_claims(cube) else None
-    return PagePart(name, str(cube.attrs.get("title", name)), find_in_any(name, cube), [], link, table)
+    title = str(cube.attrs.get("title", name))
+    return PagePart(name, title, findings_of(name, cube), [], link, table_of(cube))
 
 
-def _drawn(name: str, folder: Path) -> PagePart:
-    title = name.replace("-", " ").replace("_", " ")
-    return PagePart(name, title[:1].upper() + title[1:], [], read_charts(folder), "")
+def _side_by_side(name: str, ladder: Mapping[str, xr.Dataset]) -> PagePart:
+    """Contributions of several models in one table, then what the finest of them finds."""
+    finest = list(ladder)[-1]
+    findings = find_side_by_side(ladder) + find_in_analyses({finest: ladder[finest]})
+    return PagePart(name, "Contributions: the models side by side", findings, [], "", side_by_side_table(ladder))
+
+
+def _drawn(name: str, title: str, folder: Path, claims: xr.Dataset | None) -> PagePart:
+    """A figure, with the claims of the paper's figures that its heading names."""
+    heading = title or name.replace("-", " ").replace("_", " ")
+    table = None if claims is None else claims_of_figures(claims, title)
+    return PagePart(name, heading[:1].upper() + heading[1:], [], read_charts(folder), "", table)
 
 
 def chain_page(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import xarray as xr
@@ -10,14 +11,15 @@ import xarray as xr
 from tripod_doe.analysis.claims import Verdict
 from tripod_doe.report.responses import number, unit_text, with_unit
 
-__all__ = ["claim_table", "find_in_claims", "is_claims"]
+__all__ = ["claim_limits", "claim_table", "claim_value", "claims_of_figures", "find_in_claims", "is_claims"]
 
 _HEADS = ["Claim", "In the paper", "Holds", "Value", "Holds if", "Decided by"]
+_FIGURES = re.compile(r"\bFigs?\. (\d+(?:\([a-z]\))?(?:(?:,| and|, and| to) \d+(?:\([a-z]\))?)*)")
 
 
 def is_claims(data: xr.Dataset) -> bool:
     """Whether this is a table of claims."""
-    return "verdict" in data and "statement" in data
+    return "verdict" in data and data["verdict"].dims == ("claim",)
 
 
 def find_in_claims(claims: xr.Dataset) -> list[str]:
@@ -32,7 +34,7 @@ def find_in_claims(claims: xr.Dataset) -> list[str]:
     for verdict in (Verdict.DOES_NOT_HOLD, Verdict.NOT_DECIDED):
         for at in np.flatnonzero(verdicts == verdict):
             row = claims.isel(claim=int(at))
-            seen = f" ({_value(row)}; it needs {_limits(row)})" if verdict is Verdict.DOES_NOT_HOLD else ""
+            seen = f" ({claim_value(row)}; it needs {claim_limits(row)})" if verdict is Verdict.DOES_NOT_HOLD else ""
             told = row["reason"].item()
             sentences.append(
                 f"{verdict.label.capitalize()}: {row['statement'].item()}, {row['place'].item()}{seen}. {_start(told)}"
@@ -54,23 +56,41 @@ def claim_table(claims: xr.Dataset) -> tuple[list[str], list[list[str]]]:
         near = "" if row["sure"].item() or verdict is Verdict.NOT_DECIDED else ", but within the numerical error"
         rows.append(
             [
-                row["statement"].item(), row["place"].item(), words[verdict] + near, _value(row), _limits(row),
-                row["quantity"].item(),
+                row["statement"].item(), row["place"].item(), words[verdict] + near, claim_value(row),
+                claim_limits(row), row["quantity"].item(),
             ]
         )  # fmt: skip
     return list(_HEADS), rows
 
 
-def _value(row: xr.Dataset) -> str:
+def _figure_numbers(text: str) -> set[int]:
+    """The figures that a text names: "Figs. 10, 15 and 18" or "3.2, Fig. 10; 3.3, Fig. 13"; "16 to 18" are three."""
+    numbers: set[int] = set()
+    for listed in _FIGURES.findall(text):
+        parts = [int(number) for number in re.findall(r"\d+", listed)]
+        numbers |= set(range(parts[0], parts[-1] + 1)) if " to " in listed else set(parts)
+    return numbers
+
+
+def claims_of_figures(claims: xr.Dataset, title: str) -> tuple[list[str], list[list[str]]] | None:
+    """The table of those claims that belong to a figure that a title names; None where there are none."""
+    named = _figure_numbers(title)
+    chosen = [at for at, place in enumerate(claims["place"].values) if _figure_numbers(str(place)) & named]
+    return claim_table(claims.isel(claim=chosen)) if chosen else None
+
+
+def claim_value(row: xr.Dataset) -> str:
+    """The number that decides a claim, with its numerical error and unit."""
     value, error = float(row["value"]), float(row["error"])
     if not math.isfinite(value):
         return "not known"
-    spread = f" +- {error:.2g}" if math.isfinite(error) and error > 0 else ""
+    spread = f" +- {number(float(f'{error:.2g}'))}" if math.isfinite(error) and error > 0 else ""
     digits = f"{value:.6g}" if abs(value - 1) < 1e-2 else number(float(f"{value:.3g}")) if value % 1 else f"{value:g}"
     return with_unit(digits + spread, unit_text(str(row["unit"].item())))
 
 
-def _limits(row: xr.Dataset) -> str:
+def claim_limits(row: xr.Dataset) -> str:
+    """Within which limits a claim holds."""
     low, high = float(row["low"]), float(row["high"])
     unit = unit_text(str(row["unit"].item()))
     if math.isfinite(low) and math.isfinite(high):

@@ -45,6 +45,8 @@ class Contribution:
         Name of the analysis, and of this part of it in file names.
     what
         What is shared out, in words.
+    model
+        The model of all points; empty where they have none, or several.
     mechanisms
         Names of the mechanisms.
     points
@@ -70,6 +72,7 @@ class Contribution:
     analysis: str
     key: str
     what: str
+    model: str
     mechanisms: list[str]
     points: pd.DataFrame
     labels: list[str]
@@ -137,6 +140,7 @@ def _contribution(name: str, result: xr.Dataset, order: int | None) -> Contribut
         analysis=name,
         key=name if order is None else f"{name}-order-{order}",
         what=what,
+        model=str(result.attrs.get("model", "")),
         mechanisms=mechanisms,
         points=pd.DataFrame({factor: points[factor].values for factor in factors}, index=range(points.sizes["at"])),
         labels=_labels(points, factors),

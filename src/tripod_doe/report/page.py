@@ -19,7 +19,9 @@ from tripod_doe.report.figures import (
     Chart,
     contribution_chart,
     effect_charts,
+    findings_over_skew_charts,
     index_charts,
+    kept_skew_charts,
     locus_chart,
     spectrum_chart,
     waveform_charts,
@@ -112,6 +114,7 @@ def make_page(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset]) -> str:
         loci=locus_chart(shown),
         waveforms=waveform_charts(shown),
         spectrum=spectrum_chart(shown),
+        skews=kept_skew_charts(shown) + findings_over_skew_charts(shown),
         effects=effect_charts(shown),
         indices=index_charts(analyses, cube),
         contributions=[
@@ -147,7 +150,9 @@ def render(template: str, **content: object) -> str:
 
 def _typeset(text: str) -> str:
     """Plain-text sentences with the signs of print."""
-    text = text.replace("+-", "±").replace("R2 = ", "R²\u00a0=\u00a0").replace("Sobol' ", "Sobol’ ")
+    text = text.replace(" +- ", "\u00a0±\u00a0").replace("R2 = ", "R²\u00a0=\u00a0").replace("R^2", "R²")
+    text = re.sub(r"\b(?:at (?:most|least)|Figs?\.) (?=[-\d])", lambda found: found[0].replace(" ", "\u00a0"), text)
+    text = text.replace("Sobol' ", "Sobol’ ")
     text = text.replace("N m", "N\u00a0m")
     text = re.sub(r"(?<=\d) (?=(?:N|deg|mm|um|rpm|%))", "\u00a0", text)
     return re.sub(r"(?<![\w.])-(?=\d)", "−", text)

@@ -18,8 +18,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.errors import CubeError, StorageError
-from tripod_doe.quantities import Output, Parameter, Value
-from tripod_doe.results import OUTCOME_MEANINGS, BlockResult, Outcome
+from tripod_doe.quantities import Output, Parameter, Value, dimension_attributes
+from tripod_doe.results import DETAIL_ATTRIBUTES, OUTCOME_ATTRIBUTES, BlockResult, Outcome
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.journal import FinishedBlock
@@ -49,14 +49,6 @@ SWITCH_ROLE = "switch of the ablation"
 RECORD_ROLE = "record of the run"
 """Attribute ``role`` of variables that tell how a point was computed: they are no results."""
 
-_DIMENSIONS = {
-    "rotation_deg": ("degree", "rotation angle of the housing"),
-    "order": ("1", "rotating order"),
-    "groove": ("1", "number of the groove"),
-    "trunnion": ("1", "number of the trunnion"),
-    "mechanism": ("", "friction mechanism"),
-    "point": ("1", "number of the point in the design"),
-}
 _UNKNOWN = -1  # flag of a point that has not run, or of a choice that its model does not have
 _PACKAGES = ("tripod-doe", "numpy", "scipy", "numba", "xarray", "netCDF4", "dask", "SALib")
 
@@ -183,20 +175,10 @@ def _variable(output: Output | None, dims: tuple[str, ...], data: NDArray[Any], 
     return _shaped(points, dims, data, attrs)
 
 
-_OUTCOME_FLAGS: dict[str, Any] = {
-    "flag_values": np.array(list(Outcome), np.int8),
-    "flag_meanings": " ".join(outcome.label for outcome in Outcome),
-    "comment": "; ".join(f"{outcome.label}: {text}" for outcome, text in OUTCOME_MEANINGS.items()),
-}
-
-
 def _outcome_variables(table: _Table, points: Points) -> dict[str, xr.Variable]:
-    flags = {"long_name": "how the point ended"} | _OUTCOME_FLAGS
     return {
-        "outcome": _shaped(points, (), table.outcome, flags),
-        "outcome_detail": _shaped(
-            points, (), table.detail, {"long_name": "why the point failed; empty where it did not"}
-        ),
+        "outcome": _shaped(points, (), table.outcome, OUTCOME_ATTRIBUTES),
+        "outcome_detail": _shaped(points, (), table.detail, DETAIL_ATTRIBUTES),
     }
 
 
@@ -214,7 +196,7 @@ def _retry_variables(study: Study, table: _Table, points: Points) -> dict[str, x
     return {
         "attempt": _shaped(points, (), table.attempt, flags),
         "first_outcome": _shaped(
-            points, (), table.first_outcome, {"long_name": "how the first attempt ended"} | _OUTCOME_FLAGS
+            points, (), table.first_outcome, OUTCOME_ATTRIBUTES | {"long_name": "how the first attempt ended"}
         ),
         "first_outcome_detail": _shaped(
             points, (), table.first_detail, {"long_name": "why the first attempt failed; empty where it did not"}
@@ -256,8 +238,10 @@ def _flag_word(label: str) -> str:
 def _used_variable(parameter: Parameter, column: NDArray[Any], points: Points) -> xr.Variable:
     """What each point used of a parameter: a flag for each word of a choice, else the number."""
     attrs: dict[str, Any] = {"long_name": f"used: {parameter.meaning}", "role": RECORD_ROLE}
+    if parameter.kind != "choice" and column.dtype.kind in "OU":  # a text for a user function
+        return _shaped(points, (), column.astype(object), attrs)
     if parameter.kind != "choice":
-        return _shaped(points, (), column, attrs | {"units": parameter.unit})
+        return _shaped(points, (), _cf_type(column), attrs | {"units": parameter.unit})
     codes = {word: code for code, word in enumerate(parameter.choices)}
     flags = np.array([codes.get(str(word), _UNKNOWN) for word in column], np.int8)
     attrs |= {
@@ -281,33 +265,32 @@ def _coordinates(study: Study, points: Points, labels: Mapping[str, NDArray[Any]
     coordinates: dict[str, xr.Variable] = {}
     for name, column in points.columns.items():
         attrs = parameter_attributes(study.simulator.parameters[name])
+        if column.dtype == object:  # texts have no unit
+            attrs.pop("units", None)
         if name in study.switches:
             attrs["role"] = SWITCH_ROLE
         if points.dims == ("point",):
-            coordinates[name] = xr.Variable(("point",), column, attrs)
+            coordinates[name] = xr.Variable(("point",), _cf_type(column), attrs)
         else:
             levels = np.array(study.factors[name].values, dtype=column.dtype)
-            coordinates[name] = xr.Variable((name,), levels, attrs)
+            coordinates[name] = xr.Variable((name,), _cf_type(levels), attrs)
     if points.dims == ("point",):
         coordinates["point"] = xr.Variable(
-            ("point",), np.arange(points.count, dtype=np.int32), _dimension_attributes("point")
+            ("point",), np.arange(points.count, dtype=np.int32), dimension_attributes("point")
         )
     for name, column in points.labels.items():
         meaning = "factor that is varied" if name == "varied" else "row of the sub-design"
         coordinates[name] = xr.Variable(("point",), _cf_type(column), {"long_name": meaning})
     for name, values in labels.items():
-        coordinates[name] = xr.Variable((name,), _cf_type(values), _dimension_attributes(name))
+        coordinates[name] = xr.Variable((name,), _cf_type(values), dimension_attributes(name))
     return coordinates
 
 
 def _cf_type(labels: NDArray[Any]) -> NDArray[Any]:
-    """CF 1.8 has no 64-bit integers."""
-    return labels.astype(np.int32) if labels.dtype == np.int64 else labels
-
-
-def _dimension_attributes(name: str) -> dict[str, str]:
-    unit, meaning = _DIMENSIONS.get(name, ("1", name.replace("_", " ")))
-    return {"long_name": meaning} | ({"units": unit} if unit else {})
+    """CF 1.8 has neither 64-bit integers nor booleans."""
+    if labels.dtype == np.int64:
+        return labels.astype(np.int32 if np.abs(labels).max(initial=0) < 2**31 else np.float64)
+    return labels.astype(np.int8) if labels.dtype == np.bool_ else labels
 
 
 def _fixed_parameters(study: Study, points: Points) -> dict[str, Value]:

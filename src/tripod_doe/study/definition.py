@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -14,7 +15,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from tripod_doe.errors import InputError, near_match
+from tripod_doe.errors import InputError, closest, near_match
 from tripod_doe.quantities import Parameter, Value, check_parameters
 from tripod_doe.results import Outcome
 from tripod_doe.study.accuracy import AUTO, Accuracy, check_accuracy
@@ -62,14 +63,19 @@ class FactorTable(_Table):
     low: float | None = Field(None, description="lower end of the range")
     high: float | None = Field(None, description="upper end of the range")
     count: int | None = Field(None, ge=1, description="number of values from low to high, ends included")
-    scale: Literal["linear", "log"] = Field("linear", description="spacing of the values from low to high")
+    scale: Literal["linear", "log"] = Field("linear", description="spacing of the values or samples from low to high")
     distribution: (
         Literal["uniform", "normal", "truncated-normal", "log-uniform", "triangular", "discrete"] | None
-    ) = Field(None, description="distribution of a sampled factor; uniform unless given")  # fmt: skip
+    ) = Field(None, description="distribution of a sampled factor; uniform on its scale unless given")  # fmt: skip
     mean: float | None = Field(None, description="mean of a normal distribution")
     std: float | None = Field(None, gt=0, description="standard deviation of a normal distribution")
     mode: float | None = Field(None, description="peak of a triangular distribution")
     weights: list[float] | None = Field(None, description="relative frequencies of the values of a discrete one")
+
+    @property
+    def sampled_as(self) -> str:
+        """Its distribution where a design samples it: uniform unless given, on a logarithmic scale log-uniform."""
+        return self.distribution or ("log-uniform" if self.scale == "log" else "uniform")
 
 
 class DesignTable(_Table):
@@ -94,7 +100,7 @@ class DesignTable(_Table):
 class KeepTable(_Table):
     """[keep]: what goes into the cube."""
 
-    outputs: list[str] = Field([], description="names of the outputs; all unless given")
+    outputs: list[str] = Field([], description="names of the outputs; all but those on request unless given")
 
 
 class RunTable(_Table):
@@ -242,7 +248,8 @@ def read_text(path: Path, what: str) -> str:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        raise InputError(f"{path}: cannot read the {what}: {reason}") from error
+        beside = [other.name for other in path.parent.glob("*.toml")] if isinstance(error, FileNotFoundError) else []
+        raise InputError(f"{path}: cannot read the {what}: {reason}{closest(path.name, beside)}") from error
 
 
 def parse_study(text: str, origin: str = "study", folder: Path | None = None) -> Study:
@@ -340,6 +347,9 @@ def complaints(error: ValidationError, known: Callable[[list[str]], Iterable[str
             yield f"{place}: unknown key {key!r}{near_match(key, known(path[:-1]))}"
         elif item["type"] == "missing":
             yield f"{place}: {key} is missing"
+        elif item["type"] == "literal_error":
+            words = re.findall(r"'([^']*)'", item["ctx"]["expected"])
+            yield f"{place}: {key} = {item['input']!r}: unknown{near_match(str(item['input']), words)}"
         else:
             message = item["msg"][0].lower() + item["msg"][1:]
             yield f"{place}: {key} = {item['input']!r}: {message}"
@@ -386,7 +396,8 @@ def _kept(simulator: Simulator, names: list[str]) -> tuple[str, ...]:
     for name in names:
         if name not in simulator.outputs:
             raise InputError(f"outputs: unknown output {name!r}{near_match(name, simulator.outputs)}")
-    return tuple(dict.fromkeys(names)) or tuple(simulator.outputs)
+    usual = (name for name, output in simulator.outputs.items() if not output.on_request)
+    return tuple(dict.fromkeys(names)) or tuple(usual)
 
 
 def _check_run(origin: str, run: RunTable) -> None:
@@ -443,15 +454,19 @@ _NEEDED: dict[str, tuple[str, ...]] = {
 
 
 def _check_distribution(parameter: Parameter, table: FactorTable) -> None:
-    kind = table.distribution or "uniform"
+    kind = table.sampled_as
     missing = [name for name in _NEEDED[kind] if getattr(table, name) is None]
     if missing and table.distribution is None and not table.model_fields_set:
         return  # a table design takes its values from a file
     if missing:
         raise InputError(f"a {kind} distribution needs {', '.join(missing)}")
     given = table.model_fields_set - {"distribution", "scale"} - set(_NEEDED[kind])
+    if table.scale == "log" and kind != "log-uniform":
+        given |= {"scale"}
     if given - ({"weights"} if kind == "discrete" else set()):
         raise InputError(f"a {kind} distribution does not use {', '.join(sorted(given))}")
+    if parameter.kind in ("integer", "switch") and kind not in ("uniform", "discrete"):
+        raise InputError(f"{parameter.name} takes whole numbers; give low and high, or a discrete distribution")
     if kind == "discrete":
         values = _checked_values(parameter, table.values or [])
         weights = table.weights or [1.0] * len(values)

@@ -16,11 +16,12 @@ from SALib.sample import morris as salib_morris
 from SALib.sample import sobol as salib_sobol
 from scipy.stats import qmc
 
-from tripod_doe.errors import InputError, near_match
+from tripod_doe.errors import InputError, closest, near_match
+from tripod_doe.quantities import Parameter, Value
 from tripod_doe.study.definition import DesignTable, Factor, Study
 from tripod_doe.study.distributions import is_unbounded, quantile
 from tripod_doe.study.expressions import Expression
-from tripod_doe.study.simulator import point_columns
+from tripod_doe.study.simulator import column_of, point_columns
 
 __all__ = ["Points", "make_points", "point_keys", "salib_problem", "unit_sample"]
 
@@ -150,7 +151,7 @@ def _levels(factor: Factor) -> Column:
 
 
 def _column(factor: Factor, values: Iterable[Any]) -> Column:
-    return np.array(list(values), dtype=object if factor.parameter.kind == "choice" else float)
+    return column_of(factor.parameter, list(values))
 
 
 def _grid(factors: Mapping[str, Factor]) -> dict[str, Column]:
@@ -194,11 +195,12 @@ def _table(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> 
         with path.open(newline="", encoding="utf-8-sig") as stream:
             header, *rows = [row for row in csv.reader(stream) if row] or [[]]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"table = {design.table!r}: cannot read {path}: {error}") from error
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InputError(f"table = {design.table!r}: cannot read {path}: {reason}") from error
     header = [name.strip() for name in header]
     for name in factors:
         if name not in header:
-            raise InputError(f"table = {design.table!r}: no column {name!r}{near_match(name, header)}")
+            raise InputError(f"table = {design.table!r}: no column {name!r}{closest(name, header)}")
     if not rows:
         raise InputError(f"table = {design.table!r}: it has no rows")
     columns = {}
@@ -218,11 +220,23 @@ def _table(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> 
                     f"table = {design.table!r}: line {line} has {len(row)} fields, the header {len(header)}"
                 )
             try:
-                values.append(parameter.check(row[index] if parameter.kind == "choice" else float(row[index])))
+                values.append(parameter.check(_cell(parameter, row[index])))
             except (InputError, ValueError) as error:
                 raise InputError(f"table = {design.table!r}: line {line}: {name}: {error}") from error
-        columns[name] = np.array(values, dtype=object if parameter.kind == "choice" else float)
+        columns[name] = column_of(parameter, values)
     return columns
+
+
+def _cell(parameter: Parameter, text: str) -> Value:
+    """One field of a CSV file as its parameter takes it."""
+    if parameter.kind == "choice":
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        if parameter.kind == "argument":
+            return text
+        raise
 
 
 def _ablation(design: DesignTable, switches: Mapping[str, Factor]) -> dict[str, Column]:

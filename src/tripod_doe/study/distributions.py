@@ -11,6 +11,7 @@ from scipy import stats
 
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition import Factor
+from tripod_doe.study.simulator import column_of
 
 __all__ = ["is_unbounded", "quantile"]
 
@@ -49,16 +50,18 @@ def quantile(factor: Factor, unit: NDArray[np.float64]) -> NDArray[Any]:
             f"[factors.{parameter.name}]: this design samples; give low and high or a distribution "
             '(distribution = "discrete" for a list of values)'
         )
-    unit = np.clip(unit, _INSIDE, 1 - _INSIDE)
     if table.distribution == "discrete":
-        values: NDArray[Any] = np.array([parameter.check(value) for value in table.values or []], dtype=_dtype(factor))
+        values: NDArray[Any] = column_of(parameter, [parameter.check(value) for value in table.values or []])
         weights = np.array(table.weights or [1.0] * len(values))
         chosen = np.searchsorted(np.cumsum(weights) / weights.sum(), unit, side="right")
         return values[np.minimum(chosen, len(values) - 1)]
     if parameter.kind in ("integer", "switch"):
         low, high = math.ceil(table.low or 0), math.floor(table.high or 0)
-        return np.floor(low + unit * (high - low + 1))
-    sampled = np.asarray(_frozen(factor).ppf(unit), float)
+        return np.minimum(np.floor(low + unit * (high - low + 1)), high)
+    if is_unbounded(factor):
+        sampled = np.asarray(_frozen(factor).ppf(np.clip(unit, _INSIDE, 1 - _INSIDE)), float)
+    else:
+        sampled = np.clip(_frozen(factor).ppf(unit), table.low, table.high)  # the ends exact, whatever rounding does
     for extreme in (sampled.min(), sampled.max()):
         try:
             parameter.check(float(extreme))
@@ -67,15 +70,11 @@ def quantile(factor: Factor, unit: NDArray[np.float64]) -> NDArray[Any]:
     return sampled
 
 
-def _dtype(factor: Factor) -> type:
-    return object if factor.parameter.kind == "choice" else float
-
-
 def _frozen(factor: Factor) -> Any:
     """The scipy distribution of a continuous factor."""
     table = factor.table
     low, high, mean, std = table.low or 0.0, table.high or 0.0, table.mean or 0.0, table.std or 1.0
-    match table.distribution:
+    match table.sampled_as:
         case "normal":
             return stats.norm(mean, std)
         case "truncated-normal":

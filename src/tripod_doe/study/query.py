@@ -122,7 +122,8 @@ def _apply(chosen: xr.Dataset, selection: Selection, nearest: bool) -> xr.Datase
     if values.dtype.kind not in "fiub":
         keep = np.isin(values.astype(str), [str(wanted) for wanted in selection.values])
     elif not selection.values:
-        keep = (values >= selection.low) & (values <= selection.high)
+        slack = _MATCH * np.abs(values)  # linspace's 0.30000000000000004 lies in 0.1:0.3
+        keep = (values >= selection.low - slack) & (values <= selection.high + slack)
     else:
         keep = _matching(values.astype(float), selection, nearest)
     return chosen.isel({str(labels.dims[0]): np.flatnonzero(keep)})

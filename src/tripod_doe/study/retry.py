@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.quantities import Value, check_parameters
 from tripod_doe.results import BlockResult, Outcome, Retries, Values
-from tripod_doe.study.simulator import Simulator
+from tripod_doe.study.simulator import Simulator, column_of
 
 __all__ = [
     "NO_LADDER",
@@ -278,12 +278,10 @@ class _History:
                 continue
             self._values[row] = new
             rows.append(row)
-        columns: dict[str, NDArray[Any]] = {}
-        for name, parameter in self._simulator.parameters.items():
-            choice = parameter.kind == "choice"
-            given = [self._values[row].get(name) for row in rows]
-            columns[name] = np.array([np.nan if value is None and not choice else value for value in given],
-                                     dtype=object if choice else float)  # fmt: skip
+        columns = {
+            name: column_of(parameter, [self._values[row].get(name) for row in rows])
+            for name, parameter in self._simulator.parameters.items()
+        }
         return np.array(rows, np.int64), columns
 
     def record(self, change: Change, rows: NDArray[np.int64], again: BlockResult) -> None:
@@ -311,11 +309,12 @@ class _History:
             full = self._simulator.effective(self._values[row] if solved else self._given(row))
             for name in names:
                 used[name].append(full[name])
+        columns = {name: column_of(self._simulator.parameters[name], values) for name, values in used.items()}
         retries = Retries(self._attempt, self._first.outcome, list(self._first.detail), {
-            name: np.array(["" if value is None else value for value in values], dtype=str)
-            if self._simulator.parameters[name].kind == "choice"
-            else np.array([np.nan if value is None else value for value in values], float)
-            for name, values in used.items()
+            name: np.array(["" if value is None else value for value in column], dtype=str)
+            if column.dtype == object
+            else column.astype(float)
+            for name, column in columns.items()
         })  # fmt: skip
         detail = [
             "" if outcome == Outcome.FINISHED else story

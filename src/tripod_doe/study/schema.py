@@ -27,7 +27,7 @@ def study_schema(scene: str = "joint") -> dict[str, Any]:
         if parameter.kind == "choice":
             entry["enum"] = [*parameter.choices, *([AUTO] if parameter.name == "model" and simulator.ladder else [])]
         else:
-            entry["type"] = "number" if parameter.kind == "number" else "integer"
+            entry["type"] = {"number": ["number"], "switch": ["integer", "boolean"]}.get(parameter.kind, ["integer"])
             limits = {"exclusiveMinimum" if parameter.low_open else "minimum": parameter.low, "maximum": parameter.high}
             entry |= {key: value for key, value in limits.items() if abs(value) != float("inf")}
         described[parameter.name] = entry
@@ -35,6 +35,13 @@ def study_schema(scene: str = "joint") -> dict[str, Any]:
     factors = schema["properties"]["factors"]
     factors["properties"] = {name: {"$ref": "#/$defs/FactorTable"} for name in described}
     factors["additionalProperties"] = False
+    sub_designs = schema["properties"].pop("designs")["additionalProperties"]
+    schema["properties"]["design"] = {  # a file writes them [design.NAME]
+        "description": schema["$defs"]["DesignTable"]["description"],
+        "type": "object",
+        "properties": schema["$defs"]["DesignTable"]["properties"],
+        "additionalProperties": sub_designs,
+    }
     schema["x-scenes"] = sorted(SCENES)
     schema["x-outputs"] = {
         output.name: {"unit": output.unit, "dims": list(output.dims), "description": output.meaning}

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import xarray as xr
 
-from tripod_doe.quantities import Value, check_parameters
-from tripod_doe.results import Outcome
+from tripod_doe.quantities import Value, check_parameters, dimension_attributes
+from tripod_doe.results import DETAIL_ATTRIBUTES, OUTCOME_ATTRIBUTES, Outcome
 from tripod_doe.study.simulator import load_simulator
 from tripod_doe.study.task import Task, run_task
 
@@ -28,9 +27,9 @@ def simulate(scene: str = "joint", **parameters: Any) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Every output of the model; ``outcome`` and ``outcome_detail``; the attributes ``parameters`` (all values that
-        were used) and ``cost`` (CPU and wall seconds without compilation, steps, force evaluations). Outputs are
-        missing where the point did not finish.
+        Every output of the model but those on request, ``outcome`` and ``outcome_detail``; the attributes
+        ``parameters`` (all values that were used) and ``cost`` (CPU and wall seconds without compilation, steps, force
+        evaluations). Outputs are missing where the point did not finish.
 
     Raises
     ------
@@ -48,15 +47,15 @@ def simulate(scene: str = "joint", **parameters: Any) -> xr.Dataset:
     values: dict[str, Value] = {
         n: v for n, v in check_parameters(simulator.parameters, parameters).items() if v is not None
     }
-    keep = tuple(simulator.outputs)
+    keep = tuple(name for name, output in simulator.outputs.items() if not output.on_request)
     simulator.check(values, {}, keep)
     result, cpu, wall = run_task(Task(scene, None, "", simulator.source_hash, values, {}, 1, keep))
     variables: dict[str, Any] = {}
     for name, output in result.outputs.items():
         meta = simulator.outputs[name]
         variables[name] = (output.dims, output.data[0], {"units": meta.unit, "long_name": meta.meaning})
-    variables["outcome"] = ((), result.outcome[0])
-    variables["outcome_detail"] = ((), result.detail[0])
+    variables["outcome"] = ((), result.outcome[0], OUTCOME_ATTRIBUTES)
+    variables["outcome_detail"] = ((), result.detail[0], DETAIL_ATTRIBUTES)
     cost = {
         "cpu_seconds": cpu,
         "wall_seconds": wall,
@@ -68,4 +67,5 @@ def simulate(scene: str = "joint", **parameters: Any) -> xr.Dataset:
         "cost": cost,
         "finished": int(result.outcome[0]) == Outcome.FINISHED,
     }
-    return xr.Dataset(variables, coords={k: np.asarray(v) for k, v in result.coordinates.items()}, attrs=attrs)
+    coordinates = {name: (name, labels, dimension_attributes(name)) for name, labels in result.coordinates.items()}
+    return xr.Dataset(variables, coords=coordinates, attrs=attrs)

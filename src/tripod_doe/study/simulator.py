@@ -6,7 +6,7 @@ import importlib
 import inspect
 import math
 import sys
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -18,7 +18,7 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.quantities import Output, Parameter, Rung, Value
 from tripod_doe.results import BlockResult, Outcome, Values
 
-__all__ = ["SCENES", "FunctionSimulator", "Simulator", "load_simulator", "point_columns"]
+__all__ = ["SCENES", "FunctionSimulator", "Simulator", "column_of", "load_simulator", "point_columns"]
 
 SCENES = {
     "joint": "tripod_doe.joint.scene:scene",
@@ -135,17 +135,23 @@ class FunctionSimulator:
                 answers.append(None)
                 detail[position] = f"{type(error).__name__}: {error}"
         good = [answer for answer in answers if answer is not None]
-        outputs: dict[str, Values] = {}
-        for name in (str(key) for key in good[0].data_vars) if good else ():
-            if keep and name not in keep:
-                continue
-            like = good[0][name]
-            rows = [np.full(like.shape, np.nan) if answer is None else answer[name].values for answer in answers]
-            outputs[name] = Values(tuple(str(dim) for dim in like.dims), np.stack(rows).astype(float))
-        labels = {str(dim): np.asarray(values) for dim, values in good[0].coords.items()} if good else {}
+        names = dict.fromkeys(str(name) for answer in good for name in answer.data_vars)
+        outputs = {name: _stacked(name, answers) for name in names if not keep or name in keep}
+        labels = {str(dim): np.asarray(values) for answer in good for dim, values in answer.coords.items()}
         outcome = np.array([Outcome.ERROR if text else Outcome.FINISHED for text in detail], np.int8)
         ones = np.ones(count, np.int64)
         return BlockResult(outputs, labels, outcome, detail, ones, ones)
+
+
+def _stacked(name: str, answers: Sequence[xr.Dataset | None]) -> Values:
+    """One output of all points; NaN where a point failed or did not give it."""
+    given = [None if answer is None or name not in answer else answer[name] for answer in answers]
+    like = next(values for values in given if values is not None)
+    for values in given:
+        if values is not None and values.shape != like.shape:
+            raise InputError(f"{name}: points have different shapes {like.shape} and {values.shape}")
+    rows = [np.full(like.shape, np.nan) if values is None else values.values for values in given]
+    return Values(tuple(str(dim) for dim in like.dims), np.stack(rows).astype(float))
 
 
 def _plain(value: Any) -> Any:
@@ -214,7 +220,8 @@ def _arguments(reference: str, function: Callable[..., Any]) -> dict[str, Parame
         if argument.kind in (argument.VAR_POSITIONAL, argument.VAR_KEYWORD, argument.POSITIONAL_ONLY):
             raise InputError(f"function = {reference!r}: its arguments must be named, so not {argument}")
         default = None if argument.default is argument.empty else argument.default
-        parameters[name] = Parameter(name, default, "1", "", f"argument {name} of {reference}", "user function")
+        meaning = f"argument {name} of {reference}"
+        parameters[name] = Parameter(name, default, "1", "", meaning, "user function", kind="argument")
     return parameters
 
 
@@ -226,7 +233,8 @@ def point_columns(
     Returns
     -------
     dict
-        Numbers as float arrays (NaN where unset), choices as object arrays (None where unset), each of shape (count,).
+        Numbers as float arrays (NaN where unset), choices as object arrays (None where unset), a function's arguments
+        as they are written, each of shape (count,).
     """
     full: dict[str, NDArray[Any]] = {}
     for name, parameter in simulator.parameters.items():
@@ -234,8 +242,14 @@ def point_columns(
             full[name] = columns[name]
             continue
         value = base.get(name, parameter.default)
-        if parameter.kind == "choice":
-            full[name] = np.full(count, value, dtype=object)
-        else:
-            full[name] = np.full(count, math.nan if value is None else value, dtype=float)
+        if value is None and parameter.kind != "choice":
+            value = math.nan
+        full[name] = np.repeat(column_of(parameter, [value]), count)
     return full
+
+
+def column_of(parameter: Parameter, values: Sequence[Value]) -> NDArray[Any]:
+    """Values of one parameter as an array: choices as objects, numbers as floats, a function's arguments as written."""
+    if parameter.kind == "choice" or any(isinstance(value, str) for value in values):
+        return np.array(values, dtype=object)
+    return np.array(values) if parameter.kind == "argument" else np.array(values, dtype=float)

@@ -295,7 +295,11 @@ class _Chain:
     def _report(self, step: Step) -> str:
         assert isinstance(step.table, ReportStep)
         steps = self.workflow.steps
-        figures = {name: self.folder(name) for name in step.inputs if isinstance(steps[name].table, FigureStep)}
+        figures = {
+            name: (table.title, self.folder(name))
+            for name in step.inputs
+            if isinstance(table := steps[name].table, FigureStep)
+        }
         shown = [name for name in step.inputs if not isinstance(steps[name].table, ReportStep)]
         title = step.table.title or step.name
         page = step_page(title, shown, self._cubes(step), figures, _notice(self.workflow))

@@ -25,6 +25,7 @@ from tripod_doe.study.cube import open_cube, read_dataset, stamp_history, write_
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points, make_points, point_keys
 from tripod_doe.study.pilot import pilot_points, pilot_study
+from tripod_doe.study.simulator import column_of
 
 __all__ = ["chosen_keys", "chosen_points", "describe_choice", "frozen_choice", "make_choice", "pilot_price"]
 
@@ -180,8 +181,7 @@ def chosen_points(study: Study, points: Points, choice: xr.Dataset) -> Points:
     at = np.array([rows.get(key, 0) for key in _key_texts(study, points).tolist()])
     chosen = {}
     for name in _accuracy(study).parameters:
-        words = study.simulator.parameters[name].kind == "choice"
-        chosen[name] = choice[name].values[at].astype(object if words else float)
+        chosen[name] = column_of(study.simulator.parameters[name], choice[name].values[at].tolist())
     names = [str(name) for name in choice["quantity"].values]
     errors = {name: choice["error_estimate"].values[at, k] for k, name in enumerate(names)}
     return replace(points, chosen=chosen, error_estimate=errors, accuracy_met=choice["accuracy_met"].values[at])

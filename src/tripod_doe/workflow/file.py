@@ -72,6 +72,8 @@ class FigureStep(_Table):
 
     kind: Literal["figure"] = Field(description="kind of the step")
     figure: str = Field(description="name of the figure")
+    title: str = Field("", description="heading on a report page; claims of the figures that it names, as in "
+                       "'Figs. 10 and 15', then stand beside it; the step's name unless given")  # fmt: skip
     inputs: list[str] = Field(min_length=1, description="steps whose cubes it shows")
 
 

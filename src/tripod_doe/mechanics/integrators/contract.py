@@ -12,6 +12,7 @@ of the new state (explicit and Rosenbrock methods call `motion.settle` for them)
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -35,8 +36,11 @@ class Method:
         The compiled time loop, or for SciPy's methods a Python function of the same signature.
     controlled
         Whether it chooses its own steps from `relative_tolerance`; else it takes steps of `step_s`.
-    explicit
-        Whether its step is limited by stiffness.
+    reach
+        How far its region of stability goes along the negative real and along the imaginary axis: a step beyond the
+        first over the fastest relaxation, or the second over the stiffest mode's angular frequency, is unstable.
+    lagged
+        Whether it solves one linear system a step with the secant slope of friction, which is stable and lags.
     compiled
         False for SciPy's methods, whose time loop runs in Python.
     """
@@ -46,5 +50,11 @@ class Method:
     meaning: str
     integrate: Callable[..., Any]
     controlled: bool = False
-    explicit: bool = False
+    reach: tuple[float, float] = (math.inf, math.inf)
+    lagged: bool = False
     compiled: bool = True
+
+    @property
+    def explicit(self) -> bool:
+        """Whether stiffness limits its step."""
+        return self.reach[0] < math.inf

@@ -47,4 +47,4 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
     return FINISHED
 
 
-METHOD = Method("linearly-implicit-euler", 1, "linearly implicit Euler with secant friction", integrate)
+METHOD = Method("linearly-implicit-euler", 1, "linearly implicit Euler with secant friction", integrate, lagged=True)

@@ -53,4 +53,4 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
     return FINISHED
 
 
-METHOD = Method("rk4", 4, "classical Runge-Kutta, explicit, for what it shows", integrate, explicit=True)
+METHOD = Method("rk4", 4, "classical Runge-Kutta, explicit, for what it shows", integrate, reach=(2.785, 2.828))

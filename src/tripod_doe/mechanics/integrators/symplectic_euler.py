@@ -31,4 +31,4 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
     return FINISHED
 
 
-METHOD = Method("symplectic-euler", 1, "symplectic Euler, explicit, for what it shows", integrate, explicit=True)
+METHOD = Method("symplectic-euler", 1, "symplectic Euler, explicit, for what it shows", integrate, reach=(2.0, 2.0))

@@ -18,6 +18,7 @@ from scipy.optimize import brentq
 
 from tripod_doe.mechanics import scene as parts
 from tripod_doe.mechanics.assembly import assemble
+from tripod_doe.mechanics.linearisation import RATE_OUTPUTS
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Run, run
 from tripod_doe.mechanics.scenes.simulator import PROGRESS, RUN_OUTPUTS, SceneSimulator, numerics_parameters
@@ -30,9 +31,9 @@ _PLATE_MASS = 1e-4
 
 _PARAMETERS = [
     Parameter("friction_a", 0.03, "1", "mu_sA", "sliding friction coefficient on plate A, the fixed one",
-              "FACTS: closed form", low=0, high=1, group="friction"),
+              "assumed", low=0, high=1, group="friction"),
     Parameter("friction_b", 0.02, "1", "mu_sB", "sliding friction coefficient on plate B, the moving one",
-              "FACTS: closed form", low=0, high=1, group="friction"),
+              "assumed", low=0, high=1, group="friction"),
     Parameter("transition_ratio", 0.25, "1", "v_st/v_max", "transition velocity over half the plate's speed along the "
               "needle", "paper 3.1", low=0, high=10, low_open=True, group="friction"),
     Parameter("plate_speed_mm_s", 100.0, "mm s-1", "V", "speed of plate B", "assumed", low=-1e5, high=1e5,
@@ -56,9 +57,9 @@ _PARAMETERS = [
     Parameter("contact_damping_s_per_mm", 0.001, "s mm-1", "", "Hunt-Crossley factor on the penetration rate",
               "assumed", low=0, high=1, group="material"),
     Parameter("contact_stiffness_factor", 1.0, "1", "", "factor on every contact stiffness",
-              "CONTRACT: for stability studies", low=1e-4, high=1e4, group="stability studies"),
+              "numerics: for stability studies", low=1e-4, high=1e4, group="stability studies"),
     Parameter("needle_mass_factor", 1.0, "1", "", "factor on the needle's mass and inertia",
-              "CONTRACT: for stability studies", low=1e-4, high=1e4, group="stability studies"),
+              "numerics: for stability studies", low=1e-4, high=1e4, group="stability studies"),
     *numerics_parameters("bdf2", 200_000_000),
 ]  # fmt: skip
 
@@ -68,6 +69,7 @@ _OUTPUTS = [
     Output("axial_path_mm", "mm", "y", "locus of the needle: drift across the plate's velocity", ("progress",)),
     Output("travel_path_mm", "mm", "x", "locus of the needle: travel along the plate's velocity", ("progress",)),
     *RUN_OUTPUTS,
+    *RATE_OUTPUTS,
 ]
 
 

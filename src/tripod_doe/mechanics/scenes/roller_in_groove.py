@@ -15,6 +15,7 @@ import numpy as np
 
 from tripod_doe.mechanics import scene as parts
 from tripod_doe.mechanics.assembly import assemble
+from tripod_doe.mechanics.linearisation import RATE_OUTPUTS
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.motion import generalized_forces
 from tripod_doe.mechanics.run import Run, run
@@ -28,10 +29,10 @@ _MASS, _INERTIA = 7e-5, 1e-2
 
 _PARAMETERS = [
     Parameter("tilt_deg", 10.0, "degree", "beta", "tilt of the roller's axis from the perpendicular to the groove",
-              "FACTS: closed form", low=-80, high=80, group="operating point"),
+              "assumed", low=-80, high=80, group="operating point"),
     Parameter("axial_speed_mm_s", 233.0, "mm s-1", "v_z", "speed of the roller along the groove",
-              "FACTS: peak at the reference point", low=-1e5, high=1e5, group="operating point"),
-    Parameter("load_n", 800.0, "N", "N", "load of the roller on the groove", "FACTS: closed form", low=0, high=1e6,
+              "assumed: peak at the joint's reference point", low=-1e5, high=1e5, group="operating point"),
+    Parameter("load_n", 800.0, "N", "N", "load of the roller on the groove", "assumed", low=0, high=1e6,
               low_open=True, group="operating point"),
     Parameter("duration_s", 0.02, "s", "T", "duration; the force is that at its end", "assumed", low=0, high=10,
               low_open=True, group="operating point"),
@@ -47,12 +48,15 @@ _PARAMETERS = [
               "paper Table 1 at the reference geometry", low=1, high=1e9, group="material"),
     Parameter("contact_damping_s_per_mm", 0.001, "s mm-1", "", "Hunt-Crossley factor on the penetration rate",
               "assumed", low=0, high=1, group="material"),
+    Parameter("contact_stiffness_factor", 1.0, "1", "", "factor on the contact stiffness",
+              "CONTRACT: for stability studies", low=1e-4, high=1e4, group="stability studies"),
     *numerics_parameters("bdf2", 50_000_000),
 ]  # fmt: skip
 
 _OUTPUTS = [
     Output("axial_force_n", "N", "F", "magnitude of the axial force on the groove"),
     *RUN_OUTPUTS,
+    *RATE_OUTPUTS,
 ]
 
 
@@ -75,7 +79,8 @@ def build(values: Mapping[str, float]) -> parts.Scene:
     radius, tilt = values["roller_radius_mm"], math.radians(values["tilt_deg"])
     groove = (math.cos(tilt), math.sin(tilt), 0.0)
     speed, slip = values["axial_speed_mm_s"], _slip(values)
-    depth = (values["load_n"] / values["contact_stiffness_n_mm15"]) ** (2 / 3)
+    stiffness = values["contact_stiffness_factor"] * values["contact_stiffness_n_mm15"]
+    depth = (values["load_n"] / stiffness) ** (2 / 3)
     groove_radius = radius * values["groove_radius_ratio"]
     roller = parts.Body(
         "roller", _MASS, (_INERTIA,) * 3, position=(0.0, 0.0, radius - groove_radius - depth),
@@ -85,7 +90,7 @@ def build(values: Mapping[str, float]) -> parts.Scene:
     )  # fmt: skip
     contact = parts.SphereRow(
         "roller", parts.Cylinder(parts.GROUND, groove_radius, axis=groove, concave=True), radius,
-        values["contact_stiffness_n_mm15"], exponent=1.5, damping=values["contact_damping_s_per_mm"],
+        stiffness, exponent=1.5, damping=values["contact_damping_s_per_mm"],
         friction=parts.Friction(values["friction"], max(values["transition_ratio"] * slip, 1e-3)),
     )  # fmt: skip
     scale = max(slip, 1e-3 * abs(speed), 1e-3)
@@ -119,9 +124,8 @@ class RollerInGroove(SceneSimulator):
 
     def answer(self, values: Mapping[str, float], result: Run) -> dict[str, Any]:
         """Axial force on the groove at the end."""
-        assembly = assemble(build(values))
-        work = assembly.work()
-        generalized_forces(assembly.tables, work, result.positions[-1], result.velocities[-1])
+        work = result.assembly.work()
+        generalized_forces(result.assembly.tables, work, result.positions[-1], result.velocities[-1])
         tilt = math.radians(values["tilt_deg"])
         return {"axial_force_n": float(abs(work.force[0, :2] @ np.array([math.cos(tilt), math.sin(tilt)])))}
 

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
+from dataclasses import astuple
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
+from tripod_doe.mechanics.assembly import State
 from tripod_doe.mechanics.compilation import KERNEL_SOURCE_HASH
 from tripod_doe.mechanics.integrators.registry import METHODS
+from tripod_doe.mechanics.linearisation import RATE_OUTPUTS, fastest_rates
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Run
 from tripod_doe.quantities import Output, Parameter, Rung, Value
@@ -27,6 +30,9 @@ RUN_OUTPUTS = (
     Output("energy_residual", "1", "", "energy residual over the energy turned over"),
 )
 """What every run tells about itself."""
+
+_RATE_STATES = 10
+"""States on the way at which a run is linearised."""
 
 _NUMERICS = "numerics"
 
@@ -83,7 +89,7 @@ class SceneSimulator(ABC):
 
     @abstractmethod
     def answer(self, values: Mapping[str, float], result: Run) -> dict[str, Any]:
-        """Make every output of the scene from a run, but those of `RUN_OUTPUTS`."""
+        """Make every output of the scene from a run, but those of `RUN_OUTPUTS` and `RATE_OUTPUTS`."""
 
     def misfit(self, values: Mapping[str, float]) -> str:
         """Say why the parts do not fit, or nothing."""
@@ -153,7 +159,7 @@ class SceneSimulator(ABC):
                 continue
             try:
                 result = self._run_point(values, method)
-                found = self._answer_point(values, result)
+                found = self._answer_point(values, result, keep)
             except Exception as error:  # one point's error is not its neighbours'
                 outcome[i], detail[i] = Outcome.ERROR, f"{type(error).__name__}: {error}"
                 continue
@@ -169,11 +175,24 @@ class SceneSimulator(ABC):
         settings = Settings(tolerance=values.get("relative_tolerance", 0.0), budget=int(values["evaluation_budget"]))
         return self.run(values, method, values.get("step_s"), settings)
 
-    def _answer_point(self, values: Mapping[str, float], result: Run) -> dict[str, Any]:
+    def _answer_point(self, values: Mapping[str, float], result: Run, keep: Collection[str]) -> dict[str, Any]:
         """All outputs of a run that may be used, none of any other."""
         if result.outcome != Outcome.FINISHED:
             return {}
-        return self.answer(values, result) | {
-            "largest_penetration_um": 1e3 * result.penetration,
-            "energy_residual": result.energy_residual,
-        }
+        rates = _rates(result) if any(output.name in keep for output in RATE_OUTPUTS) else {}
+        return (
+            self.answer(values, result)
+            | rates
+            | {
+                "largest_penetration_um": 1e3 * result.penetration,
+                "energy_residual": result.energy_residual,
+            }
+        )
+
+
+def _rates(result: Run) -> dict[str, float]:
+    """What limited the step of a run that counts by its duration; its start is left out, for it lasts no time."""
+    chosen = np.unique(np.linspace(1, len(result.times) - 1, _RATE_STATES).round().astype(int))
+    states = [State(float(result.times[k]), result.positions[k], result.velocities[k]) for k in chosen]
+    rates = fastest_rates(result.assembly, states, pace=1 / float(result.times[-1] - result.times[0]))
+    return dict(zip((output.name for output in RATE_OUTPUTS), astuple(rates), strict=True))

@@ -5,13 +5,16 @@ from tripod_doe.report.figures.contributions import contribution_chart
 from tripod_doe.report.figures.effects import effect_charts
 from tripod_doe.report.figures.indices import index_charts
 from tripod_doe.report.figures.loci import locus_chart
+from tripod_doe.report.figures.skews import findings_over_skew_charts, kept_skew_charts
 from tripod_doe.report.figures.waveforms import spectrum_chart, waveform_charts
 
 __all__ = [
     "Chart",
     "contribution_chart",
     "effect_charts",
+    "findings_over_skew_charts",
     "index_charts",
+    "kept_skew_charts",
     "locus_chart",
     "spectrum_chart",
     "waveform_charts",

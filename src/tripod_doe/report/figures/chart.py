@@ -16,13 +16,19 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-__all__ = ["COLOURS", "HATCHES", "INK", "LINES", "MARKERS", "MUTED", "Chart", "drawing", "factor_ticks", "legend_above"]
+__all__ = [
+    "COLOURS", "HATCHES", "INK", "LINES", "MARKERS", "MUTED", "WIDE", "Chart", "drawing", "factor_ticks",
+    "legend_above", "panels",
+]  # fmt: skip
 
 INK, MUTED = "#1d2733", "#5c6875"
 COLOURS = ("#0b5394", "#c4501b", "#2c7a4b", "#7a4a9e", "#8a6d00", "#3d4852")
 LINES = ("-", "--", "-.", ":", (0, (6, 2, 1, 2, 1, 2)), (0, (1, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "P")
 HATCHES = ("", "////", "....", "xxxx")
+
+WIDE = 6.0
+"""Width in inches above which a chart does not share a row of a page with others."""
 
 _OWN_TICKS = 5
 _STYLE: dict[Any, Any] = {
@@ -84,6 +90,11 @@ class Chart:
     figure: Figure
     data: pd.DataFrame
 
+    @property
+    def wide(self) -> bool:
+        """Whether it needs the whole width of a page."""
+        return float(self.figure.get_figwidth()) > WIDE
+
     def svg(self) -> str:
         """The figure as an SVG element with text as text: the same figure gives the same characters."""
         buffer = io.StringIO()
@@ -112,6 +123,18 @@ def drawing(width: float, height: float) -> Iterator[tuple[Figure, Axes]]:
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
         yield figure, figure.add_subplot()
+
+
+@contextmanager
+def panels(count: int, columns: int, width: float, height: float) -> Iterator[tuple[Figure, list[Axes]]]:
+    """A figure of several panels that share their axes, in rows; width and height of one panel in inches."""
+    rows = -(-count // columns)
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(columns * width, rows * height), layout="constrained")
+        grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+        for unused in grid.ravel()[count:]:
+            unused.set_axis_off()
+        yield figure, list(grid.ravel()[:count])
 
 
 def factor_ticks(axes: Axes, levels: NDArray[Any]) -> None:

@@ -33,9 +33,10 @@ def contribution_chart(part: Contribution) -> Chart:
         bars["paper, 3.5"] = part.paper
     with drawing(5.4, 1.25 + 0.36 * len(bars)) as (figure, axes):
         _draw(axes, bars, [spoken(name) for name in part.mechanisms])
+    model = f" with model {part.model}" if part.model else ""
     caption = (
-        f"Shares of the mechanisms in {part.what}, {told}. Left of zero: it opposes the sum. The diamond is the sum of "
-        "a bar; what it lacks to 100 % or exceeds does not add up."
+        f"Shares of the mechanisms in {part.what}{model}, {told}. Left of zero: it opposes the sum. The diamond is the "
+        "sum of a bar; what it lacks to 100 % or exceeds does not add up."
     )
     return Chart(part.key, caption, figure, _frame(part))
 

@@ -1,6 +1,8 @@
-"""Figures of the paper that no general chart shows: the cases, their local orders, the skew, orders over the angle."""
+"""Figures of the paper that no general chart shows: its friction law, cases, local orders, orders over the angle."""
 
 from __future__ import annotations
+
+import json
 
 import numpy as np
 import pandas as pd
@@ -8,17 +10,29 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
 
-from tripod_doe.report.figures.chart import COLOURS, HATCHES, INK, LINES, MARKERS, Chart, drawing, legend_above
+from tripod_doe.report.figures.chart import COLOURS, HATCHES, INK, LINES, MARKERS, MUTED, Chart, drawing, legend_above
 from tripod_doe.report.responses import ORDINALS, factor_label, factor_names, finished, number, with_unit
 
-__all__ = ["local_order_charts", "order_angle_chart", "point_label", "skew_chart", "waveforms_of_all"]
+__all__ = [
+    "SKEWS",
+    "first_points",
+    "friction_law_chart",
+    "local_order_charts",
+    "order_angle_chart",
+    "point_label",
+    "spectrum_of_all",
+    "waveforms_of_all",
+]
 
 _MOST = 6
+_FLOOR = 1e-4  # bars of a spectrum end at this part of the largest one
+_QUARTER = 0.25  # transition velocity over the largest sliding velocity, paper 3.1
 _BEAT = (2, 3, 4)  # the third order and its neighbours, whose sum beats once a revolution (paper 3.3)
-_SKEWS = [f"initial_skew_{k}_deg" for k in (1, 2, 3)]
+SKEWS = [f"initial_skew_{k}_deg" for k in (1, 2, 3)]
+"""Parameters that hold the initial skews of the three trunnions."""
 
 
-def _points(cube: xr.Dataset) -> list[xr.Dataset]:
+def first_points(cube: xr.Dataset) -> list[xr.Dataset]:
     """The finished points, the first six."""
     dims = [str(dim) for dim in cube["outcome"].dims]
     at = np.argwhere(finished(cube).values)[:_MOST]
@@ -29,9 +43,9 @@ def point_label(cube: xr.Dataset, point: xr.Dataset) -> str:
     """The factors that vary, the skews of the three trunnions as one."""
     names = [name for name in factor_names(cube) if np.unique(cube[name].values).size > 1]
     told = []
-    if skews := [point[name].item() for name in names if name in _SKEWS]:
+    if skews := [point[name].item() for name in names if name in SKEWS]:
         told.append(f"skew {', '.join(number(skew) for skew in skews)} deg")
-    told += [f"{factor_label(cube, name)} {_level(point[name].item())}" for name in names if name not in _SKEWS]
+    told += [f"{factor_label(cube, name)} {_level(point[name].item())}" for name in names if name not in SKEWS]
     return "; ".join(told)
 
 
@@ -49,7 +63,7 @@ def waveforms_of_all(cube: xr.Dataset) -> list[Chart]:
     """Thrust of every point, its part in each groove, and the envelope of the beat: Figs. 10, 15, 18, 20."""
     if "thrust" not in cube or "thrust_phase_deg" not in cube:
         return []
-    points = _points(cube)
+    points = first_points(cube)
     top = 1.1 * max((float(np.abs(point["thrust"]).max()) for point in points), default=1.0)
     charts = []
     for rank, point in enumerate(points):
@@ -59,14 +73,14 @@ def waveforms_of_all(cube: xr.Dataset) -> list[Chart]:
         data = pd.DataFrame({"rotation_deg": angle, "thrust_n": point["thrust"].values, "envelope_n": envelope})
         for groove in point["groove"].values:
             data[f"groove_{groove}_thrust_n"] = point["groove_thrust"].sel(groove=groove).values
-        with drawing(3.5, 2.9) as (figure, axes):
+        with drawing(3.5, 3.1) as (figure, axes):
             for groove in (1, 2, 3):
                 axes.plot(angle, data[f"groove_{groove}_thrust_n"], LINES[groove], color=COLOURS[groove], lw=0.9,
                           label=f"groove {groove}")  # fmt: skip
             axes.plot(angle, data["thrust_n"], color=INK, lw=2, label="sum")
             axes.plot(angle, envelope, color=COLOURS[0], lw=0.9, label="envelope")
             axes.set_ylim(-top, top)
-            _over_rotation(axes, 720, 180)
+            _over_rotation(axes, 720, 180, 2)
         sizes = point["thrust_amplitude"].values
         caption = (
             f"Thrust force, {point_label(cube, point)}: third order {number(round(float(sizes[3]), 3))} N, second "
@@ -76,30 +90,29 @@ def waveforms_of_all(cube: xr.Dataset) -> list[Chart]:
     return charts
 
 
-def _over_rotation(axes: Axes, end: int, step: int) -> None:
+def _over_rotation(axes: Axes, end: int, step: int, columns: int) -> None:
     axes.set_xlim(0, end)
     axes.set_xticks(range(0, end + 1, step))
     axes.set_xlabel("rotation angle of the housing (deg)")
     axes.set_ylabel("thrust force (N)")
-    legend_above(axes, 3)
+    legend_above(axes, columns)
 
 
 def local_order_charts(cube: xr.Dataset) -> list[Chart]:
-    """Orders 1, 2 and 3 at the grooves and in the sum, for uneven and for equal skews: the paper's Figs. 16 and 17."""
-    if "groove_thrust_phase_deg" not in cube or any(name not in cube.coords for name in _SKEWS):
+    """Orders at the grooves and in the sum: the paper's Figs. 16 and 17.
+
+    First the orders 1, 2 and 3 of the point whose skews differ most, then the second order of all others with skew.
+    """
+    if "groove_thrust_phase_deg" not in cube or any(name not in cube.coords for name in SKEWS):
         return []
-    charts = []
-    for rank, point in enumerate(_points(cube)):
-        skews = np.array([float(point[name]) for name in _SKEWS])
-        charts += [_local_chart(cube, point, order, rank) for order in (1, 2, 3) if skews.any() and (
-            order == 2 or _most_uneven(cube) == tuple(skews))]  # fmt: skip
-    return charts
-
-
-def _most_uneven(cube: xr.Dataset) -> tuple[float, ...]:
-    """Skews of the first finished point whose trunnions differ most: the paper's case 2."""
-    rows = [tuple(float(point[name]) for name in _SKEWS) for point in _points(cube)]
-    return max(rows, key=lambda row: round(float(np.ptp(row)), 9))
+    points = dict(enumerate(first_points(cube)))
+    skews = {rank: tuple(float(point[name]) for name in SKEWS) for rank, point in points.items()}
+    if not points:
+        return []
+    uneven = max(points, key=lambda rank: round(float(np.ptp(skews[rank])), 9))
+    others = [rank for rank in points if rank != uneven and any(skews[rank])]
+    wanted = [(uneven, order) for order in (1, 2, 3) if any(skews[uneven])] + [(rank, 2) for rank in others]
+    return [_local_chart(cube, points[rank], order, rank) for rank, order in wanted]
 
 
 def _local_chart(cube: xr.Dataset, point: xr.Dataset, order: int, rank: int) -> Chart:
@@ -117,9 +130,76 @@ def _local_chart(cube: xr.Dataset, point: xr.Dataset, order: int, rank: int) -> 
         whole = _order_wave(part["thrust_amplitude"].values, part["thrust_phase_deg"].values, (order,), angle)
         data["sum_n"] = whole.real
         axes.plot(angle, whole.real, color=INK, lw=2, label="sum")
-        _over_rotation(axes, 360, 90)
+        _over_rotation(axes, 360, 90, 2)
     caption = f"{ORDINALS[order].capitalize()} at each groove and in the sum, {point_label(cube, point)}."
     return Chart(f"order-{order}-point-{rank + 1}", caption, figure, data)
+
+
+def spectrum_of_all(cube: xr.Dataset) -> Chart | None:
+    """Amplitudes of the rotating orders of every point on a logarithmic axis: the paper's Fig. 13."""
+    points = first_points(cube) if "thrust_amplitude" in cube else []
+    if not points:
+        return None
+    orders = cube["order"].values
+    data, width = pd.DataFrame({"order": orders}), 0.84 / len(points)
+    with drawing(5.4, 3.2) as (figure, axes):
+        for rank, point in enumerate(points):
+            data[f"amplitude_n_{rank + 1}"] = point["thrust_amplitude"].values
+            axes.bar(
+                orders + (rank - (len(points) - 1) / 2) * width, point["thrust_amplitude"], width,
+                label=point_label(cube, point), color=COLOURS[rank], hatch=HATCHES[rank % len(HATCHES)],
+                edgecolor="white", lw=0.4,
+            )  # fmt: skip
+        largest = float(data.iloc[:, 1:].to_numpy().max())
+        axes.set_yscale("log")
+        axes.set_ylim(_FLOOR * largest, 2 * largest)
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.set_xticks(orders)
+        axes.grid(axis="x", visible=False)
+        axes.set_xlabel("rotating order (-)")
+        axes.set_ylabel("amplitude of the thrust force (N)")
+        legend_above(axes, 2)
+    told = "; ".join(
+        f"{point_label(cube, point)}: second {_newton(point, 2)}, fourth {_newton(point, 4)}" for point in points
+    )
+    caption = (
+        f"Amplitudes of the rotating orders of every point, logarithmic from {_FLOOR:g} of the largest. Of these: "
+        f"{told}."
+    )
+    return Chart("spectrum", caption, figure, data)
+
+
+def _newton(point: xr.Dataset, order: int) -> str:
+    return f"{number(round(float(point['thrust_amplitude'].sel(order=order)), 4))} N"
+
+
+def friction_law_chart(cube: xr.Dataset) -> Chart | None:
+    """Sliding friction coefficient over sliding velocity, as a tilted roller feels it: the paper's Fig. 4."""
+    if "axial_force_n" not in cube or cube["outcome"].dims != ("transition_ratio",):
+        return None
+    fixed = json.loads(str(cube.attrs["fixed_parameters"]))
+    velocity = 1 / cube["transition_ratio"].values
+    normal = fixed["load_n"] * abs(np.sin(np.radians(fixed["tilt_deg"])))
+    data = pd.DataFrame({"velocity_over_v_st": velocity, "coefficient": cube["axial_force_n"].values / normal})
+    data["law"] = fixed["friction"] * np.tanh(velocity)
+    fine = np.linspace(0, velocity.max(), 200)
+    with drawing(4.6, 3.0) as (figure, axes):
+        axes.plot(
+            fine, fixed["friction"] * np.tanh(fine), color=COLOURS[0], label="\N{GREEK SMALL LETTER MU} tanh(v / v_st)"
+        )
+        axes.plot(velocity, data["coefficient"], "o", color=COLOURS[1], mfc="white", label="roller in its groove")
+        axes.axvline(1 / _QUARTER, color=MUTED, lw=0.9, ls="--", label="largest, quarter rule")
+        axes.set_xlabel("sliding velocity over transition velocity (-)")
+        axes.set_ylabel("sliding friction coefficient (-)")
+        axes.set_ylim(0, None)
+        legend_above(axes, 2)
+    off = float((data["coefficient"] - data["law"]).abs().max())
+    caption = (
+        "Sliding friction coefficient over sliding velocity: axial force of a tilted roller over its load and the sine "
+        f"of its tilt, and the law, from which it differs by at most {off:.1g}; dashed: the largest velocity of a run "
+        "by the paper's rule of a quarter."
+    )
+    return Chart("friction-law", caption, figure, data)
 
 
 def order_angle_chart(cube: xr.Dataset) -> Chart | None:
@@ -146,35 +226,3 @@ def order_angle_chart(cube: xr.Dataset) -> Chart | None:
         legend_above(axes, 1)
     caption = "Effective values of the second and third order over the joint angle, a line a case of skew; logarithmic."
     return Chart("angle", caption, figure, pd.DataFrame(rows, columns=["joint_angle_deg", "case", "order", "rms_n"]))
-
-
-def skew_chart(cube: xr.Dataset) -> Chart | None:
-    """Initial skew beside mean, least and greatest of the fourth revolution, each trunnion: the paper's Fig. 11."""
-    if "needle_skew_summary_deg" not in cube or any(name not in cube.coords for name in _SKEWS):
-        return None
-    points = _points(cube)
-    rows = []
-    with drawing(4.7, 3.0) as (figure, axes):
-        for at, point in enumerate(points):
-            summary = point["needle_skew_summary_deg"].isel(cycle=-1)
-            mean, least, most = (summary.sel(statistic=name).values for name in ("mean", "min", "max"))
-            start = np.array([float(point[name]) for name in _SKEWS])
-            for k in range(3):
-                x = at + 0.26 * (k - 1)
-                axes.bar(x, mean[k], 0.22, color="#b9d0e8", edgecolor=COLOURS[0], hatch=HATCHES[k], lw=0.8,
-                         label=f"trunnion {k + 1}" if at == 0 else None)  # fmt: skip
-                axes.vlines(x, least[k], most[k], color=INK, lw=1.2)
-                axes.plot(x, start[k], MARKERS[3], color=COLOURS[1], label="initial" if at == k == 0 else None)
-                rows.append((at + 1, k + 1, start[k], mean[k], least[k], most[k]))
-        axes.axhline(0, color=INK, lw=0.8)
-        axes.set_xticks(range(len(points)), ["\n".join(number(float(p[name])) for name in _SKEWS) for p in points])
-        axes.grid(axis="x", visible=False)
-        axes.set_xlabel("initial skew on trunnions 1, 2, 3 (deg)")
-        axes.set_ylabel("skew in the last revolution (deg)")
-        legend_above(axes, 2)
-    caption = (
-        "Skew of the needle that carries the most: mean (bars), least and greatest (lines) of the last revolution, and "
-        "initial value (diamonds)."
-    )
-    columns = ["point", "trunnion", "initial_deg", "mean_deg", "least_deg", "greatest_deg"]
-    return Chart("skew", caption, figure, pd.DataFrame(rows, columns=columns))

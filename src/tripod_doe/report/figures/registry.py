@@ -14,7 +14,16 @@ from tripod_doe.report.figures.contributions import contribution_chart
 from tripod_doe.report.figures.effects import effect_charts
 from tripod_doe.report.figures.indices import index_charts
 from tripod_doe.report.figures.loci import locus_chart
-from tripod_doe.report.figures.paper import local_order_charts, order_angle_chart, skew_chart, waveforms_of_all
+from tripod_doe.report.figures.outcomes import outcome_charts
+from tripod_doe.report.figures.paper import (
+    friction_law_chart,
+    local_order_charts,
+    order_angle_chart,
+    spectrum_of_all,
+    waveforms_of_all,
+)
+from tripod_doe.report.figures.skews import findings_over_skew_charts, kept_skew_charts, skew_chart
+from tripod_doe.report.figures.stability import stability_charts
 from tripod_doe.report.figures.waveforms import spectrum_chart, waveform_charts
 
 __all__ = ["FIGURES", "Figure"]
@@ -56,5 +65,11 @@ FIGURES: dict[str, Figure] = {
     "local-orders": _of_one(local_order_charts),
     "orders-over-angle": _maybe(order_angle_chart),
     "skew": _maybe(skew_chart),
+    "kept-skew": _of_one(kept_skew_charts),
+    "findings-over-skew": _of_one(findings_over_skew_charts),
+    "spectrum-of-all": _maybe(spectrum_of_all),
+    "friction-law": _maybe(friction_law_chart),
+    "outcome-map": _of_one(outcome_charts),
+    "stability-map": _of_one(stability_charts),
 }
 """Figures by name: functions from the cubes of their input steps to charts."""

@@ -1,0 +1,79 @@
+"""The paper's claims over the chosen skews, told in sentences and as a table."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analysis.claims import Verdict
+from tripod_doe.report.claims import claim_limits, claim_value
+
+__all__ = ["find_over_skew", "is_over_skew", "over_skew_table"]
+
+_WORDS = {Verdict.HOLDS: "yes", Verdict.DOES_NOT_HOLD: "no", Verdict.NOT_DECIDED: "not decided"}
+
+
+def is_over_skew(data: xr.Dataset) -> bool:
+    """Whether these are claims over the chosen skews."""
+    return "verdict" in data and "skew_deg" in data.dims
+
+
+def find_over_skew(claims: xr.Dataset) -> list[str]:
+    """Which claims hold whatever skew was chosen, which never, and which between certain skews only."""
+    skews = claims["skew_deg"].values
+    groups: dict[bool, list[str]] = {True: [], False: []}
+    sentences = []
+    for at in range(claims.sizes["claim"]):
+        row = claims.isel(claim=at)
+        known = row["verdict"].values != Verdict.NOT_DECIDED
+        holds = row["verdict"].values[known] == Verdict.HOLDS
+        what = f"{row['statement'].item()} ({row['place'].item()})"
+        if holds.all() or not holds.any():
+            groups[bool(holds.all())].append(what)
+        else:
+            sentences.append(f"Depends on the choice: {what}. It holds at {_listed(skews[known][holds])} deg; "
+                             f"{row['quantity'].item()}: {_course(row, known)}.")  # fmt: skip
+    ends = f"{skews.min():g} to {skews.max():g} deg"
+    first = (
+        f"The paper does not print its skews. Chosen from {ends}, with half of it in case 1, {len(groups[True])} of "
+        f"{claims.sizes['claim']} claims hold at every choice, {len(groups[False])} at none, and {len(sentences)} "
+        f"depend on it (model {claims.attrs['model']})."
+    )
+    told = [
+        f"At {which} choice hold: {'; '.join(groups[held])}."
+        for which, held in (("every", True), ("no", False))
+        if groups[held]
+    ]
+    return [first, *sentences, *told]
+
+
+def _course(row: xr.Dataset, known: np.ndarray) -> str:
+    """The value at the least and at the greatest skew."""
+    places = np.flatnonzero(known)
+    ends = [row.isel(skew_deg=int(at)) for at in (places[0], places[-1])]
+    return " and ".join(f"{claim_value(end)} at {float(end['skew_deg']):g} deg" for end in ends)
+
+
+def _listed(values: np.ndarray) -> str:
+    told = [f"{value:g}" for value in values]
+    return told[0] if len(told) == 1 else f"{', '.join(told[:-1])} and {told[-1]}"
+
+
+def over_skew_table(claims: xr.Dataset) -> tuple[list[str], list[list[str]]]:
+    """Heads and a row a claim: whether it holds and its value, a column a choice of the skews."""
+    rows = []
+    for at in range(claims.sizes["claim"]):
+        row = claims.isel(claim=at)
+        cells = [row.isel(skew_deg=which) for which in range(claims.sizes["skew_deg"])]
+        verdicts = [Verdict(int(cell["verdict"])) for cell in cells]
+        rows.append(
+            [
+                row["statement"].item(),
+                *(
+                    _WORDS[verdict] + ("" if verdict is Verdict.NOT_DECIDED else f": {claim_value(cell)}")
+                    for verdict, cell in zip(verdicts, cells, strict=True)
+                ),
+                claim_limits(row),
+            ]
+        )
+    return ["Claim", *(f"{skew:g} deg" for skew in claims["skew_deg"].values), "Holds if"], rows

@@ -1,0 +1,133 @@
+"""Stability maps: every run of a study over method, step and a factor, with measured and predicted borders."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter
+from numpy.typing import NDArray
+
+from tripod_doe.analysis.stability import RunKind
+from tripod_doe.report.figures.chart import COLOURS, INK, Chart, panels
+from tripod_doe.report.responses import number, spoken, unit_text, with_unit
+from tripod_doe.results import Outcome
+
+__all__ = ["map_of", "maps", "stability_charts"]
+
+_COLUMNS = 3
+_EXACT, _GOOD, _REFUSED, _DIVERGED, _WRONG, _UNKNOWN = range(6)
+_CLASSES = {
+    _EXACT: ("#9cc3e6", "", "right to a tenth of the limit"),
+    _GOOD: ("#d6e6f5", "", "right within the limit"),
+    _REFUSED: ("#cfd4da", "", "refused as inaccurate"),
+    _DIVERGED: ("#8b96a3", "", "refused: did not come to its end"),
+    _WRONG: ("#e58a5c", "////", "finished with a wrong number"),
+    _UNKNOWN: ("#ffffff", "....", "no reference"),
+}
+"""Colour, hatch and meaning of each class of runs."""
+
+
+def maps(borders: xr.Dataset) -> list[str]:
+    """The factors that a stability analysis varies, each of which makes a map."""
+    return [name for name in dict.fromkeys(borders["varied"].values.tolist()) if name not in ("base", "")]
+
+
+def map_of(borders: xr.Dataset, factor: str) -> xr.Dataset:
+    """The cases of one map, the base among them, by the value of their factor."""
+    return borders.isel(case=np.isin(borders["varied"].values, ("base", factor))).sortby(factor)
+
+
+def stability_charts(borders: xr.Dataset) -> list[Chart]:
+    """A chart a factor: its panels are the methods, step or tolerance up, the factor's values along."""
+    if "run_kind" not in borders:
+        return []
+    return [_chart(borders, factor) for factor in maps(borders)]
+
+
+def _chart(borders: xr.Dataset, factor: str) -> Chart:
+    part = map_of(borders, factor)
+    methods = [str(name) for name in part["method"].values]
+    classes = _classes(part)
+    with panels(len(methods), min(_COLUMNS, len(methods)), 2.9, 2.5) as (figure, axes):
+        for m, (name, panel) in enumerate(zip(methods, axes, strict=True)):
+            _draw(panel, part.isel(method=m), classes[m])
+            panel.set_title(name)
+        _label(axes[0], part, factor)
+        figure.supxlabel(with_unit(spoken(factor), _bracketed(part[factor].attrs.get("units", "1"))), fontsize=8.5)
+        figure.supylabel("tolerance" if borders.attrs["numerics"] != "step_s" else "step (s)", fontsize=8.5)
+        shown = np.unique(classes)
+        handles = [Patch(fc=c, hatch=h, ec=INK, lw=0.4, label=t) for k, (c, h, t) in _CLASSES.items() if k in shown]
+        lines = [Line2D([], [], color=INK, lw=2, label="measured border"),
+                 Line2D([], [], color=COLOURS[3], ls="--", marker="D", ms=4, label="border by theory")]  # fmt: skip
+        figure.legend(handles=handles + lines, loc="outside upper left", ncols=3, frameon=False, fontsize=8)
+    return Chart(factor, _caption(borders, factor), figure, _numbers(part, factor))
+
+
+def _bracketed(unit: object) -> str:
+    text = unit_text(str(unit))
+    return f"({text})" if text else ""
+
+
+def _classes(part: xr.Dataset) -> NDArray[np.int64]:
+    """Class of every run, shape (method, case, numerics); -1 where there is none."""
+    kind, error = part["run_kind"].values, part["error"].values
+    classes = np.full(kind.shape, -1)
+    classes[kind == RunKind.GOOD] = _GOOD
+    classes[(kind == RunKind.GOOD) & (error <= 0.1 * part.attrs["limit"])] = _EXACT
+    classes[kind == RunKind.REFUSED] = _DIVERGED
+    classes[(part["run_outcome"].values == Outcome.INACCURATE)] = _REFUSED
+    classes[kind == RunKind.WRONG] = _WRONG
+    classes[kind == RunKind.UNKNOWN] = _UNKNOWN
+    return classes
+
+
+def _draw(panel: Axes, part: xr.Dataset, classes: NDArray[np.int64]) -> None:
+    """The runs of one method as cells, and its borders."""
+    up = np.log10(part["numerics"].values)
+    middle = (up[1:] + up[:-1]) / 2
+    edges = np.array([2 * up[0] - middle[0], *middle, 2 * up[-1] - middle[-1]]) if up.size > 1 else up[0] + [-0.5, 0.5]
+    for c in range(classes.shape[0]):
+        for s in np.flatnonzero(classes[c] >= 0):
+            colour, hatch, _ = _CLASSES[int(classes[c, s])]
+            panel.fill_between([c - 0.5, c + 0.5], *edges[s : s + 2], fc=colour, hatch=hatch, ec="white", lw=0.5)
+    low, high = np.log10(part["border_low"].values), np.log10(part["border_high"].values)
+    for c, (below, above) in enumerate(zip(low, high, strict=True)):
+        if np.isfinite(above):
+            at = (below + above) / 2 if np.isfinite(below) else edges[0]
+            panel.plot([c - 0.5, c + 0.5], [at, at], color=INK, lw=2, solid_capstyle="butt")
+    predicted = np.log10(part["border_predicted"].values)
+    shown = np.where((predicted >= edges[0]) & (predicted <= edges[-1]), predicted, np.nan)
+    panel.plot(np.arange(shown.size), shown, color=COLOURS[3], lw=1.6, ls="--", marker="D", ms=4)
+    if not np.isfinite(shown).any():
+        beyond = "no border" if np.isinf(predicted).all() else "border beyond" if np.isfinite(predicted).any() else ""
+        told = f"theory: {beyond}" if beyond else "no theory"
+        panel.text(0.97, 0.95, told, transform=panel.transAxes, ha="right", va="top", fontsize=7.5, color=COLOURS[3])
+    panel.set_ylim(edges[0], edges[-1])
+    panel.grid(visible=False)
+
+
+def _label(panel: Axes, part: xr.Dataset, factor: str) -> None:
+    """Ticks that all panels share."""
+    values = part[factor].values
+    panel.set_xlim(-0.5, values.size - 0.5)
+    panel.set_xticks(range(values.size), [number(float(value)) for value in values])
+    panel.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{10**value:.2g}"))
+
+
+def _caption(borders: xr.Dataset, factor: str) -> str:
+    what = "tolerance" if borders.attrs["numerics"] != "step_s" else "step"
+    return (
+        f"Runs over {what} and {spoken(factor)}: right within {100 * borders.attrs['limit']:g} % of the reference, "
+        f"refused, or wrong and not noticed; the measured border, and that of the linearised scene."
+    )
+
+
+def _numbers(part: xr.Dataset, factor: str) -> pd.DataFrame:
+    """The borders, a row a method and value."""
+    columns = ["border_low", "border_high", "border_predicted", "ratio", "wrong_runs"]
+    table = part[columns].to_dataframe().reset_index()
+    return table[["method", factor, *columns]]

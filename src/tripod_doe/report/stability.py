@@ -1,0 +1,139 @@
+"""Measured and predicted borders of stability in sentences and as a table."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analysis.stability import Agreement, Limit, RunKind
+from tripod_doe.report.figures.stability import map_of, maps
+from tripod_doe.report.responses import number, spoken, unit_text, with_unit
+from tripod_doe.results import Outcome
+
+__all__ = ["find_in_stability", "is_stability", "stability_table"]
+
+_HEADS = [
+    "Varied", "Method", "Measured border", "By theory", "Limited by", "Measured over theory", "Agree", "First failure",
+    "Wrong and not noticed",
+]  # fmt: skip
+_TIMES = ((1.0, "s"), (1e-3, "ms"), (1e-6, "us"), (1e-9, "ns"))
+_LONG = 1e3  # seconds: a rate that small limits nothing
+_WORDS = {
+    Limit.NONE: "nothing", Limit.FRICTION: "friction", Limit.CONTACT: "stiffest contact mode",
+    Limit.LAG: "lag of the secant", Limit.TOLERANCE: "tolerance itself", Limit.UNKNOWN: "not known",
+}  # fmt: skip
+_WHY = {
+    (Limit.NONE, "below"): "theory has no border: what ends here is accuracy, not stability",
+    (Limit.LAG, "above"): "the rate is that of the mode which lags most, and the output feels other modes, too",
+    (Limit.LAG, "below"): "the rate is a mean over the way, and counts neither the start nor other errors of the step",
+    (Limit.FRICTION, "above"): "the motion is at its steepest friction only for a part of the way",
+    (Limit.FRICTION, "below"): "friction and contact act together, and the way between the states is not seen",
+    (Limit.CONTACT, "above"): "the stiffest mode is hardly moved by this motion",
+    (Limit.CONTACT, "below"): "damping and friction add to the stiffness of the contact",
+    (Limit.TOLERANCE, "above"): "the error stays below its tolerance",
+    (Limit.TOLERANCE, "below"): "errors of the steps add up beyond their tolerance",
+}
+"""What is known of a disagreement, by what limits the step and on which side of theory the measured border lies."""
+
+
+def is_stability(data: xr.Dataset) -> bool:
+    """Whether this is a stability analysis."""
+    return "border_predicted" in data
+
+
+def find_in_stability(borders: xr.Dataset) -> list[str]:
+    """How many borders agree with theory, what failed without being noticed, and every disagreement with its reason."""
+    agrees = borders["agrees"].values
+    decided = agrees != Agreement.NOT_DECIDED
+    ratio = borders["ratio"].values[np.isfinite(borders["ratio"].values)]
+    spread = f"; where both exist, measured over theory is {ratio.min():.2g} to {ratio.max():.2g}" if ratio.size else ""
+    sentences = [
+        f"{int((agrees == Agreement.YES).sum())} of {int(decided.sum())} borders agree with theory within a factor of "
+        f"{borders.attrs['factor']:g}{spread}. A run is right within {100 * borders.attrs['limit']:g} % of the "
+        "reference."
+    ]
+    kind = borders["run_kind"].values
+    refused, wrong = (int((kind == which).sum()) for which in (RunKind.REFUSED, RunKind.WRONG))
+    error = borders["error"].values[kind == RunKind.WRONG]
+    worst = f", the worst by {100 * error.max():.3g} %" if wrong else ""
+    sentences.append(
+        f"Of {refused + wrong} runs that failed {refused} were refused; {wrong} finished with a wrong number{worst}."
+    )
+    unknown = int((kind == RunKind.UNKNOWN).any(axis=(0, 2)).sum())
+    if unknown:
+        sentences.append(f"{unknown} operating points have no reference: no two runs agree closely enough.")
+    return sentences + [_disagreement(borders, m, c) for m, c in np.argwhere(agrees == Agreement.NO)]
+
+
+def _disagreement(borders: xr.Dataset, m: int, c: int) -> str:
+    """One border that does not agree, with what is known of the reason."""
+    row = borders.isel(method=m, case=c)
+    low, predicted = float(row["border_low"]), float(row["border_predicted"])
+    limited = Limit(int(row["limited_by"]))
+    side = "below" if not low >= predicted else "above"
+    reason = _WHY.get((limited, side), "")
+    detail = str(row["first_detail"].item())
+    seen = f"; the run says: {detail}" if detail and side == "below" else ""
+    where = "base case" if row["varied"].item() == "base" else _level(row, str(row["varied"].item()))
+    return (
+        f"{row['method'].item()}, {where}: measured {_bracket(borders, row)}, theory {_border(borders, predicted)}. "
+        f"{reason[:1].upper()}{reason[1:]}{seen}."
+    )
+
+
+def _level(row: xr.Dataset, factor: str) -> str:
+    unit = unit_text(str(row[factor].attrs.get("units", "1")))
+    return f"{spoken(factor)} {with_unit(number(float(row[factor])), unit)}"
+
+
+def _border(borders: xr.Dataset, value: float) -> str:
+    """A step in the unit that suits it, or a tolerance."""
+    if not math.isfinite(value):
+        return "not known" if math.isnan(value) else "none"
+    if borders.attrs["numerics"] != "step_s":
+        return f"{value:.2g}"
+    size, unit = next(((size, unit) for size, unit in _TIMES if value >= size), _TIMES[-1])
+    return f"{float(f'{value / size:.2g}'):g} {unit}" if value < _LONG else "none within reach"
+
+
+def _bracket(borders: xr.Dataset, row: xr.Dataset) -> str:
+    """The measured border between two steps, or beyond the ends of the study."""
+    low, high = float(row["border_low"]), float(row["border_high"])
+    if math.isinf(high):
+        return f"none up to {_border(borders, low)}" if math.isfinite(low) else "not known"
+    if math.isnan(low):
+        return f"below {_border(borders, high)}"
+    return f"{_border(borders, low)} to {_border(borders, high)}"
+
+
+def stability_table(borders: xr.Dataset) -> tuple[list[str], list[list[str]]]:
+    """Heads and a row a map and method, the borders from the first to the last value of the factor."""
+    parts = {factor: map_of(borders, factor) for factor in maps(borders)}
+    methods = range(borders.sizes["method"])
+    return list(_HEADS), [_row(part, part.isel(method=m), factor) for factor, part in parts.items() for m in methods]
+
+
+def _row(borders: xr.Dataset, part: xr.Dataset, factor: str) -> list[str]:
+    """One map of one method."""
+    ends = [part.isel(case=c) for c in (0, -1)]
+    levels = " to ".join(number(float(end[factor])) for end in ends)
+    ratio = part["ratio"].values[np.isfinite(part["ratio"].values)]
+    agrees = part["agrees"].values
+    decided = int((agrees != Agreement.NOT_DECIDED).sum())
+    failures = part["first_failure"].values[part["first_failure"].values != Outcome.NOT_RUN]
+    named = [f"{Outcome(int(kind)).label} {int((failures == kind).sum())}" for kind in np.unique(failures)]
+    predicted = [_border(borders, float(end["border_predicted"])) for end in ends]
+    limits = dict.fromkeys(_WORDS[Limit(int(kind))] for kind in part["limited_by"].values)
+    return [
+        f"{spoken(factor)} {with_unit(levels, unit_text(str(part[factor].attrs.get('units', '1'))))}",
+        str(part["method"].item()),
+        "; ".join(dict.fromkeys(_bracket(borders, end) for end in ends)),
+        " to ".join(dict.fromkeys(predicted)),
+        ", ".join(limits),
+        " to ".join(dict.fromkeys(f"{value:.2f}" for value in (ratio.min(), ratio.max()))) if ratio.size else "",
+        f"{int((agrees == Agreement.YES).sum())} of {decided}" if decided else "not decided",
+        ", ".join(named) or "none",
+        str(int(part["wrong_runs"].sum())),
+    ]

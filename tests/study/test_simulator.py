@@ -1,0 +1,55 @@
+"""User functions as simulators: arguments as written, answers side by side."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tripod_doe.errors import InputError
+from tripod_doe.study.definition import parse_study
+from tripod_doe.study.designs import make_points
+from tripod_doe.study.simulate import simulate
+from tripod_doe.study.task import make_task, run_task
+
+FUNCTIONS = """
+def told(n, mode="sum", scale=2):
+    rows = range(n)                       # a float would not do
+    return {"y": scale * (sum(rows) if mode == "sum" else len(rows))}
+
+def partly(x):
+    return {"a": x} if x < 2 else {"a": x, "b": 2 * x}
+
+def growing(x):
+    return {"a": list(range(int(x)))}
+"""
+
+
+def answer(tmp_path, function, factors):
+    (tmp_path / "told_functions.py").write_text(FUNCTIONS)
+    text = f'[study]\nname = "f"\nfunction = "told_functions:{function}"\n{factors}'
+    study = parse_study(text, folder=tmp_path)
+    points = make_points(study)
+    return run_task(make_task(study, points, np.arange(points.count)))[0]
+
+
+def test_arguments_come_as_they_are_written(tmp_path):
+    result = answer(tmp_path, "told", '[factors]\nn = {values = [3, 4]}\nmode = {values = ["sum", "count"]}\n')
+    assert result.detail == [""] * 4
+    assert result.outputs["y"].data.tolist() == [6, 6, 12, 8]
+
+
+def test_an_answer_that_a_point_does_not_give_is_nan(tmp_path):
+    result = answer(tmp_path, "partly", "[factors]\nx = {values = [1, 3]}\n")
+    assert result.outputs["b"].data.tolist() == pytest.approx([np.nan, 6], nan_ok=True)
+
+
+def test_answers_of_different_shape_are_refused(tmp_path):
+    with pytest.raises(InputError, match="a: points have different shapes"):
+        answer(tmp_path, "growing", "[factors]\nx = {values = [1, 3]}\n")
+
+
+def test_a_single_point_is_labelled_like_a_cube():
+    result = simulate(samples_per_revolution=36)
+    assert result["rotation_deg"].attrs["units"] == "degree"
+    assert result["thrust"].attrs["units"] == "N"
+    assert "finished" in result["outcome"].attrs["flag_meanings"].split()
