@@ -136,8 +136,8 @@ def test_a_lower_rung_takes_its_own_numerics_and_leaves_what_it_cannot_give_open
     ("entries", "told"),
     [
         ('["smaller-steps"]', r"\[run\]: retry: 'smaller-steps'.*did you mean 'smaller-step'"),
-        ('[{ modle = "rollers" }]', r"\[run\]: retry: modle: unknown parameter; did you mean 'model'"),
-        ('[{ model = "roller" }]', r"retry: model = 'roller'; did you mean 'rollers'"),
+        ('[{ modle = "rollers" }]', r"\[run\]: retry: modle = 'rollers': unknown parameter; did you mean 'model'"),
+        ('[{ model = "roller" }]', r"retry: model = 'roller': unknown; did you mean 'rollers'"),
         ('[{ model = "rollers" }]', r"retry: model = rollers: it makes no difference"),
         ('[{ model = "equilibrium" }, { model = "equilibrium" }]', r"model = equilibrium: it makes no difference"),
         ('[{ method = "newton" }]', r"retry: method = newton: method = newton: not a method of rollers"),
