@@ -125,6 +125,8 @@ class BlockResult:
         Why a point failed, empty where it did not.
     steps, force_evaluations
         Counted work, shape (point,).
+    simulated_seconds
+        Time of the motion that was followed, up to the end or the failure, shape (point,); NaN where there is none.
     retries
         What the retry ladder did, None without one.
     """
@@ -135,4 +137,5 @@ class BlockResult:
     detail: list[str]
     steps: NDArray[np.int64]
     force_evaluations: NDArray[np.int64]
+    simulated_seconds: NDArray[np.float64]
     retries: Retries | None = None

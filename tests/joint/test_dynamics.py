@@ -8,7 +8,6 @@ from few import FEW
 
 import tripod_doe as td
 from tripod_doe.errors import InputError
-from tripod_doe.joint import dynamics
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.scene import scene
 from tripod_doe.mechanics.integrators.registry import METHODS
@@ -215,9 +214,8 @@ def test_rollers_too_coarse_are_not_called_finished(given):
     assert detail
 
 
-def test_a_budget_that_is_used_up_is_told(monkeypatch):
-    monkeypatch.setattr(dynamics, "_BUDGET", 200)
-    label, detail = outcome()
+def test_a_budget_that_is_used_up_is_told():
+    label, detail = outcome(evaluation_budget=200)
     assert label == "evaluation_limit"
     assert "force evaluations are used up at t = " in detail
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from balance import degrees_of_freedom, groove_forces
 from few import FEW
 from scipy.spatial.transform import Rotation
 
@@ -14,7 +15,6 @@ from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.posture import GROOVE_ANGLES
 from tripod_doe.joint.readings import groove_readings
 from tripod_doe.mechanics.assembly import assemble
-from tripod_doe.mechanics.constraints import evaluate_constraints
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.motion import evaluate
 from tripod_doe.mechanics.run import Limits, run
@@ -25,21 +25,6 @@ UNCHECKED = Limits(energy=np.inf, reversals=1.0, windows=0)
 """What is compared here are forces; the energy balance of a coarse run is `dynamics`' affair."""
 
 
-def degrees_of_freedom(assembly):
-    """Free velocities less the rank of the constraints' Jacobian at the start."""
-    tables, work, state = assembly.tables, assembly.work(), assembly.initial_state()
-    evaluate_constraints(
-        tables.rows, state.positions, state.velocities, 0.0, work.phi, work.phi_t, work.gamma, work.jacobian
-    )
-    whole = np.zeros((tables.rows.size, len(assembly.names), 6))
-    for k, row in enumerate(tables.rows):
-        whole[k, row["body_a"]] += work.jacobian[k, :6]
-        whole[k, row["body_b"]] += work.jacobian[k, 6:]
-    free = tables.bodies["free"] == 1.0
-    free[tables.bodies["block"] < 0] = False
-    return int(free.sum()) - np.linalg.matrix_rank(whole[:, free])
-
-
 @pytest.mark.parametrize(("needles", "given", "expected"), [(False, {}, 21), (True, FEW, 183), (True, {}, 507)])
 def test_degrees_of_freedom_are_the_papers(joint_assembly, needles, given, expected):
     """Published number (Eq. 9): 18 N_n + 21, 507 for 27 needles; 6 (3 + 3 N_n) + 2 + 1."""
@@ -47,18 +32,6 @@ def test_degrees_of_freedom_are_the_papers(joint_assembly, needles, given, expec
     assert degrees_of_freedom(assembly) == expected
     count = given.get("needle_count", 27) if needles else 0
     assert expected == 6 * (3 + 3 * count) + 2 + 1
-
-
-def groove_forces(assembly, positions, values):
-    """Normal force at every groove, from the distance of the rollers' centres to the grooves' axes (Eq. 2)."""
-    play = (values["groove_radius_ratio"] - 1) * values["roller_radius_mm"]
-    forces = []
-    for k, angle in enumerate(GROOVE_ANGLES):
-        centre = positions[..., assembly.names.index(f"roller {k + 1}"), :2]
-        away = centre - values["pitch_radius_mm"] * np.array([np.cos(angle), np.sin(angle)])
-        depth = np.linalg.norm(away, axis=-1) - play
-        forces.append(assembly.tables.contacts["stiffness"][k - 3] * np.maximum(depth, 0.0) ** 1.5)
-    return np.array(forces)
 
 
 @pytest.mark.parametrize("torque", [50.0, -200.0])

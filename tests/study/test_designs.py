@@ -81,6 +81,17 @@ def test_table_reads_its_columns(tmp_path):
     assert points.columns["model"].tolist() == ["equilibrium", "equilibrium"]
 
 
+def test_an_empty_field_of_a_table_leaves_a_parameter_open(tmp_path):
+    (tmp_path / "runs.csv").write_text("method,step_s,relative_tolerance\nbdf2,1e-5,\n,,1e-3\n")
+    points = points_of('[base]\nmodel = "rollers"\n[design]\nkind = "table"\ntable = "runs.csv"', tmp_path)
+    assert points.columns["method"].tolist() == ["bdf2", None]
+    assert np.array_equal(points.columns["step_s"], [1e-5, np.nan], equal_nan=True)
+    assert np.array_equal(points.columns["relative_tolerance"], [np.nan, 1e-3], equal_nan=True)
+    (tmp_path / "runs.csv").write_text('torque_n_m\n50\n""\n')
+    with pytest.raises(InputError, match="line 3: torque_n_m: could not convert string to float"):
+        points_of('[design]\nkind = "table"\ntable = "runs.csv"', tmp_path)
+
+
 @pytest.mark.parametrize("kind", ["latin-hypercube", "sobol"])
 def test_samples_fill_their_ranges_and_repeat(kind):
     text = (

@@ -16,6 +16,7 @@ from tripod_doe.analysis.claims_over_skew import ClaimsOverSkewSettings, claims_
 from tripod_doe.analysis.comparison import ComparisonSettings, compare_file
 from tripod_doe.analysis.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analysis.sensitivity import MorrisSettings, SobolSettings, morris_effects, sobol_indices
+from tripod_doe.analysis.speed_accuracy import SpeedAccuracySettings, speed_accuracy
 from tripod_doe.analysis.stability import StabilitySettings, stability_borders
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.cube import stamp_history, write_dataset
@@ -101,6 +102,7 @@ class ChainAnalysis:
 CHAIN_ANALYSES: dict[str, ChainAnalysis] = {
     "comparison": ChainAnalysis(ComparisonSettings, compare_file, ("measurement",)),
     "choose": ChainAnalysis(ChooseSettings, choose_for_study, ("study",)),
+    "speed-accuracy": ChainAnalysis(SpeedAccuracySettings, speed_accuracy),
     "claims": ChainAnalysis(ClaimsSettings, check_claims, export=("claims.json", claims_json), partial=True),
     "claims-over-skew": ChainAnalysis(ClaimsOverSkewSettings, claims_over_skew, partial=True),
 }

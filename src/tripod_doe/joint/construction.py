@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from tripod_doe.joint.posture import GROOVE_ANGLES, Pose, Posture, joint_posture
 from tripod_doe.joint.transition import transition_velocities
 from tripod_doe.mechanics.scene import Body, Friction, Vector
 
-__all__ = ["JointBuild", "moving_body", "prepare_joint", "vector"]
+__all__ = ["JointBuild", "misfits", "moving_body", "prepare_joint", "vector"]
 
 FloatArray = NDArray[np.float64]
 
@@ -141,3 +142,17 @@ def moving_body(name: str, mass: float, inertia: Vector, pose: Pose, own_moment:
         name, mass, inertia, vector(pose.position), _quaternion(pose.attitude), vector(pose.velocity),
         vector(pose.rotation), own_moment=own_moment,
     )  # fmt: skip
+
+
+def misfits(columns: Mapping[str, NDArray[Any]]) -> list[tuple[int, str]]:
+    """Points whose parts cannot be put together, with the reason; columns as in study files, each of shape (point,)."""
+    pitch, needle = columns["needle_pitch_diameter_mm"], columns["needle_diameter_mm"]
+    bore = pitch + needle + 2 * columns["bearing_radial_clearance_mm"]
+    with np.errstate(invalid="ignore"):
+        angle = 2 * np.arcsin(np.minimum(needle / pitch, 1.0)) * columns["needle_count"]
+    reasons = [
+        (needle >= pitch, "the needles leave no trunnion: needle_diameter_mm must be below needle_pitch_diameter_mm"),
+        (angle > 2 * math.pi, "the needles do not fit on the pitch circle: reduce needle_count or needle_diameter_mm"),
+        (bore >= 2 * columns["roller_radius_mm"], "the bore is larger than the roller: raise roller_radius_mm"),
+    ]
+    return [(int(position), text) for bad, text in reasons for position in np.flatnonzero(bad)]

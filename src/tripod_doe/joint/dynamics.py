@@ -24,7 +24,7 @@ from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, method_named, run
 from tripod_doe.results import Outcome
 
-__all__ = ["JointRun", "Readings", "prepare_joint", "run_joint"]
+__all__ = ["JointRun", "Readings", "amplitude_error", "follow", "judge_third_order", "prepare_joint", "run_joint"]
 
 FloatArray = NDArray[np.float64]
 
@@ -42,9 +42,6 @@ _ERROR_LIMIT, _ERROR_FLOOR = 0.05, 1e-4
 
 _RATE_STATES = 12
 """States of a third of a revolution at which a run is linearised."""
-
-_BUDGET = 20_000_000
-"""Force evaluations: a minute or so of rollers, half an hour of needles."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +89,8 @@ class JointRun:
         What it gives, None if it did not come to its end.
     steps, force_evaluations
         Counted work, with that of the error estimate.
+    followed
+        Time that was simulated, up to the end or the failure; without that of the error estimate.
     """
 
     outcome: Outcome
@@ -99,6 +98,7 @@ class JointRun:
     readings: Readings | None = None
     steps: int = 0
     force_evaluations: int = 0
+    followed: float = 0.0
 
 
 def run_joint(
@@ -123,26 +123,47 @@ def run_joint(
     if reason := _out_of_range(values):
         return JointRun(Outcome.OUT_OF_RANGE, reason)
     assembly = assemble(build_joint(values, needles))
+    settings = Settings(budget=int(values["evaluation_budget"]), tolerance=tolerance or Settings().tolerance)
+    result, again = follow(assembly, values, method, samples, step, settings)
+    if again is None:
+        done = JointRun(result.outcome, result.detail)
+    elif again.outcome != Outcome.FINISHED:
+        done = JointRun(Outcome.INACCURATE, f"half the tolerance or step fails: {again.detail}")
+    else:
+        readings = _read(assembly, result, again, values, samples, method_named(method).order)
+        if rates:
+            readings = replace(readings, rates=_rates(result, values, samples))
+        outcome, detail = judge_third_order(readings.groove_thrust.sum(1), readings.amplitude_error, values)
+        done = JointRun(outcome, detail, readings)
+    steps, evaluations = (
+        sum(getattr(part, name) for part in (result, again) if part) for name in ("steps", "force_evaluations")
+    )
+    return replace(done, steps=steps, force_evaluations=evaluations, followed=result.followed)
+
+
+def follow(
+    assembly: Assembly, values: Mapping[str, float], method: str, samples: int, step: float | None, settings: Settings
+) -> tuple[Run, Run | None]:
+    """Follow all revolutions, and then the last half of the last one again with half the tolerance or step.
+
+    Returns
+    -------
+    result, again
+        `again` is None where the run did not come to its end.
+    """
     cycles, revolution = int(values["cycles"]), 2 * math.pi / values["speed_rpm"]
-    settings = Settings(budget=_BUDGET, tolerance=tolerance or Settings().tolerance)
     result = run(
         assembly, method, cycles * revolution, step=step, samples=cycles * samples, settings=settings,
         limits=_limits(values, cycles),
     )  # fmt: skip
     if result.outcome != Outcome.FINISHED:
-        return JointRun(result.outcome, result.detail, None, result.steps, result.force_evaluations)
+        return result, None
     start = State(float(result.times[-1 - samples // 2]), *(x[-1 - samples // 2] for x in _states(result)))
     again = run(
         assembly, method, float(result.times[-1] - start.time), step=step and step / 2, samples=samples // 2,
         settings=settings._replace(tolerance=settings.tolerance / 2), limits=_limits(values, 0.5), start=start,
     )  # fmt: skip
-    work = result.steps + again.steps, result.force_evaluations + again.force_evaluations
-    if again.outcome != Outcome.FINISHED:
-        return JointRun(Outcome.INACCURATE, f"half the tolerance or step fails: {again.detail}", None, *work)
-    readings = _read(assembly, result, again, values, samples, method_named(method).order)
-    if rates:
-        readings = replace(readings, rates=_rates(result, values, samples))
-    return JointRun(*_judge(readings, values), readings, *work)
+    return result, again
 
 
 def _rates(result: Run, values: Mapping[str, float], samples: int) -> Rates:
@@ -168,8 +189,7 @@ def _read(
     """Everything that is read off a run and its last half revolution run again."""
     thrust, powers = groove_readings(assembly, *_states(result))
     finer = groove_readings(assembly, *_states(again))[0]
-    window = samples // 2
-    error = _amplitude_error(thrust[:, -window:].sum(0), finer[:, -window:].sum(0), samples, order)
+    error = amplitude_error(thrust.sum(0), finer.sum(0), samples, order)
     last = slice(-2 * samples - 1, -1)  # the end of the last revolution is the start of the next one
     skew, summary = None, None
     if "needle 1.1" in assembly.names:
@@ -195,18 +215,41 @@ def _out_of_range(values: Mapping[str, float]) -> str:
     return ""
 
 
-def _amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, order: int) -> FloatArray:
-    """Numerical error of every order from the same stretch of thrust by a coarser and a finer run, shape (order,)."""
+def amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, order: int) -> FloatArray:
+    """Numerical error of every order from the last half revolution of two runs, shape (order,).
+
+    Parameters
+    ----------
+    thrust, finer
+        Thrust over the samples of a run, and over those of the finer one that ends with it.
+    samples
+        Samples a revolution.
+    order
+        Of the method.
+    """
+    window = samples // 2
+    thrust, finer = thrust[-window:], finer[-window:]
     angle = 2 * np.pi * np.arange(thrust.size) / samples
     weight = np.where(ORDERS == 0, 1.0, 2.0) / thrust.size
     change: FloatArray = np.abs(np.exp(-1j * ORDERS[:, None] * angle) @ (thrust - finer)) * weight
     return change / (1 - 0.5**order)
 
 
-def _judge(readings: Readings, values: Mapping[str, float]) -> tuple[Outcome, str]:
-    """Whether the third order may be used."""
-    thrust, error = readings.groove_thrust.sum(1), readings.amplitude_error[3]
-    third = abs(complex_amplitudes(thrust).mean(0)[3])
+def judge_third_order(
+    thrust: FloatArray, amplitude_error: FloatArray, values: Mapping[str, float]
+) -> tuple[Outcome, str]:
+    """Whether the third order may be used: its outcome, and why not.
+
+    Parameters
+    ----------
+    thrust
+        Of the last revolutions, shape (revolution, sample).
+    amplitude_error
+        Numerical error of every order.
+    values
+        Joint parameters in internal units.
+    """
+    third, error = abs(complex_amplitudes(thrust).mean(0)[3]), amplitude_error[3]
     floor = _ERROR_FLOOR * abs(values["torque_n_m"]) / values["pitch_radius_mm"]
     if not np.isfinite(third):
         return Outcome.DIVERGED, "the thrust is not finite"

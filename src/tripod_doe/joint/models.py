@@ -86,6 +86,7 @@ def _simulate_equilibrium(
         [text for chunk in chunks for text in chunk.detail],
         np.concatenate([chunk.steps for chunk in chunks]),
         np.concatenate([chunk.force_evaluations for chunk in chunks]),
+        np.concatenate([chunk.simulated_seconds for chunk in chunks]),
     )
 
 
@@ -110,7 +111,9 @@ def _equilibrium_chunk(points: Mapping[str, FloatArray], samples: int, keep: Col
     for failed, kind, text in reasons:
         for position in np.flatnonzero(failed):
             outcome[position], detail[position] = kind, text
-    return BlockResult(outputs, {}, outcome, detail, solution.sweeps, solution.sweeps)
+    with np.errstate(divide="ignore"):  # a balance holds for any number of revolutions: those that were asked for
+        turned = np.where(points["speed_rpm"] > 0, points["cycles"] * 2 * np.pi / points["speed_rpm"], np.nan)
+    return BlockResult(outputs, {}, outcome, detail, solution.sweeps, solution.sweeps, turned)
 
 
 def _prepare_equilibrium(point: Mapping[str, FloatArray], method: str) -> None:
@@ -124,7 +127,7 @@ _EQUILIBRIUM = Model(
         {
             "roller_width_mm", "spheres_per_needle", "needle_axial_clearance_mm", "needle_crown_um", "shaft_length_mm",
             "outboard_joint_angle_deg", "shaft_mass_kg", "output_inertia_kg_m2", "density_kg_m3",
-            "contact_damping_s_per_mm", "needle_mass_factor", "cycles",
+            "contact_damping_s_per_mm", "needle_mass_factor", "cycles", "evaluation_budget",
         }
     ),
     outputs=frozenset(JOINT_OUTPUTS) - {"thrust_amplitude_error", *_SKEWS, *_RATES},
@@ -139,6 +142,7 @@ def _simulate_multibody(
     """Simulate points one by one; a run of any of them costs more than all that could be shared."""
     count = points["torque_n_m"].size
     outcome, detail, work = np.zeros(count, np.int8), [""] * count, np.zeros((2, count), np.int64)
+    followed = np.zeros(count)
     outputs: dict[str, Values] = {}
     for i in range(count):
         point = {name: float(column[i]) for name, column in points.items()}
@@ -146,14 +150,14 @@ def _simulate_multibody(
         wants_rates = not set(_RATES).isdisjoint(keep)
         result = run_joint(point, needles, method, samples, step, tolerance, wants_rates)
         outcome[i], detail[i] = result.outcome, result.detail
-        work[:, i] = result.steps, result.force_evaluations
+        work[:, i], followed[i] = (result.steps, result.force_evaluations), result.followed
         if result.readings is None:
             continue
         for name, values in _answer(result.readings, keep).items():
             if name not in outputs:
                 outputs[name] = Values(values.dims, np.full((count, *values.data.shape[1:]), np.nan))
             outputs[name].data[i] = values.data[0]
-    return BlockResult(outputs, {}, outcome, detail, work[0], work[1])
+    return BlockResult(outputs, {}, outcome, detail, work[0], work[1], followed)
 
 
 def _prepare_multibody(point: Mapping[str, FloatArray], method: str) -> None:

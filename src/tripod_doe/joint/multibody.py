@@ -24,15 +24,26 @@ import numpy as np
 from tripod_doe.joint.construction import JointBuild, moving_body, prepare_joint, vector
 from tripod_doe.joint.needle_bearing import lumped_bearing, needle_body, needle_contacts
 from tripod_doe.joint.posture import GROOVE_ANGLES, Pose
-from tripod_doe.mechanics.scene import GROUND, Body, Cylinder, Revolute, Scene, SphereRow, Spherical, Universal
+from tripod_doe.mechanics.scene import (
+    GROUND,
+    Body,
+    Constraint,
+    Cylinder,
+    NeedleBearing,
+    PointInPlane,
+    Revolute,
+    Scene,
+    SphereRow,
+    Universal,
+)
 
-__all__ = ["build_joint"]
+__all__ = ["build_joint", "build_trunnion"]
 
 _GROOVE_EXPONENT = 1.5
 _Z = np.array([0.0, 0.0, 1.0])
 
 
-def _shafts(build: JointBuild) -> tuple[list[Body], list[Spherical | Revolute | Universal]]:
+def _shafts(build: JointBuild) -> tuple[list[Body], list[Constraint]]:
     """Intermediate shaft, output shaft, and what stands still in space; with their constraints."""
     values, posture = build.values, build.posture
     mass, length, inertia = values["shaft_mass_kg"], values["shaft_length_mm"], values["output_inertia_kg_m2"]
@@ -53,7 +64,7 @@ def _shafts(build: JointBuild) -> tuple[list[Body], list[Spherical | Revolute | 
         Body("space", mass, (inertia, inertia, inertia), angular_velocity=(0.0, 0.0, -speed), locked=(True,) * 6),
     ]  # fmt: skip
     half = vector(-build.spider_in_shaft)
-    constraints: list[Spherical | Revolute | Universal] = [
+    constraints: list[Constraint] = [
         Revolute("space", "output", vector(end), axis_a=vector(axis)),
         Universal("output", "shaft", point_b=half, axis_a=(0.0, 1.0, 0.0), axis_b=(1.0, 0.0, 0.0)),
     ]
@@ -109,18 +120,73 @@ def build_joint(values: Mapping[str, float], needles: bool) -> Scene:
     build = prepare_joint(values)
     bodies, constraints = _shafts(build)
     rollers = [_roller(build, k) for k in range(3)]
-    contacts: list[SphereRow] = []
-    ring: list[Body] = []
-    if needles:
-        for k in range(3):
-            for j in range(int(values["needle_count"])):
-                ring.append(needle_body(build, k, j, rollers[k][0]))
-                contacts.extend(needle_contacts(build, k, j))
+    rings = [_ring(build, k, rollers[k][0]) for k in range(3)] if needles else []
+    return _turning_scene(
+        values, bodies, rollers, rings, constraints,
+        () if needles else tuple(lumped_bearing(build, k) for k in range(3)),
+    )  # fmt: skip
+
+
+def build_trunnion(values: Mapping[str, float]) -> Scene:
+    """Scene of trunnion 1, its needles, its roller and its groove, at one operating point of the joint.
+
+    Trunnions 2 and 3 are guided without friction: a body of a roller's mass slides along the line in which the roller
+    would roll, and stays on its trunnion. So the spider moves as in the joint, and trunnion 1 carries its third of the
+    torque, |T| / (3 R_p).
+
+    Parameters
+    ----------
+    values
+        Joint parameters in internal units (mm, N, s, t, rad).
+
+    Returns
+    -------
+    Scene
+        The contact of the roller with its groove is the last one.
+    """
+    build = prepare_joint(values)
+    bodies, constraints = _shafts(build)
+    roller = _roller(build, 0)
+    for k in (1, 2):
+        guide, planes = _guide(build, k, roller[0])
+        bodies.append(guide)
+        constraints.extend(planes)
+    return _turning_scene(values, bodies, [roller], [_ring(build, 0, roller[0])], constraints)
+
+
+def _guide(build: JointBuild, k: int, roller: Body) -> tuple[Body, list[Constraint]]:
+    """A slider along groove k and the planes of the shaft that keep it on trunnion k."""
+    pose, axis = build.posture.rollers[k], build.trunnion_axis(k)
+    body = Body(
+        f"guide {k + 1}", roller.mass, roller.inertia, vector(pose.position), velocity=vector(pose.velocity),
+        locked=(True, True, False, True, True, True),
+    )  # fmt: skip
+    spider = vector(build.spider_in_shaft)
+    normals = (_Z, np.cross(_Z, axis))
+    return body, [PointInPlane("shaft", body.name, spider, normal_a=vector(normal)) for normal in normals]
+
+
+def _ring(build: JointBuild, k: int, roller: Body) -> tuple[list[Body], list[SphereRow]]:
+    """All needles of trunnion k, and their contacts."""
+    numbers = range(int(build.values["needle_count"]))
+    contacts = [contact for j in numbers for contact in needle_contacts(build, k, j)]
+    return [needle_body(build, k, j, roller) for j in numbers], contacts
+
+
+def _turning_scene(
+    values: Mapping[str, float],
+    bodies: list[Body],
+    rollers: list[tuple[Body, SphereRow]],
+    rings: list[tuple[list[Body], list[SphereRow]]],
+    constraints: list[Constraint],
+    bearings: tuple[NeedleBearing, ...] = (),
+) -> Scene:
+    """All parts as one scene in axes that turn with the housing; the contacts with the grooves come last."""
     speed = values["speed_rpm"]
     return Scene(
-        (*bodies, *(body for body, _ in rollers), *ring),
-        (*contacts, *(contact for _, contact in rollers)),
-        bearings=() if needles else tuple(lumped_bearing(build, k) for k in range(3)),
+        (*bodies, *(body for body, _ in rollers), *(body for ring, _ in rings for body in ring)),
+        (*(contact for _, contacts in rings for contact in contacts), *(contact for _, contact in rollers)),
+        bearings=bearings,
         constraints=tuple(constraints),
         frame=(0.0, 0.0, speed),
         core=tuple(body.name for body, _ in rollers),

@@ -1,4 +1,4 @@
-"""What is read off the states of a multibody run: thrust at the grooves, friction powers, skew of the needles."""
+"""What is read off the states of a multibody run: thrust at the grooves, friction powers, skew and drift of needles."""
 
 from __future__ import annotations
 
@@ -13,27 +13,30 @@ from tripod_doe.mechanics.bearing import bearing_forces
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.contact import add_contacts
 from tripod_doe.mechanics.motion import clear
+from tripod_doe.mechanics.scene import GROUND
 
-__all__ = ["groove_readings", "needle_skews"]
+__all__ = ["groove_readings", "needle_drift", "needle_skews"]
 
 FloatArray = NDArray[np.float64]
+
+_ALONG = np.array([0.0, 0.0, 1.0])
 
 
 @kernel
 def _read(tables, work, positions, velocities, thrust, powers):
-    """Forces on the ground at the grooves, whose contacts are the last three, and the powers lost there and elsewhere.
+    """Forces on the ground at the grooves, whose contacts are the last, and the powers lost there and elsewhere.
 
     Parameters
     ----------
     positions, velocities
         Shapes (sample, body, 7) and (sample, body, 6).
     thrust, powers
-        Receive axial forces on the grooves, shape (3, sample), and powers lost by mechanism, shape (5, sample).
+        Receive axial forces on the grooves, shape (groove, sample), and powers lost by mechanism, shape (5, sample).
     """
-    force, ledger, first = work.force, work.ledger, tables.contacts.size - 3
+    force, ledger, first = work.force, work.ledger, tables.contacts.size - thrust.shape[0]
     for s in range(positions.shape[0]):
         clear(ledger)
-        for k in range(3):
+        for k in range(thrust.shape[0]):
             clear(force.ravel())
             add_contacts(
                 tables.contacts, first + k, first + k + 1, positions[s], velocities[s], 1.0, 0.0, 0.0,
@@ -63,7 +66,8 @@ def groove_readings(assembly: Assembly, positions: FloatArray, velocities: Float
     tuple of ndarray
         Axial force on the housing, shape (groove, sample), N; power, shape (mechanism, sample), N mm/s.
     """
-    thrust, powers = np.zeros((3, len(positions))), np.zeros((5, len(positions)))
+    grooves = sum(contact.surface.body == GROUND for contact in assembly.scene.contacts)
+    thrust, powers = np.zeros((grooves, len(positions))), np.zeros((5, len(positions)))
     _read(assembly.tables, assembly.work(), positions, velocities, thrust, powers)
     return thrust, powers
 
@@ -95,20 +99,48 @@ def needle_skews(
     tuple of ndarray
         Skew in rad, shape (trunnion, sample), and mean, least and greatest in every revolution, (trunnion, cycle, 3).
     """
-    shaft = positions[:, assembly.names.index("shaft")]
-    count, along = int(values["needle_count"]), np.array([0.0, 0.0, 1.0])
-    spider = shaft[:, :3] - _turned(shaft[:, 3:], 0.5 * values["shaft_length_mm"] * along)
-    skews = np.empty((3, len(positions)))
-    for k, angle in enumerate(GROOVE_ANGLES):
-        first = assembly.names.index(f"needle {k + 1}.1")
-        needles = positions[:, first : first + count]
-        axis = _turned(shaft[:, 3:], np.array([np.cos(angle), np.sin(angle), 0.0]))[:, None]
-        arms = needles[..., :3] - spider[:, None]
+    rings = [k for k in range(3) if f"needle {k + 1}.1" in assembly.names]
+    skews = np.empty((len(rings), len(positions)))
+    for row, k in enumerate(rings):
+        needles, axis, arms = _ring(assembly, positions, values, k)
         normals = arms - (arms * axis).sum(-1, keepdims=True) * axis
         distances = np.linalg.norm(normals, axis=-1)
         chosen = np.arange(len(positions)), distances.argmin(axis=1)
-        normal, own = normals[chosen] / distances[chosen][:, None], _turned(needles[chosen][:, 3:], along)
+        normal, own = normals[chosen] / distances[chosen][:, None], _turned(needles[chosen][:, 3:], _ALONG)
         across = np.cross(normal, axis[:, 0])
-        skews[k] = np.arctan2((own * across).sum(-1), (own * axis[:, 0]).sum(-1))
-    by_cycle = skews.reshape(3, cycles, -1)
+        skews[row] = np.arctan2((own * across).sum(-1), (own * axis[:, 0]).sum(-1))
+    by_cycle = skews.reshape(len(rings), cycles, -1)
     return skews, np.stack([by_cycle.mean(-1), by_cycle.min(-1), by_cycle.max(-1)], axis=-1)
+
+
+def needle_drift(assembly: Assembly, positions: FloatArray, values: Mapping[str, float]) -> FloatArray:
+    """Mean shift of the needles of trunnion 1 along it since the first sample.
+
+    Parameters
+    ----------
+    positions
+        States of a run, shape (sample, body, 7).
+    values
+        Joint parameters.
+
+    Returns
+    -------
+    ndarray, shape (sample,), mm
+    """
+    _, axis, arms = _ring(assembly, positions, values, 0)
+    places = (arms * axis).sum(-1).mean(-1)
+    drift: FloatArray = places - places[0]
+    return drift
+
+
+def _ring(
+    assembly: Assembly, positions: FloatArray, values: Mapping[str, float], k: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """States of the needles of trunnion k (sample, needle, 7), its axis (sample, 1, 3), their arms from the spider."""
+    shaft, angle = positions[:, assembly.names.index("shaft")], GROOVE_ANGLES[k]
+    spider = shaft[:, :3] - _turned(shaft[:, 3:], 0.5 * values["shaft_length_mm"] * _ALONG)
+    first = assembly.names.index(f"needle {k + 1}.1")
+    needles = positions[:, first : first + int(values["needle_count"])]
+    axis = _turned(shaft[:, 3:], np.array([np.cos(angle), np.sin(angle), 0.0]))[:, None]
+    arms: FloatArray = needles[..., :3] - spider[:, None]
+    return needles, axis, arms

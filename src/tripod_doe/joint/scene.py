@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping
 from typing import Any, ClassVar
 
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
 from tripod_doe.joint import models
+from tripod_doe.joint.construction import misfits
 from tripod_doe.joint.ladder import JOINT_LADDER
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, coordinates
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_units
@@ -123,7 +123,7 @@ class JointScene:
         count = len(points["model"])
         outcome = np.full(count, Outcome.NOT_APPLICABLE, np.int8)
         detail = [""] * count
-        work = np.zeros((2, count), np.int64)
+        work, followed = np.zeros((2, count), np.int64), np.zeros(count)
         outputs: dict[str, Values] = {}
         methods = np.array([_method(model, method) for model, method in _pairs(points)])
         kinds = list(zip(points["model"], methods, points["samples_per_revolution"], points["cycles"], strict=True))
@@ -142,6 +142,7 @@ class JointScene:
             for position, text in zip(where, result.detail, strict=True):
                 detail[position] = text
             work[:, where] = result.steps, result.force_evaluations
+            followed[where] = result.simulated_seconds
             for key, values in result.outputs.items():
                 if key not in outputs:
                     outputs[key] = Values(values.dims, np.full((count, *values.data.shape[1:]), np.nan))
@@ -150,7 +151,7 @@ class JointScene:
         used = {dim for values in outputs.values() for dim in values.dims}
         labels = coordinates(int(points["samples_per_revolution"][0]), int(points["cycles"][0]))
         labels = {name: label for name, label in labels.items() if name in used}
-        return BlockResult(outputs, labels, outcome, detail, work[0], work[1])
+        return BlockResult(outputs, labels, outcome, detail, work[0], work[1], followed)
 
 
 def _unset(value: object) -> bool:
@@ -222,26 +223,12 @@ def _reject(
         for position in np.flatnonzero(is_set):
             detail[chosen[position]] = f"{name} is not used by {model.name} with {method}"
         usable &= ~is_set
-    for misfit, reason in _misfits(columns):
+    for misfit, reason in misfits(columns):
         if usable[misfit]:
             outcome[chosen[misfit]] = Outcome.JAMMED
             detail[chosen[misfit]] = reason
             usable[misfit] = False
     return np.flatnonzero(usable)
-
-
-def _misfits(columns: Mapping[str, NDArray[Any]]) -> list[tuple[int, str]]:
-    """Points whose parts cannot be put together, with the reason."""
-    pitch, needle = columns["needle_pitch_diameter_mm"], columns["needle_diameter_mm"]
-    bore = pitch + needle + 2 * columns["bearing_radial_clearance_mm"]
-    with np.errstate(invalid="ignore"):
-        angle = 2 * np.arcsin(np.minimum(needle / pitch, 1.0)) * columns["needle_count"]
-    reasons = [
-        (needle >= pitch, "the needles leave no trunnion: needle_diameter_mm must be below needle_pitch_diameter_mm"),
-        (angle > 2 * math.pi, "the needles do not fit on the pitch circle: reduce needle_count or needle_diameter_mm"),
-        (bore >= 2 * columns["roller_radius_mm"], "the bore is larger than the roller: raise roller_radius_mm"),
-    ]
-    return [(int(position), text) for bad, text in reasons for position in np.flatnonzero(bad)]
 
 
 scene = JointScene()

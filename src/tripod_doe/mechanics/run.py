@@ -93,6 +93,8 @@ class Run:
         The quantities that `Limits` bounds; NaN where they were not found.
     steps, force_evaluations, check_evaluations
         Counted work; that of the checks by itself.
+    followed
+        Time that was simulated, up to the end or the failure.
     """
 
     assembly: Assembly
@@ -110,6 +112,7 @@ class Run:
     steps: int
     force_evaluations: int
     check_evaluations: int
+    followed: float
 
 
 def method_named(name: str) -> Method:
@@ -227,7 +230,7 @@ def run(
     return Run(
         assembly, outcome, detail, np.array(times), np.array(positions), np.array(velocities), memory.balance.copy(),
         energy, reversals, checks.disagreement, checks.penetration, float(memory.extremes[0]),
-        int(memory.counters[3]), int(memory.counters[0]), checks.evaluations,
+        int(memory.counters[3]), int(memory.counters[0]), checks.evaluations, state.time - begin,
     )  # fmt: skip
 
 

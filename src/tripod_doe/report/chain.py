@@ -18,7 +18,7 @@ from tripod_doe.report.figures.chart import WIDE
 from tripod_doe.report.findings import find_in_analyses
 from tripod_doe.report.page import render
 from tripod_doe.report.side_by_side import find_side_by_side, of_one_ladder, side_by_side_table
-from tripod_doe.report.telling import findings_of, table_of
+from tripod_doe.report.telling import findings_of, is_study, table_of
 
 __all__ = ["StoredChart", "chain_page", "read_charts", "step_page", "write_charts"]
 
@@ -137,9 +137,9 @@ def step_page(
 
 def _part(name: str, cube: xr.Dataset) -> PagePart:
     """A study with a link to its own report, or an analysis."""
-    link = f"../{name}/report/index.html" if "outcome" in cube else ""
-    title = str(cube.attrs.get("title", name))
-    return PagePart(name, title, findings_of(name, cube), [], link, table_of(cube))
+    title, table = str(cube.attrs.get("title", name)), table_of(cube)
+    link = f"../{name}/report/index.html" if is_study(cube) else ""
+    return PagePart(name, title, findings_of(name, cube), [], link, table)
 
 
 def _side_by_side(name: str, ladder: Mapping[str, xr.Dataset]) -> PagePart:

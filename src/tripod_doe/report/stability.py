@@ -12,7 +12,7 @@ from tripod_doe.report.figures.stability import map_of, maps
 from tripod_doe.report.responses import number, spoken, unit_text, with_unit
 from tripod_doe.results import Outcome
 
-__all__ = ["find_in_stability", "is_stability", "stability_table"]
+__all__ = ["border_text", "find_in_stability", "is_stability", "measured_border", "stability_table"]
 
 _HEADS = [
     "Varied", "Method", "Measured border", "By theory", "Limited by", "Measured over theory", "Agree", "First failure",
@@ -25,17 +25,12 @@ _WORDS = {
     Limit.LAG: "lag of the secant", Limit.TOLERANCE: "tolerance itself", Limit.UNKNOWN: "not known",
 }  # fmt: skip
 _WHY = {
-    (Limit.NONE, "below"): "theory has no border: what ends here is accuracy, not stability",
-    (Limit.LAG, "above"): "the rate is that of the mode which lags most, and the output feels other modes, too",
-    (Limit.LAG, "below"): "the rate is a mean over the way, and counts neither the start nor other errors of the step",
-    (Limit.FRICTION, "above"): "the motion is at its steepest friction only for a part of the way",
-    (Limit.FRICTION, "below"): "friction and contact act together, and the way between the states is not seen",
-    (Limit.CONTACT, "above"): "the stiffest mode is hardly moved by this motion",
-    (Limit.CONTACT, "below"): "damping and friction add to the stiffness of the contact",
-    (Limit.TOLERANCE, "above"): "the error stays below its tolerance",
-    (Limit.TOLERANCE, "below"): "errors of the steps add up beyond their tolerance",
+    Limit.NONE: "theory has no border for this method",
+    Limit.LAG: "the rate is that of the mode which lags most, and not the half step by which every Euler step is late",
+    Limit.CONTACT: "the mode is taken without the damping and friction that act on it, too",
+    Limit.TOLERANCE: "a tolerance holds for one step, and not for their sum",
 }
-"""What is known of a disagreement, by what limits the step and on which side of theory the measured border lies."""
+"""What is known of a disagreement, by what limits the step."""
 
 
 def is_stability(data: xr.Dataset) -> bool:
@@ -72,15 +67,22 @@ def _disagreement(borders: xr.Dataset, m: int, c: int) -> str:
     row = borders.isel(method=m, case=c)
     low, predicted = float(row["border_low"]), float(row["border_predicted"])
     limited = Limit(int(row["limited_by"]))
-    side = "below" if not low >= predicted else "above"
-    reason = _WHY.get((limited, side), "")
-    detail = str(row["first_detail"].item())
-    seen = f"; the run says: {detail}" if detail and side == "below" else ""
+    told = [_WHY[limited]] if limited in _WHY else []
+    if not low >= predicted:
+        told.append(_first_failure(row))
     where = "base case" if row["varied"].item() == "base" else _level(row, str(row["varied"].item()))
+    reason, theory = "; ".join(told), border_text(borders, predicted)
     return (
-        f"{row['method'].item()}, {where}: measured {_bracket(borders, row)}, theory {_border(borders, predicted)}. "
-        f"{reason[:1].upper()}{reason[1:]}{seen}."
+        f"{row['method'].item()}, {where}: measured {measured_border(borders, row)}, theory {theory}"
+        f"{'. ' if reason else ''}{reason[:1].upper()}{reason[1:]}."
     )
+
+
+def _first_failure(row: xr.Dataset) -> str:
+    """How the first run that is not good failed: refused, perhaps by a false alarm, or wrong and not noticed."""
+    if int(row["first_failure"]) == Outcome.FINISHED:
+        return "the first run beyond finished with a wrong number"
+    return f"the first run beyond was refused, {row['first_detail'].item()}"
 
 
 def _level(row: xr.Dataset, factor: str) -> str:
@@ -88,24 +90,24 @@ def _level(row: xr.Dataset, factor: str) -> str:
     return f"{spoken(factor)} {with_unit(number(float(row[factor])), unit)}"
 
 
-def _border(borders: xr.Dataset, value: float) -> str:
+def border_text(borders: xr.Dataset, value: float) -> str:
     """A step in the unit that suits it, or a tolerance."""
     if not math.isfinite(value):
         return "not known" if math.isnan(value) else "none"
     if borders.attrs["numerics"] != "step_s":
         return f"{value:.2g}"
-    size, unit = next(((size, unit) for size, unit in _TIMES if value >= size), _TIMES[-1])
+    size, unit = next(((size, unit) for size, unit in _TIMES if value >= 0.999 * size), _TIMES[-1])
     return f"{float(f'{value / size:.2g}'):g} {unit}" if value < _LONG else "none within reach"
 
 
-def _bracket(borders: xr.Dataset, row: xr.Dataset) -> str:
+def measured_border(borders: xr.Dataset, row: xr.Dataset) -> str:
     """The measured border between two steps, or beyond the ends of the study."""
     low, high = float(row["border_low"]), float(row["border_high"])
     if math.isinf(high):
-        return f"none up to {_border(borders, low)}" if math.isfinite(low) else "not known"
+        return f"none up to {border_text(borders, low)}" if math.isfinite(low) else "not known"
     if math.isnan(low):
-        return f"below {_border(borders, high)}"
-    return f"{_border(borders, low)} to {_border(borders, high)}"
+        return f"below {border_text(borders, high)}"
+    return f"{border_text(borders, low)} to {border_text(borders, high)}"
 
 
 def stability_table(borders: xr.Dataset) -> tuple[list[str], list[list[str]]]:
@@ -124,12 +126,12 @@ def _row(borders: xr.Dataset, part: xr.Dataset, factor: str) -> list[str]:
     decided = int((agrees != Agreement.NOT_DECIDED).sum())
     failures = part["first_failure"].values[part["first_failure"].values != Outcome.NOT_RUN]
     named = [f"{Outcome(int(kind)).label} {int((failures == kind).sum())}" for kind in np.unique(failures)]
-    predicted = [_border(borders, float(end["border_predicted"])) for end in ends]
+    predicted = [border_text(borders, float(end["border_predicted"])) for end in ends]
     limits = dict.fromkeys(_WORDS[Limit(int(kind))] for kind in part["limited_by"].values)
     return [
         f"{spoken(factor)} {with_unit(levels, unit_text(str(part[factor].attrs.get('units', '1'))))}",
         str(part["method"].item()),
-        "; ".join(dict.fromkeys(_bracket(borders, end) for end in ends)),
+        "; ".join(dict.fromkeys(measured_border(borders, end) for end in ends)),
         " to ".join(dict.fromkeys(predicted)),
         ", ".join(limits),
         " to ".join(dict.fromkeys(f"{value:.2f}" for value in (ratio.min(), ratio.max()))) if ratio.size else "",

@@ -191,7 +191,8 @@ def factor_rows(cube: xr.Dataset) -> list[ParameterRow]:
 
 def _levels(values: np.ndarray[Any, Any]) -> str:
     distinct = np.unique(values.astype(float) if values.dtype.kind in "fiu" else values.astype(str))
-    if distinct.size <= 6:
+    distinct = distinct[distinct == distinct]  # an open field of a table is no level
+    if distinct.size <= 6 or distinct.dtype.kind not in "fiu":
         return ", ".join(_text(value) for value in distinct)
     return f"{float(distinct[0]):.4g} to {float(distinct[-1]):.4g}" + (
         f" ({distinct.size} values)" if distinct.size <= 200 else ", sampled"

@@ -40,6 +40,7 @@ COST_VARIABLES = {
     "wall_seconds": ("s", "wall-clock time of the point (its share of the block)"),
     "steps": ("1", "time steps or sweeps"),
     "force_evaluations": ("1", "evaluations of all contact and friction forces"),
+    "simulated_seconds": ("s", "time of the motion that was followed, up to the end or the failure"),
 }
 """Units and meanings of the variables of cost.nc; the worker's name stands beside them."""
 
@@ -148,8 +149,8 @@ class _Table:
         self.worker[at] = block.worker
         self.costs["cpu_seconds"][at] = block.cpu_seconds / block.keys.size
         self.costs["wall_seconds"][at] = block.wall_seconds / block.keys.size
-        self.costs["steps"][at] = result.steps[rows]
-        self.costs["force_evaluations"][at] = result.force_evaluations[rows]
+        for name in ("steps", "force_evaluations", "simulated_seconds"):
+            self.costs[name][at] = getattr(result, name)[rows]
         if retries := result.retries:
             self.attempt[at] = retries.attempt[rows]
             self.first_outcome[at] = retries.first_outcome[rows]

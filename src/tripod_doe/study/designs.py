@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import itertools
+import math
 import warnings
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -187,7 +188,7 @@ def _one_at_a_time(study: Study, factors: Mapping[str, Factor]) -> tuple[dict[st
 
 
 def _table(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> dict[str, Column]:
-    """A CSV file with a header: one column a factor."""
+    """A CSV file with a header: one column a factor; fields of a parameter without default may be empty."""
     if design.table is None:
         raise InputError("a table design needs table = a CSV file")
     path = study.folder / design.table
@@ -220,7 +221,7 @@ def _table(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> 
                     f"table = {design.table!r}: line {line} has {len(row)} fields, the header {len(header)}"
                 )
             try:
-                values.append(parameter.check(_cell(parameter, row[index])))
+                values.append(_cell(parameter, row[index].strip()))
             except (InputError, ValueError) as error:
                 raise InputError(f"table = {design.table!r}: line {line}: {name}: {error}") from error
         columns[name] = column_of(parameter, values)
@@ -228,15 +229,18 @@ def _table(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> 
 
 
 def _cell(parameter: Parameter, text: str) -> Value:
-    """One field of a CSV file as its parameter takes it."""
+    """One field of a CSV file as its parameter takes it; an empty one leaves open what follows from others."""
+    if not text and parameter.default is None and parameter.kind != "argument":
+        return None if parameter.kind == "choice" else math.nan
     if parameter.kind == "choice":
-        return text
+        return parameter.check(text)
     try:
-        return float(text)
+        number = float(text)
     except ValueError:
         if parameter.kind == "argument":
-            return text
+            return parameter.check(text)
         raise
+    return parameter.check(number)
 
 
 def _ablation(design: DesignTable, switches: Mapping[str, Factor]) -> dict[str, Column]:

@@ -33,6 +33,8 @@ CREATE TABLE IF NOT EXISTS block (
 CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
 """
 
+_PER_POINT = ("outcome", "steps", "force_evaluations", "simulated_seconds")
+
 
 @dataclass(frozen=True)
 class FinishedBlock:
@@ -161,7 +163,7 @@ def _pack(result: BlockResult) -> bytes:
     }  # fmt: skip
     arrays: dict[str, Any] = {f"output/{name}": values.data for name, values in result.outputs.items()}
     arrays |= {f"coordinate/{name}": labels for name, labels in result.coordinates.items()}
-    arrays |= {"outcome": result.outcome, "steps": result.steps, "force_evaluations": result.force_evaluations}
+    arrays |= {name: getattr(result, name) for name in _PER_POINT}
     if retries := result.retries:
         header["first_detail"] = retries.first_detail
         arrays |= {"attempt": retries.attempt, "first_outcome": retries.first_outcome}
@@ -185,10 +187,8 @@ def _unpack(payload: bytes) -> BlockResult:
             retries = Retries(archive["attempt"], *first, named("used/"))
         return BlockResult(
             outputs,
-            named("coordinate/"),
-            archive["outcome"],
-            header["detail"],
-            archive["steps"],
-            archive["force_evaluations"],
-            retries,
+            coordinates=named("coordinate/"),
+            detail=header["detail"],
+            retries=retries,
+            **{name: archive[name] for name in _PER_POINT},
         )

@@ -260,6 +260,7 @@ class _History:
         self._story = list(first.detail)
         self._outcome = first.outcome.copy()
         self._steps, self._evaluations = first.steps.copy(), first.force_evaluations.copy()
+        self._seconds = first.simulated_seconds.copy()
         self._outputs = dict(first.outputs)
         self._coordinates = dict(first.coordinates)
 
@@ -288,6 +289,8 @@ class _History:
         """Add the work of an attempt, and take its results where it finished."""
         self._steps[rows] += again.steps
         self._evaluations[rows] += again.force_evaluations
+        followed = np.stack([self._seconds[rows], again.simulated_seconds])
+        self._seconds[rows] = np.where(np.isnan(followed).all(axis=0), np.nan, np.nansum(followed, axis=0))
         helped = again.outcome == Outcome.FINISHED
         for name, values in again.outputs.items():
             old = self._outputs.get(name)
@@ -322,5 +325,6 @@ class _History:
         ]
         return replace(
             self._first, outputs=self._outputs, coordinates=self._coordinates, outcome=self._outcome, detail=detail,
-            steps=self._steps, force_evaluations=self._evaluations, retries=retries,
+            steps=self._steps, force_evaluations=self._evaluations, simulated_seconds=self._seconds,
+            retries=retries,
         )  # fmt: skip

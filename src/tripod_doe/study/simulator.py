@@ -23,6 +23,7 @@ __all__ = ["SCENES", "FunctionSimulator", "Simulator", "column_of", "load_simula
 SCENES = {
     "joint": "tripod_doe.joint.scene:scene",
     "needle-between-plates": "tripod_doe.mechanics.scenes.needle_between_plates:scene",
+    "trunnion": "tripod_doe.joint.trunnion:scene",
     "roller-in-groove": "tripod_doe.mechanics.scenes.roller_in_groove:scene",
 }
 """Scenes by the name that study files and the command line use, each ``package.module:object``."""
@@ -140,7 +141,7 @@ class FunctionSimulator:
         labels = {str(dim): np.asarray(values) for answer in good for dim, values in answer.coords.items()}
         outcome = np.array([Outcome.ERROR if text else Outcome.FINISHED for text in detail], np.int8)
         ones = np.ones(count, np.int64)
-        return BlockResult(outputs, labels, outcome, detail, ones, ones)
+        return BlockResult(outputs, labels, outcome, detail, ones, ones, np.full(count, np.nan))
 
 
 def _stacked(name: str, answers: Sequence[xr.Dataset | None]) -> Values:

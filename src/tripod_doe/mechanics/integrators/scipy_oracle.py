@@ -1,4 +1,4 @@
-"""SciPy's Radau, BDF and LSODA on the same right-hand side: slow, and an oracle for the methods of this package."""
+"""SciPy's solvers on the same right-hand side: slow, and an oracle for the methods of this package."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tripod_doe.mechanics.tables import Tables, Work
 __all__ = ["METHODS"]
 
 FloatArray = NDArray[np.float64]
-_ORDERS = {"Radau": 5, "BDF": 5, "LSODA": 5}
+_ORDERS = {"Radau": 5, "BDF": 5, "LSODA": 5, "DOP853": 8}
 
 
 class _BudgetSpentError(Exception):

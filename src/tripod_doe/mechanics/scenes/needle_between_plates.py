@@ -5,6 +5,9 @@ axis turned by the skew from y. Across its axis the needle rolls freely at V cos
 against A and at V sin(skew) - u against B, and in steady motion both frictions are equal,
 
     mu_A tanh(u / v_st) = mu_B tanh((V sin(skew) - u) / v_st),     drift = T cos(skew) (V/2 sin(skew) - u).
+
+Where the plate reverses, a pin on a crank that turns at the given frequency guides it: V cos(2 pi f t), and the slips
+pass through zero twice a turn.
 """
 
 from __future__ import annotations
@@ -38,6 +41,8 @@ _PARAMETERS = [
               "needle", "paper 3.1", low=0, high=10, low_open=True, group="friction"),
     Parameter("plate_speed_mm_s", 100.0, "mm s-1", "V", "speed of plate B", "assumed", low=-1e5, high=1e5,
               group="operating point"),
+    Parameter("reversing_frequency_hz", 0.0, "Hz", "f", "frequency at which plate B moves to and fro, V its largest "
+              "speed; 0 for a constant speed", "assumed", low=0, high=1e4, group="operating point"),
     Parameter("load_n", 200.0, "N", "P", "load on plate B", "assumed", low=0, high=1e5, low_open=True,
               group="operating point"),
     Parameter("skew_deg", 2.0, "degree", "phi", "skew of the needle, counterclockwise seen from plate B",
@@ -113,10 +118,12 @@ def build(values: Mapping[str, float]) -> parts.Scene:
         attitude=(math.cos(skew / 2), 0.0, 0.0, math.sin(skew / 2)), velocity=rolling,
         angular_velocity=(-math.sin(skew) * turning, math.cos(skew) * turning, 0.0),
     )  # fmt: skip
+    reversing = 2 * math.pi * values["reversing_frequency_hz"]
     plate = parts.Body(
         "plate B", _PLATE_MASS, (1.0, 1.0, 1.0), position=(0.0, 0.0, 2 * (radius - depth)), velocity=(speed, 0.0, 0.0),
-        force=(0.0, 0.0, -values["load_n"]), locked=(True, True, False, True, True, True),
+        force=(0.0, 0.0, -values["load_n"]), locked=(not reversing, True, False, True, True, True),
     )  # fmt: skip
+    guides = _crank(speed, reversing) if reversing else ((), ())
     v_st = transition_velocity(values)
 
     def row(surface: parts.Plane, friction: float) -> parts.SphereRow:
@@ -128,15 +135,24 @@ def build(values: Mapping[str, float]) -> parts.Scene:
 
     slip = max(abs(speed * math.sin(skew)) / 2, 1e-3 * abs(speed), 1e-3)
     return parts.Scene(
-        (needle, plate),
+        (needle, plate, *guides[0]),
         contacts=(
             row(parts.Plane(parts.GROUND), values["friction_a"]),
             row(parts.Plane("plate B", normal=(0.0, 0.0, -1.0)), values["friction_b"]),
         ),
-        length_scale=max(slip * values["duration_s"], 0.01),
+        length_scale=max(abs(speed) / reversing if reversing else slip * values["duration_s"], 0.01),
         speed_scale=slip,
         rotation_scale=slip / radius,
+        time_scale=1 / reversing if reversing else values["duration_s"],
+        constraints=guides[1],
     )
+
+
+def _crank(speed: float, rate: float) -> tuple[tuple[parts.Body], tuple[parts.PointInPlane]]:
+    """A crank about y whose pin guides plate B in a slot across its velocity, so that it moves at speed cos(rate t)."""
+    crank = parts.Body("crank", 1.0, (1.0, 1.0, 1.0), angular_velocity=(0.0, rate, 0.0), locked=(True,) * 6)
+    slot = parts.PointInPlane("plate B", "crank", point_b=(0.0, 0.0, speed / rate), normal_a=(1.0, 0.0, 0.0))
+    return (crank,), (slot,)
 
 
 def _crowned_depth(values: Mapping[str, float], stiffness: float, count: int) -> float:
@@ -162,10 +178,12 @@ class NeedleBetweenPlates(SceneSimulator):
         "generalized-alpha": 1e-5,
     }  # fmt: skip
     tolerances: ClassVar[dict[str, float]] = {
+        "adaptive-euler": 1e-3,
         "rosenbrock": 1e-5,
         "scipy-radau": 1e-6,
         "scipy-bdf": 1e-6,
         "scipy-lsoda": 1e-6,
+        "scipy-dop853": 1e-6,
     }
 
     def run(self, values: Mapping[str, float], method: str, step: float | None, settings: Settings) -> Run:

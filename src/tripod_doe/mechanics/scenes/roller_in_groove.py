@@ -49,7 +49,7 @@ _PARAMETERS = [
     Parameter("contact_damping_s_per_mm", 0.001, "s mm-1", "", "Hunt-Crossley factor on the penetration rate",
               "assumed", low=0, high=1, group="material"),
     Parameter("contact_stiffness_factor", 1.0, "1", "", "factor on the contact stiffness",
-              "CONTRACT: for stability studies", low=1e-4, high=1e4, group="stability studies"),
+              "numerics: for stability studies", low=1e-4, high=1e4, group="stability studies"),
     *numerics_parameters("bdf2", 50_000_000),
 ]  # fmt: skip
 
@@ -96,7 +96,7 @@ def build(values: Mapping[str, float]) -> parts.Scene:
     scale = max(slip, 1e-3 * abs(speed), 1e-3)
     return parts.Scene(
         (roller,), contacts=(contact,), length_scale=max(scale * values["duration_s"], 0.01), speed_scale=scale,
-        rotation_scale=scale / radius,
+        rotation_scale=scale / radius, time_scale=values["duration_s"],
     )  # fmt: skip
 
 
@@ -111,10 +111,12 @@ class RollerInGroove(SceneSimulator):
         "generalized-alpha": 1e-5,
     }  # fmt: skip
     tolerances: ClassVar[dict[str, float]] = {
+        "adaptive-euler": 1e-3,
         "rosenbrock": 1e-6,
         "scipy-radau": 1e-8,
         "scipy-bdf": 1e-8,
         "scipy-lsoda": 1e-8,
+        "scipy-dop853": 1e-8,
     }
 
     def run(self, values: Mapping[str, float], method: str, step: float | None, settings: Settings) -> Run:

@@ -66,6 +66,8 @@ class SceneSimulator(ABC):
         Name of the scene in study files.
     parameters, outputs
         Everything that can be set and kept, by name.
+    labels
+        Coordinates of the outputs' dimensions.
     steps, tolerances
         Default step of each method without, and default tolerance of each with step control.
     source_hash
@@ -77,6 +79,7 @@ class SceneSimulator(ABC):
     name: str
     parameters: ClassVar[dict[str, Parameter]]
     outputs: ClassVar[dict[str, Output]]
+    labels: ClassVar[Mapping[str, NDArray[Any]]] = {"progress": PROGRESS}
     steps: ClassVar[dict[str, float]]
     tolerances: ClassVar[dict[str, float]]
     source_hash = KERNEL_SOURCE_HASH
@@ -127,16 +130,20 @@ class SceneSimulator(ABC):
         """Compile the kernels of these points' methods, or load their machine code, by short runs."""
         for method in {self.parameters["method"].default if _unset(m) else m for m in points["method"]}:
             if (self.name, str(method)) not in self._prepared:
-                full = self.effective({"duration_s": 1e-6, "method": method})
-                self.simulate({name: np.array([value], object) for name, value in full.items()}, ())
+                self.compile(str(method))
                 self._prepared.add((self.name, str(method)))
+
+    def compile(self, method: str) -> None:
+        """Compile the kernels of a method, or load their machine code, by a short run."""
+        full = self.effective({"duration_s": 1e-6, "method": method})
+        self.simulate({name: np.array([value], object) for name, value in full.items()}, ())
 
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
         """Simulate a block of points; see the scene ``joint``."""
         count = len(points["method"])
         outcome, detail = np.full(count, Outcome.NOT_APPLICABLE, np.int8), [""] * count
-        work = np.zeros((2, count), np.int64)
-        shapes = {name: (PROGRESS.size,) if self.outputs[name].dims else () for name in keep}
+        work, followed = np.zeros((2, count), np.int64), np.zeros(count)
+        shapes = {name: tuple(self.labels[dim].size for dim in self.outputs[name].dims) for name in keep}
         outputs = {
             name: Values(self.outputs[name].dims, np.full((count, *shape), np.nan)) for name, shape in shapes.items()
         }
@@ -165,11 +172,12 @@ class SceneSimulator(ABC):
                 continue
             outcome[i], detail[i] = result.outcome, result.detail
             work[:, i] = result.steps, result.force_evaluations + result.check_evaluations
+            followed[i] = result.followed
             for name in keep if found else ():
                 outputs[name].data[i] = found[name]
         used = {dim for values in outputs.values() for dim in values.dims}
-        labels = {"progress": PROGRESS} if "progress" in used else {}
-        return BlockResult(outputs, labels, outcome, detail, work[0], work[1])
+        labels = {name: label for name, label in self.labels.items() if name in used}
+        return BlockResult(outputs, labels, outcome, detail, work[0], work[1], followed)
 
     def _run_point(self, values: Mapping[str, float], method: str) -> Run:
         settings = Settings(tolerance=values.get("relative_tolerance", 0.0), budget=int(values["evaluation_budget"]))

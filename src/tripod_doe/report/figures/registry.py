@@ -23,6 +23,7 @@ from tripod_doe.report.figures.paper import (
     waveforms_of_all,
 )
 from tripod_doe.report.figures.skews import findings_over_skew_charts, kept_skew_charts, skew_chart
+from tripod_doe.report.figures.speed_accuracy import model_error_charts, speed_accuracy_charts
 from tripod_doe.report.figures.stability import stability_charts
 from tripod_doe.report.figures.waveforms import spectrum_chart, waveform_charts
 
@@ -69,6 +70,8 @@ FIGURES: dict[str, Figure] = {
     "findings-over-skew": _of_one(findings_over_skew_charts),
     "spectrum-of-all": _maybe(spectrum_of_all),
     "friction-law": _maybe(friction_law_chart),
+    "speed-accuracy": _of_one(speed_accuracy_charts),
+    "model-error": _of_one(model_error_charts),
     "outcome-map": _of_one(outcome_charts),
     "stability-map": _of_one(stability_charts),
 }

@@ -1,0 +1,30 @@
+"""Makes docs/choosing.md from the results of two workflows, which take about half an hour of CPU time.
+
+tripod-doe workflow workflows/speed_accuracy.toml --out results/speed_accuracy --workers 1
+tripod-doe workflow workflows/stability.toml --out results/stability
+python docs/choosing.py results/speed_accuracy results/stability > docs/choosing.md
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import tripod_doe as td
+from tripod_doe.report.choosing import choosing_page
+
+
+def main(speed: Path, stability: Path) -> None:
+    """Print the page."""
+    borders = sorted(stability.glob("steps/*_borders/cube.nc"))
+    print(
+        choosing_page(
+            td.open_cube(speed / "steps/accuracy/cube.nc"),
+            {path.parent.name.removesuffix("_borders"): td.open_cube(path) for path in borders},
+        ),
+        end="",
+    )
+
+
+if __name__ == "__main__":
+    main(*(Path(word) for word in sys.argv[1:3]))

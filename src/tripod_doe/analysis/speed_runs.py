@@ -1,0 +1,230 @@
+"""Timed runs of the cubes of method studies: what each asked for, what it gave, and what it cost."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.errors import InputError
+from tripod_doe.results import Outcome
+from tripod_doe.study.definition import parse_file
+from tripod_doe.study.simulator import Simulator, load_simulator
+
+__all__ = ["QUANTITIES", "Case", "Quantity", "TimedRun", "read_cases"]
+
+FloatArray = NDArray[np.float64]
+
+_SETTINGS = ("step_s", "relative_tolerance")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A named part of a run's answer; its error is the norm of the difference over the norm of the true one.
+
+    Attributes
+    ----------
+    name
+        Label along ``quantity``.
+    meaning
+        In words.
+    variable, select, last
+        Where it stands in a cube: the variable, labels along its dimensions, and dimensions of which only the last
+        entry counts.
+    """
+
+    name: str
+    meaning: str
+    variable: str
+    select: Mapping[str, Any]
+    last: tuple[str, ...] = ()
+
+
+QUANTITIES = (
+    Quantity("third_order", "third order of the thrust", "thrust_amplitude", {"order": 3}),
+    Quantity("second_order", "second order of the thrust", "thrust_amplitude", {"order": 2}),
+    Quantity("waveform", "waveform of the thrust (rms)", "thrust", {}),
+    Quantity("needle_skew", "mean skew of the needles in the last revolution", "needle_skew_summary_deg",
+             {"statistic": "mean"}, ("cycle",)),
+    Quantity("groove_third_order", "third order of the groove's thrust", "groove_thrust_amplitude", {"order": 3}),
+    Quantity("groove_first_order", "first order of the groove's thrust", "groove_thrust_amplitude", {"order": 1}),
+    Quantity("groove_waveform", "waveform of the groove's thrust (rms)", "groove_thrust", {}),
+    Quantity("trunnion_skew", "skew of the needle that carries the most (rms)", "needle_skew_deg", {}),
+    Quantity("ring_drift", "shift of the needles along the trunnion (rms)", "needle_drift_mm", {}),
+    Quantity("needle_drift", "drift of the needle (rms over its path)", "axial_path_mm", {}),
+    Quantity("axial_force", "axial force on the groove", "axial_force_n", {}),
+)  # fmt: skip
+"""Quantities in the order in which they are told; the first that a scene gives is the one it is judged by."""
+
+
+@dataclass(frozen=True)
+class TimedRun:
+    """One run of a method at one setting, with its repetitions.
+
+    Attributes
+    ----------
+    method, kind, setting
+        The method, ``step_s`` or ``relative_tolerance``, and its value.
+    outcome, detail
+        How it ended.
+    seconds
+        CPU seconds per simulated second of every repetition, shape (repetition,); of a run that did not come to its
+        end, over the time that it followed.
+    steps, force_evaluations
+        Counted work.
+    answers
+        By quantity; empty where it did not finish.
+    """
+
+    method: str
+    kind: str
+    setting: float
+    outcome: Outcome
+    detail: str
+    seconds: FloatArray
+    steps: float
+    force_evaluations: float
+    answers: Mapping[str, FloatArray]
+
+    @property
+    def finished(self) -> bool:
+        """Whether its answers may be used."""
+        return self.outcome is Outcome.FINISHED
+
+    @cached_property
+    def price(self) -> float:
+        """Median CPU seconds per simulated second; NaN where nothing was followed."""
+        known = self.seconds[np.isfinite(self.seconds)]
+        return float(np.median(known)) if known.size else math.nan
+
+
+@dataclass(frozen=True)
+class Case:
+    """All runs of one scene with one model.
+
+    Attributes
+    ----------
+    scene, model
+        The step of the workflow, and the model; empty where a scene has but one.
+    runs
+        Its runs, by method, the coarsest setting first.
+    quantities
+        What the scene gives.
+    default_method, default_setting
+        What is used where nothing is said.
+    """
+
+    scene: str
+    model: str
+    runs: tuple[TimedRun, ...]
+    quantities: tuple[Quantity, ...]
+    default_method: str
+    default_setting: float
+
+    @property
+    def label(self) -> str:
+        """Scene and model as one name."""
+        return f"{self.scene} {self.model}".strip()
+
+    def of(self, method: str) -> list[TimedRun]:
+        """Its runs with one method, the coarsest first."""
+        return [run for run in self.runs if run.method == method]
+
+    @property
+    def methods(self) -> list[str]:
+        """Its methods, each once."""
+        return list(dict.fromkeys(run.method for run in self.runs))
+
+
+def read_cases(cubes: Mapping[str, xr.Dataset]) -> list[Case]:
+    """Sort the points of all cubes into cases.
+
+    Raises
+    ------
+    InputError
+        If a cube has no costs, or none of the quantities.
+    """
+    return [case for name, cube in cubes.items() for case in _cases_of(name, cube)]
+
+
+def _cases_of(name: str, cube: xr.Dataset) -> list[Case]:
+    quantities = tuple(q for q in QUANTITIES if q.variable in cube and set(q.select) <= set(cube[q.variable].dims))
+    if "simulated_seconds" not in cube:
+        raise InputError(f"{name}: this cube has no costs; give the directory of a study")
+    if not quantities and bool((cube["outcome"] == Outcome.FINISHED).any()):
+        raise InputError(f"{name}: none of {', '.join(q.variable for q in QUANTITIES)} is kept")
+    dims = cube["outcome"].dims
+    points = cube.stack(run=dims, create_index=False) if dims != ("run",) else cube
+    simulator = load_simulator(parse_file(cube.attrs["study"], name).study.scene)
+    models = _column(points, simulator, "model")
+    found = []
+    for model in dict.fromkeys(models):
+        mine = points.isel(run=np.flatnonzero(models == model))
+        runs = tuple(_runs(mine, simulator, quantities))
+        default = simulator.effective({"model": model} if model else {})
+        method = str(default["method"])
+        setting = next((float(value) for kind in _SETTINGS if (value := default[kind]) is not None), math.nan)
+        given = tuple(q for q in quantities if any(q.name in run.answers for run in runs))
+        found.append(Case(name, model, runs, given, method, setting))
+    return found
+
+
+def _column(points: xr.Dataset, simulator: Simulator, name: str) -> NDArray[np.str_]:
+    """A choice of every point: a factor, a base value, or nothing where the scene has no such parameter."""
+    if name in points.coords:
+        return points[name].values.astype(str)
+    fixed = json.loads(str(points.attrs.get("fixed_parameters", "{}")))
+    value = fixed.get(name, "") if name in simulator.parameters else ""
+    return np.full(points.sizes["run"], value, dtype=np.str_)
+
+
+def _runs(points: xr.Dataset, simulator: Simulator, quantities: Iterable[Quantity]) -> Iterable[TimedRun]:
+    """Points that differ in nothing but the repetition are one run."""
+    methods = _column(points, simulator, "method")
+    settings = {kind: _numbers(points, kind) for kind in _SETTINGS}
+    groups: dict[tuple[str, str, float], list[int]] = {}
+    for at, method in enumerate(methods):
+        kind = next((kind for kind in _SETTINGS if math.isfinite(settings[kind][at])), "")
+        if kind:
+            groups.setdefault((str(method), kind, float(settings[kind][at])), []).append(at)
+    known = list(dict.fromkeys(method for method, _, _ in groups))
+    for key in sorted(groups, key=lambda key: (known.index(key[0]), -key[2])):
+        run = _timed(points, key, groups[key], quantities)
+        if run.outcome not in (Outcome.NOT_APPLICABLE, Outcome.NOT_RUN):
+            yield run
+
+
+def _numbers(points: xr.Dataset, name: str) -> FloatArray:
+    if name in points.coords:
+        return points[name].values.astype(float)
+    fixed = json.loads(str(points.attrs.get("fixed_parameters", "{}")))
+    return np.full(points.sizes["run"], float(fixed.get(name, math.nan)))
+
+
+def _timed(
+    points: xr.Dataset, key: tuple[str, str, float], places: list[int], quantities: Iterable[Quantity]
+) -> TimedRun:
+    first = points.isel(run=places[0])
+    outcome = Outcome(int(first["outcome"]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        seconds = points["cpu_seconds"].values[places] / points["simulated_seconds"].values[places]
+    answers = {}
+    if outcome is Outcome.FINISHED:
+        for quantity in quantities:
+            value = first[quantity.variable].sel(quantity.select)
+            for dim in quantity.last:
+                value = value.isel({dim: -1})
+            numbers = np.atleast_1d(value.values.astype(float)).ravel()
+            if np.isfinite(numbers).all():
+                answers[quantity.name] = numbers
+    return TimedRun(
+        *key, outcome, str(first["outcome_detail"].item()), np.where(np.isfinite(seconds), seconds, np.nan),
+        float(first["steps"]), float(first["force_evaluations"]), answers,
+    )  # fmt: skip

@@ -1,0 +1,145 @@
+"""One trunnion with its needles, its roller and its groove as a simulator: a third of the joint.
+
+The parts are the joint's own, and so is the motion: see `multibody.build_trunnion`. What is left out is the friction in
+the other two grooves, which turns and loads the spider a little.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.joint.construction import misfits
+from tripod_doe.joint.dynamics import amplitude_error, follow, judge_third_order, prepare_joint
+from tripod_doe.joint.models import MODELS
+from tripod_doe.joint.multibody import build_trunnion
+from tripod_doe.joint.orders import ORDERS, amplitude_and_phase, complex_amplitudes
+from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_units
+from tripod_doe.joint.readings import groove_readings, needle_drift, needle_skews
+from tripod_doe.mechanics.assembly import assemble
+from tripod_doe.mechanics.monitor import Settings
+from tripod_doe.mechanics.run import Run, method_named
+from tripod_doe.mechanics.scenes.simulator import RUN_OUTPUTS, SceneSimulator
+from tripod_doe.quantities import Output, Parameter
+from tripod_doe.results import Outcome
+
+__all__ = ["TrunnionScene", "scene"]
+
+FloatArray = NDArray[np.float64]
+
+_SAMPLES = 360
+"""Samples of the rotation angle a revolution."""
+
+_OF_OTHERS = ("initial_skew_2_deg", "initial_skew_3_deg", "model", "samples_per_revolution")
+"""Parameters of the joint that say nothing of one trunnion."""
+
+_NEEDLES = MODELS["needles"]
+
+_OUTPUTS = [
+    Output("groove_thrust", "N", "F_1", "axial force on the groove, positive towards the intermediate shaft",
+           ("rotation_deg",)),
+    Output("groove_thrust_amplitude", "N", "A_k", "amplitude of the rotating orders of the axial force on the groove",
+           ("order",)),
+    Output("groove_thrust_phase_deg", "degree", "p_k", "phase of the rotating orders of the axial force on the groove",
+           ("order",), angle=True),
+    Output("needle_skew_deg", "degree", "psi", "skew of the needle that carries the most at this rotation angle",
+           ("rotation_deg",)),
+    Output("needle_drift_mm", "mm", "", "mean shift of the needles along the trunnion since the start",
+           ("rotation_deg",)),
+    *RUN_OUTPUTS,
+]  # fmt: skip
+
+
+def _numerics(name: str) -> Parameter:
+    """The joint's parameter, with the default that the model ``needles`` has."""
+    parameter = JOINT_PARAMETERS[name]
+    if name == "method":
+        choices = tuple(choice for choice in parameter.choices if choice in _NEEDLES.methods)
+        return replace(parameter, default=_NEEDLES.default_method, choices=choices)
+    return parameter
+
+
+class TrunnionScene(SceneSimulator):
+    """One trunnion of the joint, its needles and its roller in the groove, as a simulator."""
+
+    name = "trunnion"
+    parameters: ClassVar[dict[str, Parameter]] = {
+        name: _numerics(name) for name in JOINT_PARAMETERS if name not in _OF_OTHERS
+    }
+    outputs: ClassVar[dict[str, Output]] = {output.name: output for output in _OUTPUTS}
+    labels: ClassVar[Mapping[str, NDArray[Any]]] = {
+        "rotation_deg": np.arange(2 * _SAMPLES) * (360 / _SAMPLES), "order": ORDERS,
+    }  # fmt: skip
+    steps: ClassVar[dict[str, float]] = {
+        name: numerics["step_s"] for name, numerics in _NEEDLES.methods.items() if "step_s" in numerics
+    }
+    tolerances: ClassVar[dict[str, float]] = {
+        name: numerics["relative_tolerance"]
+        for name, numerics in _NEEDLES.methods.items()
+        if "relative_tolerance" in numerics
+    }
+
+    def misfit(self, values: Mapping[str, float]) -> str:
+        """Say why the parts do not fit, or nothing."""
+        found = misfits({name: np.array([value]) for name, value in values.items()})
+        return found[0][1] if found else ""
+
+    def compile(self, method: str) -> None:
+        """Compile what a run needs, by a step of a joint without needle bodies."""
+        prepare_joint(_internal({}), method)
+
+    def run(self, values: Mapping[str, float], method: str, step: float | None, settings: Settings) -> Run:
+        """Simulate one point; its last half revolution is run again, and its third order judged by the difference."""
+        inside = _internal(values)
+        if not (inside["speed_rpm"] > 0 and inside["torque_n_m"] != 0):
+            raise ValueError("a trunnion at rest or without torque has no thrust orders; give speed_rpm and torque_n_m")
+        assembly = assemble(build_trunnion(inside))
+        result, again = follow(assembly, inside, method, _SAMPLES, step, settings)
+        if again is None:
+            return result
+        if again.outcome != Outcome.FINISHED:
+            detail = f"half the tolerance or step fails: {again.detail}"
+            return replace(result, outcome=Outcome.INACCURATE, detail=detail, check_evaluations=again.force_evaluations)
+        thrust, finer = (groove_readings(assembly, run.positions, run.velocities)[0][0] for run in (result, again))
+        error = amplitude_error(thrust, finer, _SAMPLES, method_named(method).order)
+        outcome, detail = judge_third_order(_last_two(thrust), error, inside)
+        return replace(result, outcome=outcome, detail=detail, check_evaluations=again.force_evaluations)
+
+    def answer(self, values: Mapping[str, float], result: Run) -> dict[str, Any]:
+        """Axial force on the groove with its orders, skew and drift of the needles, over the last two revolutions."""
+        inside = _internal(values)
+        assembly = assemble(build_trunnion(inside))
+        thrust = _last_two(groove_readings(assembly, result.positions, result.velocities)[0][0])
+        amplitude, phase = amplitude_and_phase(complex_amplitudes(thrust).mean(0))
+        skew, _ = needle_skews(assembly, result.positions[:-1], inside, int(inside["cycles"]))
+        return {
+            "groove_thrust": thrust.ravel(),
+            "groove_thrust_amplitude": amplitude,
+            "groove_thrust_phase_deg": phase,
+            "needle_skew_deg": np.degrees(skew[0, -2 * _SAMPLES :]),
+            "needle_drift_mm": _last_two(needle_drift(assembly, result.positions, inside)).ravel(),
+        }
+
+
+def _last_two(samples: FloatArray) -> FloatArray:
+    """The last two revolutions, shape (2, sample); the end of the last one is the start of the next."""
+    return samples[-2 * _SAMPLES - 1 : -1].reshape(2, _SAMPLES)
+
+
+def _internal(values: Mapping[str, float]) -> dict[str, float]:
+    """All joint parameters in internal units, those of other trunnions at their defaults."""
+    full = {name: values.get(name, parameter.default) for name, parameter in JOINT_PARAMETERS.items()}
+    columns = {
+        name: np.array([np.nan if full[name] is None else full[name]], float)
+        for name, parameter in JOINT_PARAMETERS.items()
+        if parameter.kind != "choice"
+    }
+    return {name: float(column[0]) for name, column in internal_units(columns).items()}
+
+
+scene = TrunnionScene()
+"""The scene that study files reach as ``trunnion``."""

@@ -1,0 +1,202 @@
+"""Speed and accuracy told in sentences and as tables: which method is on the front, at what ratio, and what failed."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analysis.speed_accuracy import Known
+from tripod_doe.mechanics.integrators.registry import METHODS
+from tripod_doe.report.responses import number
+from tripod_doe.results import Outcome
+
+__all__ = ["find_in_speed_accuracy", "is_speed_accuracy", "price_table"]
+
+_HOW = {
+    Known.INTERPOLATED: "interpolated",
+    Known.AT_MOST: "at its coarsest setting",
+    Known.LIMITED: "at the coarsest setting that does not fail",
+}
+
+_MISS = 0.05
+"""Error above which a finished run is one that its checks missed."""
+
+_NEAR = 1.5
+"""Factor within which a default counts as one of the best."""
+
+
+def is_speed_accuracy(data: xr.Dataset) -> bool:
+    """Whether this is an analysis of kind speed-accuracy."""
+    return "numerical_error" in data and "price_ratio" in data
+
+
+def find_in_speed_accuracy(data: xr.Dataset) -> list[str]:
+    """What each case's default costs against the best method, what its model is off by, and what failed."""
+    sentences = [
+        "Prices are CPU seconds per simulated second with all checks of a run (a multibody run of joint or trunnion "
+        "repeats its last half revolution), the median of the repetitions; those of a run differ by a factor of "
+        f"{_spread(data):.2f} or less in nine of ten runs."
+    ]
+    for case in data["case"].values:
+        row = data.sel(case=case)
+        lead = _lead(row)
+        if lead:
+            sentences.append(_front_sentence(row.sel(quantity=lead), str(case)))
+        mine = data.isel(
+            run=np.flatnonzero((data["scene"] == row["case_scene"]) & (data["model"] == row["case_model"]))
+        )
+        if failed := _failures(mine):
+            sentences.append(f"Failed in {_spoken(str(case))}: {failed}.")
+        if lead and (missed := _missed(mine.sel(quantity=lead))):
+            sentences.append(
+                f"Called finished in {_spoken(str(case))}, but off by more than {100 * _MISS:g} %: {missed}."
+            )
+    return sentences + _model_sentences(data)
+
+
+def _spoken(case: str) -> str:
+    return case.replace("_", " ")
+
+
+def _spread(data: xr.Dataset) -> float:
+    """Ratio of slowest to fastest repetition, not exceeded by nine of ten repeated runs."""
+    repeated = data["repetitions"].values > 1
+    ratios = (data["cpu_per_second_high"].values / data["cpu_per_second_low"].values)[repeated]
+    ratios = ratios[np.isfinite(ratios)]
+    return float(np.quantile(ratios, 0.9)) if ratios.size else math.nan
+
+
+def _lead(row: xr.Dataset) -> str:
+    """The quantity that a case is judged by: the first with a reference."""
+    known = np.isfinite(row["reference_error"].values)
+    return str(row["quantity"].values[known][0]) if known.any() else ""
+
+
+def _front_sentence(row: xr.Dataset, case: str) -> str:
+    default, best = str(row["default_method"].item()), str(row["best_method"].item())
+    what, target = str(row["quantity_meaning"].item()), 100 * float(row.attrs["target"])
+    sharp = 100 * float(row["reference_error"])
+    known_to = f"to {sharp:.2g} %" if sharp > 0 else "to rounding"
+    start = f"{_spoken(case)[:1].upper()}{_spoken(case)[1:]}, {what}, reference known {known_to}"
+    if not best:
+        return f"{start}: no method reaches {target:g} %."
+    over = float(row["default_over_best"])
+    if not math.isfinite(over):
+        known = (
+            Known(int(row["price_known"].sel({"method": default}))).label
+            if default in row["method"].values
+            else "not run"
+        )
+        return f"{start}: at {target:g} % error {best} is cheapest; the default {default}: {known}."
+    verdict = (
+        "the default is the cheapest" if best == default
+        else f"the default {default} costs {over:.3g} times the cheapest, {best}: "
+        + ("on the front within a factor of 1.5" if over <= _NEAR else "not on the front within a factor of 1.5")
+    )  # fmt: skip
+    own = Known(int(row["price_known"].sel({"method": default})))
+    price = number(float(row["price"].sel({"method": default})))
+    return (
+        f"{start}: at {target:g} % error {verdict} ({default} {price} s per simulated second, {_HOW[own]}). "
+        f"Ratio to the default: {', '.join(_peers(row, own))}."
+    )
+
+
+def _peers(row: xr.Dataset, of_default: Known) -> list[str]:
+    """Ratios of the cheapest explicit method, of linearly implicit Euler, and of the cheapest of SciPy's."""
+    groups = {
+        "explicit": [name for name, method in METHODS.items() if method.explicit and method.compiled],
+        "": ["linearly-implicit-euler"],
+        "SciPy": [name for name, method in METHODS.items() if not method.compiled],
+    }
+    told = []
+    for group, members in groups.items():
+        ratios = {name: float(row["price_ratio"].sel({"method": name})) for name in members if name in row["method"]}
+        known = {name: Known(int(row["price_known"].sel({"method": name}))) for name in ratios}
+        finite = [name for name, ratio in ratios.items() if math.isfinite(ratio)]
+        sure = [name for name in finite if known[name] is not Known.PRICE_ONLY] or finite
+        if sure:
+            name = min(sure, key=lambda name: ratios[name])
+            told.append(f"{group} {name} {ratios[name]:.3g}{_mark(known[name], of_default)}".strip())
+    return told
+
+
+def _mark(known: Known, of_default: Known) -> str:
+    """What stands behind a ratio that is not one of two known prices."""
+    if known is Known.PRICE_ONLY:
+        return " (extrapolated, error not known)"
+    if known is of_default:
+        return ""  # of two coarsest settings
+    return " or less" if known is Known.AT_MOST else " or more" if of_default is Known.AT_MOST else ""
+
+
+def _failures(runs: xr.Dataset) -> str:
+    """Methods with the settings at which they failed, how, and the reason of the coarsest."""
+    settings: dict[tuple[str, str], list[str]] = {}
+    reasons: dict[tuple[str, str], str] = {}
+    columns = (runs[name].values for name in ("run_method", "outcome", "setting", "outcome_detail"))
+    for method, outcome, setting, detail in zip(*columns, strict=True):
+        kind = Outcome(int(outcome))
+        if kind not in (Outcome.FINISHED, Outcome.EVALUATION_LIMIT):
+            key = str(method), kind.label.replace("_", " ")
+            settings.setdefault(key, []).append(f"{float(setting):g}")
+            reasons.setdefault(key, re.split(r" at t = | up to t = |;", str(detail))[0])
+    return "; ".join(f"{key[0]} {', '.join(values)} ({key[1]}: {reasons[key]})" for key, values in settings.items())
+
+
+def _missed(runs: xr.Dataset) -> str:
+    """Finished runs whose numerical error their own checks should have told."""
+    wrong = np.flatnonzero(runs["numerical_error"].values > _MISS)
+    return ", ".join(
+        f"{runs['run_method'].values[at]} {runs['setting'].values[at]:g} "
+        f"({100 * runs['numerical_error'].values[at]:.2g} %)"
+        for at in wrong
+    )
+
+
+def _model_sentences(data: xr.Dataset) -> list[str]:
+    """What the default of every model differs from the finest model by, at what price."""
+    told = []
+    at_default = np.flatnonzero((data["is_default"].values == 1) & np.isfinite(data["model_error"].values).any(axis=1))
+    for at in at_default:
+        run = data.isel(run=int(at))
+        parts = [
+            f"{100 * float(run['model_error'].sel(quantity=quantity)):.2g} % in the "
+            f"{run['quantity_meaning'].sel(quantity=quantity).item()}"
+            for quantity in run["quantity"].values
+            if np.isfinite(run["model_error"].sel(quantity=quantity))
+        ]
+        price = number(float(run["cpu_per_second"]))
+        told.append(
+            f"{run['model'].item()} at its default differs from the finest model's reference by {', '.join(parts)}, "
+            f"for {price} s per simulated second."
+        )
+    return [sentence[:1].upper() + sentence[1:] for sentence in told]
+
+
+def price_table(data: xr.Dataset) -> tuple[list[str], list[list[str]]]:
+    """Heads and a row a case and method: price at the target for the case's first quantity, and how it is known."""
+    heads = ["Case", "Method", "Price at the target", "Over the default", "How known", "Finished", "Failed"]
+    rows = []
+    for case in data["case"].values:
+        row = data.sel(case=case)
+        mine = (data["scene"].values == row["case_scene"].item()) & (data["model"].values == row["case_model"].item())
+        lead = _lead(row) or str(data["quantity"].values[0])
+        for method in row["method"].values:
+            own = mine & (data["run_method"].values == method)
+            if own.any():
+                done = int((data["outcome"].values[own] == Outcome.FINISHED).sum())
+                cell = row.sel({"method": method, "quantity": lead})
+                default = " (default)" if method == row["default_method"].item() else ""
+                rows.append([
+                    _spoken(str(case)), f"{method}{default}", _or_dash(float(cell["price"])),
+                    _or_dash(float(cell["price_ratio"])), Known(int(cell["price_known"])).label if _lead(row) else
+                    "no second method", f"{done}", f"{int(own.sum()) - done}",
+                ])  # fmt: skip
+    return heads, rows
+
+
+def _or_dash(value: float) -> str:
+    return number(float(f"{value:.3g}")) if math.isfinite(value) else "–"
