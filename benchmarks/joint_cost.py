@@ -3,7 +3,8 @@
     python benchmarks/joint_cost.py
 
 Parts are microseconds a step at the start of the reference joint. Runs are those of `tripod-doe simulate --model
-needles` at skews of (0.4, -0.4, 0.4) deg and a tolerance of 1e-3, with their error estimates.
+needles` at skews of (0.4, -0.4, 0.4) deg and a tolerance of 1e-3, with their error estimates. The last table is what
+`joint/ladder.py` records: CPU microseconds a force evaluation of every rung that model = "auto" may choose.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from tripod_doe.joint.multibody import build_joint
 from tripod_doe.joint.parameters import internal_units
 from tripod_doe.joint.scene import scene
 from tripod_doe.mechanics.assembly import assemble
+from tripod_doe.quantities import Rung
+from tripod_doe.study.task import Task, run_task
 
 SKEW = {"initial_skew_1_deg": 0.4, "initial_skew_2_deg": -0.4, "initial_skew_3_deg": 0.4}
 
@@ -24,6 +27,16 @@ def values(**given) -> dict[str, float]:
     full = scene.effective(given)
     columns = {name: np.array([value], float) for name, value in full.items() if not isinstance(value, str)}
     return {name: float(column[0]) for name, column in internal_units(columns).items()}
+
+
+def rung_cost(rung: Rung) -> tuple[float, float]:
+    """CPU seconds a force evaluation, and evaluations a run, in a block as studies run it."""
+    count = 500 if rung.values["model"] == "equilibrium" else 1
+    columns = {"replicate": np.arange(count, dtype=float)}
+    task = Task("joint", None, "", scene.source_hash, dict(rung.values), columns, count, ("thrust_amplitude",))
+    run_task(task)
+    result, cpu, _ = run_task(task)
+    return cpu / result.force_evaluations.sum(), result.force_evaluations.mean()
 
 
 def main() -> None:
@@ -40,6 +53,10 @@ def main() -> None:
         print(f"{case}: {cost['cpu_seconds']:.2f} s, {cost['steps']} steps, second {amplitudes[0]:.4f} +- "
               f"{errors[0]:.3f} N, third {amplitudes[1]:.4f} +- {errors[1]:.3f} N {result.outcome_detail.values}",
               flush=True)  # fmt: skip
+    for rung in scene.ladder:
+        seconds, evaluations = rung_cost(rung)
+        print(f"{rung.label}: {1e6 * seconds:.1f} us an evaluation (recorded {1e6 * rung.evaluation_seconds:.1f}), "
+              f"{evaluations:.0f} a run (recorded {rung.evaluations:.0f})", flush=True)  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -105,6 +105,8 @@ def _parser(arguments: Sequence[str]) -> _Parser:
     plan = commands.add_parser("plan", help="say what a study will cost; nothing is run or written")
     plan.add_argument("study", metavar="STUDY.toml", type=Path, help="study file")
     plan.add_argument("--no-timing", action="store_true", help="count only, time no points")
+    plan.add_argument("--out", metavar="DIR", type=Path,
+                      help='of a study with model = "auto": result directory whose choice to show')  # fmt: skip
     plan.add_argument("--workers", metavar="N", type=int, default=2, help="worker processes to plan for (default 2)")
     plan.set_defaults(command=_plan, parser=plan)
 
@@ -230,6 +232,10 @@ def _plan(options: argparse.Namespace) -> int:
     study = load_study(options.study)
     check_analyses(study)
     print(plan(study, timing=not options.no_timing).describe(max(options.workers, 1)))
+    if study.accuracy:
+        from tripod_doe.workflow.choice import describe_choice
+
+        print(describe_choice(study, options.out))
     return DONE
 
 

@@ -9,7 +9,7 @@ from typing import Literal
 
 from tripod_doe.errors import InputError, near_match
 
-__all__ = ["Output", "Parameter", "Value", "check_parameters", "dimension_attributes"]
+__all__ = ["Output", "Parameter", "Rung", "Value", "check_parameters", "dimension_attributes"]
 
 Value = float | int | str | None
 Kind = Literal["number", "integer", "switch", "choice", "argument"]
@@ -156,6 +156,41 @@ class Output:
     def unit_text(self) -> str:
         """The unit for people: empty where there is none."""
         return "" if self.unit == "1" else self.unit
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One rung of a simulator's ladder: a model with its numerics, and what it costs.
+
+    Attributes
+    ----------
+    values
+        The parameters that make it; all rungs of a ladder set the same ones.
+    evaluation_seconds
+        Recorded CPU seconds a force evaluation, so that a choice by price rests on counted work and never on a clock.
+    evaluations
+        Force evaluations of a usual run, for a price beforehand.
+    full
+        Whether it leaves nothing out, so that its error is that of its numerics.
+    spare
+        Whether a pilot tries it only where it could pay.
+    """
+
+    values: Mapping[str, Value]
+    evaluation_seconds: float
+    evaluations: float
+    full: bool = False
+    spare: bool = False
+
+    @property
+    def label(self) -> str:
+        """The rung in words."""
+        return ", ".join(f"{name} = {value}" for name, value in self.values.items())
+
+    @property
+    def price(self) -> float:
+        """CPU seconds of a usual run."""
+        return self.evaluations * self.evaluation_seconds
 
 
 def check_parameters(parameters: Mapping[str, Parameter], values: Mapping[str, object]) -> dict[str, Value]:

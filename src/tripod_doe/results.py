@@ -9,7 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["DETAIL_ATTRIBUTES", "OUTCOME_ATTRIBUTES", "OUTCOME_MEANINGS", "BlockResult", "Outcome", "Values"]
+__all__ = [
+    "DETAIL_ATTRIBUTES",
+    "OUTCOME_ATTRIBUTES",
+    "OUTCOME_MEANINGS",
+    "BlockResult",
+    "Outcome",
+    "Retries",
+    "Values",
+]
 
 
 class Outcome(IntEnum):
@@ -81,6 +89,27 @@ class Values:
 
 
 @dataclass(frozen=True)
+class Retries:
+    """What the retry ladder of a study did to a block; every array starts with the point.
+
+    Attributes
+    ----------
+    attempt
+        Changes of the ladder that were made, 0 where the first attempt stands, shape (point,).
+    first_outcome, first_detail
+        How the first attempt ended, and why it failed.
+    used
+        Values with which the point finished, or was first tried where it never did, of every parameter that the ladder
+        may change: floats (NaN where the model has no such number), or words ("" where it has none).
+    """
+
+    attempt: NDArray[np.int8]
+    first_outcome: NDArray[np.int8]
+    first_detail: list[str]
+    used: dict[str, NDArray[Any]]
+
+
+@dataclass(frozen=True)
 class BlockResult:
     """What a simulator answers for a block of points; every array starts with the point.
 
@@ -98,6 +127,8 @@ class BlockResult:
         Counted work, shape (point,).
     simulated_seconds
         Time of the motion that was followed, up to the end or the failure, shape (point,); NaN where there is none.
+    retries
+        What the retry ladder did, None without one.
     """
 
     outputs: dict[str, Values]
@@ -107,3 +138,4 @@ class BlockResult:
     steps: NDArray[np.int64]
     force_evaluations: NDArray[np.int64]
     simulated_seconds: NDArray[np.float64]
+    retries: Retries | None = None

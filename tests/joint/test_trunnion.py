@@ -76,7 +76,7 @@ def test_what_is_asked_of_the_joint_can_be_asked_of_a_trunnion():
         assert parameter == JOINT_PARAMETERS[name] or name == "method"
     assert scene.effective({})["method"] == "adaptive-euler"
     assert scene.effective({})["relative_tolerance"] == 2e-3
-    with pytest.raises(InputError, match="initial_skew_2_deg: unknown parameter"):
+    with pytest.raises(InputError, match="initial_skew_2_deg = 1: unknown parameter"):
         td.simulate("trunnion", initial_skew_2_deg=1)
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import xarray as xr
 from pydantic import BaseModel, ValidationError
 
+from tripod_doe.analysis.choice import ChooseSettings, choose_for_study
 from tripod_doe.analysis.claims import ClaimsSettings, check_claims, claims_json
 from tripod_doe.analysis.claims_over_skew import ClaimsOverSkewSettings, claims_over_skew
 from tripod_doe.analysis.comparison import ComparisonSettings, compare_file
@@ -100,6 +101,7 @@ class ChainAnalysis:
 
 CHAIN_ANALYSES: dict[str, ChainAnalysis] = {
     "comparison": ChainAnalysis(ComparisonSettings, compare_file, ("measurement",)),
+    "choose": ChainAnalysis(ChooseSettings, choose_for_study, ("study",)),
     "speed-accuracy": ChainAnalysis(SpeedAccuracySettings, speed_accuracy),
     "claims": ChainAnalysis(ClaimsSettings, check_claims, export=("claims.json", claims_json), partial=True),
     "claims-over-skew": ChainAnalysis(ClaimsOverSkewSettings, claims_over_skew, partial=True),

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tripod_doe.errors import InputError
 from tripod_doe.joint import models
 from tripod_doe.joint.fit import misfits
+from tripod_doe.joint.ladder import JOINT_LADDER
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, coordinates
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_units
 from tripod_doe.mechanics.compilation import KERNEL_SOURCE_HASH
@@ -33,12 +34,15 @@ class JointScene:
         Everything that can be set and kept.
     source_hash
         Hash of all kernel sources: results with different hashes must not be mixed.
+    ladder
+        Models and numerics that model = "auto" may choose from.
     """
 
     name = "joint"
     parameters = JOINT_PARAMETERS
     outputs = JOINT_OUTPUTS
     source_hash = KERNEL_SOURCE_HASH
+    ladder = JOINT_LADDER
     _prepared: ClassVar[set[tuple[str, str]]] = set()
 
     def check(

@@ -62,10 +62,28 @@ def find(cube: xr.Dataset) -> list[str]:
         sentences = [_dominant_order(shown)] if "thrust_amplitude" in cube else []
         for response in responses(shown):
             sentences.extend(_effects(response, shown))
+    if "attempt" in cube and (changed := int(((cube["attempt"] > 0) & finished(cube)).sum())):
+        sentences.append(f"{changed:,} of {total:,} points finished only after a change of the retry ladder.")
+    if "accuracy_met" in cube:
+        sentences.append(_chosen(cube))
     if good < total:
         failed = f"{total - good:,} of {total:,} points did not finish: {_reasons(cube)}."
         sentences.insert(0 if good < total / 2 else len(sentences), failed)
     return sentences
+
+
+def _chosen(cube: xr.Dataset) -> str:
+    """How often each model was chosen, and where none is enough."""
+    inside = asked(cube).values
+    told = ""
+    if "model_used" in cube:
+        used = cube["model_used"]
+        words = dict(zip(used.attrs.get("flag_values", ()), used.attrs.get("flag_meanings", "").split(), strict=True))
+        models, counts = np.unique(used.values[inside], return_counts=True)
+        told = ": " + ", ".join(f"{words.get(m, f'{m:g}')} at {n:,}" for m, n in zip(models, counts, strict=True))
+    unmet = int((cube["accuracy_met"].values[inside] == 0).sum())
+    short = f"; {unmet:,} are not expected to meet the accuracy" if unmet else ""
+    return f"The model was chosen point by point{told} of {int(inside.sum()):,} points{short}."
 
 
 def _reasons(cube: xr.Dataset) -> str:

@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.results import Outcome
-from tripod_doe.study.cube import COST_VARIABLES, SWITCH_ROLE
+from tripod_doe.study.cube import COST_VARIABLES, RECORD_ROLE, SWITCH_ROLE
 
 __all__ = [
     "ORDINALS",
@@ -229,7 +229,9 @@ def responses(cube: xr.Dataset) -> list[Response]:
 
 
 def _is_own(cube: xr.Dataset, name: str) -> bool:
-    return name not in COST_VARIABLES and cube[name].dtype.kind == "f" and cube[name].dims == cube["outcome"].dims
+    variable = cube[name]
+    told = name in COST_VARIABLES or variable.attrs.get("role") == RECORD_ROLE
+    return not told and variable.dtype.kind == "f" and variable.dims == cube["outcome"].dims
 
 
 def _own_label(cube: xr.Dataset, name: str) -> str:

@@ -160,6 +160,11 @@ def numerics_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
                     str(attrs.get("long_name", "")),
                 )
             )
+    rows.extend(
+        (name.replace("_", " "), f"{100 * float(cube[name].max()):.2g} %", cube[name].attrs["long_name"])
+        for name in map(str, cube.data_vars)
+        if name.endswith("_error_estimate") and bool(cube[name].notnull().any())
+    )
     return rows
 
 

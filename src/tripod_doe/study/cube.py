@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
@@ -23,7 +24,16 @@ from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.journal import FinishedBlock
 
-__all__ = ["COST_VARIABLES", "SWITCH_ROLE", "build_cube", "open_cube", "read_dataset", "stamp_history", "write_dataset"]
+__all__ = [
+    "COST_VARIABLES",
+    "RECORD_ROLE",
+    "SWITCH_ROLE",
+    "build_cube",
+    "open_cube",
+    "read_dataset",
+    "stamp_history",
+    "write_dataset",
+]
 
 COST_VARIABLES = {
     "cpu_seconds": ("s", "CPU time of the point (its share of the block)"),
@@ -37,6 +47,10 @@ COST_VARIABLES = {
 SWITCH_ROLE = "switch of the ablation"
 """Attribute ``role`` of the coordinates that an ablation switches, by which an analysis knows them."""
 
+RECORD_ROLE = "record of the run"
+"""Attribute ``role`` of variables that tell how a point was computed: they are no results."""
+
+_UNKNOWN = -1  # flag of a point that has not run, or of a choice that its model does not have
 _PACKAGES = ("tripod-doe", "numpy", "scipy", "numba", "xarray", "netCDF4", "dask", "SALib")
 
 
@@ -72,7 +86,10 @@ def build_cube(
             name: _variable(study.simulator.outputs.get(name), dims, data, points)
             for name, (dims, data) in table.outputs.items()
         }
-        | _outcome_variables(table, points),
+        | _outcome_variables(table, points)
+        | _choice_variables(points)
+        | _used_variables(study, table, points)
+        | _retry_variables(study, table, points),
         coords=_coordinates(study, points, table.coordinates),
         attrs=attributes,
     )
@@ -111,6 +128,10 @@ class _Table:
         self.detail = np.full(count, "", dtype=object)
         self.worker = np.full(count, "", dtype=object)
         self.costs = {name: np.full(count, np.nan) for name in COST_VARIABLES}
+        self.attempt = np.full(count, _UNKNOWN, np.int8)
+        self.first_outcome = self.outcome.copy()
+        self.first_detail = self.detail.copy()
+        self.used: dict[str, NDArray[Any]] = {}
 
     def fill(self, block: FinishedBlock, rows: NDArray[np.int64], at: NDArray[np.int64]) -> None:
         """Put the rows of a block where they belong."""
@@ -130,6 +151,14 @@ class _Table:
         self.costs["wall_seconds"][at] = block.wall_seconds / block.keys.size
         for name in ("steps", "force_evaluations", "simulated_seconds"):
             self.costs[name][at] = getattr(result, name)[rows]
+        if retries := result.retries:
+            self.attempt[at] = retries.attempt[rows]
+            self.first_outcome[at] = retries.first_outcome[rows]
+            self.first_detail[at] = np.array(retries.first_detail, dtype=object)[rows]
+            for name, column in retries.used.items():
+                words = column.dtype.kind == "U"
+                unknown = np.full(self.count, "", dtype=object) if words else np.full(self.count, np.nan)
+                self.used.setdefault(name, unknown)[at] = column[rows]
 
 
 def _shaped(points: Points, dims: tuple[str, ...], data: NDArray[Any], attrs: Mapping[str, Any]) -> xr.Variable:
@@ -152,6 +181,75 @@ def _outcome_variables(table: _Table, points: Points) -> dict[str, xr.Variable]:
         "outcome": _shaped(points, (), table.outcome, OUTCOME_ATTRIBUTES),
         "outcome_detail": _shaped(points, (), table.detail, DETAIL_ATTRIBUTES),
     }
+
+
+def _retry_variables(study: Study, table: _Table, points: Points) -> dict[str, xr.Variable]:
+    """How often each point was tried, why the first attempt failed, and what it finished with."""
+    if not study.retry.changes:
+        return {}
+    labels = ["not_run", "first", *(f"{i}_{_flag_word(c.label)}" for i, c in enumerate(study.retry.changes, 1))]
+    flags: dict[str, Any] = {
+        "long_name": "last change of the retry ladder that was made",
+        "role": RECORD_ROLE,
+        "flag_values": np.arange(_UNKNOWN, len(labels) - 1, dtype=np.int8),
+        "flag_meanings": " ".join(labels),
+    }
+    return {
+        "attempt": _shaped(points, (), table.attempt, flags),
+        "first_outcome": _shaped(
+            points, (), table.first_outcome, OUTCOME_ATTRIBUTES | {"long_name": "how the first attempt ended"}
+        ),
+        "first_outcome_detail": _shaped(
+            points, (), table.first_detail, {"long_name": "why the first attempt failed; empty where it did not"}
+        ),
+    }
+
+
+def _used_variables(study: Study, table: _Table, points: Points) -> dict[str, xr.Variable]:
+    """What each point used of the parameters that a pilot chose, or that the retry ladder may change."""
+    used = dict(points.chosen)
+    for name, column in table.used.items():
+        used[name] = np.where(table.attempt == _UNKNOWN, points.chosen.get(name, column), column)
+    parameters = study.simulator.parameters
+    return {f"{name}_used": _used_variable(parameters[name], column, points) for name, column in used.items()}
+
+
+def _choice_variables(points: Points) -> dict[str, xr.Variable]:
+    """How accurate each point is expected to be with the model that a pilot chose for it."""
+    variables = {
+        f"{name}_error_estimate": _shaped(points, (), column, {
+            "long_name": f"estimated relative error of {name}, of the model and numerical", "units": "1",
+            "role": RECORD_ROLE,
+        })
+        for name, column in points.error_estimate.items()
+    }  # fmt: skip
+    if points.accuracy_met is not None:
+        variables["accuracy_met"] = _shaped(points, (), points.accuracy_met, {
+            "long_name": "whether the estimated error is within the accuracy asked for", "role": RECORD_ROLE,
+            "flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "unknown no yes",
+        })  # fmt: skip
+    return variables
+
+
+def _flag_word(label: str) -> str:
+    """A label as CF allows it among flag_meanings."""
+    return re.sub(r"[^A-Za-z0-9.+@-]+", "_", label)
+
+
+def _used_variable(parameter: Parameter, column: NDArray[Any], points: Points) -> xr.Variable:
+    """What each point used of a parameter: a flag for each word of a choice, else the number."""
+    attrs: dict[str, Any] = {"long_name": f"used: {parameter.meaning}", "role": RECORD_ROLE}
+    if parameter.kind != "choice" and column.dtype.kind in "OU":  # a text for a user function
+        return _shaped(points, (), column.astype(object), attrs)
+    if parameter.kind != "choice":
+        return _shaped(points, (), _cf_type(column), attrs | {"units": parameter.unit})
+    codes = {word: code for code, word in enumerate(parameter.choices)}
+    flags = np.array([codes.get(str(word), _UNKNOWN) for word in column], np.int8)
+    attrs |= {
+        "flag_values": np.arange(_UNKNOWN, len(codes), dtype=np.int8),
+        "flag_meanings": " ".join(["none", *codes]),
+    }
+    return _shaped(points, (), flags, attrs)
 
 
 def parameter_attributes(parameter: Parameter) -> dict[str, Any]:
@@ -198,16 +296,24 @@ def _cf_type(labels: NDArray[Any]) -> NDArray[Any]:
 
 def _fixed_parameters(study: Study, points: Points) -> dict[str, Value]:
     """Values that all points share, without those that follow from a factor (spin friction from sliding)."""
-    ends = []
-    for at in (0, -1):
-        varied = {name: column[[at]].tolist()[0] for name, column in points.columns.items()}
-        ends.append(study.simulator.effective({**study.base, **varied}))
-    first, last = ends
+    samples = []
+    for at in [0, -1, *_first_of_each(points.chosen)]:
+        varied = {name: column[[at]].tolist()[0] for name, column in points.settings.items()}
+        samples.append(study.simulator.effective({**study.base, **varied}))
+    first = samples[0]
     return {
         name: value
         for name, value in first.items()
-        if name not in points.columns and value is not None and last[name] == value
+        if name not in points.settings and value is not None and all(other[name] == value for other in samples)
     }
+
+
+def _first_of_each(columns: Mapping[str, NDArray[Any]]) -> list[int]:
+    """The first row of every combination of values."""
+    rows: dict[tuple[Any, ...], int] = {}
+    for at, values in enumerate(zip(*(column.tolist() for column in columns.values()), strict=True)):
+        rows.setdefault(values, at)
+    return list(rows.values())
 
 
 def _attributes(study: Study, points: Points) -> dict[str, Any]:

@@ -18,6 +18,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from tripod_doe.errors import InputError, closest, near_match
 from tripod_doe.quantities import Parameter, Value, check_parameters
 from tripod_doe.results import Outcome
+from tripod_doe.study.accuracy import AUTO, Accuracy, check_accuracy
+from tripod_doe.study.retry import NO_LADDER, Ladder, check_ladder
 from tripod_doe.study.simulator import Simulator, load_simulator
 
 __all__ = [
@@ -102,11 +104,34 @@ class KeepTable(_Table):
 
 
 class RunTable(_Table):
-    """[run]: policy that changes no value."""
+    """[run]: policy that changes no value; but retry is a part of the question."""
 
     block: int | None = Field(None, ge=1, description="points a task; sized by their cost unless given")
     exclusive: bool = Field(False, description="run one block at a time, so that timings have no neighbour")
     expected_outcomes: list[str] = Field([], description="outcomes besides finished that do not count as failures")
+    retry: list[str | dict[str, Scalar]] = Field(
+        [],
+        description='changes tried in this order, each on top of those before, on points that failed: "smaller-step" '
+        "(half the step or tolerance) or a table of parameters to set",
+    )
+
+
+class AccuracyTable(_Table):
+    """[accuracy]: what a study with model = "auto" must know how accurately; further keys are OUTPUT_ORDER."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+    __pydantic_extra__: dict[str, float]
+
+    confidence: float = Field(0.9, ge=0.5, le=0.99, description="share of the points in which the accuracy must be met")
+    floor: float = Field(
+        0.01,
+        gt=0,
+        lt=1,
+        description="share of the largest order of a point below which a smaller one is measured against that share",
+    )
+    budget_cpu_s: float | None = Field(
+        None, gt=0, description="largest estimated price of pilot and study; above it the study is not started (s)"
+    )
 
 
 class StudyFile(_Table):
@@ -119,6 +144,9 @@ class StudyFile(_Table):
     designs: dict[str, DesignTable] = Field({}, description="sub-designs, written [design.NAME]")
     keep: KeepTable = KeepTable()
     run: RunTable = RunTable()
+    accuracy: AccuracyTable | None = Field(
+        None, description='with model = "auto": allowed relative errors, OUTPUT_ORDER = error'
+    )
     analysis: dict[str, dict[str, Any]] = Field({}, description="analyses of the cube: [analysis.NAME] with a kind")
 
 
@@ -167,6 +195,10 @@ class Study:
         Its folder, from which tables and functions are found.
     switches
         Names of the factors that an ablation switches off (0) and on (1); empty for other designs.
+    retry
+        Changes tried on points that failed.
+    accuracy
+        What a pilot chooses the model of every point by; None where the study names its model.
     """
 
     file: StudyFile
@@ -179,6 +211,8 @@ class Study:
     origin: str
     folder: Path
     switches: tuple[str, ...] = ()
+    retry: Ladder = NO_LADDER
+    accuracy: Accuracy | None = None
 
     @property
     def hash(self) -> str:
@@ -223,7 +257,9 @@ def parse_study(text: str, origin: str = "study", folder: Path | None = None) ->
     folder = folder or Path.cwd()
     file = parse_file(text, origin)
     simulator = _at(origin, "[study]", lambda: load_simulator(file.study.scene, file.study.function, str(folder)))
-    base = _at(origin, "[base]", lambda: check_parameters(simulator.parameters, file.base))
+    auto = file.base.get("model") == AUTO
+    given = {name: value for name, value in file.base.items() if not (auto and name == "model")}
+    base = _at(origin, "[base]", lambda: check_parameters(simulator.parameters, given))
     switches = _at(origin, "[design]", lambda: _switches(simulator, file))
     tables = file.factors | {name: FactorTable(values=[0, 1]) for name in switches if name not in file.factors}
     for name in tables:
@@ -238,9 +274,35 @@ def parse_study(text: str, origin: str = "study", folder: Path | None = None) ->
     }
     keep = _at(origin, "[keep]", lambda: _kept(simulator, file.keep.outputs))
     _check_run(origin, file.run)
-    study = Study(file, simulator, base, factors, keep, (), text, origin, folder, switches)
     levels = {name: factor.values or () for name, factor in factors.items()}
-    return replace(study, warnings=tuple(_at(origin, "[base]", lambda: simulator.check(base, levels, keep))))
+    accuracy = _accuracy(origin, simulator, file, {*base, *factors}) if auto or file.accuracy else None
+    if accuracy:  # all rungs are in play
+        levels |= {name: tuple(dict.fromkeys(rung.values[name] for rung in accuracy.rungs))
+                   for name in accuracy.parameters}  # fmt: skip
+    run = file.run
+    unknown = simulator.parameters.keys() - base if file.design.kind == "table" else ()
+    retry = _at(
+        origin,
+        "[run]",
+        lambda: check_ladder(simulator, base, levels, keep, run.retry, run.expected_outcomes, unknown),
+    )
+    study = Study(file, simulator, base, factors, keep, (), text, origin, folder, switches, retry, accuracy)
+    warnings = _at(origin, "[base]", lambda: simulator.check(base, levels, keep))
+    return replace(study, warnings=tuple(warnings))
+
+
+def _accuracy(origin: str, simulator: Simulator, file: StudyFile, taken: set[str]) -> Accuracy:
+    """The table [accuracy] of a study whose model is to be chosen."""
+    table = file.accuracy or AccuracyTable()
+    if file.base.get("model") != AUTO:
+        raise InputError(
+            f'{origin}: [accuracy]: nothing is chosen here; set model = "{AUTO}" in [base], or leave it out'
+        )
+    asked = table.__pydantic_extra__ or {}
+    try:
+        return check_accuracy(simulator, asked, table.confidence, table.floor, table.budget_cpu_s, taken)
+    except InputError as error:
+        raise InputError(f"{origin}: {error}") from error
 
 
 def _at(origin: str, where: str, step: Any) -> Any:
@@ -278,7 +340,7 @@ def complaints(error: ValidationError, known: Callable[[list[str]], Iterable[str
         The keys that the table at a path may hold, for near matches.
     """
     for item in error.errors():
-        path = [str(part) for part in item["loc"] if not str(part).startswith(("float", "int", "str", "bool"))]
+        path = [str(part) for part in item["loc"] if not str(part).startswith(("float", "int", "str", "bool", "dict"))]
         where, key = ".".join(path[:-1]), path[-1]
         place = f"[{where}]" if where else "the file"
         if item["type"] == "extra_forbidden":
@@ -296,7 +358,7 @@ def complaints(error: ValidationError, known: Callable[[list[str]], Iterable[str
 def _known_keys(path: list[str]) -> list[str]:
     tables: dict[str, type[_Table]] = {
         "study": StudyTable, "factors": FactorTable, "design": DesignTable, "designs": DesignTable, "keep": KeepTable,
-        "run": RunTable,
+        "run": RunTable, "accuracy": AccuracyTable,
     }  # fmt: skip
     return list((tables[path[0]] if path else StudyFile).model_fields)
 
@@ -432,4 +494,6 @@ def canonical(study: Study) -> dict[str, str]:
     content = study.file.model_dump()
     walk("", {key: content[key] for key in ("base", "factors", "design", "designs", "keep")})
     walk("study", {key: content["study"][key] for key in ("scene", "function")})
+    if study.retry.changes:  # what is retried decides what a point ends with
+        walk("run", {key: content["run"][key] for key in ("retry", "expected_outcomes")})
     return flat

@@ -48,6 +48,11 @@ class Points:
         Whether a point meets the constraints, shape (point,); only a grid keeps cells that do not.
     labels
         Further coordinates along ``point``, for instance which row of a sub-design a point belongs to.
+    chosen
+        Values of parameters that a pilot chose, each of shape (point,): not factors, but what a point runs with.
+    error_estimate, accuracy_met
+        Estimated relative errors of such a choice by quantity, and whether they meet the accuracy that was asked for
+        (1, 0, or -1 where nobody knows), each of shape (point,).
     """
 
     columns: dict[str, Column]
@@ -55,6 +60,14 @@ class Points:
     dims: tuple[str, ...]
     allowed: NDArray[np.bool_]
     labels: dict[str, Column] = field(default_factory=dict)
+    chosen: dict[str, Column] = field(default_factory=dict)
+    error_estimate: dict[str, Column] = field(default_factory=dict)
+    accuracy_met: Column | None = None
+
+    @property
+    def settings(self) -> dict[str, Column]:
+        """Everything that differs between points: factors, and what was chosen."""
+        return self.columns | self.chosen
 
     @property
     def count(self) -> int:
@@ -322,7 +335,7 @@ def point_keys(study: Study, points: Points) -> NDArray[np.void]:
     It does not depend on which parameters are factors, so that a study that grew finds its old points again.
     """
     chunks = [
-        _fingerprints(study, {name: column[start : start + _CHUNK] for name, column in points.columns.items()}, count)
+        _fingerprints(study, {name: column[start : start + _CHUNK] for name, column in points.settings.items()}, count)
         for start in range(0, points.count, _CHUNK)
         for count in [min(_CHUNK, points.count - start)]
     ]

@@ -144,7 +144,7 @@ def run_blocks(
     A worker that dies is replaced and its block runs elsewhere. A block that takes down three workers is halved until
     the point that does it stands alone; that point is recorded as worker_lost.
     """
-    columns = {name: column[missing] for name, column in points.columns.items()}
+    columns = {name: column[missing] for name, column in points.settings.items()}
     study.simulator.prepare(point_columns(study.simulator, study.base, columns, missing.size))  # once for all workers
     queue = _Queue(missing, policy.block)
     with _client(policy) as client:

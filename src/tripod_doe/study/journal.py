@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import CubeError, InputError, StorageError
-from tripod_doe.results import BlockResult, Values
+from tripod_doe.results import BlockResult, Retries, Values
 
 __all__ = ["FinishedBlock", "Journal"]
 
@@ -158,10 +158,16 @@ class Journal:
 
 
 def _pack(result: BlockResult) -> bytes:
-    header = {"dims": {name: values.dims for name, values in result.outputs.items()}, "detail": result.detail}
+    header: dict[str, Any] = {
+        "dims": {name: values.dims for name, values in result.outputs.items()}, "detail": result.detail,
+    }  # fmt: skip
     arrays: dict[str, Any] = {f"output/{name}": values.data for name, values in result.outputs.items()}
     arrays |= {f"coordinate/{name}": labels for name, labels in result.coordinates.items()}
     arrays |= {name: getattr(result, name) for name in _PER_POINT}
+    if retries := result.retries:
+        header["first_detail"] = retries.first_detail
+        arrays |= {"attempt": retries.attempt, "first_outcome": retries.first_outcome}
+        arrays |= {f"used/{name}": column for name, column in retries.used.items()}
     buffer = io.BytesIO()
     np.savez(buffer, header=np.frombuffer(json.dumps(header).encode(), np.uint8), **arrays)
     return buffer.getvalue()
@@ -171,12 +177,18 @@ def _unpack(payload: bytes) -> BlockResult:
     with np.load(io.BytesIO(payload), allow_pickle=False) as archive:
         header = json.loads(archive["header"].tobytes())
         outputs = {name: Values(tuple(dims), archive[f"output/{name}"]) for name, dims in header["dims"].items()}
-        coordinates = {
-            name.removeprefix("coordinate/"): archive[name] for name in archive.files if name.startswith("coordinate/")
-        }
+
+        def named(prefix: str) -> dict[str, NDArray[Any]]:
+            return {name.removeprefix(prefix): archive[name] for name in archive.files if name.startswith(prefix)}
+
+        retries = None
+        if "attempt" in archive:
+            first = archive["first_outcome"], header["first_detail"]
+            retries = Retries(archive["attempt"], *first, named("used/"))
         return BlockResult(
             outputs,
-            coordinates,
+            coordinates=named("coordinate/"),
             detail=header["detail"],
+            retries=retries,
             **{name: archive[name] for name in _PER_POINT},
         )

@@ -44,6 +44,8 @@ class Plan:
         Size of the cube, where the outputs' shapes are known beforehand.
     timed
         Points that were timed.
+    chosen
+        Whether a pilot chooses the models, so that nothing can be timed before it has run.
     warnings
         What the user should know.
     """
@@ -55,6 +57,7 @@ class Plan:
     cpu_hours: tuple[float, float, float] | None
     cube_bytes: int | None
     timed: int
+    chosen: bool
     warnings: tuple[str, ...]
 
     def describe(self, workers: int = 2) -> str:
@@ -64,7 +67,9 @@ class Plan:
             lines[0] += f" ({self.points - self.unique - self.excluded:,} of them repeated and computed once)"
         if self.excluded:
             lines.append(f"excluded     {self.excluded:,} by constraints")
-        if self.cpu_hours is None:
+        if self.cpu_hours is None and self.chosen:
+            lines.append("price        follows from the choice of model")
+        elif self.cpu_hours is None:
             lines.append("price        not timed" if self.timed == 0 else "price        no point ended within 10 s")
         else:
             low, mean, high = (_duration(hours * 3600) for hours in self.cpu_hours)
@@ -96,7 +101,7 @@ def plan(study: Study | str | Path, timing: bool = True) -> Plan:
         study = load_study(study)
     points = make_points(study)
     unique = np.unique(point_keys(study, points)[points.allowed]).size
-    seconds = _time_points(study, points) if timing else []
+    seconds = _time_points(study, points) if timing and study.accuracy is None else []
     hours, blocks = None, None
     if seconds:
         total = unique / 3600
@@ -114,6 +119,7 @@ def plan(study: Study | str | Path, timing: bool = True) -> Plan:
         hours,
         cube_bytes(study, points),
         len(seconds),
+        study.accuracy is not None,
         study.warnings,
     )
 

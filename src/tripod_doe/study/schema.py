@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from tripod_doe.study.accuracy import AUTO
 from tripod_doe.study.definition import StudyFile
 from tripod_doe.study.simulator import SCENES, load_simulator
 
@@ -24,7 +25,7 @@ def study_schema(scene: str = "joint") -> dict[str, Any]:
             "default": parameter.default,
         }
         if parameter.kind == "choice":
-            entry["enum"] = list(parameter.choices)
+            entry["enum"] = [*parameter.choices, *([AUTO] if parameter.name == "model" and simulator.ladder else [])]
         else:
             entry["type"] = {"number": ["number"], "switch": ["integer", "boolean"]}.get(parameter.kind, ["integer"])
             limits = {"exclusiveMinimum" if parameter.low_open else "minimum": parameter.low, "maximum": parameter.high}

@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.quantities import Output, Parameter, Value
+from tripod_doe.quantities import Output, Parameter, Rung, Value
 from tripod_doe.results import BlockResult, Outcome, Values
 
 __all__ = ["SCENES", "FunctionSimulator", "Simulator", "column_of", "load_simulator", "point_columns"]
@@ -50,6 +50,11 @@ class Simulator(Protocol):
     @property
     def source_hash(self) -> str:
         """Hash of the sources that decide the results; results with different hashes are not mixed."""
+        ...
+
+    @property
+    def ladder(self) -> tuple[Rung, ...]:
+        """Rungs that model = "auto" may choose from, from the cheapest to the finest; empty with one model."""
         ...
 
     def check(
@@ -87,6 +92,8 @@ class FunctionSimulator:
         Empty: a function's outputs are known when it has answered.
     source_hash
         Empty: the function's source is the user's own affair.
+    ladder
+        What the function itself names as its attribute ``ladder``: `Rung`s over its arguments.
     """
 
     name: str
@@ -94,6 +101,7 @@ class FunctionSimulator:
     parameters: dict[str, Parameter]
     outputs: dict[str, Output]
     source_hash: str = ""
+    ladder: tuple[Rung, ...] = ()
 
     def check(
         self, base: Mapping[str, Value], factors: Mapping[str, Collection[Value]], keep: Collection[str]
@@ -190,7 +198,8 @@ def load_simulator(scene: str = "joint", function: str | None = None, folder: st
     called = _import_object(function)
     if not callable(called):
         raise InputError(f"function = {function!r}: this is not a function")
-    return FunctionSimulator(function, called, _arguments(function, called), {})
+    ladder = tuple(getattr(called, "ladder", ()))
+    return FunctionSimulator(function, called, _arguments(function, called), {}, ladder=ladder)
 
 
 def _import_object(reference: str) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import Value
 from tripod_doe.results import BlockResult
+from tripod_doe.study.retry import NO_LADDER, Ladder, simulate_with_retries
 from tripod_doe.study.simulator import Simulator, load_simulator, point_columns
 
 if TYPE_CHECKING:  # for their names only: a single point needs no designs
@@ -34,6 +34,7 @@ class Task:
     columns: dict[str, NDArray[Any]]
     count: int
     keep: tuple[str, ...]
+    retry: Ladder = NO_LADDER
 
 
 def matching_simulator(scene: str, function: str | None, folder: str, source_hash: str) -> Simulator:
@@ -51,19 +52,19 @@ def matching_simulator(scene: str, function: str | None, folder: str, source_has
 
 
 def run_task(task: Task) -> tuple[BlockResult, float, float]:
-    """Simulate one block: results, CPU seconds, wall seconds; compilation is not counted."""
+    """Simulate one block, with retries where the study has them: results, CPU seconds, wall seconds.
+
+    Compilation is not counted.
+    """
     simulator = matching_simulator(task.scene, task.function, task.folder, task.source_hash)
     points = point_columns(simulator, task.base, task.columns, task.count)
-    simulator.prepare(points)
-    wall, cpu = time.perf_counter(), time.thread_time()
-    result = simulator.simulate(points, task.keep)
-    return result, time.thread_time() - cpu, time.perf_counter() - wall
+    return simulate_with_retries(simulator, points, task.keep, task.retry)
 
 
 def make_task(study: Study, points: Points, chosen: NDArray[np.int64]) -> Task:
     """The task that simulates the chosen points."""
     table = study.file.study
-    columns = {name: column[chosen] for name, column in points.columns.items()}
+    columns = {name: column[chosen] for name, column in points.settings.items()}
     return Task(
         table.scene,
         table.function,
@@ -73,4 +74,5 @@ def make_task(study: Study, points: Points, chosen: NDArray[np.int64]) -> Task:
         columns,
         chosen.size,
         study.keep,
+        study.retry,
     )

@@ -26,8 +26,8 @@ from tripod_doe.report.figures.registry import FIGURES
 from tripod_doe.report.page import swap_in
 from tripod_doe.study.cube import open_cube, stamp_history, write_dataset
 from tripod_doe.study.execution import local_workers
-from tripod_doe.workflow.definition import Step, Workflow, load_workflow
-from tripod_doe.workflow.file import AnalysisStep, FigureStep, ReportStep
+from tripod_doe.workflow.definition import Step, Workflow, fed_study, load_workflow
+from tripod_doe.workflow.file import AnalysisStep, FigureStep, ReportStep, StudyStep
 from tripod_doe.workflow.run import run
 
 __all__ = ["WorkflowSummary", "run_workflow"]
@@ -232,9 +232,12 @@ class _Chain:
         return makers.get(step.table.kind, self._analyse)(step)
 
     def _run_study(self, step: Step) -> str:
-        assert step.study is not None
+        study, source = step.study, step.table.table if isinstance(step.table, StudyStep) else ""
+        assert study is not None
+        if source:
+            study = fed_study(study, open_cube(self.folder(source)), source)
         summary = run(
-            step.study, self.folder(step.name), self._workers, self._shared_workers(), self.retry_failed,
+            study, self.folder(step.name), self._workers, self._shared_workers(), self.retry_failed,
             progress=self.progress,
         )  # fmt: skip
         if not summary.good:

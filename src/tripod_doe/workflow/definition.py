@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import tomlkit
+import xarray as xr
 from pydantic import BaseModel
 
 import tripod_doe
@@ -30,7 +31,7 @@ from tripod_doe.workflow.file import (
     parse_workflow,
 )
 
-__all__ = ["Step", "Workflow", "load_workflow"]
+__all__ = ["Step", "Workflow", "fed_study", "load_workflow"]
 
 
 @dataclass(frozen=True)
@@ -157,6 +158,10 @@ def _check_step(workflow: Workflow, name: str, table: StepTable, before: Mapping
     where = f"{workflow.origin}: [steps.{name}]"
     digest = _Digest(table.model_dump_json(), *(before[needed].hash for needed in table.inputs))
     if isinstance(table, StudyStep):
+        if table.table and not isinstance(before.get(table.table), Step):
+            raise InputError(
+                f"{where}: table = {table.table!r}: not one of its inputs{near_match(table.table, table.inputs)}"
+            )
         study = _study_of(workflow, name, table)
         points = make_points(study)
         digest.add(study.text, study.simulator.source_hash)
@@ -211,6 +216,44 @@ def _study_of(workflow: Workflow, name: str, table: StudyStep) -> Study:
     except InputError as error:
         raise InputError(f"{workflow.origin}: [steps.{name}]: {error}") from error
     return study
+
+
+def fed_study(study: Study, table: xr.Dataset, name: str) -> Study:
+    """A study with the points of a table, for instance of a choice of model: its text tells them all.
+
+    Parameters
+    ----------
+    study
+        Its factors must be among the columns; a model that was to be chosen must be one, too.
+    table
+        Parameters of the study along ``point``; other variables are passed over.
+    name
+        Of the table, for messages.
+
+    Raises
+    ------
+    InputError
+        If the table lacks a factor.
+    """
+    parameters = study.simulator.parameters
+    columns = {
+        str(key): table[key].values.tolist()
+        for key in table.variables
+        if table[key].dims == ("point",) and str(key) in parameters
+    }
+    wanted = [*study.factors, *(study.accuracy.parameters if study.accuracy else ())]
+    for factor in wanted:
+        if factor not in columns:
+            raise study.fail(
+                "[design]", f"the table of step {name!r} has no column {factor}{near_match(factor, columns)}"
+            )
+    document: Any = tomlkit.parse(study.text)
+    for key in ("design", "factors", "accuracy"):
+        document.pop(key, None)
+    document["base"] = dict(study.base)
+    document["factors"] = {key: {"values": values} for key, values in columns.items()}
+    document["design"] = {"kind": "zip"}
+    return parse_study(tomlkit.dumps(document), study.origin, study.folder)
 
 
 def _overridden(text: str, overrides: Overrides, where: str, suffix: str) -> str:

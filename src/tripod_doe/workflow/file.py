@@ -53,6 +53,9 @@ class StudyStep(Overrides):
     kind: Literal["study"] = Field(description="kind of the step")
     study: str = Field(description="study file, relative to the workflow file")
     inputs: list[str] = Field([], description="steps that must be finished before")
+    table: str = Field(
+        "", description="one of the inputs, whose points are those of the study: its parameters along point"
+    )
 
 
 class AnalysisStep(_Table):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,9 +22,10 @@ from tripod_doe.results import Outcome
 from tripod_doe.study.cube import build_cube, stamp_history, write_dataset
 from tripod_doe.study.definition import Study, canonical, load_study, parse_study
 from tripod_doe.study.designs import Points, make_points, point_keys
-from tripod_doe.study.execution import Policy, run_blocks
+from tripod_doe.study.execution import Policy, local_workers, run_blocks
 from tripod_doe.study.journal import FinishedBlock, Journal
 from tripod_doe.study.plan import cube_bytes
+from tripod_doe.workflow.choice import chosen_keys, chosen_points, make_choice
 
 __all__ = ["RunSummary", "run"]
 
@@ -109,9 +111,20 @@ def run(
     if workers < 1:
         raise InputError(f"--workers {workers}: at least 1 is needed")
     directory = _make_directory(Path(out))
-    with Journal(directory) as journal:
+    with ExitStack() as stack:
+        journal = stack.enter_context(Journal(directory))
+        if study.accuracy:
+            _refuse_changes(study, point_keys(study, points), chosen_keys(study, directory), journal, directory)
+            _adopt(study, journal, directory)
+
+            def run_pilot(pilot: Study, place: Path) -> None:
+                nonlocal scheduler  # one cluster for all stages of the pilot and for the study
+                scheduler = scheduler or stack.enter_context(local_workers(workers))
+                run(pilot, place, workers, scheduler, progress=progress)
+
+            points = chosen_points(study, points, make_choice(study, points, directory, run_pilot))
         keys = point_keys(study, points)
-        _refuse_changes(study, keys[points.allowed], journal, directory)
+        _refuse_changes(study, keys[points.allowed], journal.keys(), journal, directory)
         missing = _missing(study, points, keys, journal, retry_failed)
         _check_space(study, directory, points)
         _adopt(study, journal, directory)
@@ -145,9 +158,10 @@ def _make_directory(directory: Path) -> Path:
     return directory
 
 
-def _refuse_changes(study: Study, keys: NDArray[np.void], journal: Journal, directory: Path) -> None:
+def _refuse_changes(
+    study: Study, keys: NDArray[np.void], done: NDArray[np.void], journal: Journal, directory: Path
+) -> None:
     """Refuse a study that is not the one whose results are here, key by key, unless it only grew."""
-    done = journal.keys()
     stored = directory / "study.toml"
     if done.size == 0 or not stored.exists():
         return
@@ -160,7 +174,7 @@ def _refuse_changes(study: Study, keys: NDArray[np.void], journal: Journal, dire
     old, new = canonical(parse_study(stored.read_text(encoding="utf-8"), str(stored), study.folder)), canonical(study)
     grew = bool(np.isin(done, keys).all())
     changed = sorted(key for key in old.keys() | new.keys() if old.get(key) != new.get(key))
-    if grew and not any(key.startswith("keep") for key in changed):
+    if grew and not any(key.startswith(("keep", "run")) for key in changed):
         return
     told = [f"  {key}: {old.get(key, 'not set')} -> {new.get(key, 'not set')}" for key in changed]
     raise InputError(

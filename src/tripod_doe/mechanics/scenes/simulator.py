@@ -17,7 +17,7 @@ from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.linearisation import RATE_OUTPUTS, fastest_rates
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Run
-from tripod_doe.quantities import Output, Parameter, Value
+from tripod_doe.quantities import Output, Parameter, Rung, Value
 from tripod_doe.results import BlockResult, Outcome, Values
 
 __all__ = ["PROGRESS", "RUN_OUTPUTS", "SceneSimulator", "numerics_parameters"]
@@ -72,6 +72,8 @@ class SceneSimulator(ABC):
         Default step of each method without, and default tolerance of each with step control.
     source_hash
         Hash of all kernel sources: results with different hashes must not be mixed.
+    ladder
+        Empty: a small scene has one model.
     """
 
     name: str
@@ -81,6 +83,7 @@ class SceneSimulator(ABC):
     steps: ClassVar[dict[str, float]]
     tolerances: ClassVar[dict[str, float]]
     source_hash = KERNEL_SOURCE_HASH
+    ladder: tuple[Rung, ...] = ()
     _prepared: ClassVar[set[tuple[str, str]]] = set()
 
     @abstractmethod

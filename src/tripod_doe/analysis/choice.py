@@ -1,0 +1,269 @@
+"""Choice of model: from a pilot that ran several rungs at a few points to the cheapest rung that is enough at each.
+
+The pilot tells at each of its points how far each rung is from the finest one, the reference, relative to the accuracy
+asked for. Between pilot points that difference is interpolated, with its sign (cubic radial functions and a linear
+trend, over the design scaled to its ranges). Added as squares are the numerical error of the reference, and what the
+interpolation missed at the pilot points around, each left out in turn; these two are means weighted by the inverse
+squares of the distances. The worst of all quantities counts. At any point the cheapest rung is taken whose error so
+estimated stays below a limit, else the reference; never a rung that failed at one of the nearest pilot points, of which
+one more count than there are dimensions.
+
+How strict the limit must be is tried on the pilot itself: every pilot point is left out in turn, its rung chosen from
+the others, and counted as a miss where that rung's own error there is above the accuracy. The limit is the loosest at
+which, and below which, (misses + 1) / (points + 1) is at most 1 - confidence. This is conformal risk control
+(Angelopoulos et al., "Conformal risk control", ICLR 2024): if the points of the study were drawn like those of the
+pilot, the accuracy would be met in the stated share of them. They are not quite: the pilot reaches to the edges of the
+design, where leaving a point out means extrapolating, so that its misses are rather more than those of the study.
+
+A rung's price is its counted force evaluations, a mean over the pilot, times the recorded seconds of an evaluation.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from tripod_doe.analysis.pilot_evidence import HOPELESS, Evidence, evidence
+from tripod_doe.errors import InputError
+from tripod_doe.study.accuracy import AUTO, Accuracy
+from tripod_doe.study.definition import load_study
+from tripod_doe.study.designs import make_points
+from tripod_doe.study.pilot import normalised
+
+__all__ = ["ChooseSettings", "choose", "choose_for_study", "without_pilot"]
+
+FloatArray = NDArray[np.float64]
+
+_LIMITS = np.linspace(1.0, 0.0, 101)
+
+
+class ChooseSettings(BaseModel):
+    """Settings of the analysis ``choose``."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    study: str = Field(
+        description='study file with model = "auto" for whose points the model is chosen, relative to the workflow file'
+    )
+
+
+def choose(found: Evidence, columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr.Dataset:
+    """The rung of every point, and what it rests on.
+
+    Parameters
+    ----------
+    found
+        What a pilot told.
+    columns
+        Factors of the points, each of shape (point,).
+    accuracy
+        What is asked for.
+
+    Returns
+    -------
+    xarray.Dataset
+        Along ``point``: the factors, the chosen parameters, the number of the rung, the estimated relative error of
+        every quantity and whether it meets the accuracy. Along ``rung``: price and number of points. Along
+        ``pilot_point``: the factors and the relative errors that were found.
+    """
+    foresight = _Foresight(found)
+    limit, misses = foresight.limit(accuracy.confidence)
+    expected = foresight.errors(normalised(columns, found.columns))
+    rung = _cheapest(expected.max(axis=2), found.prices, limit)
+    every = np.arange(rung.size)
+    choice = _labelled(found, columns, accuracy, rung, expected[every, rung])
+    study = float(found.prices[rung].sum())
+    return choice.assign_attrs({
+        "limit": max(limit, 0.0), "misses": misses, "price_study_s": study, "price_pilot_s": found.price,
+        "price_reference_s": float(found.prices[-1] * rung.size),
+    })  # fmt: skip
+
+
+def choose_for_study(cubes: Mapping[str, xr.Dataset], settings: ChooseSettings, folder: Path) -> xr.Dataset:
+    """The rung of every point of a study file, from the cube of any pilot: a design table, see `choose`.
+
+    Parameters
+    ----------
+    cubes
+        One cube: rungs of the scene's ladder at points that span those of the study.
+    settings
+        The study.
+    folder
+        Where its file is looked for.
+
+    Raises
+    ------
+    InputError
+        If the study names its model, or the pilot does not serve it.
+    """
+    if len(cubes) != 1:
+        raise InputError(f"choose needs one pilot as its input, not {len(cubes)}")
+    study = load_study(folder / settings.study)
+    if study.accuracy is None:
+        raise InputError(f'{study.origin}: it names its model; set model = "{AUTO}" and [accuracy]')
+    points = make_points(study)
+    columns = {name: column[points.allowed] for name, column in points.columns.items()}
+    found = evidence(next(iter(cubes.values())), list(columns), study.accuracy)
+    return choose(found, columns, study.accuracy)
+
+
+def without_pilot(columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr.Dataset:
+    """The full model at every point of a study that is too small for a pilot; nothing is known of its errors."""
+    rungs = tuple(rung for rung in accuracy.rungs if rung.full)[:1] or accuracy.rungs[-1:]
+    count = len(next(iter(columns.values())))
+    found = Evidence(
+        {name: column[:0] for name, column in columns.items()},
+        rungs,
+        np.zeros((0, 1, len(accuracy.demands))),
+        np.zeros((0, len(accuracy.demands))),
+        np.array([rungs[0].price]),
+    )
+    choice = _labelled(found, columns, accuracy, np.zeros(count, int), np.full((count, len(accuracy.demands)), np.nan))
+    price = float(rungs[0].price * count)
+    return choice.assign_attrs({
+        "limit": 0.0, "misses": 0, "price_study_s": price, "price_pilot_s": 0.0, "price_reference_s": price,
+    })  # fmt: skip
+
+
+class _Foresight:
+    """Errors of all rungs at any place of the design, foretold from a pilot, and how far they may be trusted."""
+
+    def __init__(self, found: Evidence) -> None:
+        self._found = found
+        self._places = normalised(found.columns, found.columns)
+        every = np.arange(found.count)
+        blind = np.stack([self._differences(every != i, self._places[i : i + 1])[0] for i in every])
+        self._missed = np.square(np.nan_to_num(blind - found.differences))
+        self._blind = np.stack([self._errors(every != i, self._places[i : i + 1], blind[i : i + 1])[0] for i in every])
+
+    def errors(self, places: FloatArray) -> FloatArray:
+        """Estimated errors over the allowed ones at places, shape (place, rung, quantity)."""
+        every = np.ones(self._found.count, bool)
+        return self._errors(every, places, self._differences(every, places))
+
+    def _differences(self, known: NDArray[np.bool_], places: FloatArray) -> FloatArray:
+        """Differences to the reference, interpolated between the known points where each rung finished."""
+        found = np.stack([
+            _interpolate(self._places[usable], rung[usable], places)
+            for rung in np.moveaxis(self._found.differences, 1, 0)
+            for usable in [known & np.isfinite(rung).all(axis=1)]
+        ], axis=1)  # fmt: skip
+        return np.clip(found, -HOPELESS, HOPELESS)
+
+    def _errors(self, known: NDArray[np.bool_], places: FloatArray, differences: FloatArray) -> FloatArray:
+        weights = _weights(self._places[known], places)
+        numerical = np.square(np.tensordot(weights, self._found.numerical[known], 1))
+        missed = np.tensordot(weights, self._missed[known], 1)
+        errors = np.sqrt(np.square(differences) + numerical[:, None] + missed)
+        failed = np.asarray(np.isnan(self._found.differences[known]).any(axis=2))
+        around = np.argsort(-weights, axis=1, kind="stable")[:, : places.shape[1] + 1]
+        near = np.asarray(failed[around].any(axis=1))
+        return np.where(near[:, :, None], HOPELESS, np.minimum(errors, HOPELESS))
+
+    def limit(self, confidence: float) -> tuple[float, int]:
+        """How large an estimated error may be, over the allowed one, and how many pilot points are then missed."""
+        found = self._found
+        rows, last, misses = np.arange(found.count), len(found.rungs) - 1, []
+        for limit in _LIMITS:
+            rung = _cheapest(self._blind.max(axis=2), found.prices, float(limit))
+            misses.append(int(((found.worst[rows, rung] > 1) & (rung != last)).sum()))
+        most_below = np.maximum.accumulate(misses[::-1])[::-1]
+        allowed = (most_below + 1) / (found.count + 1) <= 1 - confidence + 1e-12
+        if not allowed.any():
+            return -1.0, 0  # too few pilot points for such a confidence: nothing is trusted
+        return float(_LIMITS[allowed.argmax()]), misses[int(allowed.argmax())]
+
+
+def _interpolate(known: FloatArray, values: FloatArray, places: FloatArray) -> FloatArray:
+    """Values at known places, shape (known, column), interpolated at others, shape (place, column).
+
+    Cubic radial functions with a linear trend; the smallest solution where the places do not settle the trend.
+    """
+    if known.shape[0] == 0:
+        return np.full((places.shape[0], values.shape[1]), HOPELESS)
+    trend = np.hstack([np.ones((known.shape[0], 1)), known])
+    nothing = np.zeros((trend.shape[1], trend.shape[1]))
+    system = np.block([[_distances(known, known) ** 3, trend], [trend.T, nothing]])
+    right = np.vstack([values, np.zeros((trend.shape[1], values.shape[1]))])
+    solution = np.linalg.lstsq(system, right, rcond=None)[0]
+    basis = np.hstack([_distances(places, known) ** 3, np.ones((places.shape[0], 1)), places])
+    return np.asarray(basis @ solution)
+
+
+def _weights(known: FloatArray, places: FloatArray) -> FloatArray:
+    """Shares of the known places by the inverse squares of their distances, shape (place, known)."""
+    inverse = 1 / np.maximum(_distances(places, known), 1e-9) ** 2
+    return np.asarray(inverse / inverse.sum(axis=1, keepdims=True))
+
+
+def _distances(some: FloatArray, others: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.norm(some[:, None] - others[None], axis=2))
+
+
+def _cheapest(expected: FloatArray, prices: FloatArray, limit: float) -> NDArray[np.int64]:
+    """The cheapest rung whose expected error, shape (point, rung), stays below a limit; the last where none does."""
+    order = np.argsort(prices, kind="stable")
+    order = order[: int(np.flatnonzero(order == prices.size - 1)[0]) + 1]  # none dearer than the reference
+    trusted = expected[:, order] <= limit
+    trusted[:, -1] = True
+    return np.asarray(order[trusted.argmax(axis=1)])
+
+
+def _labelled(
+    found: Evidence, columns: Mapping[str, NDArray[Any]], accuracy: Accuracy, rung: NDArray[np.int64], error: FloatArray
+) -> xr.Dataset:
+    allowed = np.array([demand.allowed for demand in accuracy.demands])
+    chosen = {name: np.array([way.values[name] for way in found.rungs])[rung] for name in accuracy.parameters}
+    met = np.where(np.isnan(error).any(axis=1), -1, (error <= 1).all(axis=1)).astype(np.int8)
+    return xr.Dataset(
+        {
+            **{name: ("point", _text(column), {"long_name": f"factor {name}"}) for name, column in columns.items()},
+            **{name: ("point", column, {"long_name": f"chosen {name}"}) for name, column in chosen.items()},
+            "rung": ("point", rung.astype(np.int32), {"long_name": "number of the chosen rung"}),
+            "error_estimate": (
+                ("point", "quantity"),
+                error * allowed,
+                {"long_name": "estimated relative error, of the model and numerical", "units": "1"},
+            ),
+            "accuracy_met": ("point", met, {
+                "long_name": "whether the estimated error is within the accuracy asked for",
+                "flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "unknown no yes",
+            }),
+            "price": ("rung_number", found.prices, {"long_name": "CPU time of a run, from counted work", "units": "s"}),
+            "points_of_rung": (
+                "rung_number",
+                np.bincount(rung, minlength=len(found.rungs)).astype(np.int32),
+                {"long_name": "points that run with the rung", "units": "1"},
+            ),
+            "pilot_error": (
+                ("pilot_point", "rung_number", "quantity"),
+                found.errors * allowed,
+                {"long_name": "relative error found by the pilot, at most ten times the allowed one", "units": "1"},
+            ),
+            **{
+                f"pilot_{name}": ("pilot_point", _text(column), {"long_name": f"{name} of the pilot point"})
+                for name, column in found.columns.items()
+            },
+        },
+        coords={
+            "rung_number": ("rung_number", np.arange(len(found.rungs), dtype=np.int32), {"long_name": "rung"}),
+            "rung_label": ("rung_number", [way.label for way in found.rungs], {"long_name": "rung in words"}),
+            "quantity": ("quantity", [demand.name for demand in accuracy.demands], {"long_name": "quantity asked for"}),
+        },
+        attrs={
+            "accuracy": json.dumps({demand.name: demand.allowed for demand in accuracy.demands}),
+            "confidence": accuracy.confidence,
+            "floor": accuracy.floor,
+        },
+    )  # fmt: skip
+
+
+def _text(column: NDArray[Any]) -> NDArray[Any]:
+    return column.astype(str) if column.dtype == object else column

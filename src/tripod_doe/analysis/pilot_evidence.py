@@ -1,0 +1,165 @@
+"""What a pilot tells of the rungs of a ladder: how far each is from the finest one, how sure that is, what it costs."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.errors import InputError, near_match
+from tripod_doe.quantities import Rung
+from tripod_doe.results import Outcome
+from tripod_doe.study.accuracy import Accuracy, Demand
+from tripod_doe.study.pilot import normalised
+
+__all__ = ["HOPELESS", "Evidence", "evidence"]
+
+FloatArray = NDArray[np.float64]
+
+HOPELESS = 10.0
+"""Error over the allowed one that also stands for a rung that failed: how bad it is no longer matters, and a larger
+number would spoil the interpolation far around."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a pilot tells. All errors are relative, over the allowed ones.
+
+    Attributes
+    ----------
+    columns
+        Factors of the pilot points, each of shape (pilot point,).
+    rungs
+        The rungs that it ran, from the cheapest to the reference.
+    differences
+        Of each rung to the reference, with sign, shape (pilot point, rung, quantity); NaN where the rung failed.
+    numerical
+        Numerical error of the reference, shape (pilot point, quantity).
+    prices
+        CPU seconds a run of each rung, shape (rung,).
+    """
+
+    columns: dict[str, NDArray[Any]]
+    rungs: tuple[Rung, ...]
+    differences: FloatArray
+    numerical: FloatArray
+    prices: FloatArray
+
+    @property
+    def count(self) -> int:
+        """Number of pilot points."""
+        return int(self.numerical.shape[0])
+
+    @property
+    def errors(self) -> FloatArray:
+        """Difference and numerical error, which have nothing to do with each other, added as squares."""
+        whole = np.hypot(self.differences, self.numerical[:, None])
+        return np.asarray(np.minimum(np.nan_to_num(whole, nan=HOPELESS), HOPELESS))
+
+    @property
+    def worst(self) -> FloatArray:
+        """Error of the worst quantity, shape (pilot point, rung)."""
+        return np.asarray(self.errors.max(axis=2))
+
+    @property
+    def price(self) -> float:
+        """CPU seconds of the pilot."""
+        return float(self.prices.sum() * self.count)
+
+
+def evidence(pilot: xr.Dataset, names: list[str], accuracy: Accuracy) -> Evidence:
+    """Read off a pilot how much each rung misses, and what it costs.
+
+    Parameters
+    ----------
+    pilot
+        A cube with its costs, of any design that runs some of the rungs of `accuracy` at some points.
+    names
+        The factors of the study that is to be run.
+    accuracy
+        What is asked for.
+
+    Raises
+    ------
+    InputError
+        If the cube lacks a factor, a quantity or a rung, or the reference finished nowhere.
+    """
+    cells = {name: _column(pilot, name) for name in [*names, *accuracy.parameters]}
+    rung_of = np.full(pilot["outcome"].size, -1)
+    for number, rung in enumerate(accuracy.rungs):
+        rung_of[np.all([_equal(cells[name], value) for name, value in rung.values.items()], axis=0)] = number
+    ran = [number for number in range(len(accuracy.rungs)) if (rung_of == number).any()]
+    if len(ran) < 2:
+        raise InputError("the pilot ran less than two rungs of the ladder: nothing can be compared")
+    own = {name: cells[name] for name in names}
+    _, first, point_of = np.unique(normalised(own, own).round(12), axis=0, return_index=True, return_inverse=True)
+    table = np.full((first.size, len(ran)), -1)
+    for position, number in enumerate(ran):
+        chosen = np.flatnonzero(rung_of == number)
+        table[point_of[chosen], position] = chosen
+    rungs = tuple(accuracy.rungs[number] for number in ran)
+    found = [_errors(pilot, demand, table, accuracy.floor) for demand in accuracy.demands]
+    differences, numerical = (np.stack(parts, axis=-1) for parts in zip(*found, strict=True))
+    known = np.isfinite(differences[:, -1]).all(axis=1)
+    if not known.any():
+        raise InputError(f"the pilot's reference ({rungs[-1].label}) finished at no point: nothing can be compared")
+    columns = {name: column[first][known] for name, column in own.items()}
+    return Evidence(columns, rungs, differences[known], numerical[known], _prices(pilot, table, rungs))
+
+
+def _column(pilot: xr.Dataset, name: str) -> NDArray[Any]:
+    """A parameter in every cell of a cube, shape (cell,), whether it varies or all share it."""
+    if name in pilot.coords:
+        return np.asarray(xr.broadcast(pilot["outcome"], pilot[name])[1].values.reshape(-1))
+    fixed = json.loads(str(pilot.attrs.get("fixed_parameters", "{}")))
+    if name not in fixed:
+        known = near_match(name, [*(str(key) for key in pilot.coords), *fixed])
+        raise InputError(f"the pilot does not tell {name}, which the study varies or has chosen{known}")
+    return np.full(pilot["outcome"].size, fixed[name])
+
+
+def _equal(column: NDArray[Any], value: object) -> NDArray[np.bool_]:
+    if isinstance(value, str):
+        return np.asarray(column.astype(str) == value)
+    return np.isclose(column.astype(float), float(value), rtol=1e-9, atol=0)  # type: ignore[arg-type]
+
+
+def _errors(pilot: xr.Dataset, demand: Demand, table: NDArray[np.int64], floor: float) -> tuple[FloatArray, FloatArray]:
+    """Differences to the reference, shape (pilot point, rung), NaN where a run failed, and its numerical errors."""
+    values, largest = _cells(pilot, demand.output, demand)
+    numerical = np.zeros_like(values)
+    if demand.error in pilot:
+        numerical = np.nan_to_num(_cells(pilot, demand.error, demand)[0])
+    usable = (table >= 0) & (pilot["outcome"].values.reshape(-1)[table] == Outcome.FINISHED)
+    at, last = np.where(usable, values[table], np.nan), table[:, -1]
+    size = np.maximum(np.abs(at[:, -1]), floor * largest[last]) * demand.allowed
+    with np.errstate(invalid="ignore", divide="ignore"):
+        differences = np.clip((at - at[:, -1:]) / size[:, None], -HOPELESS, HOPELESS)
+        return differences, np.minimum(numerical[last] / size, HOPELESS)
+
+
+def _cells(pilot: xr.Dataset, name: str, demand: Demand) -> tuple[FloatArray, FloatArray]:
+    """A quantity in every cell, and the largest value beside it; shape (cell,)."""
+    if name not in pilot:
+        known = near_match(name, [str(key) for key in pilot.data_vars])
+        raise InputError(f"[accuracy]: {demand.name}: the pilot has no output {name}{known}")
+    rows = pilot[name].values.reshape(pilot["outcome"].size, -1)
+    if demand.label is None:
+        return rows[:, 0], np.abs(rows[:, 0])
+    labels = pilot[str(pilot[name].dims[-1])].values.tolist()
+    if demand.label not in labels:
+        raise InputError(f"[accuracy]: {demand.name}: {name} goes from {labels[0]} to {labels[-1]}")
+    rotating = [position for position, label in enumerate(labels) if label != 0]
+    return rows[:, labels.index(demand.label)], np.abs(rows[:, rotating]).max(axis=1)
+
+
+def _prices(pilot: xr.Dataset, table: NDArray[np.int64], rungs: tuple[Rung, ...]) -> FloatArray:
+    """Counted force evaluations, a mean over the pilot, times the recorded seconds of an evaluation."""
+    if "force_evaluations" not in pilot:
+        return np.array([rung.price for rung in rungs])
+    counted = np.where(table >= 0, pilot["force_evaluations"].values.reshape(-1)[table], np.nan)
+    return np.asarray(np.nanmean(counted, axis=0) * [rung.evaluation_seconds for rung in rungs])

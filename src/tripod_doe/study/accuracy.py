@@ -1,0 +1,161 @@
+"""What a study with model = "auto" asks for: which quantities, how accurate, how surely, at what price."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from tripod_doe.errors import InputError, near_match
+from tripod_doe.quantities import Rung
+from tripod_doe.study.simulator import Simulator
+
+__all__ = ["AUTO", "Accuracy", "Demand", "check_accuracy", "own_rungs"]
+
+AUTO = "auto"
+"""The word for a model that a pilot chooses, point by point."""
+
+_ERROR = "_error"  # an output NAME with a numerical error has it beside it as NAME_error
+
+
+@dataclass(frozen=True)
+class Demand:
+    """One quantity and its allowed relative error.
+
+    Attributes
+    ----------
+    name
+        As the study file writes it: an output, or an output with an order, as in thrust_amplitude_3.
+    output
+        Name of the output.
+    label
+        Where along the output's only dimension; None for a scalar.
+    allowed
+        Allowed relative error.
+    """
+
+    name: str
+    output: str
+    label: int | None
+    allowed: float
+
+    @property
+    def error(self) -> str:
+        """Name of the output that holds the numerical error of this one, where a simulator gives it."""
+        return self.output + _ERROR
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """The checked table [accuracy].
+
+    Attributes
+    ----------
+    demands
+        What is asked for.
+    confidence
+        Share of the points in which it must be met.
+    floor
+        A value below this share of the largest one beside it (a small order beside the third) is measured against that
+        share of it: relative to its own size, a vanishing order would ask for anything.
+    budget_cpu_s
+        Largest estimated price of pilot and study; None without.
+    rungs
+        What may be chosen, from the cheapest to the finest.
+    """
+
+    demands: tuple[Demand, ...]
+    confidence: float
+    floor: float
+    budget_cpu_s: float | None
+    rungs: tuple[Rung, ...]
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters that are chosen."""
+        return tuple(self.rungs[0].values)
+
+    @property
+    def least_points(self) -> int:
+        """Pilot points below which no choice can be as sure as asked: one miss too few to tell."""
+        return round(1 / (1 - self.confidence)) - 1
+
+
+def check_accuracy(
+    simulator: Simulator,
+    demands: Mapping[str, float],
+    confidence: float,
+    floor: float,
+    budget: float | None,
+    taken: Collection[str],
+) -> Accuracy:
+    """Check what an automatic choice is asked for.
+
+    Parameters
+    ----------
+    simulator
+        What is simulated.
+    demands
+        Allowed relative errors by quantity.
+    confidence, floor, budget
+        See `Accuracy`.
+    taken
+        Parameters that the study sets itself; the choice leaves them alone.
+
+    Raises
+    ------
+    InputError
+        If the simulator has one model only, nothing is asked for, or a quantity is unknown or has no size.
+    """
+    rungs = own_rungs(simulator.ladder, taken)
+    if len(rungs) < 2:
+        told = ", ".join(sorted(set(taken) & {n for rung in simulator.ladder for n in rung.values}))
+        why = f"the study sets {told} itself, so nothing is left to choose" if told else "it has one model"
+        raise InputError(f'[base]: model = "{AUTO}": {simulator.name}: {why}; name the model')
+    if not demands:
+        raise InputError("[accuracy]: name what must be accurate, for instance thrust_amplitude_3 = 0.03")
+    found = tuple(_demand(simulator, name, allowed) for name, allowed in demands.items())
+    return Accuracy(found, confidence, floor, budget, rungs)
+
+
+def own_rungs(ladder: Sequence[Rung], taken: Collection[str]) -> tuple[Rung, ...]:
+    """The rungs that a study can choose from: only what differs between them, and nothing that it sets itself.
+
+    A spare rung that would need another value of what the study sets is none for it; of rungs that then are alike, a
+    full one stays.
+    """
+    full = next((rung for rung in ladder if rung.full), ladder[-1]) if ladder else None
+    kept: dict[str, Rung] = {}
+    for rung in ladder:
+        own = {name: value for name, value in rung.values.items() if name not in taken}
+        if full and rung.spare and any(full.values[name] != rung.values[name] for name in rung.values.keys() - own):
+            continue
+        bare = replace(rung, values=own)
+        if bare.label not in kept or (bare.full and not kept[bare.label].full):
+            kept[bare.label] = bare
+    differ = {name for rung in kept.values() for name in rung.values if _varies(name, kept.values())}
+    return tuple(
+        replace(rung, values={name: value for name, value in rung.values.items() if name in differ})
+        for rung in kept.values()
+    )
+
+
+def _varies(name: str, rungs: Collection[Rung]) -> bool:
+    return len({rung.values[name] for rung in rungs}) > 1
+
+
+def _demand(simulator: Simulator, name: str, allowed: float) -> Demand:
+    if not 0 < allowed < 1:
+        raise InputError(f"[accuracy]: {name} = {allowed:g}: a relative error lies between 0 and 1")
+    output, _, label = name.rpartition("_")
+    if not simulator.outputs:  # those of a function are known when it has answered
+        return Demand(name, output, int(label), allowed) if label.isdigit() else Demand(name, name, None, allowed)
+    known = [key for key in simulator.outputs if key + _ERROR in simulator.outputs]
+    if label.isdigit() and output in known and len(simulator.outputs[output].dims) == 1:
+        return Demand(name, output, int(label), allowed)
+    examples = [f"{key}_{order}" for key in known for order in range(13)]
+    raise InputError(
+        f"[accuracy]: {name}: not a quantity with a known numerical error{near_match(name, examples)}"
+        if near_match(name, examples)
+        else f"[accuracy]: {name}: not a quantity with a known numerical error; write OUTPUT_ORDER with an output of "
+        f"{', '.join(known)}"
+    )

@@ -1,0 +1,104 @@
+"""The pilot of a study with model = "auto": a few of its own points, each on several rungs, as a study of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import tomlkit
+from numpy.typing import NDArray
+
+from tripod_doe.quantities import Rung
+from tripod_doe.results import Outcome
+from tripod_doe.study.accuracy import Accuracy
+from tripod_doe.study.definition import Study, parse_study
+from tripod_doe.study.designs import Points
+
+__all__ = ["normalised", "pilot_points", "pilot_study"]
+
+_POINTS_A_FACTOR = 4
+
+
+def pilot_points(study: Study, points: Points) -> NDArray[np.int64]:
+    """Indices of the points on which the rungs are compared: the middle of the design, then always the farthest point.
+
+    So the edges come early, and all other points lie between some. There are enough for the confidence that is asked
+    for, and four a factor and one more; none where that would be half of the study or more.
+    """
+    accuracy = study.accuracy
+    assert accuracy is not None
+    places = normalised(points.columns, points.columns)
+    usable = np.flatnonzero(points.allowed)
+    _, first = np.unique(places[usable], axis=0, return_index=True)
+    usable = usable[np.sort(first)]
+    wanted = max(accuracy.least_points, _POINTS_A_FACTOR * len(points.columns) + 1)
+    if 2 * wanted > usable.size:
+        return np.array([], np.int64)
+    chosen = [int(usable[np.argmin(((places[usable] - 0.5) ** 2).sum(axis=1))])]
+    distance = np.full(usable.size, np.inf)
+    while len(chosen) < wanted:
+        distance = np.minimum(distance, ((places[usable] - places[chosen[-1]]) ** 2).sum(axis=1))
+        chosen.append(int(usable[np.argmax(distance.round(12))]))  # rounded: equal distances are taken in order
+    return np.array(sorted(chosen))
+
+
+def normalised(columns: Mapping[str, NDArray[Any]], over: Mapping[str, NDArray[Any]]) -> NDArray[np.float64]:
+    """Points as places in a unit cube, shape (point, coordinate); a choice has one coordinate for each of its words.
+
+    Parameters
+    ----------
+    columns
+        Points, each column of shape (point,).
+    over
+        Points whose ranges and words span the cube.
+    """
+    places: list[NDArray[np.float64]] = []
+    for name, column in columns.items():
+        if over[name].dtype.kind in "OU":
+            words = sorted({str(word) for word in over[name]})
+            places += [(column.astype(str) == word).astype(float) for word in words]
+        else:
+            low, high = float(over[name].min()), float(over[name].max())
+            places.append((column - low) / (high - low) if high > low else np.zeros(column.size))
+    return np.stack(places, axis=1) if places else np.zeros((1, 0))
+
+
+def pilot_study(study: Study, points: Points, chosen: NDArray[np.int64], rungs: Sequence[Rung]) -> Study:
+    """The pilot: every chosen point with every rung. With more rungs it is the same study, grown."""
+    accuracy = study.accuracy
+    assert accuracy is not None
+    places = {name: column[chosen].tolist() for name, column in points.columns.items()}
+    ways = {name: [rung.values[name] for rung in rungs] for name in accuracy.parameters}
+    head, policy = study.file.study, study.file.run
+    content: dict[str, Any] = {
+        "study": {
+            "name": f"{head.name}: pilot",
+            "question": "How much does each rung of the ladder miss, and what does it cost?",
+            **({"function": head.function} if head.function else {"scene": head.scene}),
+        },
+        "base": dict(study.base),
+        "factors": {name: {"values": values} for name, values in (places | ways).items()},
+        "design": {
+            "kind": "product",
+            "of": ["points", "rungs"],
+            "points": {"kind": "zip", "factors": list(places)},
+            "rungs": {"kind": "zip", "factors": list(ways)},
+        },
+        "keep": {"outputs": _kept(study, accuracy)},
+        # a rung that fails is an answer
+        "run": {
+            "expected_outcomes": [outcome.label for outcome in Outcome if outcome is not Outcome.WORKER_LOST],
+            "exclusive": policy.exclusive,
+            **({"block": policy.block} if policy.block else {}),
+        },
+    }
+    return parse_study(tomlkit.dumps(content), f"{study.origin}: pilot", study.folder)
+
+
+def _kept(study: Study, accuracy: Accuracy) -> list[str]:
+    """The outputs that are asked for and their numerical errors; all of a function's, whose names are its own."""
+    if not study.simulator.outputs:
+        return []
+    wanted = {name for demand in accuracy.demands for name in (demand.output, demand.error)}
+    return [name for name in study.simulator.outputs if name in wanted]

@@ -1,0 +1,330 @@
+"""The retry ladder of a study: changes that are tried in order on points that failed, inside their own task.
+
+Every change is made on top of those before it, until the point finishes. A change of the model takes the model's own
+method, step and tolerance, a change of the method its own step and tolerance, unless the same change gives them: a
+step that was chosen for one method says nothing about another.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.errors import InputError, near_match
+from tripod_doe.quantities import Value, check_parameters
+from tripod_doe.results import BlockResult, Outcome, Retries, Values
+from tripod_doe.study.simulator import Simulator, column_of
+
+__all__ = [
+    "NO_LADDER",
+    "SMALLER_STEP",
+    "Change",
+    "Ladder",
+    "changed_parameters",
+    "check_ladder",
+    "simulate_with_retries",
+]
+
+SMALLER_STEP = "smaller-step"
+"""The change that halves the step or the tolerance that is in force."""
+
+_STEPS = ("step_s", "relative_tolerance")
+_FOLLOWERS = {"model": ("method", *_STEPS), "method": _STEPS}
+_NEVER_RETRIED = (Outcome.FINISHED, Outcome.NOT_APPLICABLE)
+
+
+@dataclass(frozen=True)
+class Change:
+    """One change of the ladder.
+
+    Attributes
+    ----------
+    values
+        Parameters to set; empty for a smaller step.
+    """
+
+    values: Mapping[str, Value]
+
+    @property
+    def label(self) -> str:
+        """The change as messages tell it."""
+        told = (
+            f"{name} = {value:g}" if isinstance(value, float) else f"{name} = {value}"
+            for name, value in self.values.items()
+        )
+        return ", ".join(told) or SMALLER_STEP
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """The changes of a study, and which outcomes they are tried on.
+
+    Attributes
+    ----------
+    changes
+        In the order in which they are tried.
+    accepted
+        Outcomes that a point may end with, without a retry.
+    """
+
+    changes: tuple[Change, ...] = ()
+    accepted: frozenset[int] = frozenset(_NEVER_RETRIED)
+
+
+NO_LADDER = Ladder()
+"""Of a study without retries."""
+
+
+def check_ladder(
+    simulator: Simulator,
+    base: Mapping[str, Value],
+    factors: Mapping[str, Sequence[Value]],
+    keep: Collection[str],
+    entries: Sequence[str | Mapping[str, Any]],
+    expected: Collection[str],
+    unknown: Collection[str] = (),
+) -> Ladder:
+    """Check a retry ladder before anything runs.
+
+    Parameters
+    ----------
+    simulator, base, keep
+        What is simulated, and the values that all points share.
+    factors
+        Values that each factor takes; none where it is sampled.
+    entries
+        The ladder as the study file gives it.
+    expected
+        Outcomes besides finished that do not count as failures.
+    unknown
+        Parameters whose values are known only from the points themselves.
+
+    Raises
+    ------
+    InputError
+        If a change is unknown, cannot be run, or makes no difference to any point.
+    """
+    changes = tuple(_change(simulator, entry) for entry in entries)
+    touched = {name for change in changes for name in change.values}
+    unsure = {name for name, levels in factors.items() if not levels} | set(unknown)
+    points = list(_kinds_of_points(simulator, base, factors, touched))
+    for change in changes:
+        told = f"retry: {change.label}"
+        after = [_changed(simulator, values, change) for values in points]
+        if not unsure & change.values.keys() and all(
+            new is None or simulator.effective(new) == simulator.effective(old)
+            for new, old in zip(after, points, strict=True)
+        ):
+            reason = "nothing here has a step or a tolerance" if not change.values else "it makes no difference"
+            raise InputError(f"{told}: {reason}; take it out")
+        points = [old if new is None else new for new, old in zip(after, points, strict=True)]
+        _check_runnable(simulator, points, factors, keep, told)
+    accepted = {*_NEVER_RETRIED, *(outcome for outcome in Outcome if outcome.label in expected)}
+    return Ladder(changes, frozenset(int(outcome) for outcome in accepted))
+
+
+def _change(simulator: Simulator, entry: str | Mapping[str, Any]) -> Change:
+    if isinstance(entry, str):
+        if entry != SMALLER_STEP:
+            raise InputError(
+                f'retry: {entry!r}: write "{SMALLER_STEP}" or a table, for instance {{ model = "rollers" }}'
+                + near_match(entry, [SMALLER_STEP])
+            )
+        return Change({})
+    if not entry:
+        raise InputError("retry: {}: an empty table changes nothing; give a parameter and its value")
+    try:
+        return Change(check_parameters(simulator.parameters, entry))
+    except InputError as error:
+        raise InputError(f"retry: {error}") from error
+
+
+def _kinds_of_points(
+    simulator: Simulator, base: Mapping[str, Value], factors: Mapping[str, Sequence[Value]], touched: Collection[str]
+) -> Iterator[dict[str, Value]]:
+    """One set of values for each way in which a ladder can meet the points of a study."""
+    varied = {
+        name: levels
+        for name, levels in factors.items()
+        if levels and (name in touched or name in _FOLLOWERS or name in _STEPS)
+    }
+    for values in itertools.product(*varied.values()):
+        yield {**base, **dict(zip(varied, values, strict=True))}
+
+
+def _check_runnable(
+    simulator: Simulator,
+    points: Sequence[Mapping[str, Value]],
+    factors: Mapping[str, Sequence[Value]],
+    keep: Collection[str],
+    told: str,
+) -> None:
+    """Refuse a change that no point could be run with."""
+    reasons = []
+    for values in points:
+        others = {name: levels for name, levels in factors.items() if name not in values}
+        try:
+            simulator.check({name: value for name, value in values.items() if value is not None}, others, keep)
+        except InputError as error:
+            reasons.append(error)
+        else:
+            return
+    raise InputError(f"{told}: {reasons[0]}") from reasons[0]
+
+
+def _changed(simulator: Simulator, values: Mapping[str, Value], change: Change) -> dict[str, Value] | None:
+    """The values of a point after a change; None where it has no step or tolerance to be halved."""
+    new, full = dict(values), simulator.effective(values)
+    if change.values:
+        for cause, followers in _FOLLOWERS.items():
+            if change.values.get(cause, full.get(cause)) != full.get(cause):
+                own = [name for name in followers if _is_numerics(simulator, name)]
+                new |= {name: simulator.parameters[name].default for name in own}
+        return {**new, **change.values}
+    for name in _STEPS:
+        value = full.get(name)
+        if value is not None:
+            half = float(value) / 2
+            return None if half < simulator.parameters[name].low else new | {name: half}
+    return None
+
+
+def _is_numerics(simulator: Simulator, name: str) -> bool:
+    parameter = simulator.parameters.get(name)
+    return parameter is not None and parameter.group == "numerics"
+
+
+def changed_parameters(simulator: Simulator, ladder: Ladder) -> tuple[str, ...]:
+    """Names of the parameters that a ladder may change, in the order of the simulator's."""
+    touched = {name for change in ladder.changes for name in change.values}
+    for cause in touched & _FOLLOWERS.keys():
+        touched = touched | {name for name in _FOLLOWERS[cause] if _is_numerics(simulator, name)}
+    if any(not change.values for change in ladder.changes):
+        touched = touched | set(_STEPS)
+    return tuple(name for name in simulator.parameters if name in touched)
+
+
+def simulate_with_retries(
+    simulator: Simulator, points: Mapping[str, NDArray[Any]], keep: Collection[str], ladder: Ladder
+) -> tuple[BlockResult, float, float]:
+    """Simulate a block, and each of its points that failed again with one change more, until it finishes.
+
+    Returns
+    -------
+    result : BlockResult
+        With `Retries` where there is a ladder. Steps and evaluations are those of all attempts. A point that no change
+        helps keeps its first outcome; its detail tells the whole history.
+    cpu_seconds, wall_seconds : float
+        Of all attempts; compilation is not counted.
+    """
+    result, cpu, wall = _timed(simulator, points, keep)
+    if not ladder.changes:
+        return result, cpu, wall
+    history = _History(simulator, points, result, ladder)
+    for change in ladder.changes:
+        rows, columns = history.next_attempt(change)
+        if rows.size:
+            again, more_cpu, more_wall = _timed(simulator, columns, keep)
+            history.record(change, rows, again)
+            cpu, wall = cpu + more_cpu, wall + more_wall
+    return history.outcome(), cpu, wall
+
+
+def _timed(
+    simulator: Simulator, points: Mapping[str, NDArray[Any]], keep: Collection[str]
+) -> tuple[BlockResult, float, float]:
+    simulator.prepare(points)
+    wall, cpu = time.perf_counter(), time.thread_time()
+    result = simulator.simulate(points, keep)
+    return result, time.thread_time() - cpu, time.perf_counter() - wall
+
+
+class _History:
+    """What became of a block so far: its results, and the values that each point was last tried with."""
+
+    def __init__(
+        self, simulator: Simulator, points: Mapping[str, NDArray[Any]], first: BlockResult, ladder: Ladder
+    ) -> None:
+        self._simulator, self._ladder = simulator, ladder
+        self._first, self._points = first, points
+        self._count = first.outcome.size
+        self._waiting = ~np.isin(first.outcome, list(ladder.accepted))
+        self._values = {row: self._given(row) for row in np.flatnonzero(self._waiting).tolist()}
+        self._attempt = np.zeros(self._count, np.int8)
+        self._story = list(first.detail)
+        self._outcome = first.outcome.copy()
+        self._steps, self._evaluations = first.steps.copy(), first.force_evaluations.copy()
+        self._seconds = first.simulated_seconds.copy()
+        self._outputs = dict(first.outputs)
+        self._coordinates = dict(first.coordinates)
+
+    def _given(self, row: int) -> dict[str, Value]:
+        """The values of a point that are set."""
+        values = {name: column[row : row + 1].tolist()[0] for name, column in self._points.items()}
+        return {name: value for name, value in values.items() if value is not None and value == value}
+
+    def next_attempt(self, change: Change) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
+        """Rows that a change is tried on, and all their parameters with it; a change that gives the same is no try."""
+        rows = []
+        for row in np.flatnonzero(self._waiting).tolist():
+            self._attempt[row] += 1
+            new = _changed(self._simulator, self._values[row], change)
+            if new is None or self._simulator.effective(new) == self._simulator.effective(self._values[row]):
+                continue
+            self._values[row] = new
+            rows.append(row)
+        columns = {
+            name: column_of(parameter, [self._values[row].get(name) for row in rows])
+            for name, parameter in self._simulator.parameters.items()
+        }
+        return np.array(rows, np.int64), columns
+
+    def record(self, change: Change, rows: NDArray[np.int64], again: BlockResult) -> None:
+        """Add the work of an attempt, and take its results where it finished."""
+        self._steps[rows] += again.steps
+        self._evaluations[rows] += again.force_evaluations
+        followed = np.stack([self._seconds[rows], again.simulated_seconds])
+        self._seconds[rows] = np.where(np.isnan(followed).all(axis=0), np.nan, np.nansum(followed, axis=0))
+        helped = again.outcome == Outcome.FINISHED
+        for name, values in again.outputs.items():
+            old = self._outputs.get(name)
+            data = np.full((self._count, *values.data.shape[1:]), np.nan) if old is None else old.data.copy()
+            data[rows[helped]] = values.data[helped]
+            self._outputs[name] = Values(values.dims, data)
+        self._coordinates = again.coordinates | self._coordinates
+        self._outcome[rows[helped]] = Outcome.FINISHED
+        self._waiting[rows[helped]] = False
+        for row, outcome, detail in zip(rows, again.outcome, again.detail, strict=True):
+            self._story[row] += f"; then {change.label}: {Outcome(int(outcome)).label} {detail}".rstrip()
+
+    def outcome(self) -> BlockResult:
+        """The block with all its attempts."""
+        names = changed_parameters(self._simulator, self._ladder)
+        used: dict[str, list[Value]] = {name: [] for name in names}
+        for row in range(self._count):
+            solved = row in self._values and not self._waiting[row]
+            full = self._simulator.effective(self._values[row] if solved else self._given(row))
+            for name in names:
+                used[name].append(full[name])
+        columns = {name: column_of(self._simulator.parameters[name], values) for name, values in used.items()}
+        retries = Retries(self._attempt, self._first.outcome, list(self._first.detail), {
+            name: np.array(["" if value is None else value for value in column], dtype=str)
+            if column.dtype == object
+            else column.astype(float)
+            for name, column in columns.items()
+        })  # fmt: skip
+        detail = [
+            "" if outcome == Outcome.FINISHED else story
+            for outcome, story in zip(self._outcome, self._story, strict=True)
+        ]
+        return replace(
+            self._first, outputs=self._outputs, coordinates=self._coordinates, outcome=self._outcome, detail=detail,
+            steps=self._steps, force_evaluations=self._evaluations, simulated_seconds=self._seconds,
+            retries=retries,
+        )  # fmt: skip

@@ -1,0 +1,250 @@
+"""The choice of model of a study with model = "auto": pilot, evidence, choice, frozen in the result directory.
+
+The pilot starts with the cheap rungs and the full model. It grows by a finer tolerance where the full model's own
+numerical error is above the accuracy at more points than the confidence allows, and by a spare rung where that could
+save more than it costs. Each time it is the same study, grown: nothing that ran is run again.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.analysis.choice import choose, without_pilot
+from tripod_doe.analysis.pilot_evidence import Evidence, evidence
+from tripod_doe.errors import InputError
+from tripod_doe.quantities import Rung
+from tripod_doe.study.accuracy import Accuracy
+from tripod_doe.study.cube import open_cube, read_dataset, stamp_history, write_dataset
+from tripod_doe.study.definition import Study
+from tripod_doe.study.designs import Points, make_points, point_keys
+from tripod_doe.study.pilot import pilot_points, pilot_study
+from tripod_doe.study.simulator import column_of
+
+__all__ = ["chosen_keys", "chosen_points", "describe_choice", "frozen_choice", "make_choice", "pilot_price"]
+
+_CHOICE, _PILOT = "choice.nc", "pilot"
+
+
+def make_choice(
+    study: Study, points: Points, directory: Path, run_pilot: Callable[[Study, Path], object]
+) -> xr.Dataset:
+    """The choice for all points of a study: the frozen one where there is one, else from a pilot that is run now.
+
+    Parameters
+    ----------
+    study, points
+        A study with model = "auto".
+    directory
+        Its result directory: the pilot lies in pilot/, the choice in choice.nc.
+    run_pilot
+        Runs what is missing of a pilot in a directory.
+
+    Raises
+    ------
+    InputError
+        If the choice costs more than the budget, or is frozen for another accuracy.
+    """
+    accuracy = _accuracy(study)
+    usable = {name: column[points.allowed] for name, column in points.columns.items()}
+    keys = _key_texts(study, points)[points.allowed]
+    frozen = frozen_choice(study, directory)
+    if frozen is not None and set(keys) <= set(frozen["point_key"].values.tolist()):
+        return frozen
+    places = pilot_points(study, points)
+    if frozen is None and places.size:
+        _check_budget(study, pilot_price(study, places.size), "the pilot alone")
+        choice = _piloted(study, points, places, usable, directory / _PILOT, run_pilot)
+    elif frozen is not None and (directory / _PILOT / "cube.nc").exists():  # the study grew
+        choice = choose(evidence(open_cube(directory / _PILOT), list(usable), accuracy), usable, accuracy)
+    else:
+        choice = without_pilot(usable, accuracy)
+    choice = choice.assign_coords(point_key=("point", keys, {"long_name": "fingerprint of the point"}))
+    if frozen is not None:
+        choice = _with_frozen(choice, frozen)
+    price = choice.attrs["price_pilot_s"] + choice.attrs["price_study_s"]
+    _check_budget(study, price, "pilot and study")
+    attrs = {
+        "Conventions": "CF-1.8",
+        "title": f"{study.file.study.name}: choice of model",
+        "institution": "tripod_doe",
+        "source": f"pilot with simulator {study.simulator.name}",
+        "references": "Angelopoulos et al., Conformal risk control, ICLR 2024",
+    }
+    write_dataset(stamp_history(choice.assign_attrs(attrs), "tripod-doe run: model chosen"), directory / _CHOICE)
+    return choice
+
+
+def _accuracy(study: Study) -> Accuracy:
+    assert study.accuracy is not None
+    return study.accuracy
+
+
+def _piloted(
+    study: Study,
+    points: Points,
+    places: NDArray[np.int64],
+    usable: dict[str, NDArray[np.float64]],
+    directory: Path,
+    run_pilot: Callable[[Study, Path], object],
+) -> xr.Dataset:
+    """Run the pilot, and let it grow as long as that could pay."""
+    accuracy = _accuracy(study)
+    rungs = first_rungs(accuracy)
+    while True:
+        run_pilot(pilot_study(study, points, places, rungs), directory)
+        found = evidence(open_cube(directory), list(usable), accuracy)
+        choice = choose(found, usable, accuracy)
+        more = _next_rung(found, choice, accuracy, rungs)
+        if more is None:
+            return choice
+        rungs = [*rungs, more]
+
+
+def first_rungs(accuracy: Accuracy) -> list[Rung]:
+    """What a pilot starts with: all up to the full model, without the spare ones."""
+    full = [number for number, rung in enumerate(accuracy.rungs) if rung.full]
+    last = full[0] if full else len(accuracy.rungs) - 1
+    return [rung for number, rung in enumerate(accuracy.rungs[: last + 1]) if not rung.spare or number == last]
+
+
+def _next_rung(found: Evidence, choice: xr.Dataset, accuracy: Accuracy, tried: list[Rung]) -> Rung | None:
+    """What the pilot should run besides, None if nothing."""
+    count = found.worst.shape[0]
+    unsure = (found.worst[:, -1] > 1).mean() > 1 - accuracy.confidence
+    finest = accuracy.rungs.index(found.rungs[-1])
+    if unsure and finest + 1 < len(accuracy.rungs):
+        return accuracy.rungs[finest + 1]
+    paid = found.prices[choice["rung"].values]
+    for rung in accuracy.rungs[:finest]:
+        saving = float(np.maximum(paid - rung.price, 0).sum())
+        if rung not in tried and saving > rung.price * count:
+            return rung
+    return None
+
+
+def _with_frozen(choice: xr.Dataset, frozen: xr.Dataset) -> xr.Dataset:
+    """A choice in which the points that were chosen for before keep what they had."""
+    known = {key: row for row, key in enumerate(frozen["point_key"].values.tolist())}
+    rows = [known.get(key, -1) for key in choice["point_key"].values.tolist()]
+    new, old = np.flatnonzero(np.array(rows) < 0), [row for row in rows if row >= 0]
+    along = [name for name in choice.variables if "point" in choice[name].dims]
+    joined = xr.concat([frozen[along].isel(point=old), choice[along].isel(point=new)], "point", join="override")
+    rest = choice.drop_dims("point")
+    price = float(choice["price"].values[joined["rung"].values].sum())
+    return xr.merge([rest, joined], combine_attrs="override").assign_attrs(choice.attrs | {"price_study_s": price})
+
+
+def frozen_choice(study: Study, directory: Path) -> xr.Dataset | None:
+    """The choice that a directory holds, None where there is none.
+
+    Raises
+    ------
+    InputError
+        If it was made for another accuracy.
+    """
+    if not (directory / _CHOICE).exists():
+        return None
+    frozen, accuracy = read_dataset(directory / _CHOICE), _accuracy(study)
+    old = json.loads(frozen.attrs["accuracy"]) | {key: frozen.attrs[key] for key in ("confidence", "floor")}
+    new: dict[str, float] = {demand.name: demand.allowed for demand in accuracy.demands}
+    new |= {"confidence": accuracy.confidence, "floor": accuracy.floor}
+    told = [
+        f"  accuracy.{key}: {old.get(key, 'not set')} -> {new.get(key, 'not set')}"
+        for key in sorted(old.keys() | new.keys())
+        if old.get(key) != new.get(key)
+    ]
+    if told:
+        raise InputError(
+            f"{study.origin}: the model was chosen in {directory} for another accuracy; choose another --out, or take "
+            "back\n" + "\n".join(told)
+        )
+    return frozen
+
+
+def chosen_keys(study: Study, directory: Path) -> NDArray[np.void]:
+    """Fingerprints of the points for which a model is chosen already."""
+    frozen = frozen_choice(study, directory)
+    keys = [] if frozen is None else frozen["point_key"].values.tolist()
+    return np.frombuffer(b"".join(bytes.fromhex(key) for key in keys), dtype="V16")
+
+
+def chosen_points(study: Study, points: Points, choice: xr.Dataset) -> Points:
+    """The points with what was chosen for each."""
+    rows = {key: row for row, key in enumerate(choice["point_key"].values.tolist())}
+    at = np.array([rows.get(key, 0) for key in _key_texts(study, points).tolist()])
+    chosen = {}
+    for name in _accuracy(study).parameters:
+        chosen[name] = column_of(study.simulator.parameters[name], choice[name].values[at].tolist())
+    names = [str(name) for name in choice["quantity"].values]
+    errors = {name: choice["error_estimate"].values[at, k] for k, name in enumerate(names)}
+    return replace(points, chosen=chosen, error_estimate=errors, accuracy_met=choice["accuracy_met"].values[at])
+
+
+def _key_texts(study: Study, points: Points) -> NDArray[np.str_]:
+    """Fingerprints of the points before anything is chosen, as text."""
+    return np.array([key.tobytes().hex() for key in point_keys(study, replace(points, chosen={}))])
+
+
+def pilot_price(study: Study, count: int) -> float:
+    """CPU seconds of the first stage of a pilot, from recorded work."""
+    return count * sum(rung.price for rung in first_rungs(_accuracy(study)))
+
+
+def _check_budget(study: Study, price: float, what: str) -> None:
+    budget = _accuracy(study).budget_cpu_s
+    if budget is not None and price > budget:
+        raise InputError(
+            f"{study.origin}: [accuracy]: budget_cpu_s = {budget:g}: {what} would take about {price:.3g} CPU seconds; "
+            "raise it, allow a larger error, or take fewer points"
+        )
+
+
+def describe_choice(study: Study, directory: Path | None) -> str:
+    """What is known of the choice, for `plan`: the price of the pilot, or the choice with its evidence and price."""
+    accuracy, points = _accuracy(study), make_points(study)
+    choice = frozen_choice(study, directory) if directory else None
+    if choice is None:
+        count = pilot_points(study, points).size
+        if not count:
+            return "choice       too few points for a pilot: the full model everywhere"
+        rungs = first_rungs(accuracy)
+        usual = accuracy.rungs.index(rungs[-1])
+        return "\n".join([
+            f"pilot        {count} points on {len(rungs)} rungs, about {pilot_price(study, count):.3g} CPU s; may grow",
+            f"study        at most {points.count * accuracy.rungs[usual].price:,.4g} CPU s, with {rungs[-1].label}",
+            *(f"rung         {rung.label}: {rung.price:.2g} CPU s a run" for rung in rungs),
+        ])  # fmt: skip
+    return "\n".join(_told(choice))
+
+
+def _told(choice: xr.Dataset) -> list[str]:
+    """A choice in lines: what it takes, what each rung missed in the pilot, and what it costs."""
+    attrs, pilot = choice.attrs, choice.sizes["pilot_point"]
+    lines = [
+        f"choice       from {pilot} pilot points; an interpolated error up to {attrs['limit']:.0%} of the allowed one "
+        f"is trusted, which misses {attrs['misses']} of them left out in turn"
+    ]
+    for number, label in enumerate(choice["rung_label"].values):
+        row = choice.isel(rung_number=number)
+        found = row["pilot_error"].max("pilot_point") if pilot else row["pilot_error"].sum("pilot_point")
+        errors = ", ".join(f"{name} up to {float(e):.2g}" for name, e in zip(
+            choice["quantity"].values, found.values, strict=True))  # fmt: skip
+        lines.append(
+            f"rung         {label}: {int(row['points_of_rung']):,} points, {float(row['price']):.2g} CPU s a run; "
+            f"missed {errors}"
+        )
+    unmet = int((choice["accuracy_met"] == 0).sum())
+    lines.append(f"price        {attrs['price_study_s']:.3g} CPU s, and {attrs['price_pilot_s']:.3g} for the pilot; "
+                 f"{attrs['price_reference_s']:.4g} with the last rung everywhere")  # fmt: skip
+    if unmet:
+        lines.append(
+            f"warning      {unmet:,} points are not expected to meet the accuracy: the finest rung is not enough"
+        )
+    return lines

@@ -1,0 +1,295 @@
+"""Studies with model = "auto": pilot, frozen choice, study; and the same as a chain of steps."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+import uuid
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import tripod_doe as td
+from tripod_doe.cli import main
+from tripod_doe.study.designs import make_points
+from tripod_doe.study.execution import local_workers
+from tripod_doe.study.pilot import pilot_points, pilot_study
+from tripod_doe.workflow.choice import describe_choice, first_rungs
+
+WAVE = """
+import os, time
+from tripod_doe.quantities import Rung
+def wave(x, z=0.0, model=3, slow=0.0):
+    with open(os.path.join(os.path.dirname(__file__), "log"), "a") as log:
+        log.write(f"{x} {z} {model}\\n")
+    time.sleep(slow)
+    miss = {0: 0.002 + (0.2 if x > 0.5 else 0.0), 1: 0.01, 2: 0.0, 3: 0.0}[int(model)]
+    return {"y": (10 + x) * (1 + miss), "y_error": (10 + x) * (0.02 if model == 2 else 0.001)}
+wave.ladder = (
+    Rung({"model": 0}, 1e-6, 1), Rung({"model": 1}, 1e-3, 1, spare=True),
+    Rung({"model": 2}, 1.0, 1, full=True), Rung({"model": 3}, 3.0, 1, full=True),
+)
+"""
+STUDY = """
+[study]
+name = "wave"
+function = "wave:wave"
+[base]
+model = "auto"
+[factors]
+x = {low = 0, high = 1, count = 11}
+z = {values = [0, 1, 2]}
+[accuracy]
+y = 0.03
+"""
+JOINT = """
+[study]
+name = "joint"
+[base]
+model = "auto"
+[factors]
+joint_angle_deg = {low = 5, high = 12, count = 20}
+[keep]
+outputs = ["thrust_amplitude"]
+[accuracy]
+thrust_amplitude_3 = 0.04
+confidence = 0.75
+"""
+
+
+class Bench:
+    """A folder with a function of four rungs, which logs its calls, and studies of it."""
+
+    def __init__(self, folder: Path, scheduler: str) -> None:
+        self.folder, self.scheduler = folder, scheduler
+        self.module = f"wave_{uuid.uuid4().hex}"  # the workers of all tests are the same, and import a name once
+        (folder / f"{self.module}.py").write_text(WAVE)
+
+    def write(self, text: str, name: str = "study.toml") -> Path:
+        path = self.folder / name
+        path.write_text(text.replace("wave:wave", f"{self.module}:wave"))
+        return path
+
+    def run(self, text: str, out: str = "out"):
+        return td.run(self.write(text), self.folder / out, scheduler=self.scheduler, progress=False)
+
+    def calls(self) -> list[str]:
+        log = self.folder / "log"
+        return log.read_text().splitlines() if log.exists() else []
+
+
+@pytest.fixture(scope="module")
+def scheduler():
+    with local_workers(1) as address:
+        yield address
+
+
+@pytest.fixture
+def wave(tmp_path, monkeypatch, scheduler):
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    return Bench(tmp_path, scheduler)
+
+
+def test_a_study_runs_on_the_rungs_that_its_pilot_chose(wave):
+    assert wave.run(STUDY).good
+    cube, choice = td.open_cube(wave.folder / "out"), xr.open_dataset(wave.folder / "out" / "choice.nc").load()
+    assert cube["y"].dims == ("x", "z")
+    exact = 10 + cube["x"]
+    assert float((abs(cube["y"] - exact) <= 0.03 * exact).mean()) >= 0.9
+    assert set(np.unique(cube["model_used"])) == {0, 1}  # the spare rung paid, the full model was not needed
+    assert np.array_equal(cube["model_used"].values.ravel(), choice["model"].values)
+    assert (cube["accuracy_met"] == 1).all()
+    assert (cube["y_error_estimate"] <= 0.03).all()
+    assert "model" not in cube.attrs["fixed_parameters"]
+    log = wave.calls()
+    assert len(log) == 33 + 9 * 3  # three rungs at nine pilot points
+
+    again = wave.run(STUDY)
+    assert (again.computed, again.reused) == (0, 33)
+    assert wave.calls() == log
+
+    grown = wave.run(STUDY.replace("[0, 1, 2]", "[0, 1, 2, 3]"))
+    assert (grown.computed, grown.reused) == (11, 33)
+    assert len(wave.calls()) == len(log) + 11  # no further pilot
+    old = td.open_cube(wave.folder / "out").sel(z=[0, 1, 2])
+    xr.testing.assert_equal(old["model_used"], cube["model_used"])
+
+    before = (wave.folder / "out" / "choice.nc").read_bytes()
+    for change, told in (
+        (("y = 0.03", "y = 0.02"), r"accuracy\.y: 0\.03 -> 0\.02"),
+        (('model = "auto"', 'model = "auto"\nslow = 0.001'), r"base\.slow: not set -> 0\.001"),
+    ):
+        with pytest.raises(td.InputError, match=told):
+            wave.run(STUDY.replace("[0, 1, 2]", "[0, 1, 2, 3]").replace(*change))
+    assert (wave.folder / "out" / "choice.nc").read_bytes() == before
+
+
+def test_the_pilot_takes_a_finer_tolerance_where_the_full_model_is_not_accurate_enough(wave):
+    """Model 2 is 2 % off by its own estimate: not enough for 1 %, so model 3 is the reference."""
+    text = STUDY.replace("y = 0.03", "y = 0.012")
+    assert [rung.values["model"] for rung in first_rungs(td.load_study(wave.write(text)).accuracy)] == [0, 2]
+    assert wave.run(text).good
+    choice = xr.open_dataset(wave.folder / "out" / "choice.nc").load()
+    assert choice["rung_label"].values[-1] == "model = 3"
+    assert (choice["accuracy_met"] == 1).all()
+
+
+def test_a_kill_in_the_pilot_loses_nothing_and_changes_nothing(wave):
+    text = STUDY.replace('model = "auto"', 'model = "auto"\nslow = 0.1') + "[run]\nblock = 1\n"
+    program, out = Path(sys.executable).with_name("tripod-doe"), wave.folder / "killed"
+    command = [str(program), "run", str(wave.write(text)), "--out", str(out)]
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and len(wave.calls()) < 8:
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    assert not (out / "choice.nc").exists()
+    assert wave.run(text, "killed").good
+    assert len(wave.calls()) <= 33 + 3 * 9 + 4  # lost: what was at work in the two processes, and what waited
+    assert wave.run(text, "whole").good
+    killed, whole = (td.open_cube(wave.folder / name)[["y", "model_used"]] for name in ("killed", "whole"))
+    xr.testing.assert_equal(killed, whole)
+
+
+def test_pilot_points_are_the_same_each_time_and_reach_the_edges(wave):
+    study = td.load_study(wave.write(STUDY))
+    points = make_points(study)
+    chosen = pilot_points(study, points)
+    assert np.array_equal(chosen, pilot_points(study, points))
+    places = {(float(points.columns["x"][i]), float(points.columns["z"][i])) for i in chosen}
+    assert {(0, 0), (0, 2), (1, 0), (1, 2), (0.5, 1)} <= places
+    pilot = pilot_study(study, points, chosen, study.accuracy.rungs[:2])
+    assert make_points(pilot).count == 2 * chosen.size
+
+
+def test_plan_tells_the_price_before_and_the_choice_after(wave, capsys):
+    study = wave.write(STUDY)
+    assert main(["plan", str(study), "--out", str(wave.folder / "out")]) == 0
+    before = capsys.readouterr().out
+    assert "9 points on 2 rungs, about 9 CPU s" in before
+    assert "price        follows from the choice" in before
+    wave.run(STUDY)
+    assert main(["plan", str(study), "--out", str(wave.folder / "out")]) == 0
+    after = capsys.readouterr().out
+    assert "from 9 pilot points" in after
+    assert "model = 1" in after
+    assert "99 with the last rung" not in before
+    assert describe_choice(td.load_study(study), wave.folder / "out") in after
+
+
+def test_a_budget_that_is_too_small_stops_before_the_study(wave):
+    with pytest.raises(td.InputError, match=r"budget_cpu_s = 5: the pilot alone would take about 9"):
+        wave.run(STUDY + "budget_cpu_s = 5\n")
+    assert wave.calls() == []
+    with pytest.raises(td.InputError, match=r"budget_cpu_s = 60: pilot and study would take about 69 CPU"):
+        wave.run(STUDY.replace("y = 0.03", "y = 0.0015") + "budget_cpu_s = 60\n")
+    assert not (wave.folder / "out" / "choice.nc").exists()
+
+
+def test_a_study_of_few_points_runs_the_full_model_without_a_pilot(wave):
+    assert wave.run(STUDY.replace("count = 11", "count = 3")).good
+    cube = td.open_cube(wave.folder / "out")
+    assert (cube["model_used"] == 2).all()
+    assert (cube["accuracy_met"] == -1).all()
+    assert not (wave.folder / "out" / "pilot").exists()
+
+
+def test_what_a_study_sets_itself_is_not_chosen(write_study):
+    own = td.load_study(
+        write_study(JOINT.replace("[factors]", "needle_count = 19\nrelative_tolerance = 1e-3\n[factors]"))
+    )
+    assert own.accuracy.parameters == ("model",)
+    assert [rung.label for rung in own.accuracy.rungs] == [
+        f"model = {name}" for name in ("equilibrium", "rollers", "needles")
+    ]
+    assert own.accuracy.rungs[-1].full
+
+
+def test_the_joint_chooses_its_cheapest_model_where_that_is_enough(write_study, tmp_path, scheduler):
+    """4 % on the third order: the balance of forces is within 3 % of the full model from 5 to 15 deg."""
+    assert td.run(write_study(JOINT), tmp_path / "out", scheduler=scheduler, progress=False).good
+    cube = td.open_cube(tmp_path / "out")
+    words = dict(zip(cube["model_used"].flag_values, cube["model_used"].flag_meanings.split(), strict=True))
+    used = [words[flag] for flag in cube["model_used"].values]
+    assert used.count("equilibrium") >= 15
+    at = used.index("equilibrium")
+    alone = td.simulate(joint_angle_deg=float(cube["joint_angle_deg"][at]))
+    assert np.array_equal(cube["thrust_amplitude"].values[at], alone["thrust_amplitude"].values)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("thrust_amplitude_3 =", "thrust_amplitud_3 =", r"\[accuracy\]: thrust_amplitud_3.*did you mean 'thrust_amplitude_3'"),
+        ("thrust_amplitude_3 =", "energy_residual =", r"\[accuracy\]: energy_residual: not a quantity with a known numerical error"),
+        ("= 0.04", "= 4", r"thrust_amplitude_3 = 4: a relative error lies between 0 and 1"),
+        ("= 0.04", '= "small"', r"\[accuracy\]: thrust_amplitude_3 = 'small'"),
+        ("thrust_amplitude_3 = 0.04\n", "", r"\[accuracy\]: name what must be accurate"),
+        ('model = "auto"', 'model = "rollers"', r'nothing is chosen here; set model = "auto"'),
+        ("confidence = 0.75", "confidence = 1.5", r"\[accuracy\]: confidence = 1.5"),
+        ('model = "auto"', 'model = "autos"', r"model = 'autos'"),
+        (
+            'name = "joint"',
+            'name = "plates"\nscene = "needle-between-plates"',
+            r'model = "auto": needle-between-plates: it has one model; name the model',
+        ),
+    ],
+)  # fmt: skip
+def test_bad_requests_are_refused_before_anything_runs(write_study, old, new, told):
+    text = JOINT.replace(old, new).replace("joint_angle_deg", "load_n" if "plates" in new else "joint_angle_deg")
+    text = text.replace('outputs = ["thrust_amplitude"]', "" if "plates" in new else 'outputs = ["thrust_amplitude"]')
+    with pytest.raises(td.InputError, match=told):
+        td.load_study(write_study(text))
+
+
+CHAIN = """
+[workflow]
+name = "Choose"
+[steps.pilot]
+kind = "study"
+study = "pilot.toml"
+[steps.choice]
+kind = "choose"
+inputs = ["pilot"]
+settings = { study = "study.toml" }
+[steps.map]
+kind = "study"
+study = "study.toml"
+inputs = ["choice"]
+table = "choice"
+"""
+PILOT = """
+[study]
+name = "pilot"
+function = "wave:wave"
+[factors]
+x = {low = 0, high = 1, count = 9}
+z = {values = [0, 2]}
+model = {values = [0, 1, 2]}
+"""
+
+
+def test_a_chain_chooses_from_a_pilot_of_its_own(wave):
+    wave.write(STUDY)
+    wave.write(PILOT, "pilot.toml")
+    chain = wave.write(CHAIN, "chain.toml")
+    done = td.run_workflow(chain, wave.folder / "out", progress=False)
+    assert done.good, done.steps
+    cube = td.open_cube(wave.folder / "out" / "steps" / "map")
+    assert set(np.unique(cube["model"])) == {0, 1}
+    assert cube.sizes["point"] == 33
+    assert [step.state for step in td.run_workflow(chain, wave.folder / "out", progress=False).steps] == ["reused"] * 3
+    with pytest.raises(td.InputError, match=r"\[steps\.map\]: table = 'pilots': not one of its inputs"):
+        td.run_workflow(
+            wave.write(CHAIN.replace('table = "choice"', 'table = "pilots"'), "bad.toml"), wave.folder / "out"
+        )
+    lame = CHAIN.replace('settings = { study = "study.toml" }', 'settings = { study = "pilot.toml" }')
+    bad = td.run_workflow(wave.write(lame, "lame.toml"), wave.folder / "lame", progress=False)
+    assert [step.state for step in bad.steps] == ["finished", "failed", "blocked"]
+    assert "it names its model" in bad.steps[1].detail
