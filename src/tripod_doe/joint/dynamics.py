@@ -228,7 +228,8 @@ def finer_thrust(assembly: Assembly, again: Run) -> FloatArray:
 def amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, method: Method) -> FloatArray:
     """Numerical error of every order from what half the steps change in a revolution, shape (order,).
 
-    What it changes at orders that three equal trunnions do not make is rattling, and counts for every order.
+    What they change at orders that three equal trunnions do not make is rattling, of which both runs are a sample, at
+    every order: no order is known better than that.
 
     Parameters
     ----------
@@ -242,9 +243,9 @@ def amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, method:
     """
     if finer.size < samples:
         return np.full(ORDERS.size, np.nan)
-    orders = np.abs(complex_amplitudes(thrust[-samples:] - finer))
-    rattling = np.sqrt((orders[ORDERS % 3 != 0] ** 2).mean())
-    error: FloatArray = np.hypot(orders, rattling) / (1 - 0.5 ** (1 if method.controlled else method.order))
+    change = np.abs(complex_amplitudes(thrust[-samples:] - finer))
+    rattling = np.sqrt((change[ORDERS % 3 != 0] ** 2).mean())
+    error: FloatArray = np.maximum(change, rattling) / (1 - 0.5 ** (1 if method.controlled else method.order))
     return error
 
 
