@@ -119,9 +119,9 @@ def test_explicit_methods_reach_as_far_as_they_say(name):
 
 def test_rates_are_outputs_on_request_only():
     rates = {output.name for output in RATE_OUTPUTS}
-    point = {name: np.array([value], object) for name, value in scene.effective({"duration_s": 1e-3}).items()}
+    point = {name: np.array([value], object) for name, value in scene.effective({"duration_s": 0.1}).items()}
     kept = scene.simulate(point, ["axial_drift_mm", *sorted(rates)]).outputs
-    values = {k: float(v) for k, v in scene.effective({"duration_s": 1e-3}).items() if isinstance(v, int | float)}
+    values = {k: float(v) for k, v in scene.effective({"duration_s": 0.1}).items() if isinstance(v, int | float)}
     slip, v_st = closed_form(values)[0], transition_velocity(values)
     along = values["plate_speed_mm_s"] * math.sin(math.radians(values["skew_deg"]))
     mass = values["density_kg_m3"] * 1e-12 * math.pi * values["needle_length_mm"]
