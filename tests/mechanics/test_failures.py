@@ -15,7 +15,7 @@ from tripod_doe.mechanics.motion import linearise
 from tripod_doe.mechanics.rotations import move
 from tripod_doe.mechanics.run import run
 from tripod_doe.mechanics.scenes.examples import dropped_ball, pendulum, rolling_sphere
-from tripod_doe.mechanics.scenes.needle_between_plates import build, closed_form, scene
+from tripod_doe.mechanics.scenes.needle_between_plates import closed_form, scene
 from tripod_doe.mechanics.scenes.needle_ring import needle_ring
 from tripod_doe.results import Outcome
 
