@@ -107,8 +107,13 @@ def run_needle(values: Mapping[str, float], method: str, setting: float) -> tupl
     values = {**values, "duration_s": duration}
     result, numbers = simulator_run(needle_between_plates.scene, values, method, setting)
     reference, _ = simulator_run(needle_between_plates.scene, values, "rosenbrock", 1e-7)
-    truth, formula = reference.positions[-1, 1, 1], needle_between_plates.closed_form(numbers)[1]
-    if reference.outcome != Outcome.FINISHED or abs(truth - formula) > 0.1 * abs(formula):
+    truth = reference.positions[-1, 1, 1]
+    # the friction couple tilts the needle at the start and moves its centre by some nm (FACTS: 1.5 at 200 N)
+    apart, formula = (
+        truth - needle_between_plates.closed_form(numbers)[1],
+        needle_between_plates.closed_form(numbers)[1],
+    )
+    if reference.outcome != Outcome.FINISHED or abs(apart) > 0.01 * abs(formula) + 2e-5:
         raise SystemExit(f"no truth for {values}: {truth} against {formula}, {reference.detail}")
     return result, abs(result.positions[-1, 1, 1] / truth - 1)
 

@@ -4,7 +4,7 @@ A run follows `cycles` revolutions from the balanced start; the last two are sam
 not assumed: the last revolution is run again from the same state in steps of half the size, and every order of the two
 is compared. A method of order p that changes by d is off by d / (1 - 2^-p); p is 1 where a tolerance sets the step:
 half of it is half the error. Light needles rattle, so that two runs never agree needle by needle; what has to
-agree is the thrust, up to a level that the orders show which three equal trunnions do not make.
+agree is the thrust.
 """
 
 from __future__ import annotations
@@ -195,10 +195,14 @@ def _out_of_range(values: Mapping[str, float]) -> str:
 
 
 def _amplitude_error(change: FloatArray, order: int) -> FloatArray:
-    """Numerical error of every order from a revolution's change of the thrust by half the steps, shape (order,)."""
+    """Numerical error of every order from a revolution's change of the thrust by half the steps, shape (order,).
+
+    What rattles changes every order by chance. The orders that three equal trunnions do not make show by how much: as
+    the difference of two runs, where an amplitude is the mean over two revolutions of one.
+    """
     orders = np.abs(complex_amplitudes(change))
-    rattling = np.sqrt((orders[ORDERS % 3 != 0] ** 2).mean())
-    error: FloatArray = np.hypot(orders, rattling) / (1 - 0.5**order)
+    by_chance = np.sqrt((orders[ORDERS % 3 != 0] ** 2).mean()) / 2
+    error: FloatArray = np.hypot(orders / (1 - 0.5**order), by_chance)
     return error
 
 
