@@ -8,7 +8,8 @@ Pearson's at 95 %, over all runs and over the wrong ones. A cube keeps no number
 
 Cheap scenes, each run with its own truth, and steps or tolerances of which many are too coarse:
 
-    needle   between two plates: axial drift; truth by rosenbrock at 1e-7, held against the closed form
+    needle   between two plates: axial drift; truth by rosenbrock at 1e-7, held against the closed form to
+             10 %, since short runs hold the transient
     groove   roller in its groove: axial force; truth is the closed form
     thrown   a ball that slides, then rolls: place over its slip path; truth by rk4 at 1e-5 s
     dropped  a ball that bounces: height; truth is the height that it fell from
@@ -16,8 +17,8 @@ Cheap scenes, each run with its own truth, and steps or tolerances of which many
 The joint: random operating points, each with several random methods and settings, the third order of the thrust, and
 the second where it is above 1 % of the third. The second counts as called good where its reported error is below 5 %.
 The truth of a point is adaptive-euler at 2.5e-4. For rollers generalized-alpha at 1e-5 s, which damps little, must agree
-with it to 1 %: else the swing of the start lasts for tens of revolutions there, four of them have no settled third order
-to be right about, and the point is told and left out.
+with it to 1 %: else the joint vibrates by itself there (seen to go on for 40 revolutions), which the damping of implicit
+Euler hides at any affordable tolerance. The undamped run is the truth then, and such points have rows of their own.
 """
 
 from __future__ import annotations
@@ -106,8 +107,13 @@ def run_needle(values: Mapping[str, float], method: str, setting: float) -> tupl
     values = {**values, "duration_s": duration}
     result, numbers = simulator_run(needle_between_plates.scene, values, method, setting)
     reference, _ = simulator_run(needle_between_plates.scene, values, "rosenbrock", 1e-7)
-    truth, formula = reference.positions[-1, 1, 1], needle_between_plates.closed_form(numbers)[1]
-    if reference.outcome != Outcome.FINISHED or abs(truth - formula) > 0.02 * abs(formula):
+    truth = reference.positions[-1, 1, 1]
+    # the friction couple tilts the needle at the start and moves its centre by some nm (FACTS: 1.5 at 200 N)
+    apart, formula = (
+        truth - needle_between_plates.closed_form(numbers)[1],
+        needle_between_plates.closed_form(numbers)[1],
+    )
+    if reference.outcome != Outcome.FINISHED or abs(apart) > 0.01 * abs(formula) + 2e-5:
         raise SystemExit(f"no truth for {values}: {truth} against {formula}, {reference.detail}")
     return result, abs(result.positions[-1, 1, 1] / truth - 1)
 
@@ -223,22 +229,16 @@ def joint_run(values: Mapping[str, float], needles: bool, method: str, setting: 
     return result, np.abs(complex_amplitudes(result.readings.groove_thrust.sum(1)).mean(0))[2:4]
 
 
-def joint_truth(values: Mapping[str, float], needles: bool) -> np.ndarray | None:
-    """Amplitudes of orders 2 and 3 of a point, None where they are not settled."""
+def joint_truth(values: Mapping[str, float], needles: bool) -> tuple[np.ndarray, str]:
+    """Amplitudes of orders 2 and 3 of a point, and what its rows are to be called besides."""
     result, truth = joint_run(values, needles, "adaptive-euler", 2.5e-4)
-    if result.outcome != Outcome.FINISHED:
-        print(f"  no truth: {result.detail}", flush=True)
-        return None
+    print(f"  truth {truth} {result.detail}", flush=True)
     if needles:
-        print(f"  truth {truth}", flush=True)
-        return truth
+        return truth, ""
     other, undamped = joint_run(values, needles, "generalized-alpha", 1e-5)
-    settled = bool(np.abs(undamped / truth - 1)[1] < 0.01)
-    print(
-        f"  truth {truth}, by the other method {undamped} {'' if settled else 'NOT SETTLED: '}{other.detail}",
-        flush=True,
-    )
-    return truth if settled else None
+    vibrates = not np.abs(undamped / truth - 1)[1] < 0.01
+    print(f"  undamped {undamped} {other.detail}", flush=True)
+    return (undamped, ", vibrating") if vibrates else (truth, "")
 
 
 def joint_trials(points: int, settings: int, needles: bool, rng: np.random.Generator):
@@ -247,9 +247,7 @@ def joint_trials(points: int, settings: int, needles: bool, rng: np.random.Gener
         point = draw_point(rng, needles)
         values, ranges = internal(point), NEEDLES if needles else ROLLERS
         print({name: float(f"{value:.4g}") for name, value in point.items()})
-        truth = joint_truth(values, needles)
-        if truth is None:
-            continue
+        truth, besides = joint_truth(values, needles)
         for each in range(settings):
             method = "adaptive-euler" if each == 0 else str(rng.choice(list(ranges)))
             setting = log_uniform(rng, *ranges[method])
@@ -264,9 +262,9 @@ def joint_trials(points: int, settings: int, needles: bool, rng: np.random.Gener
             )
             print("   ", text, flush=True)
             finished = result.outcome == Outcome.FINISHED
-            yield Trial("third order", method, error[1], finished, text)
+            yield Trial(f"third order{besides}", method, error[1], finished, text)
             if truth[0] > 0.01 * truth[1]:
-                yield Trial("second order", method, error[0], finished and bool(reported[0] <= WRONG), text)
+                yield Trial(f"second order{besides}", method, error[0], finished and bool(reported[0] <= WRONG), text)
 
 
 def upper_bound(hits: int, runs: int) -> float:

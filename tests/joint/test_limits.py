@@ -55,11 +55,13 @@ def test_skew_beyond_what_the_ring_allows(simulated, model, skew):
 
 @pytest.mark.parametrize("model", MODELS)
 def test_one_needle_missing(simulated, model):
-    """Limit: the others carry its share, so that the third order stays within the 3 % that nine needles rattle by."""
+    """Limit: the others carry its share, so that the third order stays within the 3 % that nine needles rattle by. With
+    a gap as wide as one of them they rattle more, so that their tolerance must be lower."""
+    numerics = CALM if model == "needles" else {}
     full = FEW["needle_count"] if model == "needles" else 27
     third = []
     for count in (full, full - 1):
-        outcome, detail, result = run(simulated, model, needle_count=count, **(CALM if model == "needles" else {}))
+        outcome, detail, result = run(simulated, model, needle_count=count, **numerics)
         assert outcome == "finished", detail
         third.append(result["thrust_amplitude"].values[3])
     assert third[1] == pytest.approx(third[0], rel=0.03)

@@ -14,8 +14,8 @@ from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.motion import linearise
 from tripod_doe.mechanics.rotations import move
 from tripod_doe.mechanics.run import run
-from tripod_doe.mechanics.scenes.examples import dropped_ball, pendulum
-from tripod_doe.mechanics.scenes.needle_between_plates import build, closed_form, scene
+from tripod_doe.mechanics.scenes.examples import dropped_ball, pendulum, rolling_sphere
+from tripod_doe.mechanics.scenes.needle_between_plates import closed_form, scene
 from tripod_doe.mechanics.scenes.needle_ring import needle_ring
 from tripod_doe.results import Outcome
 
@@ -39,8 +39,8 @@ def bounce(method, settings, step):
 
 
 def stiff_bounce(method, settings, step):
-    """The same on a plane as hard as steel, which it touches for 0.8 ms."""
-    ball, duration, _ = dropped_ball(stiffness=1e9)
+    """The same on a hundred times stiffer plane, which it touches for 2 ms."""
+    ball, duration, _ = dropped_ball(stiffness=1e8)
     result = run(assemble(ball), method, duration, step=step, samples=20, settings=settings)
     return result, abs((result.positions[-1, 1, 2] - 0.1) / 0.05 - 1)
 
@@ -73,7 +73,7 @@ FAILURES = [
     ),
     # a tolerance that lets a step jump over it
     Failure("adaptive-euler", bounce, 1e-2),
-    Failure("rosenbrock", bounce, 1e-1),
+    Failure("rosenbrock", stiff_bounce, 1e-1),
     Failure("scipy-radau", stiff_bounce, 1e-1),
     Failure("scipy-bdf", bounce, 1e-2),
     Failure("scipy-lsoda", bounce, 1e-2),
@@ -97,17 +97,19 @@ def test_a_method_that_fails_is_found_out(failure):
 
 @pytest.mark.parametrize("method", ["symplectic-euler", "rk4"])
 def test_explicit_methods_beyond_the_friction_limit_are_smooth_and_wrong(method):
-    """Nothing in the states tells: the needle keeps going at an even speed, only elsewhere; halved steps tell."""
+    """Nothing in the states tells: the needle keeps going at an even speed, only elsewhere. Halved steps tell, or the
+    energy: friction takes mu f |v| of the sampled slips, and these are not what moves the needle."""
     result, error = needle(method, Settings(), 2e-7)
     speeds = np.diff(result.positions[1:, 1, 1])
     assert error > 0.1
     assert np.ptp(speeds) < 0.02 * abs(speeds.mean())
-    assert result.disagreement > 0.01
+    assert result.outcome == Outcome.INACCURATE
+    assert result.disagreement > 0.01 or result.energy_residual > 0.05
 
 
-def drift_by_linear_steps(secant, step, duration):
-    """Drift of the needle by linearly implicit Euler with the secant slope of friction (1) or its tangent (0)."""
-    assembly = assemble(build(numbers(duration_s=duration)))
+def slip_by_linear_steps(secant, step, duration):
+    """Slip of a thrown ball at the end, by linearly implicit Euler with friction's secant slope (1) or its tangent (0)."""
+    assembly = assemble(rolling_sphere())
     tables, work, state = assembly.tables, assembly.work(), assembly.initial_state()
     change = np.zeros((len(assembly.names), 8))
     for _ in range(round(duration / step)):
@@ -121,15 +123,16 @@ def drift_by_linear_steps(secant, step, duration):
         state.velocities += change[:, :6]
         for i in range(len(assembly.names)):
             move(state.positions[i], step * np.append(state.velocities[i], [0.0, 0.0]), state.positions[i])
-    return state.positions[1, 1]
+    return abs(state.velocities[1, 0] - 0.1 * state.velocities[1, 4])
 
 
 def test_the_tangent_slope_of_friction_fails_where_the_secant_holds():
-    """Why no method of one linear solve a step takes the tangent: in slip it sees no friction at all."""
-    duration, step = 5e-3, 2e-5
-    truth = closed_form(numbers(duration_s=duration))[1]
-    assert drift_by_linear_steps(1.0, step, duration) == pytest.approx(truth, rel=0.02)
-    assert not abs(drift_by_linear_steps(0.0, step, duration) / truth - 1) < 0.5
+    """Why no method of one linear solve a step takes the tangent: a sliding ball's tangent sees no friction that could
+    stop it, so it slides on to the other side, and to and fro, 7/2 mu g h at a time, instead of rolling. The transition
+    velocity is 1 mm/s."""
+    step = 0.01
+    assert slip_by_linear_steps(1.0, step, 0.5) < 1e-4
+    assert slip_by_linear_steps(0.0, step, 0.5) > 0.1 * 7 / 2 * 0.2 * 9.81 * step
 
 
 def swing(**settings):
@@ -141,8 +144,7 @@ def test_drift_without_stabilisation_is_told():
     """Accelerations alone let the rod grow longer; projection or Baumgarte's rates hold it."""
     held, drifting = swing(), swing(projection=False)
     assert held.outcome == Outcome.FINISHED, held.detail
-    assert held.drift < 1e-12
-    assert drifting.drift > 10 * swing(projection=False, baumgarte=10.0).drift
+    assert held.drift < 1e-12 < swing(projection=False, baumgarte=10.0).drift < drifting.drift
     fast = run(assemble(pendulum()), "rk4", 10.0, step=0.1, samples=20, settings=Settings(projection=False))
     assert fast.outcome == Outcome.INACCURATE
     assert "constraints have drifted by" in fast.detail

@@ -4,7 +4,7 @@ A run follows `cycles` revolutions from the balanced start; the last two are sam
 not assumed: the last revolution is run again from the same state in steps of half the size, and every order of the two
 is compared. A method of order p that changes by d is off by d / (1 - 2^-p); p is 1 where a tolerance sets the step:
 half of it is half the error. Light needles rattle, so that two runs never agree needle by needle; what has to
-agree is the thrust, up to a level that the orders show which three equal trunnions do not make.
+agree is the thrust.
 """
 
 from __future__ import annotations
