@@ -20,6 +20,7 @@ _DIMENSIONS = {
     "groove": ("1", "number of the groove"),
     "trunnion": ("1", "number of the trunnion"),
     "mechanism": ("", "friction mechanism"),
+    "part": ("", "friction mechanism that makes a part of the thrust, or the remainder"),
     "point": ("1", "number of the point in the design"),
 }
 

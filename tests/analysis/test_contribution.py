@@ -34,6 +34,17 @@ def orders(a, b, c, load=1.0):
         {"force_amplitude": ("order", abs(z)), "force_phase_deg": ("order", np.degrees(np.angle(z)))},
         coords={"order": np.arange(5)},
     )
+def split(a, b, c, load=1.0):
+    parts = load * np.array([[0.0, 6 * a], [0.0, (2 + 2j) * b], [0.0, -c], [0.0, 1.0]])
+    whole = parts.sum(axis=0)
+    return xr.Dataset(
+        {
+            "force_amplitude": ("order", abs(whole)), "force_phase_deg": ("order", np.degrees(np.angle(whole))),
+            "force_part_amplitude": (("part", "order"), abs(parts)),
+            "force_part_phase_deg": (("part", "order"), np.degrees(np.angle(parts))),
+        },
+        coords={"order": np.arange(2), "part": ["a", "b", "c", "remainder"]},
+    )
 def listed(a, b, c, load, d):
     return additive(a, b, c, load)
 def failing(a, b, c):
@@ -255,3 +266,24 @@ def test_a_cube_that_cannot_answer_says_so(ablate):
     del data["a"].attrs["role"], data["b"].attrs["role"], data["c"].attrs["role"]
     with pytest.raises(InputError, match="needs the cube of an ablation"):
         contribution_shares(data, ContributionSettings(output="y"))
+
+
+def test_direct_shares_are_the_projected_parts_with_all_on(ablate):
+    """Exact physics: A_all = 8 + 2j of 6, 2 + 2j, -1 and a remainder of 1; where parts are linear, off agrees."""
+    result = contribution_shares(ablate("split"), ContributionSettings(output="force_amplitude")).sel(order=1)
+    expected = 100 * np.array([48, 20, -8]) / 68
+    assert result["share_direct"].values == pytest.approx(expected, rel=1e-12)
+    assert float(result["direct_remainder"]) == pytest.approx(100 * 8 / 68, rel=1e-12)
+    assert result["share_off"].values == pytest.approx(expected, rel=1e-12)
+
+
+def test_direct_shares_of_no_amplitude_are_flagged(ablate):
+    """Order 0 is zero: there is nothing to share."""
+    result = contribution_shares(ablate("split"), ContributionSettings(output="force_amplitude")).sel(order=0)
+    assert np.isnan(result["share_direct"]).all()
+    assert (result["share_direct_flag"] == 1).all()
+
+
+def test_cubes_without_parts_have_no_direct_shares(ablate):
+    result = contribution_shares(ablate("orders"), ContributionSettings(output="force_amplitude"))
+    assert "share_direct" not in result

@@ -176,3 +176,23 @@ def test_one_missing_point_leaves_a_chart_that_says_so(uneven):
     assert "incomplete" in contribution_chart(part).svg()
     assert share_rows(part)[1][1][1:] == ["not known", f"{100 / 11:.1f}", "not known"]
     assert contribution_findings(part)
+
+
+def test_the_direct_decomposition_stands_beside_the_ablation_and_says_where_they_agree(make_cube):
+    """Regression of the words; the numbers are read off the analysis."""
+    names = "thrust_amplitude", "thrust_phase_deg", "thrust_part_amplitude", "thrust_part_phase_deg"
+    third = contributions(
+        {
+            "c": contribution_shares(
+                make_cube(CASE_2 + ABLATION.replace(ABLATION.split("outputs = ")[1], f"{[*names]}\n"))
+            )
+        }
+    )[0]
+    heads, rows, _ = share_rows(third)
+    assert heads[4] == "direct decomposition"
+    direct, off = third.shares["share_direct"][0], third.shares["share_off"][0]
+    assert rows[0][4] == f"{direct[0]:.1f}"
+    (told,) = [note for note in contribution_notes(third) if note.startswith("Direct decomposition")]
+    assert f"groove sliding (direct {direct[0]:.1f} %, there {off[0]:.1f} %)" in told
+    close = np.abs(direct - off) <= 4
+    assert ("groove spinning" in told.split("but not for")[0]) == close[third.mechanisms.index("groove_spinning")]

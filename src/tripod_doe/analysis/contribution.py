@@ -1,4 +1,4 @@
-"""Contribution of each friction mechanism to an amplitude: by switching it off, on alone, and by Shapley value.
+"""Contribution of each friction mechanism to an amplitude: by switching it off, on alone, by Shapley value, directly.
 
 The waveforms of two combinations of mechanisms differ in phase as well as in amplitude, so shares are taken of the
 complex amplitude A exp(i p), projected on that with all mechanisms on. The effective value is A/sqrt 2 at every order
@@ -57,6 +57,12 @@ class ContributionSettings(BaseModel):
     def outputs(self) -> list[str]:
         """Outputs that the study must keep."""
         return [self.output] + ([self.phase_name] if self.phase_name else [])
+
+    @property
+    def part_names(self) -> tuple[str, str]:
+        """Variables with amplitude and phase of the parts that a model itself splits the output into."""
+        stem = self.output.removesuffix("_amplitude").removesuffix("_rms")
+        return f"{stem}_part_amplitude", f"{stem}_part_phase_deg"
 
 
 @dataclass(frozen=True)
@@ -117,6 +123,13 @@ class _Projections:
         projected: FloatArray = 100 * (self._amplitudes(combination) * self._reference.conj()).real / square + 0.0
         return projected  # the 0 added makes -0 a 0
 
+    def of_whole(self, parts: ComplexArray) -> FloatArray:
+        """Parts of A_all in percent, (point, part, own dimensions) -> (operating point, part, own dimensions)."""
+        square = np.where(self.weak, np.nan, self.total)[:, None] ** 2
+        there = np.concatenate([parts, np.full_like(parts[:1], np.nan)])[self._rows(self.all_on)]
+        projected: FloatArray = 100 * (there * self._reference[:, None].conj()).real / square + 0.0
+        return projected
+
 
 def _largest(values: ComplexArray) -> FloatArray:
     """Largest magnitude of each point over its own dimensions, zero where it has none."""
@@ -126,7 +139,7 @@ def _largest(values: ComplexArray) -> FloatArray:
 
 
 def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None = None) -> xr.Dataset:
-    r"""Shares of the mechanisms in an amplitude by three definitions, what does not add up, and the interactions.
+    r"""Shares of the mechanisms in an amplitude by four definitions, what does not add up, and the interactions.
 
     With A_S the complex amplitude with the mechanisms S on, P(S) = 100 Re(A_S conj(A_all)) / \|A_all\|^2 is the part
     of the whole that S makes, in percent; a mechanism that opposes the others has negative shares.
@@ -135,6 +148,10 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
     - share_on(m) = P({m}): what it makes alone.
     - share_shapley(m) = sum over S without m of \|S\|! (n - \|S\| - 1)! / n! (P(S with m) - P(S)): the mean of what it
       adds, over all orders of switching on. These add up to 100 - P(none).
+    - share_direct(m) = 100 Re(A_m conj(A_all)) / \|A_all\|^2 with A_m what the forces of m add to the output while all
+      mechanisms are on, for cubes that hold it (X_part_amplitude and X_part_phase_deg of the output X; for the thrust
+      see `joint.thrust_parts`). direct_remainder = 100 - sum of share_direct: inertia, numerical error, and mechanisms
+      that are not switched here.
     - closure = 100 - sum of share_off: what switching off one at a time leaves out or counts twice.
     - interaction(i, j) = sum over S without i and j of \|S\|! (n - \|S\| - 2)! / (n - 1)! (P(S with both) - P(S with i)
       - P(S with j) + P(S)): the Shapley interaction index, what two mechanisms make only together (positive) or make
@@ -151,9 +168,10 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
     Returns
     -------
     xarray.Dataset
-        share_off, share_on, share_shapley (mechanism, dimensions of the output), closure, share_none = P(none),
-        amplitude = \|A_all\|, interaction (pair, ...), strongest_pair and strongest_interaction, in percent. Dimensions
-        of the operating points stand in front: one a factor where they fill a grid, else ``operating_point``.
+        share_off, share_on, share_shapley, share_direct (mechanism, dimensions of the output), closure,
+        direct_remainder, share_none = P(none), amplitude = \|A_all\|, interaction (pair, ...), strongest_pair and
+        strongest_interaction, in percent. Dimensions of the operating points stand in front: one a factor where they
+        fill a grid, else ``operating_point``.
         Every variable X has a flag variable X_flag: NaN is either zero_amplitude (\|A_all\| not above its error: the
         cube's scatter of it, at least 1e-6 of the largest amplitude there) or point_missing (a point that it needs did
         not finish, or is not in the design).
@@ -177,6 +195,7 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
     variables = _shares(part, own, cube[settings.output].attrs)
     if _has_all_combinations(cube):
         variables |= _cooperation(part, own, mechanisms)
+    variables |= _direct(cube, settings, part, own, mechanisms)
     comment = "shares of the effective value (rms) are those of the amplitude" if settings.phase_name else ""
     return xr.Dataset(
         _with_flags(operating, part, variables),
@@ -266,6 +285,24 @@ def _shares(part: _Projections, own: tuple[str, ...], output: Mapping[str, Any])
             {"long_name": "amplitude with all mechanisms on", "units": str(output.get("units", "1"))},
         ),
     }  # fmt: skip
+
+
+def _direct(
+    cube: xr.Dataset, settings: ContributionSettings, part: _Projections, own: tuple[str, ...], mechanisms: list[str]
+) -> dict[str, _Variable]:
+    """Shares that the model's own split gives, where the cube holds a part for every mechanism."""
+    amplitude, phase = settings.part_names
+    if not {amplitude, phase} <= set(cube.data_vars) or not set(mechanisms) <= set(cube["part"].values.tolist()):
+        return {}
+    known = cube[[amplitude, phase]].sel(part=mechanisms).where(cube["outcome"] == Outcome.FINISHED)
+    parts = (known[amplitude] * np.exp(1j * np.radians(known[phase]))).transpose("point", "part", *own)
+    direct = part.of_whole(parts.values)
+    meaning = "share by direct decomposition: what the mechanism's forces add with all mechanisms on"
+    rest = "100 - sum of the shares by direct decomposition"
+    return {
+        "share_direct": (("mechanism", *own), direct, _percent(meaning)),
+        "direct_remainder": (own, 100 - direct.sum(axis=1), _percent(rest)),
+    }
 
 
 def _cooperation(part: _Projections, own: tuple[str, ...], mechanisms: list[str]) -> dict[str, _Variable]:

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from tripod_doe.joint.multibody import build_joint
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
-from tripod_doe.joint.readings import groove_readings, needle_skews
+from tripod_doe.joint.readings import groove_readings, groove_thrust, needle_skews
+from tripod_doe.joint.thrust_parts import thrust_parts
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.linearisation import Rates, fastest_rates
@@ -59,6 +60,8 @@ class Readings:
     ----------
     groove_thrust
         Axial force on the housing at each groove in the last two revolutions, shape (2, groove, sample).
+    thrust_parts
+        What each mechanism adds to their sum, shape (2, part, sample); None where it was not asked for.
     friction_power
         Mean power lost to each mechanism over the last two revolutions, shape (mechanism,).
     amplitude_error
@@ -75,6 +78,7 @@ class Readings:
     """
 
     groove_thrust: FloatArray
+    thrust_parts: FloatArray | None
     friction_power: FloatArray
     amplitude_error: FloatArray
     skew: FloatArray | None
@@ -110,7 +114,7 @@ class JointRun:
 
 def run_joint(
     values: Mapping[str, float], needles: bool, method: str, samples: int, step: float | None,
-    tolerance: float | None, rates: bool = False,
+    tolerance: float | None, rates: bool = False, split: bool = False,
 ) -> JointRun:  # fmt: skip
     """Simulate one operating point.
 
@@ -126,6 +130,8 @@ def run_joint(
         Samples a revolution.
     rates
         Whether to find what limits the step.
+    split
+        Whether the thrust is split into what each mechanism adds.
     """
     if reason := _out_of_range(values):
         return JointRun(Outcome.OUT_OF_RANGE, reason)
@@ -135,7 +141,7 @@ def run_joint(
     if again is None:
         done = JointRun(result.outcome, result.detail)
     else:
-        readings = _read(assembly, result, again, values, samples, method_named(method))
+        readings = _read(assembly, result, again, values, samples, method_named(method), split)
         if rates:
             readings = replace(readings, rates=_rates(result, values, samples))
         outcome, detail = judge(result, again, readings.groove_thrust.sum(1), readings.amplitude_error, values)
@@ -190,18 +196,28 @@ def _limits(values: Mapping[str, float], cycles: float) -> Limits:
 
 
 def _read(
-    assembly: Assembly, result: Run, again: Run, values: Mapping[str, float], samples: int, method: Method
+    assembly: Assembly, result: Run, again: Run, values: Mapping[str, float], samples: int, method: Method, split: bool
 ) -> Readings:
-    """Everything that is read off a run and its last revolution run again."""
-    thrust, powers = groove_readings(assembly, *_states(result))
+    """Everything that is read off the last two revolutions of a run, and off the last one run again."""
+    ending = result.times[-2 * samples - 1 :], *(x[-2 * samples - 1 :] for x in _states(result))
+    thrust, powers = groove_readings(assembly, *ending[1:])
     error = amplitude_error(thrust.sum(0), finer_thrust(assembly, again).sum(0), samples, method)
-    last = slice(-2 * samples - 1, -1)  # the end of the last revolution is the start of the next one
+    last = slice(0, -1)  # the end of the last revolution is the start of the next one
     skew, summary = None, None
     if "needle 1.1" in assembly.names:
         skew, summary = needle_skews(assembly, result.positions[:-1], values, int(values["cycles"]))
         skew = skew[:, -2 * samples :]
-    two = np.moveaxis(thrust[:, last].reshape(3, 2, samples), 1, 0)
-    return Readings(two, powers[:, last].mean(1), error, skew, summary, result.penetration, result.energy_residual)
+    parts = thrust_parts(assembly, *ending, values).sum(1) if split else None
+    return Readings(
+        _by_revolution(thrust[:, last]), None if parts is None else _by_revolution(parts[:, last]),
+        powers[:, last].mean(1), error, skew, summary, result.penetration, result.energy_residual,
+    )  # fmt: skip
+
+
+def _by_revolution(signals: FloatArray) -> FloatArray:
+    """Signals over two revolutions, (signal, sample) -> (revolution, signal, sample)."""
+    two: FloatArray = np.moveaxis(signals.reshape(len(signals), 2, -1), 1, 0)
+    return two
 
 
 def prepare_joint(values: Mapping[str, float], method: str) -> None:
@@ -209,6 +225,7 @@ def prepare_joint(values: Mapping[str, float], method: str) -> None:
     assembly = assemble(build_joint(values, needles=False))
     result = run(assembly, method, 1e-9, step=1e-9, settings=Settings(tolerance=1e-3), limits=_LIMITS)
     groove_readings(assembly, result.positions, result.velocities)
+    thrust_parts(assembly, result.times, result.positions, result.velocities, values)
 
 
 def _out_of_range(values: Mapping[str, float]) -> str:
@@ -222,7 +239,7 @@ def _out_of_range(values: Mapping[str, float]) -> str:
 
 def finer_thrust(assembly: Assembly, again: Run) -> FloatArray:
     """Axial force at each groove in a revolution run again, at the samples of the run, shape (groove, sample)."""
-    return groove_readings(assembly, *(x[2::2] for x in _states(again)))[0]
+    return groove_thrust(assembly, *(x[2::2] for x in _states(again)))
 
 
 def amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, method: Method) -> FloatArray:

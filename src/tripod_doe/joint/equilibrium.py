@@ -51,7 +51,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint import contact
-from tripod_doe.joint.roller_balance import PointConstants, groove_forces, spider_wrench
+from tripod_doe.joint.roller_balance import PointConstants, groove_forces, spider_wrench, thrust_of_each
 from tripod_doe.joint.transition import transition_velocities
 from tripod_doe.mechanics.compilation import kernel
 
@@ -73,6 +73,8 @@ class Equilibrium:
     ----------
     groove_thrust
         Axial force on the housing at each groove over one revolution in N, shape (point, groove, sample).
+    thrust_parts
+        What each mechanism adds to their sum in N, shape (point, part, sample); see `thrust_parts`.
     friction_power
         Mean power lost to each mechanism in N mm/s, shape (point, mechanism).
     energy_residual
@@ -89,6 +91,7 @@ class Equilibrium:
     """
 
     groove_thrust: FloatArray
+    thrust_parts: FloatArray
     friction_power: FloatArray
     energy_residual: FloatArray
     largest_normal_force: FloatArray
@@ -205,8 +208,9 @@ def _solve_stubborn(p, cosines, sines, psi, axis_factor, frozen, slip, lean, roo
 
 
 @kernel
-def _account(p, cosines, sines, psi, slip, lean, root, normal, thrust, powers):
-    """Thrust of each groove, and at each sample the power of the five mechanisms and of the input shaft."""
+def _account(p, cosines, sines, psi, slip, lean, root, normal, thrust, parts, powers):
+    """Thrust of each groove, and at each sample its parts and the power of the five mechanisms and the input shaft."""
+    parts[:] = 0.0
     powers[:] = 0.0
     for k in range(3):
         cos_psi, sin_psi = np.cos(psi[k]), np.sin(psi[k])
@@ -214,6 +218,13 @@ def _account(p, cosines, sines, psi, slip, lean, root, normal, thrust, powers):
             load = normal[k, j]
             g = groove_forces(p, cosines[k, j], sines[k, j], cos_psi, sin_psi, slip[k, j], lean[k, j], root[k, j])
             thrust[k, j] = -load * g.friction_z
+            of_each = thrust_of_each(p, g, cosines[k, j], sines[k, j])
+            parts[0, j] += load * of_each[0]
+            parts[1, j] += load * of_each[1]
+            parts[2, j] += load * of_each[2]
+            parts[3, j] += load * of_each[3]
+            parts[4, j] += load * of_each[4]
+            parts[5, j] += load * of_each[5]
             powers[0, j] += load * g.sliding_power
             powers[1, j] += load * g.spinning_power
             powers[2, j] += load * g.rolling_power
@@ -223,7 +234,7 @@ def _account(p, cosines, sines, psi, slip, lean, root, normal, thrust, powers):
 
 
 @kernel
-def _solve_block(table, skews, axis_factors, cosines, sines, thrust, power, residual, extremes, sweeps, settled):
+def _solve_block(table, skews, axis_factors, cosines, sines, thrust, parts, power, residual, extremes, sweeps, settled):
     """Solve every point of a block by itself; arrays as in `Equilibrium`, `table` rows of `PointConstants`."""
     shape = cosines.shape
     slip, lean, root, normal = np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape)
@@ -238,6 +249,7 @@ def _solve_block(table, skews, axis_factors, cosines, sines, thrust, power, resi
         mean_load = abs(p.torque) / (3.0 * p.pitch_radius)
         if mean_load == 0.0:
             thrust[i] = 0.0
+            parts[i] = 0.0
             power[i] = 0.0
             extremes[i, 0], extremes[i, 1], settled[i] = 0.0, 0.0, True
             continue
@@ -254,7 +266,7 @@ def _solve_block(table, skews, axis_factors, cosines, sines, thrust, power, resi
         settled[i] = count == 0 or _solve_stubborn(
             p, cosines, sines, skews[i], axis_factors[i], frozen, slip, lean, root, normal, wrench
         )
-        _account(p, cosines, sines, skews[i], slip, lean, root, normal, thrust[i], powers)
+        _account(p, cosines, sines, skews[i], slip, lean, root, normal, thrust[i], parts[i], powers)
         for mechanism in range(5):
             power[i, mechanism] = powers[mechanism].mean()
         lost, transmitted = power[i].sum(), abs(p.torque * p.omega)
@@ -343,8 +355,9 @@ def solve_equilibrium(points: Mapping[str, FloatArray], samples: int) -> Equilib
     skews = np.stack([points[f"initial_skew_{k}_deg"] for k in (1, 2, 3)], axis=1)
     cosines, sines = _groove_angles(samples)
     count = table.shape[0]
-    thrust, power, residual = np.empty((count, 3, samples)), np.empty((count, 5)), np.zeros(count)
+    thrust, parts = np.empty((count, 3, samples)), np.empty((count, 6, samples))
+    power, residual = np.empty((count, 5)), np.zeros(count)
     extremes, sweeps, settled = np.empty((count, 2)), np.zeros(count, np.int64), np.zeros(count, np.bool_)
     axis_factor = points["groove_axis_factor"]
-    _solve_block(table, skews, axis_factor, cosines, sines, thrust, power, residual, extremes, sweeps, settled)
-    return Equilibrium(thrust, power, residual, extremes[:, 0], extremes[:, 1], penetration, sweeps, settled)
+    _solve_block(table, skews, axis_factor, cosines, sines, thrust, parts, power, residual, extremes, sweeps, settled)
+    return Equilibrium(thrust, parts, power, residual, extremes[:, 0], extremes[:, 1], penetration, sweeps, settled)

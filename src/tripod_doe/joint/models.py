@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tripod_doe.joint.contact import contact_constants
 from tripod_doe.joint.dynamics import Readings, prepare_joint, run_joint
 from tripod_doe.joint.equilibrium import solve_equilibrium
-from tripod_doe.joint.outputs import JOINT_OUTPUTS, thrust_outputs
+from tripod_doe.joint.outputs import JOINT_OUTPUTS, PART_OUTPUTS, part_outputs, thrust_outputs
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.linearisation import RATE_OUTPUTS
 from tripod_doe.results import BlockResult, Outcome, Values
@@ -93,6 +93,8 @@ def _simulate_equilibrium(
 def _equilibrium_chunk(points: Mapping[str, FloatArray], samples: int, keep: Collection[str]) -> BlockResult:
     solution = solve_equilibrium(points, samples)
     outputs = thrust_outputs(solution.groove_thrust[:, None], keep)
+    if not set(PART_OUTPUTS).isdisjoint(keep):
+        outputs |= part_outputs(solution.thrust_parts[:, None], keep)
     in_groove = np.cbrt(np.maximum(solution.largest_normal_force, 0) / points["groove_stiffness"]) ** 2  # Eq. 2
     scalars = {
         "friction_power_w": solution.friction_power / 1e3,
@@ -144,11 +146,12 @@ def _simulate_multibody(
     outcome, detail, work = np.zeros(count, np.int8), [""] * count, np.zeros((2, count), np.int64)
     followed = np.zeros(count)
     outputs: dict[str, Values] = {}
+    split = not set(PART_OUTPUTS).isdisjoint(keep)
     for i in range(count):
         point = {name: float(column[i]) for name, column in points.items()}
         step, tolerance = (None if np.isnan(point[name]) else point[name] for name in ("step_s", "relative_tolerance"))
         wants_rates = not set(_RATES).isdisjoint(keep)
-        result = run_joint(point, needles, method, samples, step, tolerance, wants_rates)
+        result = run_joint(point, needles, method, samples, step, tolerance, wants_rates, split)
         outcome[i], detail[i] = result.outcome, result.detail
         work[:, i], followed[i] = (result.steps, result.force_evaluations), result.followed
         if result.readings is None:
@@ -167,6 +170,8 @@ def _prepare_multibody(point: Mapping[str, FloatArray], method: str) -> None:
 def _answer(result: Readings, keep: Collection[str]) -> dict[str, Values]:
     """Outputs of one run, with a leading dimension of one point."""
     outputs = thrust_outputs(result.groove_thrust[None], keep)
+    if result.thrust_parts is not None:
+        outputs |= part_outputs(result.thrust_parts[None], keep)
     others: dict[str, Any] = {
         "thrust_amplitude_error": result.amplitude_error,
         "friction_power_w": result.friction_power / 1e3,

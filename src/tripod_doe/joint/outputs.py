@@ -13,9 +13,15 @@ from tripod_doe.mechanics.linearisation import RATE_OUTPUTS
 from tripod_doe.quantities import Output
 from tripod_doe.results import Values
 
-__all__ = ["JOINT_OUTPUTS", "coordinates", "thrust_outputs"]
+__all__ = ["JOINT_OUTPUTS", "PARTS", "PART_OUTPUTS", "coordinates", "part_outputs", "thrust_outputs"]
 
 FloatArray = NDArray[np.float64]
+
+PARTS = (*MECHANISMS, "remainder")
+"""Parts of the thrust: what the mechanisms add to it, and what is none of them; see `thrust_parts`."""
+
+PART_OUTPUTS = ("thrust_part_amplitude", "thrust_part_phase_deg")
+"""Outputs that need the thrust split into its parts."""
 
 _ORDER = ("order",)
 _GROOVE_ORDER = ("groove", "order")
@@ -36,6 +42,10 @@ _OUTPUTS = [
            _GROOVE_ORDER),
     Output("groove_thrust_phase_deg", "degree", "p_k", "phase of the rotating orders of the thrust in each groove",
            _GROOVE_ORDER, angle=True),
+    Output(PART_OUTPUTS[0], "N", "A_k", "amplitude of the rotating orders of what each mechanism adds to the thrust "
+           "force, and of the remainder: inertia and numerical error", ("part", "order")),
+    Output(PART_OUTPUTS[1], "degree", "p_k", "phase of the rotating orders of what each mechanism adds to the thrust "
+           "force", ("part", "order"), angle=True),
     Output("friction_power_w", "W", "P", "mean power lost to each friction mechanism", ("mechanism",)),
     Output("needle_skew_deg", "degree", "psi", "skew of the needle that carries the most at this rotation angle",
            ("trunnion", "rotation_deg"), optional=True),
@@ -61,6 +71,7 @@ def coordinates(samples_per_revolution: int, cycles: int) -> dict[str, NDArray[n
         "statistic": np.array(["mean", "min", "max"]),
         "order": ORDERS,
         "mechanism": np.array(MECHANISMS),
+        "part": np.array(PARTS),
     }
 
 
@@ -94,3 +105,18 @@ def thrust_outputs(groove_thrust: FloatArray, keep: Collection[str]) -> dict[str
         results["groove_thrust"] = revolutions.reshape(*revolutions.shape[:2], -1)
         results["thrust"] = results["groove_thrust"].sum(axis=1)
     return {name: Values(JOINT_OUTPUTS[name].dims, data) for name, data in results.items() if name in keep}
+
+
+def part_outputs(thrust_parts: FloatArray, keep: Collection[str]) -> dict[str, Values]:
+    """Orders of the parts of the thrust; the complex amplitudes of all parts add up to that of the thrust.
+
+    Parameters
+    ----------
+    thrust_parts
+        Shape (point, revolution, part, sample), as in `thrust_outputs`.
+    keep
+        Names of the wanted outputs.
+    """
+    found = amplitude_and_phase(complex_amplitudes(thrust_parts).mean(axis=1))
+    named = zip(PART_OUTPUTS, found, strict=True)
+    return {name: Values(JOINT_OUTPUTS[name].dims, data) for name, data in named if name in keep}

@@ -10,7 +10,7 @@ from tripod_doe.joint.kinematics import ideal_motion
 from tripod_doe.mechanics.compilation import inlined_kernel
 from tripod_doe.mechanics.laws import hyperbolic_tangent
 
-__all__ = ["GrooveForces", "PointConstants", "groove_forces", "spider_wrench"]
+__all__ = ["GrooveForces", "PointConstants", "groove_forces", "spider_wrench", "thrust_of_each"]
 
 
 class PointConstants(NamedTuple):
@@ -79,6 +79,8 @@ class GrooveForces(NamedTuple):
         Spinning moment, and rolling resistance across and along the groove.
     sliding_power, spinning_power, rolling_power, needle_sliding_power, needle_rolling_power
         Lost to each mechanism.
+    needle_sliding_moment, needle_rolling_moment
+        Of the needles about the trunnion.
     """
 
     moment: float
@@ -97,6 +99,8 @@ class GrooveForces(NamedTuple):
     rolling_power: float
     needle_sliding_power: float
     needle_rolling_power: float
+    needle_sliding_moment: float
+    needle_rolling_moment: float
 
 
 @inlined_kernel
@@ -167,7 +171,26 @@ def groove_forces(p, cos_phi, sin_phi, cos_psi, sin_psi, slip, lean, load_root):
         rolling * roll * roll,
         p.needle_sliding * needle_sliding * needle_slip,
         bearing_moment * spin,
+        needle_moment,
+        -bearing_moment,
     )
+
+
+@inlined_kernel
+def thrust_of_each(p, g, cos_phi, sin_phi):
+    """Parts of the thrust of one groove over N, in the order of `outputs.PARTS`, defined in `thrust_parts`."""
+    m = ideal_motion(cos_phi, sin_phi, p.cos_theta, p.sin_theta, p.pitch_radius, p.omega)
+    arm = (1.0 if p.torque >= 0.0 else -1.0) * p.roller_radius
+    t_tau = g.cos_a * m.t_r - g.sin_a * m.t_t
+    t_n = g.sin_a * m.t_r + g.cos_a * m.t_t
+    # the point of contact moves by (lever_tau, lever_z) while the roller turns on its trunnion at unit rate
+    lever_tau, lever_z = arm * m.t_z, -arm * t_tau
+    gain = lever_z / (lever_tau * lever_tau + lever_z * lever_z)
+    along = -gain * (g.friction_tau * lever_tau + g.friction_z * lever_z)
+    spinning, rolling = gain * g.moment_n * t_n, gain * (g.moment_tau * t_tau + g.moment_z * m.t_z)
+    needle_sliding, needle_rolling = gain * g.needle_sliding_moment, gain * g.needle_rolling_moment
+    rest = along - spinning - rolling - needle_sliding - needle_rolling
+    return -g.friction_z - along, spinning, rolling, needle_sliding, needle_rolling, rest
 
 
 @inlined_kernel

@@ -27,11 +27,17 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 
-DEFINITIONS = {"share_off": "switching off", "share_on": "on alone", "share_shapley": "Shapley value"}
+DEFINITIONS = {
+    "share_off": "switching off",
+    "share_on": "on alone",
+    "share_shapley": "Shapley value",
+    "share_direct": "direct decomposition",
+}
 """Definitions of a share by the variables that hold them."""
 
 _PAPER_POINT = {name: JOINT_PARAMETERS[name].default for name in ("joint_angle_deg", "torque_n_m", "speed_rpm")}
 _PRINTED = 0.05  # percent that still shows in the one digit after the point
+_AGREE = 4.0  # percentage points within which two shares count as agreeing
 _ALL_OF_IT = 0.5  # percent within which a share by switching off counts as the whole
 
 
@@ -245,7 +251,38 @@ def contribution_notes(part: Contribution) -> list[str]:
     """What a reader of the shares should know: what carries all of it, and the strongest interaction."""
     if part.missing:
         return contribution_findings(part)
-    return _all_passes(part) + _strongest_interaction(part)
+    return _all_passes(part) + _strongest_interaction(part) + _agreement(part)
+
+
+def _agreement(part: Contribution) -> list[str]:
+    """Where the direct decomposition agrees with the ablation, and why it need not."""
+    direct = part.shares.get("share_direct")
+    if direct is None or not np.isfinite(direct).all():
+        return []
+    told = [
+        f"{meaning} {_compared(part.mechanisms, direct, part.shares[name])}"
+        for name, meaning in DEFINITIONS.items()
+        if name != "share_direct" and name in part.shares and np.isfinite(part.shares[name]).all()
+    ]
+    return [
+        f"Direct decomposition of {part.what}: what each mechanism's force adds at the grooves while all are on. "
+        f"Within {_AGREE:.0f} percentage points {'; '.join(told)}. They need not agree: with a mechanism off the "
+        "motion answers and friction turns to where it is free; the decomposition takes the motion as it is. It leaves "
+        f"{span(100 - direct.sum(axis=1))} % to inertia, numerical error and mechanisms that are not switched here."
+    ]
+
+
+def _compared(mechanisms: list[str], direct: FloatArray, values: FloatArray) -> str:
+    """For which mechanisms another definition gives the share by direct decomposition."""
+    gaps = np.abs(values - direct).max(axis=0)
+    same = [spoken(mechanism) for mechanism, gap in zip(mechanisms, gaps, strict=True) if gap <= _AGREE]
+    apart = [
+        f"{spoken(mechanisms[at])} (direct {span(direct[:, at])} %, there {span(values[:, at])} %)"
+        for at in np.flatnonzero(gaps > _AGREE)
+    ]
+    if not apart:
+        return "agrees for all"
+    return f"agrees for {', '.join(same) or 'none'}, but not for {', '.join(apart)}"
 
 
 def _strongest_interaction(part: Contribution) -> list[str]:

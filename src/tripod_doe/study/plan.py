@@ -130,7 +130,7 @@ def cube_bytes(study: Study, points: Points) -> int | None:
         return None
     full = study.simulator.effective(study.base)
     turns, samples = (int(full.get(name) or 0) for name in ("cycles", "samples_per_revolution"))
-    lengths = {"order": 13, "groove": 3, "trunnion": 3, "mechanism": 5, "statistic": 3}
+    lengths = {"order": 13, "groove": 3, "trunnion": 3, "mechanism": 5, "part": 6, "statistic": 3}
     lengths |= {"cycle": turns, "rotation_deg": 2 * samples}
     numbers = sum(
         int(np.prod([lengths.get(dim, 1) for dim in study.simulator.outputs[name].dims])) for name in study.keep
