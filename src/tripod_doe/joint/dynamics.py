@@ -199,15 +199,15 @@ def _read(
     assembly: Assembly, result: Run, again: Run, values: Mapping[str, float], samples: int, method: Method, split: bool
 ) -> Readings:
     """Everything that is read off the last two revolutions of a run, and off the last one run again."""
-    ending = result.times[-2 * samples - 1 :], *(x[-2 * samples - 1 :] for x in _states(result))
-    thrust, powers = groove_readings(assembly, *ending[1:])
+    times, positions, velocities = (x[-2 * samples - 1 :] for x in (result.times, result.positions, result.velocities))
+    thrust, powers = groove_readings(assembly, positions, velocities)
     error = amplitude_error(thrust.sum(0), finer_thrust(assembly, again).sum(0), samples, method)
     last = slice(0, -1)  # the end of the last revolution is the start of the next one
     skew, summary = None, None
     if "needle 1.1" in assembly.names:
         skew, summary = needle_skews(assembly, result.positions[:-1], values, int(values["cycles"]))
         skew = skew[:, -2 * samples :]
-    parts = thrust_parts(assembly, *ending, values).sum(1) if split else None
+    parts = thrust_parts(assembly, times, positions, velocities, values).sum(1) if split else None
     return Readings(
         _by_revolution(thrust[:, last]), None if parts is None else _by_revolution(parts[:, last]),
         powers[:, last].mean(1), error, skew, summary, result.penetration, result.energy_residual,
