@@ -171,7 +171,8 @@ def thrust_parts(
 
     def part(table: NDArray[np.void], law: str) -> FloatArray:
         powers = np.einsum("sbd,sbd->sb", elements.of_law(table, law), rolling)
-        return gain * _of_each_roller(assembly, powers)
+        moved: FloatArray = gain * _of_each_roller(assembly, powers)
+        return moved
 
     along = gain * (friction * lever).sum(-1).T
     parts = np.empty((len(PARTS), *gain.shape))
