@@ -14,7 +14,7 @@ import tripod_doe as td
 from tripod_doe.cli import _parser
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.scene import scene
-from tripod_doe.study.definition import StudyFile
+from tripod_doe.study.file import StudyFile
 
 ROOT = Path(__file__).parent.parent
 SOURCES = sorted((ROOT / "src").rglob("*.py"))

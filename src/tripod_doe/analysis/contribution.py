@@ -22,7 +22,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.results import Outcome
 from tripod_doe.study.cube import SWITCH_ROLE
-from tripod_doe.study.definition import parse_file
+from tripod_doe.study.file import parse_file
 
 __all__ = ["PAPER_SHARES", "ContributionSettings", "contribution_shares"]
 

@@ -19,8 +19,8 @@ from SALib.analyze import sobol as salib_sobol
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.results import Outcome
 from tripod_doe.study.cube import COST_VARIABLES
-from tripod_doe.study.definition import DesignTable, parse_file
 from tripod_doe.study.designs import salib_problem, unit_sample
+from tripod_doe.study.file import DesignTable, parse_file
 
 __all__ = ["MorrisSettings", "SobolSettings", "morris_effects", "sobol_indices"]
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
 from tripod_doe.results import Outcome
-from tripod_doe.study.definition import parse_file
+from tripod_doe.study.file import parse_file
 from tripod_doe.study.simulator import Simulator, load_simulator
 
 __all__ = ["QUANTITIES", "Case", "Quantity", "TimedRun", "read_cases"]

@@ -19,9 +19,10 @@ from scipy.stats import qmc
 
 from tripod_doe.errors import InputError, closest, near_match
 from tripod_doe.quantities import Parameter, Value
-from tripod_doe.study.definition import DesignTable, Factor, Study
+from tripod_doe.study.definition import Factor, Study
 from tripod_doe.study.distributions import is_unbounded, quantile
 from tripod_doe.study.expressions import Expression
+from tripod_doe.study.file import DesignTable
 from tripod_doe.study.simulator import column_of, point_columns
 
 __all__ = ["Points", "make_points", "point_keys", "salib_problem", "unit_sample"]

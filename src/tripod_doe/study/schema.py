@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from tripod_doe.study.accuracy import AUTO
-from tripod_doe.study.definition import StudyFile
+from tripod_doe.study.file import StudyFile
 from tripod_doe.study.simulator import SCENES, load_simulator
 
 __all__ = ["study_schema"]

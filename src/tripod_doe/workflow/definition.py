@@ -16,8 +16,9 @@ from pydantic import BaseModel
 import tripod_doe
 from tripod_doe.analysis.registry import ANALYSES, CHAIN_ANALYSES, check_analyses, checked_settings, settings_of
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.study.definition import Study, parse_study, read_text
+from tripod_doe.study.definition import Study, parse_study
 from tripod_doe.study.designs import make_points, point_keys
+from tripod_doe.study.file import read_text
 from tripod_doe.workflow.file import (
     AnalysisStep,
     FigureStep,

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from tripod_doe.analysis.registry import ANALYSES, CHAIN_ANALYSES
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.report.figures.registry import FIGURES
-from tripod_doe.study.definition import FactorTable, Scalar, complaints
+from tripod_doe.study.file import FactorTable, Scalar, complaints
 
 __all__ = [
     "AnalysisStep",

@@ -1,0 +1,203 @@
+"""The form of a study file: its tables and keys as pydantic checks them, and what is wrong with a file in its words."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from tripod_doe.errors import InputError, closest, near_match
+
+__all__ = [
+    "AccuracyTable",
+    "DesignTable",
+    "FactorTable",
+    "RunTable",
+    "Scalar",
+    "StudyFile",
+    "complaints",
+    "parse_file",
+    "read_text",
+]
+
+Scalar = Annotated[float | int | str | bool, Field(union_mode="smart")]
+DesignKind = Literal[
+    "grid", "zip", "one-at-a-time", "table", "latin-hypercube", "sobol", "saltelli", "morris", "ablation", "product"
+]  # fmt: skip
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class StudyTable(_Table):
+    """[study]: what is asked, of which scene or function."""
+
+    name: str = Field(min_length=1, description="short name of the study")
+    question: str = Field("", description="the question it answers, as the report repeats it")
+    scene: str = Field("joint", description="scene that is simulated")
+    function: str | None = Field(None, description="package.module:function to run in place of a scene")
+
+
+class FactorTable(_Table):
+    """[factors.PARAMETER]: values, a range with a count, a range to sample, or a distribution."""
+
+    values: list[Scalar] | None = Field(None, description="the values it takes")
+    low: float | None = Field(None, description="lower end of the range")
+    high: float | None = Field(None, description="upper end of the range")
+    count: int | None = Field(None, ge=1, description="number of values from low to high, ends included")
+    scale: Literal["linear", "log"] = Field("linear", description="spacing of the values or samples from low to high")
+    distribution: (
+        Literal["uniform", "normal", "truncated-normal", "log-uniform", "triangular", "discrete"] | None
+    ) = Field(None, description="distribution of a sampled factor; uniform on its scale unless given")  # fmt: skip
+    mean: float | None = Field(None, description="mean of a normal distribution")
+    std: float | None = Field(None, gt=0, description="standard deviation of a normal distribution")
+    mode: float | None = Field(None, description="peak of a triangular distribution")
+    weights: list[float] | None = Field(None, description="relative frequencies of the values of a discrete one")
+
+    @property
+    def sampled_as(self) -> str:
+        """Its distribution where a design samples it: uniform unless given, on a logarithmic scale log-uniform."""
+        return self.distribution or ("log-uniform" if self.scale == "log" else "uniform")
+
+
+class DesignTable(_Table):
+    """[design]: how the points are made from the factors."""
+
+    kind: DesignKind = Field("grid", description="kind of design")
+    samples: int | None = Field(None, ge=1, description="number of samples (saltelli: SALib's N; morris: trajectories)")
+    seed: int = Field(0, ge=0, description="seed of the random numbers")
+    levels: int | None = Field(None, ge=2, description="levels of a morris design; 4 unless given")
+    second_order: bool = Field(True, description="saltelli: whether the points for second-order indices are added")
+    table: str | None = Field(None, description="CSV file with a column a factor, relative to the study file")
+    constraints: list[str] = Field([], description="conditions on the factors that every point must meet")
+    combinations: Literal["all", "single"] = Field(
+        "all", description="ablation: all combinations of the switches, or single: all on, none, each off, each alone"
+    )  # fmt: skip
+    of: list[str] = Field([], description="product: names of the sub-designs [design.NAME]")
+    factors: list[str] | None = Field(
+        None, description="the factors that a sub-design varies; ablation: its switches, all of the scene unless given"
+    )
+
+
+class KeepTable(_Table):
+    """[keep]: what goes into the cube."""
+
+    outputs: list[str] = Field([], description="names of the outputs; all but those on request unless given")
+
+
+class RunTable(_Table):
+    """[run]: policy that changes no value; but retry is a part of the question."""
+
+    block: int | None = Field(None, ge=1, description="points a task; sized by their cost unless given")
+    exclusive: bool = Field(False, description="run one block at a time, so that timings have no neighbour")
+    expected_outcomes: list[str] = Field([], description="outcomes besides finished that do not count as failures")
+    retry: list[str | dict[str, Scalar]] = Field(
+        [],
+        description='changes tried in this order, each on top of those before, on points that failed: "smaller-step" '
+        "(half the step or tolerance) or a table of parameters to set",
+    )
+
+
+class AccuracyTable(_Table):
+    """[accuracy]: what a study with model = "auto" must know how accurately; further keys are OUTPUT_ORDER."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+    __pydantic_extra__: dict[str, float]
+
+    confidence: float = Field(0.9, ge=0.5, le=0.99, description="share of the points in which the accuracy must be met")
+    floor: float = Field(
+        0.01,
+        gt=0,
+        lt=1,
+        description="share of the largest order of a point below which a smaller one is measured against that share",
+    )
+    budget_cpu_s: float | None = Field(
+        None, gt=0, description="largest estimated price of pilot and study; above it the study is not started (s)"
+    )
+
+
+class StudyFile(_Table):
+    """A whole study file."""
+
+    study: StudyTable
+    base: dict[str, Scalar] = Field({}, description="values of parameters that all points share")
+    factors: dict[str, FactorTable] = Field({}, description="what is varied")
+    design: DesignTable = DesignTable()
+    designs: dict[str, DesignTable] = Field({}, description="sub-designs, written [design.NAME]")
+    keep: KeepTable = KeepTable()
+    run: RunTable = RunTable()
+    accuracy: AccuracyTable | None = Field(
+        None, description='with model = "auto": allowed relative errors, OUTPUT_ORDER = error'
+    )
+    analysis: dict[str, dict[str, Any]] = Field({}, description="analyses of the cube: [analysis.NAME] with a kind")
+
+
+def read_text(path: Path, what: str) -> str:
+    """The text of a TOML file.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or is not UTF-8.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        beside = [other.name for other in path.parent.glob("*.toml")] if isinstance(error, FileNotFoundError) else []
+        raise InputError(f"{path}: cannot read the {what}: {reason}{closest(path.name, beside)}") from error
+
+
+def parse_file(text: str, origin: str = "study") -> StudyFile:
+    """Parse the text of a study file without looking for its simulator: form is checked, parameters are not."""
+    try:
+        raw = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{origin}: not valid TOML: {error}") from error
+    design = raw.get("design")
+    if isinstance(design, dict):  # [design.NAME] are tables of their own
+        raw["designs"] = {key: value for key, value in design.items() if isinstance(value, dict)}
+        raw["design"] = {key: value for key, value in design.items() if not isinstance(value, dict)}
+    try:
+        return StudyFile.model_validate(raw)
+    except ValidationError as error:
+        raise InputError("\n".join(f"{origin}: {line}" for line in complaints(error, _known_keys))) from error
+
+
+def complaints(error: ValidationError, known: Callable[[list[str]], Iterable[str]]) -> Iterator[str]:
+    """Pydantic's complaints about a TOML file in its own words: table, key, value, what is wrong, a near match.
+
+    Parameters
+    ----------
+    error
+        What pydantic raised.
+    known
+        The keys that the table at a path may hold, for near matches.
+    """
+    for item in error.errors():
+        path = [str(part) for part in item["loc"] if not str(part).startswith(("float", "int", "str", "bool", "dict"))]
+        where, key = ".".join(path[:-1]), path[-1]
+        place = f"[{where}]" if where else "the file"
+        if item["type"] == "extra_forbidden":
+            yield f"{place}: unknown key {key!r}{near_match(key, known(path[:-1]))}"
+        elif item["type"] == "missing":
+            yield f"{place}: {key} is missing"
+        elif item["type"] == "literal_error":
+            words = re.findall(r"'([^']*)'", item["ctx"]["expected"])
+            yield f"{place}: {key} = {item['input']!r}: unknown{near_match(str(item['input']), words)}"
+        else:
+            message = item["msg"][0].lower() + item["msg"][1:]
+            yield f"{place}: {key} = {item['input']!r}: {message}"
+
+
+def _known_keys(path: list[str]) -> list[str]:
+    tables: dict[str, type[_Table]] = {
+        "study": StudyTable, "factors": FactorTable, "design": DesignTable, "designs": DesignTable, "keep": KeepTable,
+        "run": RunTable, "accuracy": AccuracyTable,
+    }  # fmt: skip
+    return list((tables[path[0]] if path else StudyFile).model_fields)
