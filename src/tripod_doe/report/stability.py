@@ -26,9 +26,10 @@ _WORDS = {
 }  # fmt: skip
 _WHY = {
     Limit.NONE: "theory has no border for this method",
-    Limit.LAG: "the rate is that of the mode which lags most, and not the half step by which every Euler step is late",
+    Limit.LAG: "the rate is the lag of velocities about a frozen state: it goes with speed and friction as the error "
+    "does, but says little of its size",
     Limit.CONTACT: "the mode is taken without the damping and friction that act on it, too",
-    Limit.TOLERANCE: "a tolerance holds for one step, and not for their sum",
+    Limit.TOLERANCE: "a step of this method ends at every sample, whatever the tolerance",
 }
 """What is known of a disagreement, by what limits the step."""
 
