@@ -44,7 +44,7 @@ _ERROR_LIMIT, _ERROR_FLOOR = 0.05, 1e-4
 _UNREST_LIMIT = 1 / 3
 """Effective difference of the thrust's waveforms in the last two revolutions over the third order above which a run is
 inaccurate. A joint that rattles or swings slides to and fro at its grooves, which takes part of the friction away.
-Measured on 110 runs (benchmarks/guards.py): up to 0.2 where the third order is good to 1 %, from 0.39 where off by 5 %."""
+Measured on 110 runs (benchmarks/guards.py): up to 0.2 where the third order is good to 1 %, 0.39 where 5 % are lost."""
 
 _BY_CHANCE = math.sqrt(math.log(20)) / 2
 """Bound that 95 % of complex numbers of effective size 1 and any phase keep within, halved: see `_amplitude_error`."""
