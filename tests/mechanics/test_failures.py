@@ -77,6 +77,7 @@ FAILURES = [
     Failure("scipy-radau", stiff_bounce, 1e-1),
     Failure("scipy-bdf", bounce, 1e-2),
     Failure("scipy-lsoda", bounce, 1e-2),
+    Failure("scipy-dop853", stiff_bounce, 1e-1),
 ]
 
 

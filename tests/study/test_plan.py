@@ -67,6 +67,6 @@ def test_timing_stops_after_ten_seconds(tmp_path):
 
 @pytest.mark.parametrize("value", [1, 4])
 def test_wall_time_counts_the_workers(value):
-    plan = td.Plan(10, 10, 0, 3, (0.5, 1.0, 2.0), 100, 5, ("careful",))
+    plan = td.Plan(10, 10, 0, 3, (0.5, 1.0, 2.0), 100, 5, False, ("careful",))
     assert f"on {value} workers" in plan.describe(value)
     assert "careful" in plan.describe(value)
