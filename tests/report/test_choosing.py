@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -9,8 +11,12 @@ from method_rows import FINE, JOINT, STEPS, cube_of, fixed
 
 from tripod_doe.analysis.speed_accuracy import SpeedAccuracySettings, speed_accuracy
 from tripod_doe.analysis.stability import StabilitySettings, stability_borders
+from tripod_doe.joint.models import MODELS
+from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.report.choosing import choosing_page
 from tripod_doe.results import Outcome
+
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -53,3 +59,9 @@ def test_what_breaks_is_counted_and_told_apart(page):
     assert implicit[1:3] == ["implicit-euler", "10 us to 100 us"]
     assert implicit[-2:] == ["0", "1"]
     assert bdf[-2:] == ["1", "0"]
+
+
+def test_committed_page_tells_every_model_and_method():
+    text = (ROOT / "docs" / "choosing.md").read_text(encoding="utf-8")
+    for name in (*MODELS, *METHODS):
+        assert name in text, f"{name} is missing: make docs/choosing.md again, docs/choosing.py tells how"
