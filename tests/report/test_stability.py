@@ -46,8 +46,8 @@ def test_sentences(borders):
     assert found[0].startswith("3 of 4 borders agree with theory within a factor of 2")
     assert found[1] == "Of 6 runs that failed 3 were refused; 3 finished with a wrong number, the worst by 25 %."
     assert found[2] == (
-        "symplectic-euler, needle mass factor 4: measured 10 ns to 20 ns, theory 40 ns. "
-        "The first run beyond finished with a wrong number."
+        "symplectic-euler: needle mass factor 4 measured 10 ns to 20 ns, theory 40 ns. "
+        "At the needle mass factor 4 the first run beyond finished with a wrong number."
     )
 
 

@@ -272,7 +272,8 @@ def _border(
     first = int(bad[0]) if bad.size else there.size
     low = float(runs.steps[there[first - 1]]) if first > 0 else math.nan
     high = float(runs.steps[there[first]]) if bad.size else math.inf
-    known = there.size > 0 and not (kind[m, c, there] == RunKind.UNKNOWN).any() and not math.isnan(predicted[0])
+    referenced = bool((kind[:, c] == RunKind.GOOD).any())
+    known = referenced and there.size > 0 and not math.isnan(predicted[0])
     failed = there[first] if bad.size else None
     bounded = known and max(low * high, predicted[0]) < math.inf
     return {

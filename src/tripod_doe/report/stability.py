@@ -26,8 +26,7 @@ _WORDS = {
 }  # fmt: skip
 _WHY = {
     Limit.NONE: "theory has no border for this method",
-    Limit.LAG: "the rate is the lag of velocities about a frozen state: it goes with speed and friction as the error "
-    "does, but says little of its size",
+    Limit.LAG: "the rate is the lag of velocities about a frozen state, which says little of the size of the error",
     Limit.CONTACT: "the mode is taken without the damping and friction that act on it, too",
     Limit.TOLERANCE: "a step of this method ends at every sample, whatever the tolerance",
 }
@@ -60,23 +59,30 @@ def find_in_stability(borders: xr.Dataset) -> list[str]:
     unknown = int((kind == RunKind.UNKNOWN).any(axis=(0, 2)).sum())
     if unknown:
         sentences.append(f"{unknown} operating points have no reference: no two runs agree closely enough.")
-    return sentences + [_disagreement(borders, m, c) for m, c in np.argwhere(agrees == Agreement.NO)]
+    return sentences + [_disagreements(borders, m, np.flatnonzero(row)) for m, row in enumerate(agrees == Agreement.NO)
+                        if row.any()]  # fmt: skip
 
 
-def _disagreement(borders: xr.Dataset, m: int, c: int) -> str:
-    """One border that does not agree, with what is known of the reason."""
-    row = borders.isel(method=m, case=c)
-    low, predicted = float(row["border_low"]), float(row["border_predicted"])
-    limited = Limit(int(row["limited_by"]))
-    told = [_WHY[limited]] if limited in _WHY else []
-    if not low >= predicted:
-        told.append(_first_failure(row))
-    where = "base case" if row["varied"].item() == "base" else _level(row, str(row["varied"].item()))
-    reason, theory = "; ".join(told), border_text(borders, predicted)
-    return (
-        f"{row['method'].item()}, {where}: measured {measured_border(borders, row)}, theory {theory}"
-        f"{'. ' if reason else ''}{reason[:1].upper()}{reason[1:]}."
+def _disagreements(borders: xr.Dataset, m: int, cases: np.ndarray) -> str:
+    """The borders of one method that do not agree, with what is known of the reason."""
+    rows = [borders.isel(method=m, case=int(c)) for c in cases]
+    pairs = [(measured_border(borders, row), border_text(borders, float(row["border_predicted"]))) for row in rows]
+    seen = "; ".join(
+        f"{_place(row)} measured {found}, theory {said}" for row, (found, said) in zip(rows, pairs, strict=True)
     )
+    first = rows[0]
+    limited, below = Limit(int(first["limited_by"])), not float(first["border_low"]) >= float(first["border_predicted"])
+    told = [_WHY[limited]] if limited in _WHY and not (below and limited is Limit.TOLERANCE) else []
+    if below:
+        told.append(f"at the {_place(first)} {_first_failure(first)}")
+    reason = "; ".join(told)
+    return f"{first['method'].item()}: {seen}{'. ' if reason else ''}{reason[:1].upper()}{reason[1:]}."
+
+
+def _place(row: xr.Dataset) -> str:
+    """What is special about a case."""
+    varied = str(row["varied"].item())
+    return "base case" if varied == "base" else _level(row, varied)
 
 
 def _first_failure(row: xr.Dataset) -> str:

@@ -52,7 +52,8 @@ def _chart(borders: xr.Dataset, factor: str) -> Chart:
     part = map_of(borders, factor)
     methods = [str(name) for name in part["method"].values]
     classes = _classes(part)
-    with panels(len(methods), min(_COLUMNS, len(methods)), 2.9, 2.5) as (figure, axes):
+    columns = min(_COLUMNS, len(methods))
+    with panels(len(methods), columns, 2.9 if columns > 1 else 4.6, 2.5) as (figure, axes):
         for m, (name, panel) in enumerate(zip(methods, axes, strict=True)):
             _draw(panel, part.isel(method=m), classes[m])
             panel.set_title(name)
@@ -63,7 +64,9 @@ def _chart(borders: xr.Dataset, factor: str) -> Chart:
         handles = [Patch(fc=c, hatch=h, ec=INK, lw=0.4, label=t) for k, (c, h, t) in _CLASSES.items() if k in shown]
         lines = [Line2D([], [], color=INK, lw=2, label="measured border"),
                  Line2D([], [], color=COLOURS[3], ls="--", marker="D", ms=4, label="border by theory")]  # fmt: skip
-        figure.legend(handles=handles + lines, loc="outside upper left", ncols=3, frameon=False, fontsize=8)
+        figure.legend(
+            handles=handles + lines, loc="outside upper left", ncols=min(3, columns + 1), frameon=False, fontsize=8
+        )
     return Chart(factor, _caption(borders, factor), figure, _numbers(part, factor))
 
 
