@@ -107,8 +107,7 @@ class TrunnionScene(SceneSimulator):
 
     def answer(self, values: Mapping[str, float], result: Run) -> dict[str, Any]:
         """Axial force on the groove with its orders, skew and drift of the needles, over the last two revolutions."""
-        inside = _internal(values)
-        assembly = assemble(build_trunnion(inside))
+        inside, assembly = _internal(values), result.assembly
         thrust = _last_two(groove_readings(assembly, result.positions, result.velocities)[0][0])
         amplitude, phase = amplitude_and_phase(complex_amplitudes(thrust).mean(0))
         skew, _ = needle_skews(assembly, result.positions[:-1], inside, int(inside["cycles"]))
