@@ -5,6 +5,9 @@ not assumed: the last revolution is run again from the same state in steps of ha
 is compared. A method of order p that changes by d is off by d / (1 - 2^-p); p is 1 where a tolerance sets the step:
 half of it is half the error. Light needles rattle, so that two runs never agree needle by needle; what has to
 agree is the thrust.
+
+Halving steps cannot show what all affordable steps damp: at low torque and speed the joint vibrates by itself, at some
+hundred hertz. Runs that pass all else are therefore asked whether their smooth motion is stable (`joint.vibration`).
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ from tripod_doe.joint.multibody import build_joint
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
 from tripod_doe.joint.readings import groove_readings, groove_thrust, needle_skews
 from tripod_doe.joint.thrust_parts import thrust_parts
+from tripod_doe.joint.vibration import vibration
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.linearisation import Rates, fastest_rates
@@ -145,6 +149,8 @@ def run_joint(
         if rates:
             readings = replace(readings, rates=_rates(result, values, samples))
         outcome, detail = judge(result, again, readings.groove_thrust.sum(1), readings.amplitude_error, values)
+        if outcome == Outcome.FINISHED and (reason := vibration(values, result, samples)):
+            outcome, detail = Outcome.INACCURATE, reason
         done = JointRun(outcome, detail, readings)
     steps, evaluations = (
         sum(getattr(part, name) for part in (result, again) if part) for name in ("steps", "force_evaluations")
