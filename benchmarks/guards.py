@@ -16,8 +16,8 @@ Cheap scenes, each run with its own truth, and steps or tolerances of which many
 The joint: random operating points, each with several random methods and settings, the third order of the thrust, and
 the second where it is above 1 % of the third. The second counts as called good where its reported error is below 5 %.
 The truth of a point is adaptive-euler at 2.5e-4. For rollers generalized-alpha at 1e-5 s, which damps little, must agree
-with it to 1 %: else the joint vibrates by itself there (seen to go on for 40 revolutions), which the damping of implicit
-Euler hides at any affordable tolerance. The undamped run is the truth then, and such points have rows of their own.
+with it to 1 %: else the joint vibrates by itself there, which the damping of implicit Euler hides at any affordable
+tolerance and `joint.vibration` has to notice. The undamped run is the truth then; such points have rows of their own.
 """
 
 from __future__ import annotations
