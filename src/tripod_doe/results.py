@@ -123,8 +123,8 @@ class BlockResult:
         `Outcome` values, shape (point,).
     detail
         Why a point failed, empty where it did not.
-    steps, force_evaluations
-        Counted work, shape (point,).
+    steps, force_evaluations, solves
+        Counted work, shape (point,); solves are factorisations of a linear system, zero for methods without one.
     simulated_seconds
         Time of the motion that was followed, up to the end or the failure, shape (point,); NaN where there is none.
     retries
@@ -137,5 +137,6 @@ class BlockResult:
     detail: list[str]
     steps: NDArray[np.int64]
     force_evaluations: NDArray[np.int64]
+    solves: NDArray[np.int64]
     simulated_seconds: NDArray[np.float64]
     retries: Retries | None = None

@@ -38,6 +38,7 @@ def cube_of(rows, study=ROLLER, variable="axial_force_n"):
             "simulated_seconds": ("point", np.full(len(rows), 0.5)),
             "steps": ("point", np.ones(len(rows))),
             "force_evaluations": ("point", np.ones(len(rows))),
+            "solves": ("point", np.ones(len(rows))),
         },
         coords=coords,
         attrs={"study": study, "fixed_parameters": "{}"},

@@ -203,3 +203,12 @@ def test_a_small_sphere_too_deep_is_not_hidden_by_a_large_one():
     assert result.outcome == Outcome.INACCURATE
     assert "a penetration of 0.02 is outside the contact law" in result.detail
     assert "body small" in result.detail
+
+
+@pytest.mark.parametrize(
+    ("method", "least", "most"), [("rk4", 0, 0), ("linearly-implicit-euler", 1, 1), ("bdf2", 1, 9)]
+)
+def test_linear_systems_are_counted(method, least, most):
+    """None a step for explicit methods, one for linearly implicit ones, as many as iterations for implicit ones."""
+    result = run(assemble(rolling_sphere()), method, 0.01, step=1e-4)
+    assert least * result.steps <= result.solves <= most * result.steps

@@ -228,6 +228,7 @@ def _run_variables(
         "cpu_per_second_high": along(spread[:, 1], f"largest {per}", "1"),
         "repetitions": along((np.int32(run.seconds.size) for _, run in runs), "number of repetitions"),
         "steps": along((run.steps for _, run in runs), "steps", "1"),
+        "solves": along((run.solves for _, run in runs), "factorisations of a linear system", "1"),
         "force_evaluations": along((run.force_evaluations for _, run in runs), "evaluations of all forces", "1"),
         "numerical_error": error(np.vstack(own), "relative difference to the reference of the same model"),
         "model_error": error(model, "relative difference to the reference of the finest model"),

@@ -77,7 +77,7 @@ class TimedRun:
     seconds
         CPU seconds per simulated second of every repetition, shape (repetition,); of a run that did not come to its
         end, over the time that it followed.
-    steps, force_evaluations
+    steps, force_evaluations, solves
         Counted work.
     answers
         By quantity; empty where it did not finish.
@@ -91,6 +91,7 @@ class TimedRun:
     seconds: FloatArray
     steps: float
     force_evaluations: float
+    solves: float
     answers: Mapping[str, FloatArray]
 
     @property
@@ -226,5 +227,5 @@ def _timed(
                 answers[quantity.name] = numbers
     return TimedRun(
         *key, outcome, str(first["outcome_detail"].item()), np.where(np.isfinite(seconds), seconds, np.nan),
-        float(first["steps"]), float(first["force_evaluations"]), answers,
+        float(first["steps"]), float(first["force_evaluations"]), float(first["solves"]), answers,
     )  # fmt: skip

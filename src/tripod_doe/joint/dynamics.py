@@ -102,7 +102,7 @@ class JointRun:
         How it ended.
     readings
         What it gives, whatever its outcome; None if it did not come to its end.
-    steps, force_evaluations
+    steps, force_evaluations, solves
         Counted work, with that of the error estimate.
     followed
         Time that was simulated, up to the end or the failure; without that of the error estimate.
@@ -113,6 +113,7 @@ class JointRun:
     readings: Readings | None = None
     steps: int = 0
     force_evaluations: int = 0
+    solves: int = 0
     followed: float = 0.0
 
 
@@ -152,10 +153,11 @@ def run_joint(
         if outcome == Outcome.FINISHED and (reason := vibration(values, result, samples)):
             outcome, detail = Outcome.INACCURATE, reason
         done = JointRun(outcome, detail, readings)
-    steps, evaluations = (
-        sum(getattr(part, name) for part in (result, again) if part) for name in ("steps", "force_evaluations")
-    )
-    return replace(done, steps=steps, force_evaluations=evaluations, followed=result.followed)
+    parts = [part for part in (result, again) if part]
+    return replace(
+        done, steps=sum(part.steps for part in parts), followed=result.followed,
+        force_evaluations=sum(part.force_evaluations for part in parts), solves=sum(part.solves for part in parts),
+    )  # fmt: skip
 
 
 def follow(

@@ -86,6 +86,7 @@ def _simulate_equilibrium(
         [text for chunk in chunks for text in chunk.detail],
         np.concatenate([chunk.steps for chunk in chunks]),
         np.concatenate([chunk.force_evaluations for chunk in chunks]),
+        np.concatenate([chunk.solves for chunk in chunks]),
         np.concatenate([chunk.simulated_seconds for chunk in chunks]),
     )
 
@@ -115,7 +116,9 @@ def _equilibrium_chunk(points: Mapping[str, FloatArray], samples: int, keep: Col
             outcome[position], detail[position] = kind, text
     with np.errstate(divide="ignore"):  # a balance holds for any number of revolutions: those that were asked for
         turned = np.where(points["speed_rpm"] > 0, points["cycles"] * 2 * np.pi / points["speed_rpm"], np.nan)
-    return BlockResult(outputs, {}, outcome, detail, solution.sweeps, solution.sweeps, turned)
+    return BlockResult(
+        outputs, {}, outcome, detail, solution.sweeps, solution.sweeps, np.zeros_like(solution.sweeps), turned
+    )
 
 
 def _prepare_equilibrium(point: Mapping[str, FloatArray], method: str) -> None:
@@ -143,7 +146,7 @@ def _simulate_multibody(
 ) -> BlockResult:
     """Simulate points one by one; a run of any of them costs more than all that could be shared."""
     count = points["torque_n_m"].size
-    outcome, detail, work = np.zeros(count, np.int8), [""] * count, np.zeros((2, count), np.int64)
+    outcome, detail, work = np.zeros(count, np.int8), [""] * count, np.zeros((3, count), np.int64)
     followed = np.zeros(count)
     outputs: dict[str, Values] = {}
     split = not set(PART_OUTPUTS).isdisjoint(keep)
@@ -153,14 +156,15 @@ def _simulate_multibody(
         wants_rates = not set(_RATES).isdisjoint(keep)
         result = run_joint(point, needles, method, samples, step, tolerance, wants_rates, split)
         outcome[i], detail[i] = result.outcome, result.detail
-        work[:, i], followed[i] = (result.steps, result.force_evaluations), result.followed
+        work[:, i] = result.steps, result.force_evaluations, result.solves
+        followed[i] = result.followed
         if result.readings is None:
             continue
         for name, values in _answer(result.readings, keep).items():
             if name not in outputs:
                 outputs[name] = Values(values.dims, np.full((count, *values.data.shape[1:]), np.nan))
             outputs[name].data[i] = values.data[0]
-    return BlockResult(outputs, {}, outcome, detail, work[0], work[1], followed)
+    return BlockResult(outputs, {}, outcome, detail, work[0], work[1], work[2], followed)
 
 
 def _prepare_multibody(point: Mapping[str, FloatArray], method: str) -> None:

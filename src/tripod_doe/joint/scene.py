@@ -123,7 +123,7 @@ class JointScene:
         count = len(points["model"])
         outcome = np.full(count, Outcome.NOT_APPLICABLE, np.int8)
         detail = [""] * count
-        work, followed = np.zeros((2, count), np.int64), np.zeros(count)
+        work, followed = np.zeros((3, count), np.int64), np.zeros(count)
         outputs: dict[str, Values] = {}
         methods = np.array([_method(model, method) for model, method in _pairs(points)])
         kinds = list(zip(points["model"], methods, points["samples_per_revolution"], points["cycles"], strict=True))
@@ -141,7 +141,7 @@ class JointScene:
             outcome[where] = result.outcome
             for position, text in zip(where, result.detail, strict=True):
                 detail[position] = text
-            work[:, where] = result.steps, result.force_evaluations
+            work[:, where] = result.steps, result.force_evaluations, result.solves
             followed[where] = result.simulated_seconds
             for key, values in result.outputs.items():
                 if key not in outputs:
@@ -151,7 +151,7 @@ class JointScene:
         used = {dim for values in outputs.values() for dim in values.dims}
         labels = coordinates(int(points["samples_per_revolution"][0]), int(points["cycles"][0]))
         labels = {name: label for name, label in labels.items() if name in used}
-        return BlockResult(outputs, labels, outcome, detail, work[0], work[1], followed)
+        return BlockResult(outputs, labels, outcome, detail, work[0], work[1], work[2], followed)
 
 
 def _unset(value: object) -> bool:

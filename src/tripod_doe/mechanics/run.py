@@ -94,8 +94,8 @@ class Run:
         Time integrals of the power put in and of that lost by sliding, spinning, rolling and damping.
     energy_residual, reversals, disagreement, penetration, drift
         The quantities that `Limits` bounds; NaN where they were not found.
-    steps, force_evaluations, check_evaluations
-        Counted work; that of the checks by itself.
+    steps, force_evaluations, solves, check_evaluations
+        Counted work: steps, evaluations of all forces, factorisations of a linear system; evaluations of the checks.
     followed
         Time that was simulated, up to the end or the failure.
     """
@@ -114,6 +114,7 @@ class Run:
     drift: float
     steps: int
     force_evaluations: int
+    solves: int
     check_evaluations: int
     followed: float
 
@@ -247,7 +248,8 @@ def run(
     return Run(
         assembly, outcome, detail, np.array(times), np.array(positions), np.array(velocities), memory.balance.copy(),
         energy, reversals, disagreement, checks.penetration, float(memory.extremes[0]),
-        int(memory.counters[3]), int(memory.counters[0]), checks.evaluations, state.time - begin,
+        int(memory.counters[3]), int(memory.counters[0]), int(memory.counters[2]), checks.evaluations,
+        state.time - begin,
     )  # fmt: skip
 
 

@@ -124,7 +124,7 @@ def cost_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
         rows.append(("Wall-clock time", _duration(busiest), "of the busiest worker, inside its blocks"))
         if busiest > 0:
             rows.append(("Points a second", _rate(count / busiest), "all workers together, inside the blocks"))
-    for name, label in (("steps", "Steps"), ("force_evaluations", "Force evaluations")):
+    for name, label in (("steps", "Steps"), ("force_evaluations", "Force evaluations"), ("solves", "Solves")):
         if name in cube:
             total = float(cube[name].sum())
             rows.append(

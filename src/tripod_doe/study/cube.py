@@ -40,6 +40,7 @@ COST_VARIABLES = {
     "wall_seconds": ("s", "wall-clock time of the point (its share of the block)"),
     "steps": ("1", "time steps or sweeps"),
     "force_evaluations": ("1", "evaluations of all contact and friction forces"),
+    "solves": ("1", "factorisations of a linear system"),
     "simulated_seconds": ("s", "time of the motion that was followed, up to the end or the failure"),
 }
 """Units and meanings of the variables of cost.nc; the worker's name stands beside them."""
@@ -149,7 +150,7 @@ class _Table:
         self.worker[at] = block.worker
         self.costs["cpu_seconds"][at] = block.cpu_seconds / block.keys.size
         self.costs["wall_seconds"][at] = block.wall_seconds / block.keys.size
-        for name in ("steps", "force_evaluations", "simulated_seconds"):
+        for name in ("steps", "force_evaluations", "solves", "simulated_seconds"):
             self.costs[name][at] = getattr(result, name)[rows]
         if retries := result.retries:
             self.attempt[at] = retries.attempt[rows]

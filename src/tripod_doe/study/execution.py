@@ -190,7 +190,9 @@ def _finished(future: Future, keys: NDArray[np.void]) -> FinishedBlock | None:
         lost = np.array([Outcome.WORKER_LOST], np.int8)
         none = np.zeros(1, np.int64)
         detail = [f"{_ALLOWED_FAILURES + 1} worker processes died on this point"]
-        return FinishedBlock(keys, BlockResult({}, {}, lost, detail, none, none, np.full(1, np.nan)), 0.0, 0.0, "")
+        return FinishedBlock(
+            keys, BlockResult({}, {}, lost, detail, none, none, none, np.full(1, np.nan)), 0.0, 0.0, ""
+        )
     raise error
 
 

@@ -33,7 +33,7 @@ CREATE TABLE IF NOT EXISTS block (
 CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
 """
 
-_PER_POINT = ("outcome", "steps", "force_evaluations", "simulated_seconds")
+_PER_POINT = ("outcome", "steps", "force_evaluations", "solves", "simulated_seconds")
 
 
 @dataclass(frozen=True)

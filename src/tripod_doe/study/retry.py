@@ -259,7 +259,7 @@ class _History:
         self._attempt = np.zeros(self._count, np.int8)
         self._story = list(first.detail)
         self._outcome = first.outcome.copy()
-        self._steps, self._evaluations = first.steps.copy(), first.force_evaluations.copy()
+        self._work = {name: getattr(first, name).copy() for name in ("steps", "force_evaluations", "solves")}
         self._seconds = first.simulated_seconds.copy()
         self._outputs = dict(first.outputs)
         self._coordinates = dict(first.coordinates)
@@ -287,8 +287,8 @@ class _History:
 
     def record(self, change: Change, rows: NDArray[np.int64], again: BlockResult) -> None:
         """Add the work of an attempt, and take its results where it finished."""
-        self._steps[rows] += again.steps
-        self._evaluations[rows] += again.force_evaluations
+        for name, counted in self._work.items():
+            counted[rows] += getattr(again, name)
         followed = np.stack([self._seconds[rows], again.simulated_seconds])
         self._seconds[rows] = np.where(np.isnan(followed).all(axis=0), np.nan, np.nansum(followed, axis=0))
         helped = again.outcome == Outcome.FINISHED
@@ -325,6 +325,5 @@ class _History:
         ]
         return replace(
             self._first, outputs=self._outputs, coordinates=self._coordinates, outcome=self._outcome, detail=detail,
-            steps=self._steps, force_evaluations=self._evaluations, simulated_seconds=self._seconds,
-            retries=retries,
+            simulated_seconds=self._seconds, retries=retries, **self._work,
         )  # fmt: skip

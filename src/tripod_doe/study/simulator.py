@@ -141,7 +141,7 @@ class FunctionSimulator:
         labels = {str(dim): np.asarray(values) for answer in good for dim, values in answer.coords.items()}
         outcome = np.array([Outcome.ERROR if text else Outcome.FINISHED for text in detail], np.int8)
         ones = np.ones(count, np.int64)
-        return BlockResult(outputs, labels, outcome, detail, ones, ones, np.full(count, np.nan))
+        return BlockResult(outputs, labels, outcome, detail, ones, ones, np.zeros_like(ones), np.full(count, np.nan))
 
 
 def _stacked(name: str, answers: Sequence[xr.Dataset | None]) -> Values:

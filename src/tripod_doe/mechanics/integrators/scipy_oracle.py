@@ -84,7 +84,7 @@ def _integrate(
         return rates.copy()
 
     options: dict[str, Any] = {"rtol": settings.tolerance, "atol": _tolerances(tables, settings.tolerance)}
-    start = _pack(positions, velocities)
+    start, solved = _pack(positions, velocities), int(work.counters[2])
     try:
         stepper = getattr(scipy.integrate, solver)(right_hand_side, clock[0], start, end, **options)
         while stepper.status == "running":
@@ -95,6 +95,7 @@ def _integrate(
                 work.failure[0] = 0
                 return DIVERGED
             right_hand_side(stepper.t, stepper.y)
+            work.counters[2] = solved + stepper.nlu
             step = stepper.t - before
             status = int(accept(tables, work, positions, velocities, clock, stepper.t, step, settings))
             if status != FINISHED:

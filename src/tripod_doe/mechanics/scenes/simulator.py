@@ -142,7 +142,7 @@ class SceneSimulator(ABC):
         """Simulate a block of points; see the scene ``joint``."""
         count = len(points["method"])
         outcome, detail = np.full(count, Outcome.NOT_APPLICABLE, np.int8), [""] * count
-        work, followed = np.zeros((2, count), np.int64), np.zeros(count)
+        work, followed = np.zeros((3, count), np.int64), np.zeros(count)
         shapes = {name: tuple(self.labels[dim].size for dim in self.outputs[name].dims) for name in keep}
         outputs = {
             name: Values(self.outputs[name].dims, np.full((count, *shape), np.nan)) for name, shape in shapes.items()
@@ -171,13 +171,13 @@ class SceneSimulator(ABC):
                 outcome[i], detail[i] = Outcome.ERROR, f"{type(error).__name__}: {error}"
                 continue
             outcome[i], detail[i] = result.outcome, result.detail
-            work[:, i] = result.steps, result.force_evaluations + result.check_evaluations
+            work[:, i] = result.steps, result.force_evaluations + result.check_evaluations, result.solves
             followed[i] = result.followed
             for name in keep if found else ():
                 outputs[name].data[i] = found[name]
         used = {dim for values in outputs.values() for dim in values.dims}
         labels = {name: label for name, label in self.labels.items() if name in used}
-        return BlockResult(outputs, labels, outcome, detail, work[0], work[1], followed)
+        return BlockResult(outputs, labels, outcome, detail, work[0], work[1], work[2], followed)
 
     def _run_point(self, values: Mapping[str, float], method: str) -> Run:
         settings = Settings(tolerance=values.get("relative_tolerance", 0.0), budget=int(values["evaluation_budget"]))

@@ -68,6 +68,7 @@ def _error_chart(data: xr.Dataset) -> Chart:
         "method": data["run_method"].values, data["setting_kind"].values[0] or "setting": data["setting"].values,
         "cpu_per_second": price, "error_percent": 100 * data["numerical_error"].values,
         "steps": data["steps"].values, "force_evaluations": data["force_evaluations"].values,
+        "solves": data["solves"].values,
         "outcome": [Outcome(int(kind)).label for kind in data["outcome"].values],
     })  # fmt: skip
     return Chart(f"{case.replace(' ', '-')}-{name}", caption, figure, table)
