@@ -167,7 +167,7 @@ def test_the_error_is_of_first_order(simulated):
 def test_other_methods_agree_within_their_errors(simulated):
     """Numerical error: an explicit method and one of a single linear solve a step, against the default at a quarter."""
     settled = order(simulated(cycles=3, relative_tolerance=1e-3), 3)
-    for method, step, near in (("symplectic-euler", 2e-6, 0.003), ("linearly-implicit-euler", 2e-5, 0.03)):
+    for method, step, near in (("symplectic-euler", 2e-6, 0.003), ("linearly-implicit-euler", 2e-5, 0.003)):
         result = simulated(cycles=3, method=method, step_s=step, samples_per_revolution=90)
         error = result["thrust_amplitude_error"].values[3]
         assert error < near * abs(settled)
@@ -204,7 +204,7 @@ def test_runs_that_cannot_go_well_say_why(model, given, expected, reason):
         {"joint_angle_deg": 40},
         {"relative_tolerance": 0.1},
         {"method": "symplectic-euler", "step_s": 1e-5, "cycles": 2},
-        {"method": "linearly-implicit-euler", "step_s": 2e-4},
+        {"method": "linearly-implicit-euler", "step_s": 3e-4},
         {"torque_n_m": 5000},
     ],
 )
