@@ -9,8 +9,10 @@ Pearson's at 95 %, over all runs and over the wrong ones. A cube keeps no number
 Cheap scenes, each run with its own truth, and steps or tolerances of which many are too coarse:
 
     needle   between two plates: axial drift; truth by rosenbrock at 1e-7, held against the closed form to 10 %
-    groove   roller in its groove: axial force; truth is the closed form
-    thrown   a ball that slides, then rolls: place over its slip path; truth by rk4 at 1e-5 s
+    groove   roller set down in its groove without spin, for half to four times as long as it needs to roll: axial
+             force, mean over 20 samples; truth by rosenbrock at 1e-8; steps up to a twentieth of the duration
+    thrown   a ball that slides, then rolls, for half to four times as long as it slides: place, and turn times radius,
+             over its slip path; truth by rosenbrock at 1e-9; steps up to a fifth of the duration
     dropped  a ball that bounces: height; truth is the height that it fell from
 
 The joint: random operating points, each with several random methods and settings, the third order of the thrust, and
@@ -25,7 +27,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import beta
@@ -37,7 +39,7 @@ from tripod_doe.joint.scene import scene as joint
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.monitor import Settings
-from tripod_doe.mechanics.run import Limits, Run, run
+from tripod_doe.mechanics.run import Run, run
 from tripod_doe.mechanics.scenes import needle_between_plates, roller_in_groove
 from tripod_doe.mechanics.scenes.examples import dropped_ball, rolling_sphere
 from tripod_doe.mechanics.scenes.simulator import SceneSimulator
@@ -45,6 +47,7 @@ from tripod_doe.results import Outcome
 from tripod_doe.study.simulator import point_columns
 
 WRONG, GOOD = 0.05, 0.01
+TIMES = 0.5, 4.0
 LARGEST_STEPS = 50_000
 BUDGET = 1_000_000
 
@@ -120,33 +123,60 @@ def run_needle(values: Mapping[str, float], method: str, setting: float) -> tupl
 def draw_groove(rng: np.random.Generator) -> dict[str, float]:
     return {
         "tilt_deg": rng.uniform(2, 15), "axial_speed_mm_s": log_uniform(rng, 20, 500), "load_n": log_uniform(rng, 50, 2e3),
-        "friction": rng.uniform(0.02, 0.1),
+        "friction": rng.uniform(0.02, 0.1), "transition_ratio": log_uniform(rng, 0.05, 0.5), "times": log_uniform(rng, *TIMES),
     }  # fmt: skip
 
 
 def run_groove(values: Mapping[str, float], method: str, setting: float) -> tuple[Run, float]:
-    duration = 0.02 if METHODS[method].controlled else min(0.02, setting * LARGEST_STEPS)
-    result, numbers = simulator_run(roller_in_groove.scene, {**values, "duration_s": duration}, method, setting)
-    force = roller_in_groove.scene.answer(numbers, result)["axial_force_n"]
-    return result, abs(force / roller_in_groove.closed_form(numbers) - 1)
+    full = roller_in_groove.scene.effective(dict(values))
+    numbers = {name: float(value) for name, value in full.items() if isinstance(value, int | float)}
+    roller = roller_in_groove.build(numbers).bodies[0]
+    spun_up = roller.inertia[1] * numbers["axial_speed_mm_s"] / (
+        numbers["roller_radius_mm"] ** 2 * numbers["friction"] * numbers["load_n"]
+    )  # fmt: skip
+    numbers["duration_s"] = values["times"] * spun_up
+    scene = roller_in_groove.build(numbers)
+    assembly = assemble(replace(scene, bodies=(replace(roller, angular_velocity=(0.0, 0.0, 0.0)),)))
+    truth = run(assembly, "rosenbrock", numbers["duration_s"], samples=20, settings=Settings(tolerance=1e-8))
+    if truth.outcome != Outcome.FINISHED:
+        raise SystemExit(f"no truth for {values}: {truth.detail}")
+    result = part_run(assembly, numbers["duration_s"], 20, method, setting)
+    forces = [axial_force(each, numbers) for each in (result, truth)]
+    return result, abs(forces[0] / forces[1] - 1)
 
 
-def run_ball(assembly, duration: float, method: str, setting: float) -> Run:
+def axial_force(result: Run, numbers: Mapping[str, float]) -> float:
+    """Axial force on the groove, mean over the samples but the first."""
+    states = [
+        replace(result, positions=p[None], velocities=v[None])
+        for p, v in zip(result.positions[1:], result.velocities[1:], strict=True)
+    ]
+    return float(np.mean([roller_in_groove.scene.answer(numbers, state)["axial_force_n"] for state in states]))
+
+
+def part_run(assembly, duration: float, samples: int, method: str, setting: float) -> Run:
+    """A run whose step, if it has one, is a part of its duration."""
     controlled = METHODS[method].controlled
     settings = Settings(tolerance=setting if controlled else 1e-6, budget=BUDGET)
-    return run(assembly, method, duration, step=None if controlled else setting, samples=20, settings=settings)
+    step = None if controlled else setting * duration
+    return run(assembly, method, duration, step=step, samples=samples, settings=settings)
 
 
 def draw_thrown(rng: np.random.Generator) -> dict[str, float]:
-    return {"friction": rng.uniform(0.1, 0.4), "transition": log_uniform(rng, 1e-4, 1e-2)}
+    return {
+        "friction": rng.uniform(0.1, 0.4), "transition": log_uniform(rng, 1e-4, 1e-2), "times": log_uniform(rng, *TIMES),
+    }  # fmt: skip
 
 
 def run_thrown(values: Mapping[str, float], method: str, setting: float) -> tuple[Run, float]:
-    assembly = assemble(rolling_sphere(**values))
-    truth = run(assembly, "rk4", 0.4, step=1e-5, limits=Limits(windows=0)).positions[-1, 1, 0]
-    result = run_ball(assembly, 0.4, method, setting)
-    slipped = 12 / 49 / (values["friction"] * 9.81)  # of 1 m/s, until it rolls
-    return result, abs(result.positions[-1, 1, 0] - truth) / slipped
+    assembly = assemble(rolling_sphere(values["friction"], values["transition"]))
+    slides = 2 / 7 / (values["friction"] * 9.81)  # from 1 m/s, until it rolls
+    duration = values["times"] * slides
+    truth = run(assembly, "rosenbrock", duration, samples=5, settings=Settings(tolerance=1e-9)).positions[-1, 1]
+    result = part_run(assembly, duration, 5, method, setting)
+    found, part, radius = result.positions[-1, 1], min(values["times"], 1.0), 0.1
+    turn = 2 * np.arccos(min(abs(found[3:] @ truth[3:]), 1.0))
+    return result, max(abs(found[0] - truth[0]), radius * turn) / (slides * (part - part * part / 2))
 
 
 def draw_dropped(rng: np.random.Generator) -> dict[str, float]:
@@ -155,14 +185,14 @@ def draw_dropped(rng: np.random.Generator) -> dict[str, float]:
 
 def run_dropped(values: Mapping[str, float], method: str, setting: float) -> tuple[Run, float]:
     scene, duration, _ = dropped_ball(**values)
-    result = run_ball(assemble(scene), duration, method, setting)
+    result = part_run(assemble(scene), duration, 20, method, setting / duration)
     return result, abs((result.positions[-1, 1, 2] - 0.1) / values["height"] - 1)
 
 
 CHEAP = {
     "needle": CheapScene(draw_needle, run_needle, (2e-9, 1e-6), (3e-7, 1e-3), (1e-7, 1e-1)),
-    "groove": CheapScene(draw_groove, run_groove, (2e-6, 2e-4), (1e-6, 1e-3), (1e-7, 1e-1)),
-    "thrown": CheapScene(draw_thrown, run_thrown, (1e-5, 1e-2), (1e-4, 2e-1), (1e-6, 1e-1)),
+    "groove": CheapScene(draw_groove, run_groove, (1e-4, 5e-2), (1e-3, 5e-2), (1e-7, 1e-1)),  # parts of the duration
+    "thrown": CheapScene(draw_thrown, run_thrown, (1e-4, 2e-1), (1e-3, 2e-1), (1e-7, 1e-1)),
     "dropped": CheapScene(draw_dropped, run_dropped, (5e-6, 1e-2), (3e-6, 1e-2), (1e-7, 1e-1)),
 }
 
@@ -180,7 +210,8 @@ def cheap_trials(count: int, rng: np.random.Generator):
             error = np.inf
         text = (
             f"{number} {name} {method} {setting:.3g} { ({n: float(f'{v:.4g}') for n, v in values.items()}) } error {error:.3g} energy "
-            f"{result.energy_residual:.2g} reversals {result.reversals:.2g} halved step {result.disagreement:.2g}: "
+            f"{result.energy_residual:.2g} reversals {result.reversals:.2g} halved step {result.disagreement:.2g} "
+            f"steps {result.steps}: "
             f"{result.outcome.label} {result.detail}"
         )
         yield Trial(name, method, error, result.outcome == Outcome.FINISHED, text)

@@ -117,7 +117,8 @@ class Assembly:
             counters=np.zeros(6, np.int64),
             balance=np.zeros(5),
             power_before=np.zeros(5),
-            reversals=np.zeros((groups, 2, WIDTH)),
+            motion_before=np.zeros((bodies, 6)),
+            paths=np.zeros((groups, 2, WIDTH)),
             extremes=np.zeros(1),
             failure=np.zeros(2),
         )

@@ -1,13 +1,14 @@
-"""The end of every step: the clock is set, and the run notes its energy balance, slip reversals, drift and runaway."""
+"""The end of every step: the clock is set, and the run notes its energy balance, slip paths, drift and runaway."""
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints
 from tripod_doe.mechanics.lanes import load, select, store
-from tripod_doe.mechanics.motion import clear, evaluate, larger
+from tripod_doe.mechanics.motion import evaluate, larger
 
 __all__ = ["DIVERGED", "EVALUATION_LIMIT", "FINISHED", "RUNAWAY", "STEP_LIMIT", "Settings", "accept", "begin_watch"]
 
@@ -59,23 +60,43 @@ def begin_watch(tables, work, positions, velocities, time):
     evaluate(tables, work, positions, velocities, time, 0.0)
     for p in range(5):
         work.power_before[p] = work.ledger[1 + p]
-    _count_reversals(tables.contacts, work.touching, work.slip, work.slip_before, work.reversals)
-    clear(work.reversals.ravel())
+    _work_beyond_powers(tables, positions, velocities, 0.0, work.motion_before)
+    _follow_slips(tables.contacts, work.touching, work.slip, work.slip_before, 0.0, work.paths)
 
 
 @kernel
-def _count_reversals(contacts, touching, slip, before, reversals):
-    """Compare the slips of contacts that touch, or did, with those of the last accepted step."""
+def _work_beyond_powers(tables, positions, velocities, step, before):
+    """What constant loads and gravity did more, by their bodies' ways, than the mean of their powers over a step says.
+
+    A coarse step's ways are not what its velocities say, and a ledger of powers would not see that.
+    """
+    more = 0.0
+    for i in range(tables.bodies.size):
+        body = tables.bodies[i]
+        for d in range(3):
+            if body.free[d] != 0.0:
+                load = body.load[d] + (body.mass * tables.gravity[d] if body.block >= 0 else 0.0)
+                way = positions[i, d] - before[i, d]
+                more += load * (way - 0.5 * step * (velocities[i, d] + before[i, 3 + d]))
+            before[i, d], before[i, 3 + d] = positions[i, d], velocities[i, d]
+    return more
+
+
+@kernel
+def _follow_slips(contacts, touching, slip, before, step, paths):
+    """Add up how far the spheres of contacts that touch, or did, have slipped in a step, and by how much reversing."""
     for i in range(contacts.size):
         if touching[i, 0] + touching[i, 1] == 0:
             continue
         touching[i, 1] = touching[i, 0]
         least = (_ROLLING * contacts[i].sliding_transition) ** 2
         for k in range(contacts[i].first, contacts[i].first + contacts[i].groups):
-            now, then, counts = slip[k], before[k], reversals[k]
-            product = load(now, 0) * load(then, 0) + load(now, 1) * load(then, 1) + load(now, 2) * load(then, 2)
-            store(counts, 0, load(counts, 0) + select(product < -least, 1.0, 0.0))
-            store(counts, 1, load(counts, 1) + select(abs(product) > 0.0, 1.0, 0.0))
+            now, then, path = slip[k], before[k], paths[k]
+            x, y, z = load(now, 0), load(now, 1), load(now, 2)
+            a, b, c = load(then, 0), load(then, 1), load(then, 2)
+            way = 0.5 * step * (math.sqrt(x * x + y * y + z * z) + math.sqrt(a * a + b * b + c * c))
+            store(path, 0, load(path, 0) + select(x * a + y * b + z * c < -least, way, 0.0))
+            store(path, 1, load(path, 1) + way)
             for d in range(3):
                 store(then, d, load(now, d))
 
@@ -104,7 +125,8 @@ def accept(tables, work, positions, velocities, clock, time, step, settings):
         power = work.ledger[1 + p]
         work.balance[p] += 0.5 * step * (power + work.power_before[p])
         work.power_before[p] = power
-    _count_reversals(tables.contacts, work.touching, work.slip, work.slip_before, work.reversals)
+    work.balance[0] += _work_beyond_powers(tables, positions, velocities, step, work.motion_before)
+    _follow_slips(tables.contacts, work.touching, work.slip, work.slip_before, step, work.paths)
     for i in range(tables.bodies.size):
         for d in range(6):
             size = abs(velocities[i, d]) / (tables.scales[1] if d < 3 else tables.scales[2])

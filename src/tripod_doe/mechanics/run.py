@@ -4,14 +4,16 @@ What decides an outcome, and where the limits come from
 -------------------------------------------------------
 energy
     Change of energy against work put in and lost. An explicit step beyond the friction limit chatters: the power mu f
-    |v| at its sampled velocities is not the work it does.
+    |v| at its sampled velocities is not the work it does. A ball comes back as much too low as energy is missing.
 slip reversals
-    A slip that reverses from step to step is chatter, not motion.
+    A slip that reverses from step to step is chatter, not motion: on that part of the slip path nobody knows where
+    friction points. Rolling leaves a slip that reverses over next to no path.
 halved step
-    Short windows along the way are run again from the same state with half the step (or a tenth of the tolerance). They
-    are a sample of the run: the differences of a body's places and turns, summed over all windows, must stay within
-    `Limits.disagreement` of their slip paths in sum (of their travel where nothing slips). A first-order method's error
-    is twice the difference.
+    The run, or windows of it, is run again with half the step (or a tenth of the tolerance): `halved_steps`. The error
+    that follows from the difference by the method's order must stay within `Limits.error` of the slip path (of the
+    travel where nothing slips). Where the whole run in half the steps agrees, the energy balance is that of the same
+    motion in ever smaller steps, and of what does not come back: a sum of powers is coarse where one breaks off within
+    a step, and a method may borrow energy within a contact.
 penetration, drift, runaway, budget, step floor
     Bounds on the state and on the work.
 """
@@ -19,8 +21,8 @@ penetration, drift, runaway, budget, step floor
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,18 +31,18 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.bearing import bearing_compression
 from tripod_doe.mechanics.contact import largest_penetration
+from tripod_doe.mechanics.energy_balance import EnergyBalance
+from tripod_doe.mechanics.halved_steps import Again, Ways, difference, error_over_difference, run_again, ways_of
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.lanes import WIDTH
 from tripod_doe.mechanics.monitor import RUNAWAY, Settings, begin_watch
-from tripod_doe.mechanics.motion import evaluate, kinetic_energy
 from tripod_doe.mechanics.tables import Work
 from tripod_doe.results import Outcome
 
 __all__ = ["Limits", "Run", "method_named", "run"]
 
 FloatArray = NDArray[np.float64]
-_NOTHING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -50,30 +52,34 @@ class Limits:
     Attributes
     ----------
     energy
-        Energy residual over the work lost and the energy turned over.
+        Energy residual over the work lost and the energy turned over. A height is off by that share, and by what the
+        sum of powers hides: hence below the twentieth that nothing may be off by.
     turned_over
         Energy that counts as turned over even where a motion turns over less.
     reversals
-        Share of the steps in which a sphere's slip reversed, for the sphere that did it most; slip below a hundredth of
-        the transition velocity is rolling, whichever way it points.
-    disagreement
-        Difference to the halved step over the slip path: one per cent stands for an error of two of it at first order.
-        Turns count by the length that speed_scale is at rotation_scale.
+        Slip path in steps that reversed the slip, for the sphere that did it most, over the longest slip path; slip
+        below a hundredth of the transition velocity is rolling, whichever way it points.
+    error
+        Numerical error over the slip path. What a skewed needle drifts, or a tilted roller pushes along its groove, may
+        be a third of what slips: hence below a third of the twentieth that nothing may be off by.
     penetration
         Penetration over the largest radius of the body's spheres (over the scene's length if they are points), or over
         that of a bearing's needles; every sphere and slice is looked at, at the samples.
     drift
         Residual of a constraint over the scene's length.
+    few
+        Steps up to which the whole run is run again; longer ones by windows.
     windows, share
-        Windows that are run again, and their share of the run: their price is twice this.
+        Windows that are run again, and their share of the run: their price is twice this. Without windows nothing is.
     """
 
-    energy: float = 0.05
+    energy: float = 0.04
     turned_over: float = 0.0
     reversals: float = 0.05
-    disagreement: float = 0.01
+    error: float = 0.015
     penetration: float = 0.05
     drift: float = 1e-4
+    few: int = 500
     windows: int = 4
     share: float = 0.04
 
@@ -93,7 +99,8 @@ class Run:
     work
         Time integrals of the power put in and of that lost by sliding, spinning, rolling and damping.
     energy_residual, reversals, disagreement, penetration, drift
-        The quantities that `Limits` bounds; NaN where they were not found.
+        The quantities that `Limits` bounds, NaN where they were not found; of the error, the difference to half the
+        steps that it follows from.
     steps, force_evaluations, solves, check_evaluations
         Counted work: steps, evaluations of all forces, factorisations of a linear system; evaluations of the checks.
     followed
@@ -132,32 +139,14 @@ def method_named(name: str) -> Method:
     return METHODS[name]
 
 
-class _Window(NamedTuple):
-    """How far a window and its halved steps led apart.
-
-    Lengths, and turns times the scene's lever, shape (body,); slip path, travel and spin that they are measured by.
-    """
-
-    begin: float
-    apart: FloatArray
-    turned: FloatArray
-    path: float
-    travel: float
-    spun: float
-
-
 @dataclass
 class _Checks:
     """Findings that gather while a run goes on."""
 
+    sizes: FloatArray
+    balance: EnergyBalance
     failure: tuple[Outcome, str] | None = None
     penetration: float = 0.0
-    evaluations: int = 0
-    initial_energy: float = 0.0
-    turned_over: float = 0.0
-    sizes: FloatArray = field(default_factory=lambda: np.zeros(0))
-    windows: list[_Window] = field(default_factory=list)
-    residuals: list[tuple[float, float]] = field(default_factory=list)
 
     def fail(self, outcome: Outcome, detail: str) -> None:
         """Keep the first failure."""
@@ -214,14 +203,12 @@ def run(
     count = samples * (max(math.ceil(each / step * (1 - 1e-9)), 1) if steps_wanted and step else 1000)
     stops, windows = _stops(count, samples, limits)
     state, memory = start.copy() if start else assembly.initial_state(), assembly.work()
-    begin, clock, checks = state.time, np.array([state.time, 0.0, 0.0]), _Checks()
+    begin, clock = state.time, np.array([state.time, 0.0, 0.0])
     begin_watch(assembly.tables, memory, state.positions, state.velocities, begin)
     if start is None:
         _check_start(assembly, memory, state, limits)
-    checks.initial_energy, checks.turned_over = _energy(assembly, memory, state), limits.turned_over
-    checks.sizes = _contact_sizes(assembly)
-    times, positions, velocities = [begin], [state.positions.copy()], [state.velocities.copy()]
-    done = 0
+    checks = _Checks(_contact_sizes(assembly), EnergyBalance.begun(assembly, memory, state, limits.turned_over))
+    sampled, stretches, done = [state.copy()], [], 0
     for stop, is_sample in stops:
         before = state.copy() if (done, stop) in windows else None
         end = begin + duration * stop / count
@@ -234,22 +221,25 @@ def run(
             checks.fail(Outcome(int(status)), _stopped(assembly, memory, Outcome(int(status)), state.time))
             break
         if before is not None:
-            _compare(assembly, chosen, before, state, memory, stop - done, settings, checks)
+            stretches.append(([before, state.copy()], stop - done))
         done = stop
         if is_sample:
             _inspect(assembly, memory, state, limits, checks)
-            times.append(state.time)
-            positions.append(state.positions.copy())
-            velocities.append(state.velocities.copy())
-    disagreement = _halved_steps(assembly, limits, checks)
-    energy = _energy_balance(limits, checks)
+            sampled.append(state.copy())
+    again: list[Again] = []
+    whole = memory.counters[3] <= limits.few
+    if done == count and stretches:
+        pieces = [(sampled, count // samples)] if whole else stretches
+        again = [run_again(assembly, chosen, states, steps, settings, not steps_wanted) for states, steps in pieces]
+    ways = ways_of(assembly, sampled if again else (), memory)
+    disagreement, energy = _judge(assembly, again, ways, whole, chosen.order, not steps_wanted, limits, checks)
     reversals = _reversals(assembly, memory, limits, state.time, checks)
     outcome, detail = checks.failure or (Outcome.FINISHED, "")
     return Run(
-        assembly, outcome, detail, np.array(times), np.array(positions), np.array(velocities), memory.balance.copy(),
-        energy, reversals, disagreement, checks.penetration, float(memory.extremes[0]),
-        int(memory.counters[3]), int(memory.counters[0]), int(memory.counters[2]), checks.evaluations,
-        state.time - begin,
+        assembly, outcome, detail, np.array([s.time for s in sampled]), np.array([s.positions for s in sampled]),
+        np.array([s.velocities for s in sampled]), memory.balance.copy(), energy, reversals, disagreement,
+        checks.penetration, float(memory.extremes[0]), int(memory.counters[3]), int(memory.counters[0]),
+        int(memory.counters[2]), sum(piece.evaluations for piece in again), state.time - begin,
     )  # fmt: skip
 
 
@@ -284,11 +274,6 @@ def _check_start(assembly: Assembly, memory: Work, state: State, limits: Limits)
             )
 
 
-def _energy(assembly: Assembly, memory: Work, state: State) -> float:
-    """Kinetic and stored energy; the ledger must be that of the state."""
-    return float(kinetic_energy(assembly.tables, state.positions, state.velocities) + memory.ledger[0])
-
-
 def _stopped(assembly: Assembly, memory: Work, outcome: Outcome, time: float) -> str:
     body = assembly.names[int(memory.failure[0])]
     size = float(memory.failure[1])
@@ -312,12 +297,7 @@ def _contact_sizes(assembly: Assembly) -> FloatArray:
 
 def _inspect(assembly: Assembly, memory: Work, state: State, limits: Limits, checks: _Checks) -> None:
     """Energy, penetration and drift at a sample."""
-    change = _energy(assembly, memory, state) - checks.initial_energy
-    put_in, lost = float(memory.balance[0]), float(memory.balance[1:].sum())
-    # a motion that turns nothing over is held to a millionth of what it has
-    held = _NOTHING * abs(checks.initial_energy)
-    checks.turned_over = max(checks.turned_over, abs(change), abs(put_in), abs(lost), held)
-    checks.residuals.append((state.time, change - put_in + lost))
+    checks.balance.note(assembly, memory, state)
     at, tables = f"at t = {state.time:.6g}", assembly.tables
     for deepest, share, depth, body in (
         largest_penetration(tables.contacts, checks.sizes, state.positions),
@@ -331,87 +311,46 @@ def _inspect(assembly: Assembly, memory: Work, state: State, limits: Limits, che
         checks.fail(Outcome.INACCURATE, f"constraints have drifted by {memory.extremes[0]:.3g} {at}")
 
 
-def _energy_balance(limits: Limits, checks: _Checks) -> float:
-    """Largest energy residual of all samples, over the energy that the whole run turned over."""
-    if not checks.residuals or checks.turned_over == 0.0:
-        return 0.0
-    shares = np.abs([residual for _, residual in checks.residuals]) / checks.turned_over
-    wrong = np.flatnonzero(~(shares <= limits.energy))
-    if wrong.size:
-        time, share = checks.residuals[wrong[0]][0], 100 * shares[wrong[0]]
-        checks.fail(
-            Outcome.INACCURATE, f"the energy balance misses {share:.3g} % of the energy turned over at t = {time:.6g}"
-        )
-    return float(shares.max())
+def _judge(
+    assembly: Assembly, again: Sequence[Again], ways: Ways, whole: bool, order: int, controlled: bool, limits: Limits,
+    checks: _Checks,
+) -> tuple[float, float]:  # fmt: skip
+    """Difference to what was run again, over the way that it is measured by, and largest share of energy missed."""
+    failed = [piece for piece in again if piece.outcome != Outcome.FINISHED]
+    if failed or not again:
+        for piece in failed:
+            checks.fail(Outcome.INACCURATE, f"half the step fails from t = {piece.begin:.6g} on: {piece.outcome.label}")
+        return math.nan, _energy_balance(limits, checks, checks.balance)
+    found = difference(assembly, again, ways)
+    if not found.size * error_over_difference(order, controlled) <= limits.error:
+        text = f"half the step leads {100 * found.size:.3g} % of the {found.way} elsewhere"
+        body = assembly.names[found.body]
+        checks.fail(Outcome.INACCURATE, f"{text}, most from t = {found.begin:.6g} on, body {body}")
+    elif whole:
+        refined = checks.balance.refined(again[0].balance, error_over_difference(1, controlled))
+        return found.size, _energy_balance(limits, checks, min(checks.balance, refined, key=EnergyBalance.worst))
+    return found.size, _energy_balance(limits, checks, checks.balance)
 
 
-def _compare(
-    assembly: Assembly, method: Method, before: State, after: State, memory: Work, count: int,
-    settings: Settings, checks: _Checks,
-) -> None:  # fmt: skip
-    """Run a window again with half the step, or a tenth of the tolerance, and compare where it leads."""
-    probe, again, clock = assembly.work(), before.copy(), np.array([before.time, 0.0, 0.0])
-    fine = settings._replace(tolerance=0.1 * settings.tolerance)
-    with np.errstate(all="ignore"):
-        status = method.integrate(
-            assembly.tables, probe, again.positions, again.velocities, clock, after.time, 2 * count, fine
-        )
-    checks.evaluations += int(probe.counters[0])
-    at = f"at t = {before.time:.6g}"
-    if status != Outcome.FINISHED:
-        checks.fail(Outcome.INACCURATE, f"half the step fails {at}: {Outcome(int(status)).label}")
-        return
-    evaluate(assembly.tables, probe, before.positions, before.velocities, before.time, 0.0)
-    slips = [np.sqrt((slip**2).sum(axis=1)).max(initial=0.0) for slip in (probe.slip, memory.slip)]
-    duration, lever = after.time - before.time, assembly.scene.speed_scale / assembly.scene.rotation_scale
-    checks.windows.append(
-        _Window(
-            before.time,
-            np.sqrt(((again.positions[:, :3] - after.positions[:, :3]) ** 2).sum(axis=1)),
-            lever * _turns_between(again.positions, after.positions),
-            float(np.mean(slips)) * duration,
-            float(np.abs(after.positions[:, :3] - before.positions[:, :3]).max()),
-            lever * float(np.abs(after.velocities[:, 3:]).max()) * duration,
-        )
-    )
-
-
-def _halved_steps(assembly: Assembly, limits: Limits, checks: _Checks) -> float:
-    """What all windows are apart from their halved steps, over their slip paths: the body that it is largest for."""
-    if not checks.windows:
-        return math.nan
-    path, travel, spun = (sum(getattr(w, name) for w in checks.windows) for name in ("path", "travel", "spun"))
-    least = 1e-9 * assembly.scene.length_scale
-    by_length, by_turn = (max(path if path > 0 else other, least) for other in (travel, spun))
-    shares = np.array([np.maximum(w.apart / by_length, w.turned / by_turn) for w in checks.windows])
-    total = shares.sum(axis=0)
-    disagreement = float(total.max())
-    if not disagreement <= limits.disagreement:
-        body = int(total.argmax())
-        time, way = checks.windows[int(shares[:, body].argmax())].begin, "slip path" if path > 0 else "travel"
-        text = f"half the step leads {100 * disagreement:.3g} % of the {way} elsewhere, most at t = {time:.6g}"
-        checks.fail(Outcome.INACCURATE, f"{text}, body {assembly.names[body]}")
-    return disagreement
-
-
-def _turns_between(positions: FloatArray, others: FloatArray) -> FloatArray:
-    """Angle between two near attitudes of every body, from the chord of their quaternions; rad, shape (body,)."""
-    sign = np.where((positions[:, 3:] * others[:, 3:]).sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
-    angles: FloatArray = 2 * np.sqrt(((positions[:, 3:] - sign * others[:, 3:]) ** 2).sum(axis=1))
-    return angles
+def _energy_balance(limits: Limits, checks: _Checks, balance: EnergyBalance) -> float:
+    """Largest share of energy that is missed."""
+    for time, share in balance.missed():
+        if not share <= limits.energy:
+            text = f"the energy balance misses {100 * share:.3g} % of the energy turned over at t = {time:.6g}"
+            checks.fail(Outcome.INACCURATE, text)
+    return balance.worst()
 
 
 def _reversals(assembly: Assembly, memory: Work, limits: Limits, time: float, checks: _Checks) -> float:
-    """Largest share of steps in which one sphere's slip reversed."""
-    if memory.reversals.size == 0:
+    """Largest share of a sphere's slip path in steps that reversed its slip, over the longest slip path."""
+    reversing, paths = (memory.paths[:, kind].ravel() for kind in range(2))
+    if not paths.max(initial=0.0) > 0:
         return 0.0
-    reversed_, moving = (memory.reversals[:, kind].ravel() for kind in range(2))
-    shares = reversed_ / np.maximum(moving, 1)
-    shares[reversed_ < 8] = 0.0  # a few reversals are motion
-    worst = int(shares.argmax())
-    if shares[worst] > limits.reversals:
+    worst = int(reversing.argmax())
+    share = float(reversing[worst] / paths.max())
+    if share > limits.reversals:
         contacts = assembly.tables.contacts
         owner = contacts["body_a"][np.searchsorted(contacts["first"], worst // WIDTH, side="right") - 1]
-        text = f"slip reverses in {100 * shares[worst]:.3g} % of the steps up to t = {time:.6g}"
+        text = f"slip reverses from step to step over {100 * share:.3g} % of its path up to t = {time:.6g}"
         checks.fail(Outcome.INACCURATE, f"{text}, body {assembly.names[int(owner)]}")
-    return float(shares[worst])
+    return share

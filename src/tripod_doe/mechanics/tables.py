@@ -221,8 +221,10 @@ class Work(NamedTuple):
         Force evaluations, linearisations, factorisations, accepted steps, rejected steps, iterations.
     balance, power_before
         Time integrals of ledger entries 1 to 5, and their values at the last accepted step.
-    reversals
-        Of every sphere, slip reversals from one accepted step to the next, and steps with slip, shape (group, 2, 8).
+    motion_before
+        Places and velocities of all bodies at the last accepted step, shape (body, 6).
+    paths
+        Slip path of every sphere, in steps that reversed its slip and in all, shape (group, 2, 8).
     extremes
         Largest constraint drift.
     failure
@@ -254,6 +256,7 @@ class Work(NamedTuple):
     counters: IntArray
     balance: FloatArray
     power_before: FloatArray
-    reversals: FloatArray
+    motion_before: FloatArray
+    paths: FloatArray
     extremes: FloatArray
     failure: FloatArray
