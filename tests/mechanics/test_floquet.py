@@ -15,7 +15,7 @@ from tripod_doe.mechanics.scenes.examples import pendulum
 
 MASS, SPRING, CONTACT, LOAD, SLIP = 1e-3, 60.0, 40.0, 10.0, 1e3
 INCLINED = math.radians(150)
-UNCHECKED = Limits(energy=math.inf, reversals=1.0, disagreement=math.inf, windows=0)
+UNCHECKED = Limits(energy=math.inf, reversals=1.0, error=math.inf, windows=0)
 
 
 def block_on_belt(friction: float):
