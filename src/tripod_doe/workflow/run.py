@@ -16,6 +16,7 @@ from tqdm import tqdm
 
 from tripod_doe.analysis.registry import check_analyses, run_analyses
 from tripod_doe.errors import InputError, StorageError
+from tripod_doe.interrupts import check_interrupt
 from tripod_doe.report.findings import find
 from tripod_doe.report.page import write_report
 from tripod_doe.results import Outcome
@@ -130,6 +131,7 @@ def run(
         _adopt(study, journal, directory)
         policy = Policy(workers, scheduler, study.file.run.block, study.file.run.exclusive)
         computed, seconds = _run_missing(study, points, keys, missing, journal, policy, fail_fast, progress)
+        check_interrupt()
         cube, cost = build_cube(study, points, keys, journal.blocks())
     action = f"tripod-doe run: {computed} points computed"
     write_dataset(stamp_history(cost, action), directory / "cost.nc")
