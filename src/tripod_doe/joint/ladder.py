@@ -21,8 +21,8 @@ __all__ = ["JOINT_LADDER", "PRICES"]
 PRICES = Path(__file__).with_name("prices.toml")
 """File of the recorded prices: a table for each rung, in the order of the ladder."""
 
-_RING = {"needle_count": 27, "needle_diameter_mm": 2.0, "spheres_per_needle": 7}
-_THICK = {"needle_count": 9, "needle_diameter_mm": 5.85, "spheres_per_needle": 3}
+_RING: dict[str, Value] = {"needle_count": 27, "needle_diameter_mm": 2.0, "spheres_per_needle": 7}
+_THICK: dict[str, Value] = {"needle_count": 9, "needle_diameter_mm": 5.85, "spheres_per_needle": 3}
 _RECORDED: dict[str, dict[str, float]] = tomllib.loads(PRICES.read_text(encoding="utf-8"))
 
 

@@ -22,7 +22,7 @@ from tripod_doe.quantities import Output, Parameter, Value, dimension_attributes
 from tripod_doe.results import DETAIL_ATTRIBUTES, OUTCOME_ATTRIBUTES, BlockResult, Outcome
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points
-from tripod_doe.study.journal import FinishedBlock
+from tripod_doe.study.journal import PILOT, FinishedBlock
 
 __all__ = [
     "COST_VARIABLES",
@@ -88,7 +88,7 @@ def build_cube(
             for name, (dims, data) in table.outputs.items()
         }
         | _outcome_variables(table, points)
-        | _choice_variables(points)
+        | _choice_variables(table, points)
         | _used_variables(study, table, points)
         | _retry_variables(study, table, points),
         coords=_coordinates(study, points, table.coordinates),
@@ -215,8 +215,8 @@ def _used_variables(study: Study, table: _Table, points: Points) -> dict[str, xr
     return {f"{name}_used": _used_variable(parameters[name], column, points) for name, column in used.items()}
 
 
-def _choice_variables(points: Points) -> dict[str, xr.Variable]:
-    """How accurate each point is expected to be with the model that a pilot chose for it."""
+def _choice_variables(table: _Table, points: Points) -> dict[str, xr.Variable]:
+    """How accurate each point is expected to be with the model that a pilot chose for it, and whether that ran it."""
     variables = {
         f"{name}_error_estimate": _shaped(points, (), column, {
             "long_name": f"estimated relative error of {name}, of the model and numerical", "units": "1",
@@ -228,6 +228,10 @@ def _choice_variables(points: Points) -> dict[str, xr.Variable]:
         variables["accuracy_met"] = _shaped(points, (), points.accuracy_met, {
             "long_name": "whether the estimated error is within the accuracy asked for", "role": RECORD_ROLE,
             "flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "unknown no yes",
+        })  # fmt: skip
+        variables["from_pilot"] = _shaped(points, (), (table.worker == PILOT).astype(np.int8), {
+            "long_name": "whether the pilot ran the point, so that the study did not", "role": RECORD_ROLE,
+            "flag_values": np.array([0, 1], np.int8), "flag_meanings": "no yes",
         })  # fmt: skip
     return variables
 

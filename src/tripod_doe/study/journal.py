@@ -19,7 +19,10 @@ from numpy.typing import NDArray
 from tripod_doe.errors import CubeError, InputError, StorageError
 from tripod_doe.results import BlockResult, Retries, Values
 
-__all__ = ["FinishedBlock", "Journal"]
+__all__ = ["PILOT", "FinishedBlock", "Journal"]
+
+PILOT = "pilot"
+"""Stands for the worker of points that were run by the pilot of their study."""
 
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS block (
@@ -49,7 +52,7 @@ class FinishedBlock:
     cpu_seconds, wall_seconds
         Of the whole block.
     worker
-        Where it ran.
+        Where it ran, `PILOT` if before the study was chosen.
     """
 
     keys: NDArray[np.void]

@@ -97,8 +97,11 @@ def pilot_study(study: Study, points: Points, chosen: NDArray[np.int64], rungs: 
 
 
 def _kept(study: Study, accuracy: Accuracy) -> list[str]:
-    """The outputs that are asked for and their numerical errors; all of a function's, whose names are its own."""
+    """What the study keeps, so that it need not run these points again, and what its accuracy is judged by.
+
+    All outputs of a function, whose names are its own.
+    """
     if not study.simulator.outputs:
         return []
-    wanted = {name for demand in accuracy.demands for name in (demand.output, demand.error)}
+    wanted = {name for demand in accuracy.demands for name in (demand.output, demand.error)} | set(study.keep)
     return [name for name in study.simulator.outputs if name in wanted]

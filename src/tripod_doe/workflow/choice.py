@@ -1,8 +1,9 @@
 """The choice of model of a study with model = "auto": pilot, evidence, choice, frozen in the result directory.
 
-The pilot starts with the cheap rungs and the full model. It grows by a finer tolerance where the full model's own
-numerical error is above the accuracy at more points than the confidence allows, and by a spare rung where that could
-save more than it costs. Each time it is the same study, grown: nothing that ran is run again.
+The pilot starts with the cheapest rung and the full model. It grows by a finer tolerance where the full model's own
+numerical error is above the accuracy at more points than the confidence allows, and by a rung between where that could
+save more than it costs. Each time it is the same study, grown: nothing that ran is run again. Nor is it by the study
+itself, see `pilot_results`.
 """
 
 from __future__ import annotations
@@ -24,12 +25,14 @@ from tripod_doe.study.accuracy import Accuracy
 from tripod_doe.study.cube import open_cube, read_dataset, stamp_history, write_dataset
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points, make_points, point_keys
+from tripod_doe.study.journal import PILOT
 from tripod_doe.study.pilot import pilot_points, pilot_study
 from tripod_doe.study.simulator import column_of
+from tripod_doe.workflow.pilot_results import finished_in_pilot
 
 __all__ = ["chosen_keys", "chosen_points", "describe_choice", "frozen_choice", "make_choice", "pilot_price"]
 
-_CHOICE, _PILOT = "choice.nc", "pilot"
+_CHOICE = "choice.nc"
 
 
 def make_choice(
@@ -60,14 +63,15 @@ def make_choice(
     places = pilot_points(study, points)
     if frozen is None and places.size:
         _check_budget(study, pilot_price(study, places.size), "the pilot alone")
-        choice = _piloted(study, points, places, usable, directory / _PILOT, run_pilot)
-    elif frozen is not None and (directory / _PILOT / "cube.nc").exists():  # the study grew
-        choice = choose(evidence(open_cube(directory / _PILOT), list(usable), accuracy), usable, accuracy)
+        choice = _piloted(study, points, places, usable, directory / PILOT, run_pilot)
+    elif frozen is not None and (directory / PILOT / "cube.nc").exists():  # the study grew
+        choice = choose(evidence(open_cube(directory / PILOT), list(usable), accuracy), usable, accuracy)
     else:
         choice = without_pilot(usable, accuracy)
     choice = choice.assign_coords(point_key=("point", keys, {"long_name": "fingerprint of the point"}))
     if frozen is not None:
         choice = _with_frozen(choice, frozen)
+    choice = _without_pilot_points(study, points, choice, directory / PILOT)
     price = choice.attrs["price_pilot_s"] + choice.attrs["price_study_s"]
     _check_budget(study, price, "pilot and study")
     attrs = {
@@ -108,10 +112,8 @@ def _piloted(
 
 
 def first_rungs(accuracy: Accuracy) -> list[Rung]:
-    """What a pilot starts with: all up to the full model, without the spare ones."""
-    full = [number for number, rung in enumerate(accuracy.rungs) if rung.full]
-    last = full[0] if full else len(accuracy.rungs) - 1
-    return [rung for number, rung in enumerate(accuracy.rungs[: last + 1]) if not rung.spare or number == last]
+    """What a pilot starts with: the cheapest rung and the full model."""
+    return [accuracy.rungs[0], next((rung for rung in accuracy.rungs[1:] if rung.full), accuracy.rungs[-1])]
 
 
 def _next_rung(found: Evidence, choice: xr.Dataset, accuracy: Accuracy, tried: list[Rung]) -> Rung | None:
@@ -137,8 +139,15 @@ def _with_frozen(choice: xr.Dataset, frozen: xr.Dataset) -> xr.Dataset:
     along = [name for name in choice.variables if "point" in choice[name].dims]
     joined = xr.concat([frozen[along].isel(point=old), choice[along].isel(point=new)], "point", join="override")
     rest = choice.drop_dims("point")
-    price = float(choice["price"].values[joined["rung"].values].sum())
-    return xr.merge([rest, joined], combine_attrs="override").assign_attrs(choice.attrs | {"price_study_s": price})
+    return xr.merge([rest, joined], combine_attrs="override").assign_attrs(choice.attrs)
+
+
+def _without_pilot_points(study: Study, points: Points, choice: xr.Dataset, pilot: Path) -> xr.Dataset:
+    """The choice with the price of the points that its pilot did not run."""
+    chosen = chosen_points(study, points, choice)
+    ran = np.isin(point_keys(study, chosen)[points.allowed], finished_in_pilot(pilot))
+    price = float(choice["price"].values[choice["rung"].values][~ran].sum())
+    return choice.assign_attrs({"price_study_s": price, "points_from_pilot": int(ran.sum())})
 
 
 def frozen_choice(study: Study, directory: Path) -> xr.Dataset | None:
@@ -241,7 +250,8 @@ def _told(choice: xr.Dataset) -> list[str]:
             f"missed {errors}"
         )
     unmet = int((choice["accuracy_met"] == 0).sum())
-    lines.append(f"price        {attrs['price_study_s']:.3g} CPU s, and {attrs['price_pilot_s']:.3g} for the pilot; "
+    lines.append(f"price        {attrs['price_study_s']:.3g} CPU s, and {attrs['price_pilot_s']:.3g} for the pilot, "
+                 f"which ran {attrs['points_from_pilot']} of the points; "
                  f"{attrs['price_reference_s']:.4g} with the last rung everywhere")  # fmt: skip
     if unmet:
         lines.append(

@@ -24,9 +24,10 @@ from tripod_doe.study.cube import build_cube, stamp_history, write_dataset
 from tripod_doe.study.definition import Study, canonical, load_study, parse_study
 from tripod_doe.study.designs import Points, make_points, point_keys
 from tripod_doe.study.execution import Policy, local_workers, run_blocks
-from tripod_doe.study.journal import FinishedBlock, Journal
+from tripod_doe.study.journal import PILOT, FinishedBlock, Journal
 from tripod_doe.study.plan import cube_bytes
 from tripod_doe.workflow.choice import chosen_keys, chosen_points, make_choice
+from tripod_doe.workflow.pilot_results import pilot_results
 
 __all__ = ["RunSummary", "run"]
 
@@ -42,7 +43,7 @@ class RunSummary:
     directory
         Where cube, costs, analyses and report are.
     computed, reused
-        Points that ran now, and that were there before.
+        Points that ran now, and that were there before, those of a pilot included.
     seconds
         Wall time from the first block sent to the last one committed.
     failed
@@ -129,6 +130,10 @@ def run(
         missing = _missing(study, points, keys, journal, retry_failed)
         _check_space(study, directory, points)
         _adopt(study, journal, directory)
+        if study.accuracy:
+            for block in pilot_results(study, points, keys, missing, directory / PILOT):
+                journal.commit(block)
+            missing = _missing(study, points, keys, journal, retry_failed)
         policy = Policy(workers, scheduler, study.file.run.block, study.file.run.exclusive)
         computed, seconds = _run_missing(study, points, keys, missing, journal, policy, fail_fast, progress)
         check_interrupt()
