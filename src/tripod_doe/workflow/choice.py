@@ -255,6 +255,6 @@ def _told(choice: xr.Dataset) -> list[str]:
                  f"{attrs['price_reference_s']:.4g} with the last rung everywhere")  # fmt: skip
     if unmet:
         lines.append(
-            f"warning      {unmet:,} points are not expected to meet the accuracy: the finest rung is not enough"
+            f"warning      {unmet:,} points are not expected to meet the accuracy: the finest rung that ran is not enough"
         )
     return lines
