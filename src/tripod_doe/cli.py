@@ -252,7 +252,7 @@ def _plan(options: argparse.Namespace) -> int:
 
 
 def _query(options: argparse.Namespace) -> int:
-    from tripod_doe.study.cube import write_dataset
+    from tripod_doe.study.netcdf import write_dataset
     from tripod_doe.study.query import frame_text, narrowed, query
 
     answer = query(options.cube, options.variable, options.select, options.nearest, options.where)
@@ -349,7 +349,7 @@ def _compare(options: argparse.Namespace) -> int:
     from tripod_doe.analysis.comparison import compare, model_point
     from tripod_doe.analysis.measurement import read_measurement
     from tripod_doe.report.comparison import comparison_json, comparison_text, write_comparison
-    from tripod_doe.study.cube import open_cube
+    from tripod_doe.study.netcdf import open_cube
 
     if options.reference_angle is not None and not math.isfinite(options.reference_angle):
         raise InputError(f"--reference-angle {options.reference_angle}: must be a finite angle in degrees")

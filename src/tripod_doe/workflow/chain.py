@@ -25,8 +25,8 @@ from tripod_doe.report.chain import chain_page, step_page, write_charts
 from tripod_doe.report.figures.chain import StepView
 from tripod_doe.report.figures.registry import FIGURES
 from tripod_doe.report.page import swap_in
-from tripod_doe.study.cube import open_cube, stamp_history, write_dataset
 from tripod_doe.study.execution import local_workers
+from tripod_doe.study.netcdf import open_cube, stamp_history, write_dataset
 from tripod_doe.workflow.definition import Step, Workflow, fed_study, load_workflow
 from tripod_doe.workflow.file import AnalysisStep, FigureStep, ReportStep, StudyStep
 from tripod_doe.workflow.run import run

@@ -22,10 +22,10 @@ from tripod_doe.analysis.pilot_evidence import Evidence, evidence
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import Rung
 from tripod_doe.study.accuracy import Accuracy
-from tripod_doe.study.cube import open_cube, read_dataset, stamp_history, write_dataset
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points, make_points, point_keys
 from tripod_doe.study.journal import PILOT
+from tripod_doe.study.netcdf import open_cube, read_dataset, stamp_history, write_dataset
 from tripod_doe.study.pilot import pilot_points, pilot_study
 from tripod_doe.study.simulator import column_of
 from tripod_doe.workflow.pilot_results import finished_in_pilot
@@ -255,6 +255,6 @@ def _told(choice: xr.Dataset) -> list[str]:
                  f"{attrs['price_reference_s']:.4g} with the last rung everywhere")  # fmt: skip
     if unmet:
         lines.append(
-            f"warning      {unmet:,} points are not expected to meet the accuracy: the finest rung that ran is not enough"
+            f"warning      {unmet:,} points are not expected to meet the accuracy: its finest rung is not enough"
         )
     return lines

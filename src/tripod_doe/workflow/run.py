@@ -20,11 +20,12 @@ from tripod_doe.interrupts import check_interrupt
 from tripod_doe.report.findings import find
 from tripod_doe.report.page import write_report
 from tripod_doe.results import Outcome
-from tripod_doe.study.cube import build_cube, stamp_history, write_dataset
+from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import Study, canonical, load_study, parse_study
 from tripod_doe.study.designs import Points, make_points, point_keys
 from tripod_doe.study.execution import Policy, local_workers, run_blocks
 from tripod_doe.study.journal import PILOT, FinishedBlock, Journal
+from tripod_doe.study.netcdf import stamp_history, write_dataset
 from tripod_doe.study.plan import cube_bytes
 from tripod_doe.workflow.choice import chosen_keys, chosen_points, make_choice
 from tripod_doe.workflow.pilot_results import pilot_results
