@@ -148,6 +148,23 @@ def test_the_pilot_takes_a_finer_tolerance_where_the_full_model_is_not_accurate_
     assert (choice["accuracy_met"] == 1).all()
 
 
+def test_a_finer_tolerance_is_tried_only_where_the_full_model_is_not_accurate_enough(wave):
+    """Model 2 knows itself to 2 % on the right and to 0.1 % on the left: there it is its own reference."""
+    path = wave.folder / f"{wave.module}.py"
+    path.write_text(WAVE.replace("if model == 2 else", "if model == 2 and x > 0.5 else"))
+    assert wave.run(STUDY.replace("y = 0.03", "y = 0.012")).good
+    calls = [[float(word) for word in line.split()] for line in wave.calls()]
+    finest, piloted = ([x for x, _, used in calls if used == model] for model in (3, 2))
+    assert 0 < len(finest) == sum(x > 0.5 for x in piloted) < len(piloted)
+    assert min(finest) > 0.5
+    choice = xr.open_dataset(wave.folder / "out" / "choice.nc").load()
+    assert choice["rung_label"].values[-1] == "model = 3"
+    assert choice.attrs["price_pilot_s"] == pytest.approx(len(piloted) * (1 + 1e-3 + 1e-6) + 3 * len(finest), rel=1e-3)
+    cube = td.open_cube(wave.folder / "out")
+    exact = 10 + cube["x"]
+    assert (abs(cube["y"] - exact) <= 0.012 * exact).all()
+
+
 def test_a_kill_in_the_pilot_loses_nothing_and_changes_nothing(wave):
     text = STUDY.replace('model = "auto"', 'model = "auto"\nslow = 0.1') + "[run]\nblock = 1\n"
     program, out = Path(sys.executable).with_name("tripod-doe"), wave.folder / "killed"
@@ -202,8 +219,9 @@ def test_pilot_points_are_the_same_each_time_and_reach_the_edges(wave):
     assert np.array_equal(chosen, pilot_points(study, points))
     places = {(float(points.columns["x"][i]), float(points.columns["z"][i])) for i in chosen}
     assert {(0, 0), (0, 2), (1, 0), (1, 2), (0.5, 1)} <= places
-    pilot = pilot_study(study, points, chosen, study.accuracy.rungs[:2])
-    assert make_points(pilot).count == 2 * chosen.size
+    cheap, spare, *_ = study.accuracy.rungs
+    pilot = pilot_study(study, points, [(cheap, chosen), (spare, chosen[:2])])
+    assert make_points(pilot).count == chosen.size + 2
 
 
 def test_plan_tells_the_price_before_and_the_choice_after(wave, capsys):

@@ -1,9 +1,9 @@
 """Choice of model: from a pilot that ran several rungs at a few points to the cheapest rung that is enough at each.
 
-The pilot tells at each of its points how far each rung is from the finest one, the reference, relative to the accuracy
-asked for. Between pilot points that difference is interpolated, with its sign (cubic radial functions and a linear
-trend, over the design scaled to its ranges). Added as squares are the numerical error of the reference, and what the
-interpolation missed at the pilot points around, each left out in turn; these two are means weighted by the inverse
+The pilot tells at each of its points how far each rung is from the finest one there, the reference, relative to the
+accuracy asked for. Between pilot points that difference is interpolated, with its sign (cubic radial functions and a
+linear trend, over the design scaled to its ranges). Added as squares are the numerical error of the reference, and what
+the interpolation missed at the pilot points around, each left out in turn; these two are means weighted by the inverse
 squares of the distances. The worst of all quantities counts. At any point the cheapest rung is taken whose error so
 estimated stays below a limit, else the reference; never a rung that failed at one of the nearest pilot points, of which
 one more count than there are dimensions. Where not even the reference is expected to meet the accuracy, a rung whose
@@ -127,6 +127,7 @@ def without_pilot(columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr
         np.zeros((0, 1, len(accuracy.demands))),
         np.zeros((0, len(accuracy.demands))),
         np.array([rungs[0].price]),
+        np.zeros(1, int),
     )
     choice = _labelled(found, columns, accuracy, np.zeros(count, int), np.full((count, len(accuracy.demands)), np.nan))
     price = float(rungs[0].price * count)

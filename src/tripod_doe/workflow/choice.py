@@ -1,17 +1,18 @@
 """The choice of model of a study with model = "auto": pilot, evidence, choice, frozen in the result directory.
 
 The pilot starts with the cheapest rung and the full model. It grows by a finer tolerance where the full model's own
-numerical error is above the accuracy at more points than the confidence allows, and by a rung between where that could
-save more than it costs. Each time it is the same study, grown: nothing that ran is run again. Nor is it by the study
-itself, see `pilot_results`.
+numerical error is above the accuracy at more points than the confidence allows, at these points only, and by a rung
+between where that could save more than it costs. Each time it is the same study, grown: nothing that ran is run again,
+nor is it by the study itself, see `pilot_results`.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -100,15 +101,19 @@ def _piloted(
 ) -> xr.Dataset:
     """Run the pilot, and let it grow as long as that could pay."""
     accuracy = _accuracy(study)
-    rungs = first_rungs(accuracy)
+    runs = [(rung, places) for rung in first_rungs(accuracy)]
     while True:
-        run_pilot(pilot_study(study, points, places, rungs), directory)
+        run_pilot(pilot_study(study, points, runs), directory)
         found = evidence(open_cube(directory), list(usable), accuracy)
         choice = choose(found, usable, accuracy)
-        more = _next_rung(found, choice, accuracy, rungs)
-        if more is None:
+        if finer := _finer_rung(found, accuracy):
+            rows = np.flatnonzero(found.worst[:, -1] <= 1)
+            sure = {_values(found.columns, int(row)) for row in rows}
+            runs.append((finer, np.array([at for at in places if _values(points.columns, int(at)) not in sure])))
+        elif between := _rung_between(found, choice, accuracy, [rung for rung, _ in runs]):
+            runs.append((between, places))
+        else:
             return choice
-        rungs = [*rungs, more]
 
 
 def first_rungs(accuracy: Accuracy) -> list[Rung]:
@@ -116,19 +121,26 @@ def first_rungs(accuracy: Accuracy) -> list[Rung]:
     return [accuracy.rungs[0], next((rung for rung in accuracy.rungs[1:] if rung.full), accuracy.rungs[-1])]
 
 
-def _next_rung(found: Evidence, choice: xr.Dataset, accuracy: Accuracy, tried: list[Rung]) -> Rung | None:
-    """What the pilot should run besides, None if nothing."""
-    count = found.worst.shape[0]
+def _finer_rung(found: Evidence, accuracy: Accuracy) -> Rung | None:
+    """A finer rung than all that ran, None where those are accurate enough at enough points, or where there is none."""
     unsure = (found.worst[:, -1] > 1).mean() > 1 - accuracy.confidence
-    finest = accuracy.rungs.index(found.rungs[-1])
-    if unsure and finest + 1 < len(accuracy.rungs):
-        return accuracy.rungs[finest + 1]
+    finer = accuracy.rungs[accuracy.rungs.index(found.rungs[-1]) + 1 :]
+    return finer[0] if unsure and finer else None
+
+
+def _rung_between(found: Evidence, choice: xr.Dataset, accuracy: Accuracy, tried: list[Rung]) -> Rung | None:
+    """A rung that the pilot should run besides, since it could save more than it costs; None if there is none."""
     paid = found.prices[choice["rung"].values]
-    for rung in accuracy.rungs[:finest]:
+    for rung in accuracy.rungs[: accuracy.rungs.index(found.rungs[-1])]:
         saving = float(np.maximum(paid - rung.price, 0).sum())
-        if rung not in tried and saving > rung.price * count:
+        if rung not in tried and saving > rung.price * found.count:
             return rung
     return None
+
+
+def _values(columns: Mapping[str, NDArray[Any]], row: int) -> tuple[Any, ...]:
+    """A point by the values of its factors."""
+    return tuple(column[row : row + 1].tolist()[0] for column in columns.values())
 
 
 def _with_frozen(choice: xr.Dataset, frozen: xr.Dataset) -> xr.Dataset:
