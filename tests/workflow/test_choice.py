@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 import uuid
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +17,13 @@ import xarray as xr
 
 import tripod_doe as td
 from tripod_doe.cli import main
-from tripod_doe.study.designs import make_points
+from tripod_doe.results import BlockResult, Values
+from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.execution import local_workers
+from tripod_doe.study.journal import PER_POINT, PILOT, FinishedBlock, Journal
 from tripod_doe.study.pilot import pilot_points, pilot_study
 from tripod_doe.workflow.choice import describe_choice, first_rungs
+from tripod_doe.workflow.pilot_results import pilot_results
 
 WAVE = """
 import os, time
@@ -199,6 +203,26 @@ def test_points_of_the_pilot_bring_their_retries_and_only_what_the_study_keeps(w
     assert len(set(wave.calls())) == len(wave.calls())
 
 
+def test_points_of_the_pilot_bring_their_own_counts(wave, tmp_path):
+    """Exact: every array of a block is cut to the rows that the study lacks, in their order."""
+    study = td.load_study(wave.write(STUDY))
+    points = replace(make_points(study), chosen={"model": np.zeros(33)})
+    keys = point_keys(study, points)
+    counts = np.arange(5)
+    outcome = np.array([0, 0, td.Outcome.ERROR, 0, 0], np.int8)
+    names = [f"detail {i}" for i in counts]
+    result = BlockResult({"y": Values((), counts * 1.0)}, {}, outcome, names, **dict.fromkeys(PER_POINT[1:], counts))
+    with Journal(tmp_path) as journal:
+        journal.commit(FinishedBlock(keys[counts], result, 5.0, 10.0, "0"))
+    (block,) = pilot_results(study, points, keys, np.array([7, 4, 2, 1]), tmp_path)
+    taken = [1, 4]  # 2 failed, and 7 is not in the pilot
+    assert block.keys.tolist() == keys[taken].tolist()
+    assert all(getattr(block.result, name).tolist() == taken for name in PER_POINT[1:])
+    assert block.result.outputs["y"].data.tolist() == taken
+    assert block.result.detail == [names[i] for i in taken]
+    assert (block.cpu_seconds, block.wall_seconds, block.worker) == (2, 4, PILOT)
+
+
 def test_a_point_that_failed_in_the_pilot_is_run_by_the_study(wave):
     """The full model dies at x = 1, where nothing cheaper is enough; the study, not its pilot, has a retry that helps."""
     path = wave.folder / f"{wave.module}.py"
@@ -325,7 +349,7 @@ study = "study.toml"
 inputs = ["choice"]
 table = "choice"
 """
-PILOT = """
+PILOT_STUDY = """
 [study]
 name = "pilot"
 function = "wave:wave"
@@ -338,7 +362,7 @@ model = {values = [0, 1, 2]}
 
 def test_a_chain_chooses_from_a_pilot_of_its_own(wave):
     wave.write(STUDY)
-    wave.write(PILOT, "pilot.toml")
+    wave.write(PILOT_STUDY, "pilot.toml")
     chain = wave.write(CHAIN, "chain.toml")
     done = td.run_workflow(chain, wave.folder / "out", progress=False)
     assert done.good, done.steps

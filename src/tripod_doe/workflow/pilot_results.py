@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tripod_doe.results import BlockResult, Outcome, Values
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points
-from tripod_doe.study.journal import PILOT, FinishedBlock, Journal
+from tripod_doe.study.journal import PER_POINT, PILOT, FinishedBlock, Journal
 from tripod_doe.study.retry import untried
 from tripod_doe.study.simulator import point_columns
 
@@ -82,9 +82,7 @@ def _part(result: BlockResult, rows: NDArray[np.int64], keep: tuple[str, ...]) -
         if not keep or name in keep
     }
     along = {dim for values in outputs.values() for dim in values.dims}
-    per_point: dict[str, Any] = {
-        name: getattr(result, name)[rows] for name in ("outcome", "steps", "force_evaluations", "simulated_seconds")
-    }
+    per_point: dict[str, Any] = {name: getattr(result, name)[rows] for name in PER_POINT}
     return replace(
         result, outputs=outputs, coordinates={name: v for name, v in result.coordinates.items() if name in along},
         detail=[result.detail[row] for row in rows], **per_point,
