@@ -64,15 +64,24 @@ def compare(name: str, out: Path) -> dict[str, object]:
     }
     result["expected_not_met"] = int((choice["accuracy_met"] == 0).sum())
     result |= {key: float(choice.attrs[key]) for key in ("limit", "misses")}
-    own, trial = float(auto["cpu_seconds"].sum()), float(pilot["cpu_seconds"].sum())
-    everywhere = float(reference["cpu_seconds"].mean()) * count
-    estimated = {key: float(choice.attrs[f"price_{key}_s"]) for key in ("study", "pilot", "reference")}
-    result["cpu_seconds"] = {"study": own, "pilot": trial, "reference_everywhere": everywhere}
-    result["estimated_cpu_seconds"] = estimated
-    result["cheaper"] = {"without_pilot": everywhere / own, "with_pilot": everywhere / (own + trial),
-                         "estimated_without_pilot": estimated["reference"] / estimated["study"],
-                         "estimated_with_pilot": estimated["reference"] / (estimated["study"] + estimated["pilot"])}  # fmt: skip
+    own = auto["cpu_seconds"].where(auto["from_pilot"] == 0, 0)
+    every_point = float(choice["price"].values[choice["rung"].values].sum())
+    result["points_from_pilot"] = int(auto["from_pilot"].sum())
+    result["cpu_seconds"] = spent(
+        float(auto["cpu_seconds"].sum()), float(own.sum()), float(pilot["cpu_seconds"].sum()),
+        float(reference["cpu_seconds"].mean()) * count,
+    )  # fmt: skip
+    prices = (float(choice.attrs[f"price_{key}_s"]) for key in ("study", "pilot", "reference"))
+    result["estimated_cpu_seconds"] = spent(every_point, *prices)
     return result
+
+
+def spent(points: float, study: float, pilot: float, reference: float) -> dict[str, float]:
+    """Prices of all points with their chosen models, of those that the pilot did not run, of pilot and reference."""
+    return {
+        "points": points, "study": study, "pilot": pilot, "reference_everywhere": reference,
+        "cheaper_without_pilot": reference / points, "cheaper_with_pilot": reference / (study + pilot),
+    }  # fmt: skip
 
 
 def main() -> None:

@@ -1,18 +1,23 @@
 """Where the time of a step of the full joint goes, and what needles and spheres cost and do to the orders.
 
-    python benchmarks/joint_cost.py
+    python benchmarks/joint_cost.py             # 2 minutes; parts and runs, then the prices of the rungs
+    python benchmarks/joint_cost.py --record    # a minute; the prices only, into joint/prices.toml: on a quiet machine
 
 Parts are microseconds a step at the start of the reference joint. Runs are those of `tripod-doe simulate --model
-needles` at skews of (0.4, -0.4, 0.4) deg and a tolerance of 1e-3, with their error estimates. The last table is what
-`joint/ladder.py` records: CPU microseconds a force evaluation of every rung that model = "auto" may choose.
+needles` at skews of (0.4, -0.4, 0.4) deg and a tolerance of 1e-3, with their error estimates. Prices are
+CPU microseconds a force evaluation of every rung that model = "auto" may choose, the least of three runs.
 """
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
+import tomlkit
 from engine_cost import PARTS, part_costs
 
 import tripod_doe as td
+from tripod_doe.joint.ladder import PRICES
 from tripod_doe.joint.multibody import build_joint
 from tripod_doe.joint.parameters import internal_units
 from tripod_doe.joint.scene import scene
@@ -34,9 +39,21 @@ def rung_cost(rung: Rung) -> tuple[float, float]:
     count = 500 if rung.values["model"] == "equilibrium" else 1
     columns = {"replicate": np.arange(count, dtype=float)}
     task = Task("joint", None, "", scene.source_hash, dict(rung.values), columns, count, ("thrust_amplitude",))
-    run_task(task)
-    result, cpu, _ = run_task(task)
-    return cpu / result.force_evaluations.sum(), result.force_evaluations.mean()
+    runs = [run_task(task) for _ in range(4)][1:]  # the first one warms up; other work on the machine only adds
+    evaluations = runs[0][0].force_evaluations
+    return min(cpu for _, cpu, _ in runs) / evaluations.sum(), evaluations.mean()
+
+
+def rung_prices(record: bool) -> None:
+    """Print the price of every rung beside the recorded one, and record it."""
+    prices = tomlkit.parse(PRICES.read_text())
+    for table, rung in zip(prices.values(), scene.ladder, strict=True):
+        seconds, evaluations = rung_cost(rung)
+        print(f"{rung.label}: {1e6 * seconds:.1f} us an evaluation (recorded {1e6 * rung.evaluation_seconds:.1f}), "
+              f"{evaluations:.0f} a run (recorded {rung.evaluations:.0f})", flush=True)  # fmt: skip
+        table["evaluation_seconds"], table["evaluations"] = float(f"{seconds:.3g}"), round(evaluations)
+    if record:
+        PRICES.write_text(tomlkit.dumps(prices))
 
 
 def main() -> None:
@@ -53,11 +70,9 @@ def main() -> None:
         print(f"{case}: {cost['cpu_seconds']:.2f} s, {cost['steps']} steps, second {amplitudes[0]:.4f} +- "
               f"{errors[0]:.3f} N, third {amplitudes[1]:.4f} +- {errors[1]:.3f} N {result.outcome_detail.values}",
               flush=True)  # fmt: skip
-    for rung in scene.ladder:
-        seconds, evaluations = rung_cost(rung)
-        print(f"{rung.label}: {1e6 * seconds:.1f} us an evaluation (recorded {1e6 * rung.evaluation_seconds:.1f}), "
-              f"{evaluations:.0f} a run (recorded {rung.evaluations:.0f})", flush=True)  # fmt: skip
 
 
 if __name__ == "__main__":
-    main()
+    if sys.argv[1:] != ["--record"]:
+        main()
+    rung_prices(record=sys.argv[1:] == ["--record"])

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from tripod_doe.report.findings import find
     from tripod_doe.report.page import write_report
     from tripod_doe.results import Outcome
-    from tripod_doe.study.cube import open_cube
     from tripod_doe.study.definition import Study, load_study
+    from tripod_doe.study.netcdf import open_cube
     from tripod_doe.study.plan import Plan, plan
     from tripod_doe.study.query import query
     from tripod_doe.study.schema import study_schema
@@ -50,7 +50,7 @@ _HOME = {
     "load_study": "study.definition",
     "model_point": "analysis.comparison",
     "morris_effects": "analysis.sensitivity",
-    "open_cube": "study.cube",
+    "open_cube": "study.netcdf",
     "plan": "study.plan",
     "query": "study.query",
     "read_measurement": "analysis.measurement",

@@ -20,13 +20,14 @@ from typing import Any, NoReturn
 import numpy as np
 
 from tripod_doe.errors import InputError, TripodDoeError, near_match
+from tripod_doe.interrupts import INTERRUPTED, check_interrupt, leave_interrupted, take_interrupts
 from tripod_doe.quantities import Parameter
 from tripod_doe.results import Outcome
 from tripod_doe.study.simulator import SCENES, Simulator, load_simulator
 
 __all__ = ["main"]
 
-DONE, INTERNAL, WRONG_INPUT, SOME_FAILED, INTERRUPTED = 0, 1, 2, 3, 130
+DONE, INTERNAL, WRONG_INPUT, SOME_FAILED = 0, 1, 2, 3
 
 
 class _Parser(argparse.ArgumentParser):
@@ -54,13 +55,24 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit code."""
-    arguments = [_dashes(word) for word in (sys.argv[1:] if arguments is None else arguments)]
+    """Run the command line, that of this process unless words are given; returns the exit code."""
+    if arguments is not None:
+        return _run_command([_dashes(word) for word in arguments])
+    take_interrupts()
+    code = _run_command([_dashes(word) for word in sys.argv[1:]])
+    leave_interrupted()
+    return code
+
+
+def _run_command(arguments: Sequence[str]) -> int:
+    """Run a command, and tell in words and in the exit code why it ended."""
     try:
         options, unknown = _parser(arguments).parse_known_args(arguments)
         if unknown:
             options.parser.refuse(unknown[0])
-        return int(options.command(options))
+        code = int(options.command(options))
+        check_interrupt()
+        return code
     except SystemExit as stop:
         return int(stop.code or 0)
     except InputError as error:
@@ -240,7 +252,7 @@ def _plan(options: argparse.Namespace) -> int:
 
 
 def _query(options: argparse.Namespace) -> int:
-    from tripod_doe.study.cube import write_dataset
+    from tripod_doe.study.netcdf import write_dataset
     from tripod_doe.study.query import frame_text, narrowed, query
 
     answer = query(options.cube, options.variable, options.select, options.nearest, options.where)
@@ -337,7 +349,7 @@ def _compare(options: argparse.Namespace) -> int:
     from tripod_doe.analysis.comparison import compare, model_point
     from tripod_doe.analysis.measurement import read_measurement
     from tripod_doe.report.comparison import comparison_json, comparison_text, write_comparison
-    from tripod_doe.study.cube import open_cube
+    from tripod_doe.study.netcdf import open_cube
 
     if options.reference_angle is not None and not math.isfinite(options.reference_angle):
         raise InputError(f"--reference-angle {options.reference_angle}: must be a finite angle in degrees")

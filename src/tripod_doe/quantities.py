@@ -174,7 +174,7 @@ class Rung:
     full
         Whether it leaves nothing out, so that its error is that of its numerics.
     spare
-        Whether a pilot tries it only where it could pay.
+        Whether it stands for a full one by other values of that one's parameters: none for a study that sets those.
     """
 
     values: Mapping[str, Value]

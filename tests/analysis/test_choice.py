@@ -111,9 +111,17 @@ def test_the_numerical_error_of_the_reference_counts():
         found = evidence(pilot(X, [0 * X + 0.02, 0 * X + 0.02, 0 * X], numerical), ["x"], accuracy())
         choice = choose(found, {"x": np.array([0.5])}, accuracy())
         assert models_at(choice) == [model]
-    found = evidence(pilot(X, [0 * X + 0.02, 0 * X, 0 * X], 0.04), ["x"], accuracy())
+
+
+@pytest.mark.parametrize(("middle", "taken"), [(0.01, "middle"), (0.03, "full")])
+def test_where_not_even_the_reference_is_enough_a_rung_as_good_does_as_well(middle, taken):
+    """The full model is known to 4 % where 3 % are asked for: with 1 % more it is 4.1 %, with 3 % it is 5 %."""
+    found = evidence(pilot(X, [0 * X + 0.05, 0 * X + middle, 0 * X], 0.04), ["x"], accuracy())
     choice = choose(found, {"x": np.array([0.5])}, accuracy())
-    assert (models_at(choice), int(choice["accuracy_met"][0])) == (["full"], 0)  # not even the full model
+    assert (models_at(choice), int(choice["accuracy_met"][0])) == ([taken], 0)
+    assert choice.attrs["misses"] == 0
+    few = choose(found, {"x": np.array([0.5])}, accuracy(confidence=0.95))
+    assert models_at(few) == ["full"]  # too few pilot points for that: nothing is trusted
 
 
 def test_a_small_order_is_measured_against_a_share_of_the_largest():

@@ -13,10 +13,11 @@ import pytest
 import xarray as xr
 
 from tripod_doe.report.page import make_page
-from tripod_doe.study.cube import build_cube, stamp_history
+from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.journal import FinishedBlock
+from tripod_doe.study.netcdf import stamp_history
 from tripod_doe.study.task import make_task, run_task
 
 FUNCTIONS = """

@@ -9,7 +9,7 @@ import pytest
 from tripod_doe.errors import CubeError, InputError, StorageError
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.report.page import make_page, write_report
-from tripod_doe.study.cube import write_dataset
+from tripod_doe.study.netcdf import write_dataset
 
 SECTIONS = ["findings", "waveforms", "spectrum", "effects", "sensitivity", "failed", "cost", "setting", "provenance"]
 

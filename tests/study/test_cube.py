@@ -12,10 +12,11 @@ import pytest
 import xarray as xr
 
 import tripod_doe as td
-from tripod_doe.study.cube import build_cube, write_dataset
+from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.journal import FinishedBlock
+from tripod_doe.study.netcdf import write_dataset
 from tripod_doe.study.task import make_task, run_task
 
 GRID = """

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 import uuid
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +17,13 @@ import xarray as xr
 
 import tripod_doe as td
 from tripod_doe.cli import main
-from tripod_doe.study.designs import make_points
+from tripod_doe.results import BlockResult, Values
+from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.execution import local_workers
+from tripod_doe.study.journal import PER_POINT, PILOT, FinishedBlock, Journal
 from tripod_doe.study.pilot import pilot_points, pilot_study
 from tripod_doe.workflow.choice import describe_choice, first_rungs
+from tripod_doe.workflow.pilot_results import pilot_results
 
 WAVE = """
 import os, time
@@ -55,7 +59,7 @@ model = "auto"
 [factors]
 joint_angle_deg = {low = 5, high = 12, count = 20}
 [keep]
-outputs = ["thrust_amplitude"]
+outputs = ["thrust", "thrust_amplitude"]
 [accuracy]
 thrust_amplitude_3 = 0.04
 confidence = 0.75
@@ -96,7 +100,8 @@ def wave(tmp_path, monkeypatch, scheduler):
 
 
 def test_a_study_runs_on_the_rungs_that_its_pilot_chose(wave):
-    assert wave.run(STUDY).good
+    first = wave.run(STUDY)
+    assert first.good
     cube, choice = td.open_cube(wave.folder / "out"), xr.open_dataset(wave.folder / "out" / "choice.nc").load()
     assert cube["y"].dims == ("x", "z")
     exact = 10 + cube["x"]
@@ -107,7 +112,15 @@ def test_a_study_runs_on_the_rungs_that_its_pilot_chose(wave):
     assert (cube["y_error_estimate"] <= 0.03).all()
     assert "model" not in cube.attrs["fixed_parameters"]
     log = wave.calls()
-    assert len(log) == 33 + 9 * 3  # three rungs at nine pilot points
+    assert len(log) == 33 + 9 * 2  # three rungs at nine pilot points, one of which the study takes over
+    assert len(set(log)) == len(log)  # nothing ran twice
+    assert (first.computed, first.reused) == (24, 9)
+    assert int(cube["from_pilot"].sum()) == choice.attrs["points_from_pilot"] == 9
+    alone = cube["y"] / exact - 1  # what the function says of every point with the model that the cube says it used
+    steep = 0.002 + 0.2 * (cube["x"] > 0.5)
+    np.testing.assert_allclose(alone, xr.where(cube["model_used"] == 0, steep, 0.01), atol=1e-12)
+    own = choice["price"].values[choice["rung"].values][cube["from_pilot"].values.ravel() == 0]
+    assert choice.attrs["price_study_s"] == pytest.approx(own.sum())
 
     again = wave.run(STUDY)
     assert (again.computed, again.reused) == (0, 33)
@@ -139,6 +152,23 @@ def test_the_pilot_takes_a_finer_tolerance_where_the_full_model_is_not_accurate_
     assert (choice["accuracy_met"] == 1).all()
 
 
+def test_a_finer_tolerance_is_tried_only_where_the_full_model_is_not_accurate_enough(wave):
+    """Model 2 knows itself to 2 % on the right and to 0.1 % on the left: there it is its own reference."""
+    path = wave.folder / f"{wave.module}.py"
+    path.write_text(WAVE.replace("if model == 2 else", "if model == 2 and x > 0.5 else"))
+    assert wave.run(STUDY.replace("y = 0.03", "y = 0.012")).good
+    calls = [[float(word) for word in line.split()] for line in wave.calls()]
+    finest, piloted = ([x for x, _, used in calls if used == model] for model in (3, 2))
+    assert 0 < len(finest) == sum(x > 0.5 for x in piloted) < len(piloted)
+    assert min(finest) > 0.5
+    choice = xr.open_dataset(wave.folder / "out" / "choice.nc").load()
+    assert choice["rung_label"].values[-1] == "model = 3"
+    assert choice.attrs["price_pilot_s"] == pytest.approx(len(piloted) * (1 + 1e-3 + 1e-6) + 3 * len(finest), rel=1e-3)
+    cube = td.open_cube(wave.folder / "out")
+    exact = 10 + cube["x"]
+    assert (abs(cube["y"] - exact) <= 0.012 * exact).all()
+
+
 def test_a_kill_in_the_pilot_loses_nothing_and_changes_nothing(wave):
     text = STUDY.replace('model = "auto"', 'model = "auto"\nslow = 0.1') + "[run]\nblock = 1\n"
     program, out = Path(sys.executable).with_name("tripod-doe"), wave.folder / "killed"
@@ -151,10 +181,59 @@ def test_a_kill_in_the_pilot_loses_nothing_and_changes_nothing(wave):
     process.wait()
     assert not (out / "choice.nc").exists()
     assert wave.run(text, "killed").good
-    assert len(wave.calls()) <= 33 + 3 * 9 + 4  # lost: what was at work in the two processes, and what waited
+    assert len(wave.calls()) <= 33 + 2 * 9 + 4  # lost: what was at work in the two processes, and what waited
     assert wave.run(text, "whole").good
-    killed, whole = (td.open_cube(wave.folder / name)[["y", "model_used"]] for name in ("killed", "whole"))
+    killed, whole = (
+        td.open_cube(wave.folder / name)[["y", "model_used", "from_pilot"]] for name in ("killed", "whole")
+    )
     xr.testing.assert_equal(killed, whole)
+
+
+def test_points_of_the_pilot_bring_their_retries_and_only_what_the_study_keeps(wave):
+    """A user function tells its outputs only by answering, so the pilot holds more than the study asks for."""
+    kept = STUDY + '[keep]\noutputs = ["y"]\n[run]\nretry = [{slow = 0.001}]\n'
+    assert wave.run(kept).good
+    cube = td.open_cube(wave.folder / "out")
+    assert "y" in cube
+    assert "y_error" not in cube
+    assert (cube["attempt"] == 0).all()
+    assert (cube["first_outcome"] == td.Outcome.FINISHED).all()
+    assert (cube["slow_used"] == 0).all()
+    assert set(np.unique(cube["model_used"])) == {0, 1}
+    assert len(set(wave.calls())) == len(wave.calls())
+
+
+def test_points_of_the_pilot_bring_their_own_counts(wave, tmp_path):
+    """Exact: every array of a block is cut to the rows that the study lacks, in their order."""
+    study = td.load_study(wave.write(STUDY))
+    points = replace(make_points(study), chosen={"model": np.zeros(33)})
+    keys = point_keys(study, points)
+    counts = np.arange(5)
+    outcome = np.array([0, 0, td.Outcome.ERROR, 0, 0], np.int8)
+    names = [f"detail {i}" for i in counts]
+    result = BlockResult({"y": Values((), counts * 1.0)}, {}, outcome, names, **dict.fromkeys(PER_POINT[1:], counts))
+    with Journal(tmp_path) as journal:
+        journal.commit(FinishedBlock(keys[counts], result, 5.0, 10.0, "0"))
+    (block,) = pilot_results(study, points, keys, np.array([7, 4, 2, 1]), tmp_path)
+    taken = [1, 4]  # 2 failed, and 7 is not in the pilot
+    assert block.keys.tolist() == keys[taken].tolist()
+    assert all(getattr(block.result, name).tolist() == taken for name in PER_POINT[1:])
+    assert block.result.outputs["y"].data.tolist() == taken
+    assert block.result.detail == [names[i] for i in taken]
+    assert (block.cpu_seconds, block.wall_seconds, block.worker) == (2, 4, PILOT)
+
+
+def test_a_point_that_failed_in_the_pilot_is_run_by_the_study(wave):
+    """The full model dies at x = 1, where nothing cheaper is enough; the study, not its pilot, has a retry that helps."""
+    path = wave.folder / f"{wave.module}.py"
+    path.write_text(WAVE.replace("    time.sleep(slow)", "    if x == 1 and model >= 2 and not slow:\n        1 / 0"))
+    text = STUDY.replace("y = 0.03", "y = 0.0015") + "[run]\nretry = [{slow = 0.001}]\n"
+    assert wave.run(text).good
+    cube = td.open_cube(wave.folder / "out")
+    assert (cube["outcome"] == td.Outcome.FINISHED).all()
+    assert (cube["attempt"].sel(x=1) == 1).all()
+    assert (cube["from_pilot"].sel(x=1) == 0).all()
+    assert (cube["from_pilot"].sel(x=0) == 1).any()
 
 
 def test_pilot_points_are_the_same_each_time_and_reach_the_edges(wave):
@@ -164,8 +243,9 @@ def test_pilot_points_are_the_same_each_time_and_reach_the_edges(wave):
     assert np.array_equal(chosen, pilot_points(study, points))
     places = {(float(points.columns["x"][i]), float(points.columns["z"][i])) for i in chosen}
     assert {(0, 0), (0, 2), (1, 0), (1, 2), (0.5, 1)} <= places
-    pilot = pilot_study(study, points, chosen, study.accuracy.rungs[:2])
-    assert make_points(pilot).count == 2 * chosen.size
+    cheap, spare, *_ = study.accuracy.rungs
+    pilot = pilot_study(study, points, [(cheap, chosen), (spare, chosen[:2])])
+    assert make_points(pilot).count == chosen.size + 2
 
 
 def test_plan_tells_the_price_before_and_the_choice_after(wave, capsys):
@@ -187,8 +267,8 @@ def test_a_budget_that_is_too_small_stops_before_the_study(wave):
     with pytest.raises(td.InputError, match=r"budget_cpu_s = 5: the pilot alone would take about 9"):
         wave.run(STUDY + "budget_cpu_s = 5\n")
     assert wave.calls() == []
-    with pytest.raises(td.InputError, match=r"budget_cpu_s = 60: pilot and study would take about 69 CPU"):
-        wave.run(STUDY.replace("y = 0.03", "y = 0.0015") + "budget_cpu_s = 60\n")
+    with pytest.raises(td.InputError, match=r"budget_cpu_s = 50: pilot and study would take about 60 CPU"):
+        wave.run(STUDY.replace("y = 0.03", "y = 0.0015") + "budget_cpu_s = 50\n")
     assert not (wave.folder / "out" / "choice.nc").exists()
 
 
@@ -218,9 +298,12 @@ def test_the_joint_chooses_its_cheapest_model_where_that_is_enough(write_study, 
     words = dict(zip(cube["model_used"].flag_values, cube["model_used"].flag_meanings.split(), strict=True))
     used = [words[flag] for flag in cube["model_used"].values]
     assert used.count("equilibrium") >= 15
-    at = used.index("equilibrium")
-    alone = td.simulate(joint_angle_deg=float(cube["joint_angle_deg"][at]))
-    assert np.array_equal(cube["thrust_amplitude"].values[at], alone["thrust_amplitude"].values)
+    piloted = cube["from_pilot"].values == 1
+    assert 0 < piloted.sum() < 20
+    for at in (used.index("equilibrium"), int(np.flatnonzero(piloted & (np.array(used) == "equilibrium"))[0])):
+        alone = td.simulate(joint_angle_deg=float(cube["joint_angle_deg"][at]))
+        assert np.array_equal(cube["thrust_amplitude"].values[at], alone["thrust_amplitude"].values)
+        assert np.array_equal(cube["thrust"].values[at], alone["thrust"].values)  # no demand of the accuracy
 
 
 @pytest.mark.parametrize(
@@ -243,7 +326,9 @@ def test_the_joint_chooses_its_cheapest_model_where_that_is_enough(write_study, 
 )  # fmt: skip
 def test_bad_requests_are_refused_before_anything_runs(write_study, old, new, told):
     text = JOINT.replace(old, new).replace("joint_angle_deg", "load_n" if "plates" in new else "joint_angle_deg")
-    text = text.replace('outputs = ["thrust_amplitude"]', "" if "plates" in new else 'outputs = ["thrust_amplitude"]')
+    text = text.replace(
+        'outputs = ["thrust", "thrust_amplitude"]', "" if "plates" in new else 'outputs = ["thrust_amplitude"]'
+    )
     with pytest.raises(td.InputError, match=told):
         td.load_study(write_study(text))
 
@@ -264,7 +349,7 @@ study = "study.toml"
 inputs = ["choice"]
 table = "choice"
 """
-PILOT = """
+PILOT_STUDY = """
 [study]
 name = "pilot"
 function = "wave:wave"
@@ -277,7 +362,7 @@ model = {values = [0, 1, 2]}
 
 def test_a_chain_chooses_from_a_pilot_of_its_own(wave):
     wave.write(STUDY)
-    wave.write(PILOT, "pilot.toml")
+    wave.write(PILOT_STUDY, "pilot.toml")
     chain = wave.write(CHAIN, "chain.toml")
     done = td.run_workflow(chain, wave.folder / "out", progress=False)
     assert done.good, done.steps

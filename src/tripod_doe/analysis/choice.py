@@ -1,15 +1,17 @@
 """Choice of model: from a pilot that ran several rungs at a few points to the cheapest rung that is enough at each.
 
-The pilot tells at each of its points how far each rung is from the finest one, the reference, relative to the accuracy
-asked for. Between pilot points that difference is interpolated, with its sign (cubic radial functions and a linear
-trend, over the design scaled to its ranges). Added as squares are the numerical error of the reference, and what the
-interpolation missed at the pilot points around, each left out in turn; these two are means weighted by the inverse
+The pilot tells at each of its points how far each rung is from the finest one there, the reference, relative to the
+accuracy asked for. Between pilot points that difference is interpolated, with its sign (cubic radial functions and a
+linear trend, over the design scaled to its ranges). Added as squares are the numerical error of the reference, and what
+the interpolation missed at the pilot points around, each left out in turn; these two are means weighted by the inverse
 squares of the distances. The worst of all quantities counts. At any point the cheapest rung is taken whose error so
 estimated stays below a limit, else the reference; never a rung that failed at one of the nearest pilot points, of which
-one more count than there are dimensions.
+one more count than there are dimensions. Where not even the reference is expected to meet the accuracy, a rung whose
+error is at most a tenth above the reference's does as well.
 
 How strict the limit must be is tried on the pilot itself: every pilot point is left out in turn, its rung chosen from
-the others, and counted as a miss where that rung's own error there is above the accuracy. The limit is the loosest at
+the others, and counted as a miss where that rung's own error there is above the accuracy, and by more than that tenth
+above the reference's. The limit is the loosest at
 which, and below which, (misses + 1) / (points + 1) is at most 1 - confidence. This is conformal risk control
 (Angelopoulos et al., "Conformal risk control", ICLR 2024): if the points of the study were drawn like those of the
 pilot, the accuracy would be met in the stated share of them. They are not quite: the pilot reaches to the edges of the
@@ -42,6 +44,7 @@ __all__ = ["ChooseSettings", "choose", "choose_for_study", "without_pilot"]
 FloatArray = NDArray[np.float64]
 
 _LIMITS = np.linspace(1.0, 0.0, 101)
+_AS_GOOD = 1.1  # errors over the reference's up to which a rung does as well where neither meets the accuracy
 
 
 class ChooseSettings(BaseModel):
@@ -124,6 +127,7 @@ def without_pilot(columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr
         np.zeros((0, 1, len(accuracy.demands))),
         np.zeros((0, len(accuracy.demands))),
         np.array([rungs[0].price]),
+        np.zeros(1, int),
     )
     choice = _labelled(found, columns, accuracy, np.zeros(count, int), np.full((count, len(accuracy.demands)), np.nan))
     price = float(rungs[0].price * count)
@@ -173,7 +177,7 @@ class _Foresight:
         rows, last, misses = np.arange(found.count), len(found.rungs) - 1, []
         for limit in _LIMITS:
             rung = _cheapest(self._blind.max(axis=2), found.prices, float(limit))
-            misses.append(int(((found.worst[rows, rung] > 1) & (rung != last)).sum()))
+            misses.append(int((found.worst[rows, rung] > np.maximum(1, _AS_GOOD * found.worst[:, last])).sum()))
         most_below = np.maximum.accumulate(misses[::-1])[::-1]
         allowed = (most_below + 1) / (found.count + 1) <= 1 - confidence + 1e-12
         if not allowed.any():
@@ -208,10 +212,12 @@ def _distances(some: FloatArray, others: FloatArray) -> FloatArray:
 
 
 def _cheapest(expected: FloatArray, prices: FloatArray, limit: float) -> NDArray[np.int64]:
-    """The cheapest rung whose expected error, shape (point, rung), stays below a limit; the last where none does."""
+    """The cheapest rung whose expected error, shape (point, rung), stays below a limit or does as well as the last."""
     order = np.argsort(prices, kind="stable")
     order = order[: int(np.flatnonzero(order == prices.size - 1)[0]) + 1]  # none dearer than the reference
-    trusted = expected[:, order] <= limit
+    reference = expected[:, -1:]
+    enough = np.where((reference > 1) & (limit >= 0), _AS_GOOD * reference, limit)
+    trusted = expected[:, order] <= enough
     trusted[:, -1] = True
     return np.asarray(order[trusted.argmax(axis=1)])
 

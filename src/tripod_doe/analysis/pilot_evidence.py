@@ -29,18 +29,23 @@ number would spoil the interpolation far around."""
 class Evidence:
     """What a pilot tells. All errors are relative, over the allowed ones.
 
+    The reference of a point is the finest full rung that finished there.
+
     Attributes
     ----------
     columns
         Factors of the pilot points, each of shape (pilot point,).
     rungs
-        The rungs that it ran, from the cheapest to the reference.
+        The rungs that it ran, from the cheapest to the finest.
     differences
-        Of each rung to the reference, with sign, shape (pilot point, rung, quantity); NaN where the rung failed.
+        Of each rung to the reference, with sign, shape (pilot point, rung, quantity); NaN where the rung failed, 0 for
+        rungs finer than the reference, which did not run there.
     numerical
         Numerical error of the reference, shape (pilot point, quantity).
     prices
         CPU seconds a run of each rung, shape (rung,).
+    runs
+        Points at which each rung ran, shape (rung,).
     """
 
     columns: dict[str, NDArray[Any]]
@@ -48,6 +53,7 @@ class Evidence:
     differences: FloatArray
     numerical: FloatArray
     prices: FloatArray
+    runs: NDArray[np.int64]
 
     @property
     def count(self) -> int:
@@ -68,7 +74,7 @@ class Evidence:
     @property
     def price(self) -> float:
         """CPU seconds of the pilot."""
-        return float(self.prices.sum() * self.count)
+        return float(self.prices @ self.runs)
 
 
 def evidence(pilot: xr.Dataset, names: list[str], accuracy: Accuracy) -> Evidence:
@@ -102,13 +108,27 @@ def evidence(pilot: xr.Dataset, names: list[str], accuracy: Accuracy) -> Evidenc
         chosen = np.flatnonzero(rung_of == number)
         table[point_of[chosen], position] = chosen
     rungs = tuple(accuracy.rungs[number] for number in ran)
-    found = [_errors(pilot, demand, table, accuracy.floor) for demand in accuracy.demands]
-    differences, numerical = (np.stack(parts, axis=-1) for parts in zip(*found, strict=True))
-    known = np.isfinite(differences[:, -1]).all(axis=1)
+    reference = _references(pilot, table, rungs)
+    known = reference >= 0
     if not known.any():
         raise InputError(f"the pilot's reference ({rungs[-1].label}) finished at no point: nothing can be compared")
+    found = [_errors(pilot, demand, table[known], reference[known], accuracy.floor) for demand in accuracy.demands]
+    differences, numerical = (np.stack(parts, axis=-1) for parts in zip(*found, strict=True))
     columns = {name: column[first][known] for name, column in own.items()}
-    return Evidence(columns, rungs, differences[known], numerical[known], _prices(pilot, table, rungs))
+    return Evidence(columns, rungs, differences, numerical, _prices(pilot, table, rungs), (table >= 0).sum(axis=0))
+
+
+def _usable(pilot: xr.Dataset, table: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether a rung finished at a point, shape (pilot point, rung)."""
+    return np.asarray((table >= 0) & (pilot["outcome"].values.reshape(-1)[table] == Outcome.FINISHED))
+
+
+def _references(pilot: xr.Dataset, table: NDArray[np.int64], rungs: tuple[Rung, ...]) -> NDArray[np.int64]:
+    """Position of the finest full rung that finished at each point, -1 where none did; with none full, the last."""
+    judges = np.array([rung.full for rung in rungs])
+    judges[-1] = True
+    able = _usable(pilot, table) & judges
+    return np.where(able.any(axis=1), len(rungs) - 1 - able[:, ::-1].argmax(axis=1), -1)
 
 
 def _column(pilot: xr.Dataset, name: str) -> NDArray[Any]:
@@ -128,18 +148,21 @@ def _equal(column: NDArray[Any], value: object) -> NDArray[np.bool_]:
     return np.isclose(column.astype(float), float(value), rtol=1e-9, atol=0)  # type: ignore[arg-type]
 
 
-def _errors(pilot: xr.Dataset, demand: Demand, table: NDArray[np.int64], floor: float) -> tuple[FloatArray, FloatArray]:
+def _errors(
+    pilot: xr.Dataset, demand: Demand, table: NDArray[np.int64], reference: NDArray[np.int64], floor: float
+) -> tuple[FloatArray, FloatArray]:
     """Differences to the reference, shape (pilot point, rung), NaN where a run failed, and its numerical errors."""
     values, largest = _cells(pilot, demand.output, demand)
     numerical = np.zeros_like(values)
     if demand.error in pilot:
         numerical = np.nan_to_num(_cells(pilot, demand.error, demand)[0])
-    usable = (table >= 0) & (pilot["outcome"].values.reshape(-1)[table] == Outcome.FINISHED)
-    at, last = np.where(usable, values[table], np.nan), table[:, -1]
-    size = np.maximum(np.abs(at[:, -1]), floor * largest[last]) * demand.allowed
+    cell = table[np.arange(reference.size), reference]
+    finer = (table < 0) & (np.arange(table.shape[1]) > reference[:, None])
+    at = np.where(_usable(pilot, table), values[table], np.where(finer, values[cell][:, None], np.nan))
+    size = np.maximum(np.abs(values[cell]), floor * largest[cell]) * demand.allowed
     with np.errstate(invalid="ignore", divide="ignore"):
-        differences = np.clip((at - at[:, -1:]) / size[:, None], -HOPELESS, HOPELESS)
-        return differences, np.minimum(numerical[last] / size, HOPELESS)
+        differences = np.clip((at - values[cell][:, None]) / size[:, None], -HOPELESS, HOPELESS)
+        return differences, np.minimum(numerical[cell] / size, HOPELESS)
 
 
 def _cells(pilot: xr.Dataset, name: str, demand: Demand) -> tuple[FloatArray, FloatArray]:

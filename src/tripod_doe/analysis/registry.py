@@ -19,8 +19,8 @@ from tripod_doe.analysis.sensitivity import MorrisSettings, SobolSettings, morri
 from tripod_doe.analysis.speed_accuracy import SpeedAccuracySettings, speed_accuracy
 from tripod_doe.analysis.stability import StabilitySettings, stability_borders
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.study.cube import stamp_history, write_dataset
 from tripod_doe.study.definition import Study
+from tripod_doe.study.netcdf import stamp_history, write_dataset
 
 __all__ = [
     "ANALYSES",

@@ -4,36 +4,40 @@ Between `rollers` and the full `needles` stand nine needles so thick that they f
 of the price, and mostly within half a percent of the full third order above 6 deg; nine thin needles cost more and miss
 more. Left out: fewer spheres on 27 needles cost as much as seven, since eight share a vector register and three need
 more iterations; a tolerance of 4e-3 saves a third, but ends as inaccurate at every fifth point.
+
+The prices are data beside this module. They decide no result of a point, so measuring them again neither compiles the
+kernels again nor makes old results strange, as a change of any source would.
 """
 
 from __future__ import annotations
 
+import tomllib
+from pathlib import Path
+
 from tripod_doe.quantities import Rung, Value
 
-__all__ = ["JOINT_LADDER"]
+__all__ = ["JOINT_LADDER", "PRICES"]
 
-_SECONDS = {"equilibrium": 1.9e-5, "rollers": 2.7e-5, "nine needles": 6.0e-5, "needles": 1.32e-4}
-"""CPU seconds a force evaluation with its share of the solves (a sweep of 360 samples for `equilibrium`), measured with
-benchmarks/joint_cost.py on a 2.6 GHz AMD EPYC; only their ratios decide."""
+PRICES = Path(__file__).with_name("prices.toml")
+"""File of the recorded prices: a table for each rung, in the order of the ladder."""
 
-_RING = {"needle_count": 27, "needle_diameter_mm": 2.0, "spheres_per_needle": 7}
+_RING: dict[str, Value] = {"needle_count": 27, "needle_diameter_mm": 2.0, "spheres_per_needle": 7}
+_THICK: dict[str, Value] = {"needle_count": 9, "needle_diameter_mm": 5.85, "spheres_per_needle": 3}
+_RECORDED: dict[str, dict[str, float]] = tomllib.loads(PRICES.read_text(encoding="utf-8"))
 
 
-def _full(tolerance: float, evaluations: int) -> Rung:
-    values: dict[str, Value] = {"model": "needles", **_RING, "relative_tolerance": tolerance}
-    return Rung(values, _SECONDS["needles"], evaluations, full=True)
+def _rung(
+    name: str, ring: dict[str, Value], model: str, tolerance: float, full: bool = False, spare: bool = False
+) -> Rung:
+    values: dict[str, Value] = {"model": model, **ring, "relative_tolerance": tolerance}
+    return Rung(values, _RECORDED[name]["evaluation_seconds"], _RECORDED[name]["evaluations"], full, spare)
 
 
 JOINT_LADDER: tuple[Rung, ...] = (
-    Rung({"model": "equilibrium", **_RING, "relative_tolerance": 1e-9}, _SECONDS["equilibrium"], 7),
-    Rung({"model": "rollers", **_RING, "relative_tolerance": 4e-3}, _SECONDS["rollers"], 5_200),
-    Rung(
-        {"model": "needles", "needle_count": 9, "needle_diameter_mm": 5.85, "spheres_per_needle": 3,
-         "relative_tolerance": 2e-3},
-        _SECONDS["nine needles"], 9_400, spare=True,
-    ),
-    _full(2e-3, 12_700),
-    _full(1e-3, 22_800),
-    _full(5e-4, 42_000),
-)  # fmt: skip
-"""Evaluations are those of a run of four revolutions at the reference joint."""
+    _rung("equilibrium", _RING, "equilibrium", 1e-9),
+    _rung("rollers", _RING, "rollers", 4e-3),
+    _rung("nine-needles", _THICK, "needles", 2e-3, spare=True),
+    _rung("needles", _RING, "needles", 2e-3, full=True),
+    _rung("needles-1e-3", _RING, "needles", 1e-3, full=True),
+    _rung("needles-5e-4", _RING, "needles", 5e-4, full=True),
+)

@@ -14,7 +14,7 @@ import xarray as xr
 from tripod_doe.report.figures.comparison import comparison_charts
 from tripod_doe.report.page import render, swap_in
 from tripod_doe.report.responses import ORDINALS, number, spoken
-from tripod_doe.study.cube import stamp_history, write_dataset
+from tripod_doe.study.netcdf import stamp_history, write_dataset
 
 __all__ = ["comparison_json", "comparison_page", "comparison_text", "find_in_comparison", "write_comparison"]
 

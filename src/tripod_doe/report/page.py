@@ -36,7 +36,7 @@ from tripod_doe.report.tables import (
     numerics_rows,
     outcome_counts,
 )
-from tripod_doe.study.cube import open_cube, read_dataset
+from tripod_doe.study.netcdf import open_cube, read_dataset
 
 __all__ = ["make_page", "render", "swap_in", "write_report"]
 

@@ -1,38 +1,30 @@
-"""The result cube: labelled, checked against its declared schema, CF-conforming, and swapped in whole."""
+"""The result cube of a study, made from finished blocks: labelled, CF-conforming, held against its declared schema."""
 
 from __future__ import annotations
 
 import json
-import os
 import platform
 import re
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from datetime import UTC, datetime
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from tripod_doe.errors import CubeError, StorageError
+from tripod_doe.errors import CubeError
 from tripod_doe.quantities import Output, Parameter, Value, dimension_attributes
 from tripod_doe.results import DETAIL_ATTRIBUTES, OUTCOME_ATTRIBUTES, BlockResult, Outcome
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points
-from tripod_doe.study.journal import FinishedBlock
+from tripod_doe.study.journal import PILOT, FinishedBlock
 
 __all__ = [
     "COST_VARIABLES",
     "RECORD_ROLE",
     "SWITCH_ROLE",
     "build_cube",
-    "open_cube",
-    "read_dataset",
-    "stamp_history",
-    "write_dataset",
 ]
 
 COST_VARIABLES = {
@@ -88,7 +80,7 @@ def build_cube(
             for name, (dims, data) in table.outputs.items()
         }
         | _outcome_variables(table, points)
-        | _choice_variables(points)
+        | _choice_variables(table, points)
         | _used_variables(study, table, points)
         | _retry_variables(study, table, points),
         coords=_coordinates(study, points, table.coordinates),
@@ -215,8 +207,8 @@ def _used_variables(study: Study, table: _Table, points: Points) -> dict[str, xr
     return {f"{name}_used": _used_variable(parameters[name], column, points) for name, column in used.items()}
 
 
-def _choice_variables(points: Points) -> dict[str, xr.Variable]:
-    """How accurate each point is expected to be with the model that a pilot chose for it."""
+def _choice_variables(table: _Table, points: Points) -> dict[str, xr.Variable]:
+    """How accurate each point is expected to be with the model that a pilot chose for it, and whether that ran it."""
     variables = {
         f"{name}_error_estimate": _shaped(points, (), column, {
             "long_name": f"estimated relative error of {name}, of the model and numerical", "units": "1",
@@ -228,6 +220,10 @@ def _choice_variables(points: Points) -> dict[str, xr.Variable]:
         variables["accuracy_met"] = _shaped(points, (), points.accuracy_met, {
             "long_name": "whether the estimated error is within the accuracy asked for", "role": RECORD_ROLE,
             "flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "unknown no yes",
+        })  # fmt: skip
+        variables["from_pilot"] = _shaped(points, (), (table.worker == PILOT).astype(np.int8), {
+            "long_name": "whether the pilot ran the point, so that the study did not", "role": RECORD_ROLE,
+            "flag_values": np.array([0, 1], np.int8), "flag_meanings": "no yes",
         })  # fmt: skip
     return variables
 
@@ -351,89 +347,3 @@ def _check_schema(study: Study, cube: xr.Dataset) -> None:
         given = finished & cube[name].notnull().any(output.dims) if output.optional else finished
         if not bool(np.isfinite(cube[name].where(given, 0)).all()):
             raise CubeError(f"{name}: a finished point is not finite")
-
-
-def stamp_history(dataset: xr.Dataset, action: str) -> xr.Dataset:
-    """Add a line with time and action to the history of a dataset."""
-    line = f"{datetime.now(UTC).isoformat(timespec='seconds')} {action}"
-    earlier = dataset.attrs.get("history")
-    return dataset.assign_attrs(history=f"{line}\n{earlier}" if earlier else line)
-
-
-def write_dataset(dataset: xr.Dataset, path: Path) -> None:
-    """Write a dataset whole beside the old file and swap it in; a kill leaves the old one or the new one.
-
-    Raises
-    ------
-    StorageError
-        If it cannot be written; the old file stays.
-    """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fresh = path.with_name(f".{path.name}.new")
-    floats = [name for name, variable in dataset.variables.items() if variable.dtype.kind == "f"]
-    encoding = {name: {"_FillValue": np.nan if name in dataset.data_vars else None} for name in floats}
-    with _storing(path):
-        dataset.to_netcdf(fresh, format="NETCDF4", engine="netcdf4", encoding=encoding)
-        with fresh.open("rb+") as stream:
-            os.fsync(stream.fileno())
-        os.replace(fresh, path)
-
-
-@contextmanager
-def _storing(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except (OSError, RuntimeError) as error:  # netCDF4 reports a full disk as a RuntimeError
-        raise StorageError(
-            f"{path}: cannot write ({error}); finished points are kept in the journal: free space, then run again"
-        ) from error
-
-
-def read_dataset(path: Path) -> xr.Dataset:
-    """Read a netCDF file into memory.
-
-    Raises
-    ------
-    CubeError
-        If the file is missing or damaged.
-    """
-    if not path.exists():
-        raise CubeError(f"{path}: there is no such file")
-    try:
-        with xr.open_dataset(path, engine="netcdf4", decode_timedelta=False) as stored:
-            return stored.load()
-    except (OSError, RuntimeError, ValueError, KeyError) as error:
-        raise CubeError(
-            f"{path}: not a readable cube ({error}); run the study again with the same --out: "
-            "it is rebuilt from the journal"
-        ) from error
-
-
-def open_cube(path: str | Path) -> xr.Dataset:
-    """Open a result cube with its costs.
-
-    Parameters
-    ----------
-    path
-        A result directory, or a netCDF file.
-
-    Returns
-    -------
-    xarray.Dataset
-        In memory. For a directory the variables of cost.nc are joined.
-
-    Raises
-    ------
-    CubeError
-        If there is no cube, or it is damaged.
-    """
-    path = Path(path)
-    if not path.is_dir():
-        return read_dataset(path)
-    if not (path / "cube.nc").exists():
-        raise CubeError(f"{path}: no cube.nc in this directory; run a study with --out {path}")
-    cube = read_dataset(path / "cube.nc")
-    if (path / "cost.nc").exists():
-        cost = read_dataset(path / "cost.nc")
-        cube = cube.assign({name: cost[name] for name in cost.data_vars})
-    return cube

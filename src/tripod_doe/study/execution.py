@@ -17,6 +17,7 @@ from distributed import Client, Future, KilledWorker, LocalCluster, as_completed
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
+from tripod_doe.interrupts import check_interrupt
 from tripod_doe.results import BlockResult, Outcome
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points
@@ -90,6 +91,7 @@ def local_workers(count: int) -> Iterator[str]:
             dashboard_address="127.0.0.1:0",  # another run may have the default port
             silence_logs=50,
             memory_limit=0,
+            preload=["tripod_doe.study.worker"],
         ) as cluster,
     ):
         yield str(cluster.scheduler_address)
@@ -174,6 +176,7 @@ def run_blocks(
                 if not commit(block):
                     client.cancel(list(running))
                     break
+            check_interrupt()
             submit()
         return time.perf_counter() - started
 

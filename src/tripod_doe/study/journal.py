@@ -19,7 +19,10 @@ from numpy.typing import NDArray
 from tripod_doe.errors import CubeError, InputError, StorageError
 from tripod_doe.results import BlockResult, Retries, Values
 
-__all__ = ["FinishedBlock", "Journal"]
+__all__ = ["PER_POINT", "PILOT", "FinishedBlock", "Journal"]
+
+PILOT = "pilot"
+"""Stands for the worker of points that were run by the pilot of their study."""
 
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS block (
@@ -33,7 +36,8 @@ CREATE TABLE IF NOT EXISTS block (
 CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
 """
 
-_PER_POINT = ("outcome", "steps", "force_evaluations", "solves", "simulated_seconds")
+PER_POINT = ("outcome", "steps", "force_evaluations", "solves", "simulated_seconds")
+"""Fields of a `BlockResult` that are an array with one number a point."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +53,7 @@ class FinishedBlock:
     cpu_seconds, wall_seconds
         Of the whole block.
     worker
-        Where it ran.
+        Where it ran, `PILOT` if before the study was chosen.
     """
 
     keys: NDArray[np.void]
@@ -163,7 +167,7 @@ def _pack(result: BlockResult) -> bytes:
     }  # fmt: skip
     arrays: dict[str, Any] = {f"output/{name}": values.data for name, values in result.outputs.items()}
     arrays |= {f"coordinate/{name}": labels for name, labels in result.coordinates.items()}
-    arrays |= {name: getattr(result, name) for name in _PER_POINT}
+    arrays |= {name: getattr(result, name) for name in PER_POINT}
     if retries := result.retries:
         header["first_detail"] = retries.first_detail
         arrays |= {"attempt": retries.attempt, "first_outcome": retries.first_outcome}
@@ -190,5 +194,5 @@ def _unpack(payload: bytes) -> BlockResult:
             coordinates=named("coordinate/"),
             detail=header["detail"],
             retries=retries,
-            **{name: archive[name] for name in _PER_POINT},
+            **{name: archive[name] for name in PER_POINT},
         )

@@ -64,12 +64,13 @@ def normalised(columns: Mapping[str, NDArray[Any]], over: Mapping[str, NDArray[A
     return np.stack(places, axis=1) if places else np.zeros((1, 0))
 
 
-def pilot_study(study: Study, points: Points, chosen: NDArray[np.int64], rungs: Sequence[Rung]) -> Study:
-    """The pilot: every chosen point with every rung. With more rungs it is the same study, grown."""
+def pilot_study(study: Study, points: Points, runs: Sequence[tuple[Rung, NDArray[np.int64]]]) -> Study:
+    """The pilot: each rung at some points, by their indices. With more runs it is the same study, grown."""
     accuracy = study.accuracy
     assert accuracy is not None
+    chosen = np.concatenate([indices for _, indices in runs])
     places = {name: column[chosen].tolist() for name, column in points.columns.items()}
-    ways = {name: [rung.values[name] for rung in rungs] for name in accuracy.parameters}
+    ways = {name: [rung.values[name] for rung, indices in runs for _ in indices] for name in accuracy.parameters}
     head, policy = study.file.study, study.file.run
     content: dict[str, Any] = {
         "study": {
@@ -79,12 +80,7 @@ def pilot_study(study: Study, points: Points, chosen: NDArray[np.int64], rungs: 
         },
         "base": dict(study.base),
         "factors": {name: {"values": values} for name, values in (places | ways).items()},
-        "design": {
-            "kind": "product",
-            "of": ["points", "rungs"],
-            "points": {"kind": "zip", "factors": list(places)},
-            "rungs": {"kind": "zip", "factors": list(ways)},
-        },
+        "design": {"kind": "zip"},
         "keep": {"outputs": _kept(study, accuracy)},
         # a rung that fails is an answer
         "run": {
@@ -97,8 +93,11 @@ def pilot_study(study: Study, points: Points, chosen: NDArray[np.int64], rungs: 
 
 
 def _kept(study: Study, accuracy: Accuracy) -> list[str]:
-    """The outputs that are asked for and their numerical errors; all of a function's, whose names are its own."""
+    """What the study keeps, so that it need not run these points again, and what its accuracy is judged by.
+
+    All outputs of a function, whose names are its own.
+    """
     if not study.simulator.outputs:
         return []
-    wanted = {name for demand in accuracy.demands for name in (demand.output, demand.error)}
+    wanted = {name for demand in accuracy.demands for name in (demand.output, demand.error)} | set(study.keep)
     return [name for name in study.simulator.outputs if name in wanted]

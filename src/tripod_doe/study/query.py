@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.results import Outcome
-from tripod_doe.study.cube import open_cube
 from tripod_doe.study.expressions import Expression
+from tripod_doe.study.netcdf import open_cube
 
 __all__ = ["Selection", "frame_text", "narrowed", "parse_selection", "query", "to_frame"]
 

@@ -29,6 +29,7 @@ __all__ = [
     "changed_parameters",
     "check_ladder",
     "simulate_with_retries",
+    "untried",
 ]
 
 SMALLER_STEP = "smaller-step"
@@ -234,6 +235,13 @@ def simulate_with_retries(
             history.record(change, rows, again)
             cpu, wall = cpu + more_cpu, wall + more_wall
     return history.outcome(), cpu, wall
+
+
+def untried(
+    simulator: Simulator, points: Mapping[str, NDArray[Any]], result: BlockResult, ladder: Ladder
+) -> BlockResult:
+    """A block that needs no retry, as `simulate_with_retries` would answer it."""
+    return _History(simulator, points, result, ladder).outcome() if ladder.changes else result
 
 
 def _timed(

@@ -20,12 +20,13 @@ import xarray as xr
 
 from tripod_doe.analysis.registry import ANALYSES, CHAIN_ANALYSES
 from tripod_doe.errors import InputError, StorageError
+from tripod_doe.interrupts import check_interrupt
 from tripod_doe.report.chain import chain_page, step_page, write_charts
 from tripod_doe.report.figures.chain import StepView
 from tripod_doe.report.figures.registry import FIGURES
 from tripod_doe.report.page import swap_in
-from tripod_doe.study.cube import open_cube, stamp_history, write_dataset
 from tripod_doe.study.execution import local_workers
+from tripod_doe.study.netcdf import open_cube, stamp_history, write_dataset
 from tripod_doe.workflow.definition import Step, Workflow, fed_study, load_workflow
 from tripod_doe.workflow.file import AnalysisStep, FigureStep, ReportStep, StudyStep
 from tripod_doe.workflow.run import run
@@ -181,6 +182,7 @@ class _Chain:
         return self.view(step, "reused", record["seconds"], record["detail"])
 
     def _run_step(self, name: str, needed: list[StepView]) -> StepView:
+        check_interrupt()
         step = self.workflow.steps[name]
         lacking = [view for view in needed if view.state in ("failed", "blocked")]
         stopped = [view.name for view in lacking if not (self._reads_failed(step) and self._has_points(view))]

@@ -1,16 +1,18 @@
 """The choice of model of a study with model = "auto": pilot, evidence, choice, frozen in the result directory.
 
-The pilot starts with the cheap rungs and the full model. It grows by a finer tolerance where the full model's own
-numerical error is above the accuracy at more points than the confidence allows, and by a spare rung where that could
-save more than it costs. Each time it is the same study, grown: nothing that ran is run again.
+The pilot starts with the cheapest rung and the full model. It grows by a finer tolerance where the full model's own
+numerical error is above the accuracy at more points than the confidence allows, at these points only, and by a rung
+between where that could save more than it costs. Each time it is the same study, grown: nothing that ran is run again,
+nor is it by the study itself, see `pilot_results`.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -21,15 +23,17 @@ from tripod_doe.analysis.pilot_evidence import Evidence, evidence
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import Rung
 from tripod_doe.study.accuracy import Accuracy
-from tripod_doe.study.cube import open_cube, read_dataset, stamp_history, write_dataset
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points, make_points, point_keys
+from tripod_doe.study.journal import PILOT
+from tripod_doe.study.netcdf import open_cube, read_dataset, stamp_history, write_dataset
 from tripod_doe.study.pilot import pilot_points, pilot_study
 from tripod_doe.study.simulator import column_of
+from tripod_doe.workflow.pilot_results import finished_in_pilot
 
 __all__ = ["chosen_keys", "chosen_points", "describe_choice", "frozen_choice", "make_choice", "pilot_price"]
 
-_CHOICE, _PILOT = "choice.nc", "pilot"
+_CHOICE = "choice.nc"
 
 
 def make_choice(
@@ -60,14 +64,15 @@ def make_choice(
     places = pilot_points(study, points)
     if frozen is None and places.size:
         _check_budget(study, pilot_price(study, places.size), "the pilot alone")
-        choice = _piloted(study, points, places, usable, directory / _PILOT, run_pilot)
-    elif frozen is not None and (directory / _PILOT / "cube.nc").exists():  # the study grew
-        choice = choose(evidence(open_cube(directory / _PILOT), list(usable), accuracy), usable, accuracy)
+        choice = _piloted(study, points, places, usable, directory / PILOT, run_pilot)
+    elif frozen is not None and (directory / PILOT / "cube.nc").exists():  # the study grew
+        choice = choose(evidence(open_cube(directory / PILOT), list(usable), accuracy), usable, accuracy)
     else:
         choice = without_pilot(usable, accuracy)
     choice = choice.assign_coords(point_key=("point", keys, {"long_name": "fingerprint of the point"}))
     if frozen is not None:
         choice = _with_frozen(choice, frozen)
+    choice = _without_pilot_points(study, points, choice, directory / PILOT)
     price = choice.attrs["price_pilot_s"] + choice.attrs["price_study_s"]
     _check_budget(study, price, "pilot and study")
     attrs = {
@@ -96,37 +101,46 @@ def _piloted(
 ) -> xr.Dataset:
     """Run the pilot, and let it grow as long as that could pay."""
     accuracy = _accuracy(study)
-    rungs = first_rungs(accuracy)
+    runs = [(rung, places) for rung in first_rungs(accuracy)]
     while True:
-        run_pilot(pilot_study(study, points, places, rungs), directory)
+        run_pilot(pilot_study(study, points, runs), directory)
         found = evidence(open_cube(directory), list(usable), accuracy)
         choice = choose(found, usable, accuracy)
-        more = _next_rung(found, choice, accuracy, rungs)
-        if more is None:
+        if finer := _finer_rung(found, accuracy):
+            rows = np.flatnonzero(found.worst[:, -1] <= 1)
+            sure = {_values(found.columns, int(row)) for row in rows}
+            runs.append((finer, np.array([at for at in places if _values(points.columns, int(at)) not in sure])))
+        elif between := _rung_between(found, choice, accuracy, [rung for rung, _ in runs]):
+            runs.append((between, places))
+        else:
             return choice
-        rungs = [*rungs, more]
 
 
 def first_rungs(accuracy: Accuracy) -> list[Rung]:
-    """What a pilot starts with: all up to the full model, without the spare ones."""
-    full = [number for number, rung in enumerate(accuracy.rungs) if rung.full]
-    last = full[0] if full else len(accuracy.rungs) - 1
-    return [rung for number, rung in enumerate(accuracy.rungs[: last + 1]) if not rung.spare or number == last]
+    """What a pilot starts with: the cheapest rung and the full model."""
+    return [accuracy.rungs[0], next((rung for rung in accuracy.rungs[1:] if rung.full), accuracy.rungs[-1])]
 
 
-def _next_rung(found: Evidence, choice: xr.Dataset, accuracy: Accuracy, tried: list[Rung]) -> Rung | None:
-    """What the pilot should run besides, None if nothing."""
-    count = found.worst.shape[0]
+def _finer_rung(found: Evidence, accuracy: Accuracy) -> Rung | None:
+    """A finer rung than all that ran, None where those are accurate enough at enough points, or where there is none."""
     unsure = (found.worst[:, -1] > 1).mean() > 1 - accuracy.confidence
-    finest = accuracy.rungs.index(found.rungs[-1])
-    if unsure and finest + 1 < len(accuracy.rungs):
-        return accuracy.rungs[finest + 1]
+    finer = accuracy.rungs[accuracy.rungs.index(found.rungs[-1]) + 1 :]
+    return finer[0] if unsure and finer else None
+
+
+def _rung_between(found: Evidence, choice: xr.Dataset, accuracy: Accuracy, tried: list[Rung]) -> Rung | None:
+    """A rung that the pilot should run besides, since it could save more than it costs; None if there is none."""
     paid = found.prices[choice["rung"].values]
-    for rung in accuracy.rungs[:finest]:
+    for rung in accuracy.rungs[: accuracy.rungs.index(found.rungs[-1])]:
         saving = float(np.maximum(paid - rung.price, 0).sum())
-        if rung not in tried and saving > rung.price * count:
+        if rung not in tried and saving > rung.price * found.count:
             return rung
     return None
+
+
+def _values(columns: Mapping[str, NDArray[Any]], row: int) -> tuple[Any, ...]:
+    """A point by the values of its factors."""
+    return tuple(column[row : row + 1].tolist()[0] for column in columns.values())
 
 
 def _with_frozen(choice: xr.Dataset, frozen: xr.Dataset) -> xr.Dataset:
@@ -137,8 +151,15 @@ def _with_frozen(choice: xr.Dataset, frozen: xr.Dataset) -> xr.Dataset:
     along = [name for name in choice.variables if "point" in choice[name].dims]
     joined = xr.concat([frozen[along].isel(point=old), choice[along].isel(point=new)], "point", join="override")
     rest = choice.drop_dims("point")
-    price = float(choice["price"].values[joined["rung"].values].sum())
-    return xr.merge([rest, joined], combine_attrs="override").assign_attrs(choice.attrs | {"price_study_s": price})
+    return xr.merge([rest, joined], combine_attrs="override").assign_attrs(choice.attrs)
+
+
+def _without_pilot_points(study: Study, points: Points, choice: xr.Dataset, pilot: Path) -> xr.Dataset:
+    """The choice with the price of the points that its pilot did not run."""
+    chosen = chosen_points(study, points, choice)
+    ran = np.isin(point_keys(study, chosen)[points.allowed], finished_in_pilot(pilot))
+    price = float(choice["price"].values[choice["rung"].values][~ran].sum())
+    return choice.assign_attrs({"price_study_s": price, "points_from_pilot": int(ran.sum())})
 
 
 def frozen_choice(study: Study, directory: Path) -> xr.Dataset | None:
@@ -241,10 +262,11 @@ def _told(choice: xr.Dataset) -> list[str]:
             f"missed {errors}"
         )
     unmet = int((choice["accuracy_met"] == 0).sum())
-    lines.append(f"price        {attrs['price_study_s']:.3g} CPU s, and {attrs['price_pilot_s']:.3g} for the pilot; "
+    lines.append(f"price        {attrs['price_study_s']:.3g} CPU s, and {attrs['price_pilot_s']:.3g} for the pilot, "
+                 f"which ran {attrs['points_from_pilot']} of the points; "
                  f"{attrs['price_reference_s']:.4g} with the last rung everywhere")  # fmt: skip
     if unmet:
         lines.append(
-            f"warning      {unmet:,} points are not expected to meet the accuracy: the finest rung is not enough"
+            f"warning      {unmet:,} points are not expected to meet the accuracy: its finest rung is not enough"
         )
     return lines

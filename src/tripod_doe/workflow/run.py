@@ -16,16 +16,19 @@ from tqdm import tqdm
 
 from tripod_doe.analysis.registry import check_analyses, run_analyses
 from tripod_doe.errors import InputError, StorageError
+from tripod_doe.interrupts import check_interrupt
 from tripod_doe.report.findings import find
 from tripod_doe.report.page import write_report
 from tripod_doe.results import Outcome
-from tripod_doe.study.cube import build_cube, stamp_history, write_dataset
+from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import Study, canonical, load_study, parse_study
 from tripod_doe.study.designs import Points, make_points, point_keys
 from tripod_doe.study.execution import Policy, local_workers, run_blocks
-from tripod_doe.study.journal import FinishedBlock, Journal
+from tripod_doe.study.journal import PILOT, FinishedBlock, Journal
+from tripod_doe.study.netcdf import stamp_history, write_dataset
 from tripod_doe.study.plan import cube_bytes
 from tripod_doe.workflow.choice import chosen_keys, chosen_points, make_choice
+from tripod_doe.workflow.pilot_results import pilot_results
 
 __all__ = ["RunSummary", "run"]
 
@@ -41,7 +44,7 @@ class RunSummary:
     directory
         Where cube, costs, analyses and report are.
     computed, reused
-        Points that ran now, and that were there before.
+        Points that ran now, and that were there before, those of a pilot included.
     seconds
         Wall time from the first block sent to the last one committed.
     failed
@@ -128,8 +131,13 @@ def run(
         missing = _missing(study, points, keys, journal, retry_failed)
         _check_space(study, directory, points)
         _adopt(study, journal, directory)
+        if study.accuracy:
+            for block in pilot_results(study, points, keys, missing, directory / PILOT):
+                journal.commit(block)
+            missing = _missing(study, points, keys, journal, retry_failed)
         policy = Policy(workers, scheduler, study.file.run.block, study.file.run.exclusive)
         computed, seconds = _run_missing(study, points, keys, missing, journal, policy, fail_fast, progress)
+        check_interrupt()
         cube, cost = build_cube(study, points, keys, journal.blocks())
     action = f"tripod-doe run: {computed} points computed"
     write_dataset(stamp_history(cost, action), directory / "cost.nc")

@@ -1,0 +1,102 @@
+"""Cubes as netCDF files: written beside the old file and swapped in whole, read into memory."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.errors import CubeError, StorageError
+
+__all__ = ["open_cube", "read_dataset", "stamp_history", "write_dataset"]
+
+
+def stamp_history(dataset: xr.Dataset, action: str) -> xr.Dataset:
+    """Add a line with time and action to the history of a dataset."""
+    line = f"{datetime.now(UTC).isoformat(timespec='seconds')} {action}"
+    earlier = dataset.attrs.get("history")
+    return dataset.assign_attrs(history=f"{line}\n{earlier}" if earlier else line)
+
+
+def write_dataset(dataset: xr.Dataset, path: Path) -> None:
+    """Write a dataset whole beside the old file and swap it in; a kill leaves the old one or the new one.
+
+    Raises
+    ------
+    StorageError
+        If it cannot be written; the old file stays.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fresh = path.with_name(f".{path.name}.new")
+    floats = [name for name, variable in dataset.variables.items() if variable.dtype.kind == "f"]
+    encoding = {name: {"_FillValue": np.nan if name in dataset.data_vars else None} for name in floats}
+    with _storing(path):
+        dataset.to_netcdf(fresh, format="NETCDF4", engine="netcdf4", encoding=encoding)
+        with fresh.open("rb+") as stream:
+            os.fsync(stream.fileno())
+        os.replace(fresh, path)
+
+
+@contextmanager
+def _storing(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except (OSError, RuntimeError) as error:  # netCDF4 reports a full disk as a RuntimeError
+        raise StorageError(
+            f"{path}: cannot write ({error}); finished points are kept in the journal: free space, then run again"
+        ) from error
+
+
+def read_dataset(path: Path) -> xr.Dataset:
+    """Read a netCDF file into memory.
+
+    Raises
+    ------
+    CubeError
+        If the file is missing or damaged.
+    """
+    if not path.exists():
+        raise CubeError(f"{path}: there is no such file")
+    try:
+        with xr.open_dataset(path, engine="netcdf4", decode_timedelta=False) as stored:
+            return stored.load()
+    except (OSError, RuntimeError, ValueError, KeyError) as error:
+        raise CubeError(
+            f"{path}: not a readable cube ({error}); run the study again with the same --out: "
+            "it is rebuilt from the journal"
+        ) from error
+
+
+def open_cube(path: str | Path) -> xr.Dataset:
+    """Open a result cube with its costs.
+
+    Parameters
+    ----------
+    path
+        A result directory, or a netCDF file.
+
+    Returns
+    -------
+    xarray.Dataset
+        In memory. For a directory the variables of cost.nc are joined.
+
+    Raises
+    ------
+    CubeError
+        If there is no cube, or it is damaged.
+    """
+    path = Path(path)
+    if not path.is_dir():
+        return read_dataset(path)
+    if not (path / "cube.nc").exists():
+        raise CubeError(f"{path}: no cube.nc in this directory; run a study with --out {path}")
+    cube = read_dataset(path / "cube.nc")
+    if (path / "cost.nc").exists():
+        cost = read_dataset(path / "cost.nc")
+        cube = cube.assign({name: cost[name] for name in cost.data_vars})
+    return cube

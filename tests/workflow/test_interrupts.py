@@ -1,0 +1,160 @@
+"""Interrupts: wherever they meet a command, it ends with 130, keeps what is finished, and goes on when run again."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import tripod_doe as td
+
+WAVE = """
+import os, time
+from tripod_doe.quantities import Rung
+def wave(x, z=0.0, model=1, slow=0.02):
+    with open(os.path.join(os.path.dirname(__file__), "log"), "a") as log:
+        log.write(f"{x} {model}\\n")
+    time.sleep(slow)
+    return {"y": 10 + x + (2 - model) * 0.01, "y_error": 0.001}
+wave.ladder = (Rung({"model": 1}, 1e-3, 1), Rung({"model": 2}, 1.0, 1, full=True))
+"""
+NAMED = """
+[study]
+name = "wave"
+function = "wave:wave"
+[factors]
+x = {low = 0, high = 1, count = 40}
+[run]
+block = 1
+"""
+AUTO = NAMED + '[base]\nmodel = "auto"\n[accuracy]\ny = 0.03\n'
+PILOT = NAMED.replace("count = 40", "count = 12") + "[factors.model]\nvalues = [1, 2]\n"
+CHAIN = """
+[workflow]
+name = "Choose"
+[steps.pilot]
+kind = "study"
+study = "pilot.toml"
+[steps.choice]
+kind = "choose"
+inputs = ["pilot"]
+settings = { study = "auto.toml" }
+[steps.map]
+kind = "study"
+study = "auto.toml"
+inputs = ["choice"]
+table = "choice"
+"""
+# Runs a command in which a function lets Python drop an interrupt once it has been called TIMES: by a destructor.
+DROPPING = """
+import importlib, signal, sys
+from tripod_doe.cli import main
+class Sink:
+    def __del__(self):
+        signal.raise_signal(signal.SIGINT)
+def dropping(function, calls=[]):
+    def called(*arguments, **options):
+        answer = function(*arguments, **options)
+        calls.append(1)
+        if len(calls) == times:
+            Sink()
+        return answer
+    return called
+if __name__ == "__main__":
+    module, names, times = sys.argv.pop(1), sys.argv.pop(1).split("."), int(sys.argv.pop(1))
+    owner = importlib.import_module(module)
+    for name in names[:-1]:
+        owner = getattr(owner, name)
+    setattr(owner, names[-1], dropping(getattr(owner, names[-1])))
+    sys.exit(main())
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.delitem(sys.modules, "wave", raising=False)
+    texts = {"wave.py": WAVE, "named.toml": NAMED, "auto.toml": AUTO, "pilot.toml": PILOT, "chain.toml": CHAIN}
+    for name, text in (texts | {"dropping.py": DROPPING}).items():
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+def calls(folder: Path) -> int:
+    """Points that were run so far."""
+    log = folder / "log"
+    return len(log.read_text().splitlines()) if log.exists() else 0
+
+
+def command(folder: Path, name: str) -> list[str]:
+    kind = "workflow" if name == "chain" else "run"
+    return [kind, str(folder / f"{name}.toml"), "--out", str(folder / "out"), "--workers", "1"]
+
+
+def go_on(folder: Path, name: str) -> None:
+    """Run the rest in this process."""
+    if name == "chain":
+        assert td.run_workflow(folder / "chain.toml", folder / "out", workers=1, progress=False).good
+    else:
+        assert td.run(folder / f"{name}.toml", folder / "out", workers=1, progress=False).good
+
+
+@pytest.mark.parametrize(
+    ("name", "dropped_in", "most"),
+    [
+        ("named", "tripod_doe.study.journal Journal.commit 5", 40),
+        ("auto", "tripod_doe.study.journal Journal.commit 5", 18 + 40),  # in the pilot, of nine points on two rungs
+        ("chain", "tripod_doe.analysis.choice choose 1", 24 + 40),
+    ],
+)
+def test_an_interrupt_that_python_drops_is_obeyed_all_the_same(folder, name, dropped_in, most):
+    """Regression: one that met Dask's callback of the garbage collector was printed, and the study ran to its end."""
+    words = [sys.executable, str(folder / "dropping.py"), *dropped_in.split(), *command(folder, name)]
+    done = subprocess.run(words, stderr=subprocess.PIPE, text=True, timeout=60)
+    assert "Exception ignored in" in done.stderr  # it was dropped
+    assert done.returncode == 130, done.stderr
+    assert "interrupted; finished points are kept" in done.stderr
+    before = calls(folder)
+    assert 0 < before < most
+    go_on(folder, name)
+    assert calls(folder) <= most + 2  # lost: the block at work and the one that waited
+
+
+@pytest.mark.parametrize("presses", [1, 2])
+def test_a_background_command_is_interrupted_too_and_a_second_interrupt_ends_it_at_once(folder, presses):
+    """A shell without job control starts what stands before an & with interrupts ignored."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tripod_doe.cli", *command(folder, "named")],
+        stderr=subprocess.PIPE, text=True, start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
+    )  # fmt: skip
+    deadline = time.monotonic() + 60
+    while calls(folder) < 5 and time.monotonic() < deadline:
+        time.sleep(0.02)
+    for _ in range(presses):
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: workers get it, too
+        time.sleep(0.02)
+    message = process.communicate(timeout=60)[1]
+    assert process.returncode == 130, message
+    assert ("interrupted again" if presses == 2 else "interrupted; finished points are kept") in message
+    deadline = time.monotonic() + 10
+    while _alive(process.pid) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not _alive(process.pid), "a worker outlived its command"
+    before = calls(folder)
+    assert before < 40
+    go_on(folder, "named")
+    assert calls(folder) <= 40 + 2
+
+
+def _alive(session: int) -> bool:
+    try:
+        os.killpg(session, 0)
+    except ProcessLookupError:
+        return False
+    return True
