@@ -1,9 +1,9 @@
 """Interrupts (Ctrl-C): the first stops a command where it is, or at its next look at the latest; the second ends it.
 
 Python raises KeyboardInterrupt wherever the main thread happens to be. Where that is a callback of the garbage
-collector, of a weak reference or a destructor, the exception is printed and dropped: of 3000 interrupts sent at random
-moments of a study, 5 met Dask's callback of the garbage collector, and the study would have run on. So an interrupt is
-also noted, and what takes long looks at the note.
+collector, of a weak reference or a destructor, the exception is printed and dropped: about one in 700 interrupts at
+random moments of a study met Dask's callback of the garbage collector, and the study ran on. So an interrupt is also
+noted, and what takes long looks at the note.
 """
 
 from __future__ import annotations
