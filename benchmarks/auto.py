@@ -4,7 +4,7 @@
 
 Runs each study, then the reference rung of its pilot at all its points, or at a random part of them (`CHECKED`), and
 tells in how many of these points the accuracy is met and what both cost. OUT keeps everything: run again, and only
-what is missing runs. One worker, so that CPU seconds are those of a core; 20 minutes in all.
+what is missing runs. One worker, so that CPU seconds are those of a core; 40 minutes in all.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from tripod_doe.workflow.definition import fed_study
 
 STUDIES = Path(__file__).parent.parent / "studies"
 NAMES = ("auto_mixed", "auto_map", "auto_skew")
-CHECKED = 160  # points of a study that are compared
+CHECKED = 64  # points of a study that are compared: none of so many off is below 5 % of all, at 95 %
 
 
 def reference_study(study: td.Study, choice: xr.Dataset, chosen: np.ndarray) -> td.Study:
