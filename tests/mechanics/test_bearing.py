@@ -399,7 +399,9 @@ def test_compression_is_noticed():
     """Exact physics: half of what the slice in the middle of the load is pressed by, over the needle's radius."""
     assembly, shift = _spinning(800.0, 0.0, FRICTION)
     state = assembly.initial_state()
-    deepest, share, depth, body = bearing_compression(assembly.tables.bearings, state.positions, state.velocities)
+    deepest, share, depth, body, _ = bearing_compression(
+        assembly.tables.bearings, state.positions[None], state.velocities[None]
+    )
     assert deepest == depth == pytest.approx(0.5 * (shift - 0.015), rel=1e-9)
     assert share == pytest.approx(depth / 1.0)
     assert body == 1

@@ -1,5 +1,6 @@
 """The energy balance knows what loads did, however coarse the steps are (exact physics)."""
 
+import numpy as np
 import pytest
 
 from tripod_doe.mechanics.assembly import assemble
@@ -40,7 +41,7 @@ def test_a_power_that_breaks_off_within_a_step_is_no_lost_energy():
 
 def test_what_the_same_motion_misses_at_no_step_and_for_good():
     """0.2 and 0.1 are nothing at no step; 0.4 and 0.25 are 0.1 there; the 0.5 of both steps is back at the next sample."""
-    coarse = EnergyBalance(1.0, 2.0, [(1.0, 0.2), (2.0, 0.5), (3.0, 0.4)])
-    fine = EnergyBalance(1.0, 2.0, [(1.0, 0.1), (2.0, 0.5), (3.0, 0.25)])
-    assert [share for _, share in coarse.refined(fine, 2.0).missed()] == pytest.approx([0.0, 0.05, 0.05])
+    times = np.array([1.0, 2.0, 3.0])
+    coarse, fine = (EnergyBalance(2.0, times, np.array(missed)) for missed in ([0.2, 0.5, 0.4], [0.1, 0.5, 0.25]))
+    assert coarse.refined(fine, 2.0).shares() == pytest.approx([0.0, 0.05, 0.05])
     assert coarse.worst() == pytest.approx(0.25)

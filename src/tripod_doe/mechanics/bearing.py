@@ -289,25 +289,31 @@ def _apply(force, positions, body, place, pull, moment, sign):
 
 @kernel
 def bearing_compression(bearings, positions, velocities):
-    """Deepest compression of a contact of all bearings, and the one that is the largest share of its needle's radius.
+    """Deepest compression of a contact of all bearings in some states, and the largest share of its needle's radius.
+
+    Parameters
+    ----------
+    positions, velocities
+        Shapes (state, body, 7) and (state, body, 6).
 
     Returns
     -------
     tuple
-        The deepest compression; the largest share, its compression and the body of its bore; zeros where nothing
-        touches.
+        The deepest compression; the largest share, its compression, the body of its bore, and the state; zeros where
+        nothing touches.
     """
-    deepest, worst, depth_there, body = 0.0, 0.0, 0.0, 0
-    for i in range(bearings.size):
-        bearing = bearings[i]
-        fit = _fit(bearing, positions, velocities)
-        for k in range(bearing.slices):
-            _, clearance, _, _, reach = _offset(bearing, fit, k)
-            depth = 0.5 * (reach - clearance)
-            deepest = max(deepest, depth)
-            if depth > worst * 0.5 * bearing.diameter:
-                worst, depth_there, body = depth / (0.5 * bearing.diameter), depth, bearing.body_b
-    return deepest, worst, depth_there, body
+    deepest, worst, depth_there, body, state = 0.0, 0.0, 0.0, 0, 0
+    for n in range(positions.shape[0]):
+        for i in range(bearings.size):
+            bearing = bearings[i]
+            fit = _fit(bearing, positions[n], velocities[n])
+            for k in range(bearing.slices):
+                _, clearance, _, _, reach = _offset(bearing, fit, k)
+                depth = 0.5 * (reach - clearance)
+                deepest = max(deepest, depth)
+                if depth > worst * 0.5 * bearing.diameter:
+                    worst, depth_there, body, state = depth / (0.5 * bearing.diameter), depth, bearing.body_b, n
+    return deepest, worst, depth_there, body, state
 
 
 @inlined_kernel

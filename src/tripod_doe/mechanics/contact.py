@@ -419,28 +419,31 @@ def _apply(force, positions, contact, place, wrench):
 
 @kernel
 def largest_penetration(contacts, sizes, positions):
-    """Deepest penetration of all spheres, and the one that is the largest share of the size of its contact.
+    """Deepest penetration of all spheres in some states, and the one that is the largest share of its contact's size.
 
     Parameters
     ----------
     sizes
         Length that a contact's penetrations are small against, shape (contact,).
+    positions
+        Shape (state, body, 7).
 
     Returns
     -------
     tuple
-        The deepest penetration; the largest share, its penetration and the body that carries its sphere; zeros where
-        nothing touches.
+        The deepest penetration; the largest share, its penetration, the body that carries its sphere, and the state;
+        zeros where nothing touches.
     """
-    deepest, worst, depth_there, body = 0.0, 0.0, 0.0, 0
-    for i in range(contacts.size):
-        contact = contacts[i]
-        place = _row(contact, positions)
-        for group in range(contact.groups):
-            depths = _spheres(contact, place, group).depth
-            for k in range(WIDTH):
-                depth = pick(depths, k)
-                deepest = max(deepest, depth)
-                if depth > worst * sizes[i]:
-                    worst, depth_there, body = depth / sizes[i], depth, contact.body_a
-    return deepest, worst, depth_there, body
+    deepest, worst, depth_there, body, state = 0.0, 0.0, 0.0, 0, 0
+    for n in range(positions.shape[0]):
+        for i in range(contacts.size):
+            contact = contacts[i]
+            place = _row(contact, positions[n])
+            for group in range(contact.groups):
+                depths = _spheres(contact, place, group).depth
+                for k in range(WIDTH):
+                    depth = pick(depths, k)
+                    deepest = max(deepest, depth)
+                    if depth > worst * sizes[i]:
+                        worst, depth_there, body, state = depth / sizes[i], depth, contact.body_a, n
+    return deepest, worst, depth_there, body, state

@@ -2,50 +2,91 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tripod_doe.mechanics.assembly import Assembly, State
-from tripod_doe.mechanics.motion import kinetic_energy
+from tripod_doe.mechanics.motion import kinetic_energies
 from tripod_doe.mechanics.tables import Work
 
-__all__ = ["EnergyBalance"]
+__all__ = ["EnergyBalance", "Passage"]
+
+FloatArray = NDArray[np.float64]
 
 _NOTHING = 1e-6
 
 
-@dataclass
+class Passage:
+    """The states that a run passes, and what it had noted at each: copies, to be looked over when it has ended."""
+
+    def __init__(self, memory: Work, state: State) -> None:
+        self.states: list[State] = []
+        self._ledgers: list[tuple[float, float, FloatArray]] = []
+        self.note(memory, state)
+
+    def note(self, memory: Work, state: State) -> None:
+        """Add a state; the ledger must be its own."""
+        self.states.append(state.copy())
+        self._ledgers.append((float(memory.ledger[0]), float(memory.extremes[0]), memory.balance.copy()))
+
+    @property
+    def times(self) -> FloatArray:
+        """Times, shape (state,)."""
+        return np.array([state.time for state in self.states])
+
+    @property
+    def positions(self) -> FloatArray:
+        """Positions, shape (state, body, 7)."""
+        return np.array([state.positions for state in self.states])
+
+    @property
+    def velocities(self) -> FloatArray:
+        """Velocities, shape (state, body, 6)."""
+        return np.array([state.velocities for state in self.states])
+
+    @property
+    def drifts(self) -> FloatArray:
+        """Largest residual of a constraint up to each state, shape (state,)."""
+        return np.array([drift for _, drift, _ in self._ledgers])
+
+    @property
+    def stored(self) -> FloatArray:
+        """Stored energies, shape (state,)."""
+        return np.array([energy for energy, _, _ in self._ledgers])
+
+    @property
+    def work(self) -> FloatArray:
+        """Work put in, and lost to each mechanism, up to each state, shape (state, 5)."""
+        return np.array([balance for _, _, balance in self._ledgers])
+
+
+@dataclass(frozen=True)
 class EnergyBalance:
-    """What gathers at the samples of a run.
+    """What a run missed.
 
     Attributes
     ----------
-    initial
-        Energy at the start.
     turned_over
-        Largest of change, work put in and work lost so far, or a least value to start with.
-    residuals
-        Time, and change less work put in plus work lost.
+        Largest of change, work put in and work lost, or a least value.
+    times, residuals
+        Of every sample: its time, and change less work put in plus work lost.
     """
 
-    initial: float
-    turned_over: float = 0.0
-    residuals: list[tuple[float, float]] = field(default_factory=list)
+    turned_over: float
+    times: FloatArray
+    residuals: FloatArray
 
     @classmethod
-    def begun(cls, assembly: Assembly, memory: Work, state: State, turned_over: float = 0.0) -> EnergyBalance:
-        """The balance of a run that starts from a state; the ledger must be that of the state."""
-        initial = _energy(assembly, memory, state)
+    def of(cls, assembly: Assembly, passage: Passage, turned_over: float = 0.0) -> EnergyBalance:
+        """The balance of a run that turns over this energy at least."""
+        energies = passage.stored
+        kinetic_energies(assembly.tables, passage.positions, passage.velocities, energies)
+        change, put_in, lost = energies - energies[0], passage.work[:, 0], passage.work[:, 1:].sum(axis=1)
         # a motion that turns nothing over is held to a millionth of what it has
-        return cls(initial, max(turned_over, _NOTHING * abs(initial)))
-
-    def note(self, assembly: Assembly, memory: Work, state: State) -> None:
-        """Add a sample; the ledger must be that of the state."""
-        change = _energy(assembly, memory, state) - self.initial
-        put_in, lost = float(memory.balance[0]), float(memory.balance[1:].sum())
-        self.turned_over = max(self.turned_over, abs(change), abs(put_in), abs(lost))
-        self.residuals.append((state.time, change - put_in + lost))
+        sizes = [turned_over, _NOTHING * abs(energies[0]), *(np.abs(part).max() for part in (change, put_in, lost))]
+        return cls(float(np.max(sizes)), passage.times[1:], (change - put_in + lost)[1:])
 
     def refined(self, finer: EnergyBalance, factor: float) -> EnergyBalance:
         """Take what finer steps of the same motion change, times a factor, from what is missed, and what comes back.
@@ -53,23 +94,17 @@ class EnergyBalance:
         Where a power breaks off within a step, the sum of powers misses energy that the motion does not. What a method
         borrows within a contact and gives back before the next sample is not lost either.
         """
-        pairs = zip(self.residuals, finer.residuals, strict=True)
-        missed = [coarse + factor * (fine - coarse) for (_, coarse), (_, fine) in pairs]
-        lasting = [min(now, then, key=abs) for now, then in zip(missed, [*missed[1:], missed[-1]], strict=True)]
-        times = (time for time, _ in self.residuals)
-        return EnergyBalance(self.initial, self.turned_over, list(zip(times, lasting, strict=True)))
+        missed = self.residuals + factor * (finer.residuals - self.residuals)
+        later = np.append(missed[1:], missed[-1:])
+        return replace(self, residuals=np.where(np.abs(missed) <= np.abs(later), missed, later))
 
-    def missed(self) -> list[tuple[float, float]]:
-        """Time of every sample, and its residual's share of the energy that the whole run turned over."""
+    def shares(self) -> FloatArray:
+        """Share of the energy turned over that is missed at every sample, shape (sample,)."""
         if self.turned_over == 0.0:
-            return [(time, 0.0) for time, _ in self.residuals]
-        return [(time, abs(residual) / self.turned_over) for time, residual in self.residuals]
+            return np.zeros_like(self.residuals)
+        found: FloatArray = np.abs(self.residuals) / self.turned_over
+        return found
 
     def worst(self) -> float:
         """Largest share that is missed, 0 without samples."""
-        return float(np.max([share for _, share in self.missed()], initial=0.0))
-
-
-def _energy(assembly: Assembly, memory: Work, state: State) -> float:
-    """Kinetic and stored energy."""
-    return float(kinetic_energy(assembly.tables, state.positions, state.velocities) + memory.ledger[0])
+        return float(self.shares().max(initial=0.0))

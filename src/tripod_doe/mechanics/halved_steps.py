@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.mechanics.assembly import Assembly, State
-from tripod_doe.mechanics.energy_balance import EnergyBalance
+from tripod_doe.mechanics.energy_balance import EnergyBalance, Passage
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import Settings, begin_watch
 from tripod_doe.mechanics.tables import Work
@@ -131,7 +131,7 @@ def _follow(assembly: Assembly, method: Method, states: Sequence[State], count: 
     state, memory = states[0].copy(), assembly.work()
     clock, begin, status = np.array([state.time, 0.0, 0.0]), state.time, int(Outcome.FINISHED)
     begin_watch(assembly.tables, memory, state.positions, state.velocities, begin)
-    balance, passed = EnergyBalance.begun(assembly, memory, state), [state.copy()]
+    passage = Passage(memory, state)
     for other in states[1:]:
         with np.errstate(all="ignore"):
             status = method.integrate(
@@ -140,15 +140,15 @@ def _follow(assembly: Assembly, method: Method, states: Sequence[State], count: 
         state.time = float(clock[0])
         if status != Outcome.FINISHED:
             break
-        balance.note(assembly, memory, state)
-        passed.append(state.copy())
-    places, others = (np.array([s.positions for s in each[: len(passed)]]) for each in (passed, states))
+        passage.note(memory, state)
+    places, passed = passage.positions, passage.states
+    others = np.array([other.positions for other in states[: len(passed)]])
     return Again(
         begin,
         np.sqrt(((places[:, :, :3] - others[:, :, :3]) ** 2).sum(axis=2)).max(axis=0),
         _lever(assembly) * _turns_between(places, others).max(axis=0),
         ways_of(assembly, passed, memory),
-        balance,
+        EnergyBalance.of(assembly, passage),
         int(memory.counters[0]),
         Outcome(int(status)),
     )

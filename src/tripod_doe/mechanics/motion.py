@@ -26,7 +26,7 @@ from tripod_doe.mechanics.rotations import (
 __all__ = [
     "accelerate", "add_inertia_forces", "add_inertia_matrices", "add_mass_blocks", "add_mass_product",
     "add_momenta", "add_reaction_power", "clear", "constraint_rate", "copy_vectors", "evaluate",
-    "generalized_forces", "kinetic_energy", "larger", "linearise", "linearise_elements", "project_positions",
+    "generalized_forces", "kinetic_energies", "larger", "linearise", "linearise_elements", "project_positions",
     "project_velocities", "settle", "velocity_at_rest",
 ]  # fmt: skip
 
@@ -453,13 +453,13 @@ def settle(tables, work, positions, velocities, time, settings):
 
 
 @kernel
-def kinetic_energy(tables, positions, velocities):
-    """Kinetic energy, in axes at rest, of all bodies that can move freely in some direction."""
-    total, frame = 0.0, load_vector(tables.frame, 0)
-    for i in range(tables.bodies.size):
-        body = tables.bodies[i]
-        if body.block >= 0:
-            speed, omega = velocity_at_rest(frame, positions[i], velocities[i])
-            momentum = _angular_momentum(body, load_attitude(positions[i]), omega)
-            total += 0.5 * (body.mass * dot(speed, speed) + dot(omega, momentum))
-    return total
+def kinetic_energies(tables, positions, velocities, energies):
+    """Add to energies, shape (state,), the kinetic energy, in axes at rest, of all bodies that can move freely."""
+    frame = load_vector(tables.frame, 0)
+    for n in range(energies.size):
+        for i in range(tables.bodies.size):
+            body = tables.bodies[i]
+            if body.block >= 0:
+                speed, omega = velocity_at_rest(frame, positions[n, i], velocities[n, i])
+                momentum = _angular_momentum(body, load_attitude(positions[n, i]), omega)
+                energies[n] += 0.5 * (body.mass * dot(speed, speed) + dot(omega, momentum))

@@ -31,7 +31,7 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.bearing import bearing_compression
 from tripod_doe.mechanics.contact import largest_penetration
-from tripod_doe.mechanics.energy_balance import EnergyBalance
+from tripod_doe.mechanics.energy_balance import EnergyBalance, Passage
 from tripod_doe.mechanics.halved_steps import Again, Ways, difference, error_over_difference, run_again, ways_of
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
@@ -143,8 +143,6 @@ def method_named(name: str) -> Method:
 class _Checks:
     """Findings that gather while a run goes on."""
 
-    sizes: FloatArray
-    balance: EnergyBalance
     failure: tuple[Outcome, str] | None = None
     penetration: float = 0.0
 
@@ -207,39 +205,41 @@ def run(
     begin_watch(assembly.tables, memory, state.positions, state.velocities, begin)
     if start is None:
         _check_start(assembly, memory, state, limits)
-    checks = _Checks(_contact_sizes(assembly), EnergyBalance.begun(assembly, memory, state, limits.turned_over))
-    sampled, stretches, done = [state.copy()], [], 0
-    for stop, is_sample in stops:
-        before = state.copy() if (done, stop) in windows else None
-        end = begin + duration * stop / count
-        with np.errstate(all="ignore"):
+    passage, stretches, stopped, done = Passage(memory, state), [], None, 0
+    with np.errstate(all="ignore"):
+        for stop, is_sample in stops:
+            before = state.copy() if (done, stop) in windows else None
+            end = begin + duration * stop / count
             status = chosen.integrate(
                 assembly.tables, memory, state.positions, state.velocities, clock, end, stop - done, settings
             )
-        state.time = float(clock[0])
-        if status != Outcome.FINISHED:
-            checks.fail(Outcome(int(status)), _stopped(assembly, memory, Outcome(int(status)), state.time))
-            break
-        if before is not None:
-            stretches.append(([before, state.copy()], stop - done))
-        done = stop
-        if is_sample:
-            _inspect(assembly, memory, state, limits, checks)
-            sampled.append(state.copy())
+            state.time = float(clock[0])
+            if status != Outcome.FINISHED:
+                stopped = Outcome(int(status))
+                break
+            if before is not None:
+                stretches.append(([before, state.copy()], stop - done))
+            done = stop
+            if is_sample:
+                passage.note(memory, state)
+    checks = _inspect(assembly, passage, limits)
+    if stopped is not None:
+        checks.fail(stopped, _stopped(assembly, memory, stopped, state.time))
     again: list[Again] = []
     whole = memory.counters[3] <= limits.few
     if done == count and stretches:
-        pieces = [(sampled, count // samples)] if whole else stretches
+        pieces = [(passage.states, count // samples)] if whole else stretches
         again = [run_again(assembly, chosen, states, steps, settings, not steps_wanted) for states, steps in pieces]
-    ways = ways_of(assembly, sampled if again else (), memory)
-    disagreement, energy = _judge(assembly, again, ways, whole, chosen.order, not steps_wanted, limits, checks)
+    ways = ways_of(assembly, passage.states if again else (), memory)
+    balance = EnergyBalance.of(assembly, passage, limits.turned_over)
+    disagreement, energy = _judge(assembly, balance, again, ways, whole, chosen.order, not steps_wanted, limits, checks)
     reversals = _reversals(assembly, memory, limits, state.time, checks)
     outcome, detail = checks.failure or (Outcome.FINISHED, "")
     return Run(
-        assembly, outcome, detail, np.array([s.time for s in sampled]), np.array([s.positions for s in sampled]),
-        np.array([s.velocities for s in sampled]), memory.balance.copy(), energy, reversals, disagreement,
-        checks.penetration, float(memory.extremes[0]), int(memory.counters[3]), int(memory.counters[0]),
-        int(memory.counters[2]), sum(piece.evaluations for piece in again), state.time - begin,
+        assembly, outcome, detail, passage.times, passage.positions, passage.velocities, memory.balance.copy(), energy,
+        reversals, disagreement, checks.penetration, float(memory.extremes[0]), int(memory.counters[3]),
+        int(memory.counters[0]), int(memory.counters[2]), sum(piece.evaluations for piece in again),
+        state.time - begin,
     )  # fmt: skip
 
 
@@ -295,49 +295,54 @@ def _contact_sizes(assembly: Assembly) -> FloatArray:
     return sizes
 
 
-def _inspect(assembly: Assembly, memory: Work, state: State, limits: Limits, checks: _Checks) -> None:
-    """Energy, penetration and drift at a sample."""
-    checks.balance.note(assembly, memory, state)
-    at, tables = f"at t = {state.time:.6g}", assembly.tables
-    for deepest, share, depth, body in (
-        largest_penetration(tables.contacts, checks.sizes, state.positions),
-        bearing_compression(tables.bearings, state.positions, state.velocities),
+def _inspect(assembly: Assembly, passage: Passage, limits: Limits) -> _Checks:
+    """Penetration and drift at the samples."""
+    checks, tables, positions = _Checks(), assembly.tables, passage.positions[1:]
+    for deepest, share, depth, body, state in (
+        largest_penetration(tables.contacts, _contact_sizes(assembly), positions),
+        bearing_compression(tables.bearings, positions, passage.velocities[1:]),
     ):
         checks.penetration = max(checks.penetration, float(deepest))
         if share > limits.penetration:
-            text = f"a penetration of {depth:.3g} is outside the contact law {at}, body {assembly.names[int(body)]}"
-            checks.fail(Outcome.INACCURATE, text)
-    if not memory.extremes[0] <= limits.drift * assembly.scene.length_scale:
-        checks.fail(Outcome.INACCURATE, f"constraints have drifted by {memory.extremes[0]:.3g} {at}")
+            at = f"at t = {passage.states[1 + state].time:.6g}, body {assembly.names[int(body)]}"
+            checks.fail(Outcome.INACCURATE, f"a penetration of {depth:.3g} is outside the contact law {at}")
+    drifted = np.flatnonzero(~(passage.drifts[1:] <= limits.drift * assembly.scene.length_scale))
+    if drifted.size:
+        first = 1 + int(drifted[0])
+        at = f"at t = {passage.states[first].time:.6g}"
+        checks.fail(Outcome.INACCURATE, f"constraints have drifted by {passage.drifts[first]:.3g} {at}")
+    return checks
 
 
 def _judge(
-    assembly: Assembly, again: Sequence[Again], ways: Ways, whole: bool, order: int, controlled: bool, limits: Limits,
-    checks: _Checks,
+    assembly: Assembly, balance: EnergyBalance, again: Sequence[Again], ways: Ways, whole: bool, order: int,
+    controlled: bool, limits: Limits, checks: _Checks,
 ) -> tuple[float, float]:  # fmt: skip
     """Difference to what was run again, over the way that it is measured by, and largest share of energy missed."""
     failed = [piece for piece in again if piece.outcome != Outcome.FINISHED]
     if failed or not again:
         for piece in failed:
             checks.fail(Outcome.INACCURATE, f"half the step fails from t = {piece.begin:.6g} on: {piece.outcome.label}")
-        return math.nan, _energy_balance(limits, checks, checks.balance)
+        return math.nan, _energy_balance(limits, checks, balance)
     found = difference(assembly, again, ways)
     if not found.size * error_over_difference(order, controlled) <= limits.error:
         text = f"half the step leads {100 * found.size:.3g} % of the {found.way} elsewhere"
         body = assembly.names[found.body]
         checks.fail(Outcome.INACCURATE, f"{text}, most from t = {found.begin:.6g} on, body {body}")
     elif whole:
-        refined = checks.balance.refined(again[0].balance, error_over_difference(1, controlled))
-        return found.size, _energy_balance(limits, checks, min(checks.balance, refined, key=EnergyBalance.worst))
-    return found.size, _energy_balance(limits, checks, checks.balance)
+        refined = balance.refined(again[0].balance, error_over_difference(1, controlled))
+        return found.size, _energy_balance(limits, checks, min(balance, refined, key=EnergyBalance.worst))
+    return found.size, _energy_balance(limits, checks, balance)
 
 
 def _energy_balance(limits: Limits, checks: _Checks, balance: EnergyBalance) -> float:
     """Largest share of energy that is missed."""
-    for time, share in balance.missed():
-        if not share <= limits.energy:
-            text = f"the energy balance misses {100 * share:.3g} % of the energy turned over at t = {time:.6g}"
-            checks.fail(Outcome.INACCURATE, text)
+    shares = balance.shares()
+    missed = np.flatnonzero(~(shares <= limits.energy))
+    if missed.size:
+        share, time = 100 * shares[missed[0]], balance.times[missed[0]]
+        text = f"the energy balance misses {share:.3g} % of the energy turned over at t = {time:.6g}"
+        checks.fail(Outcome.INACCURATE, text)
     return balance.worst()
 
 
