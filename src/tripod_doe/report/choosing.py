@@ -33,6 +33,13 @@ These errors are those of one operating point. Where the question spans many, le
 """
 
 
+_VIBRATING = """
+At low torque and low speed, the more so the higher the friction in the grooves, the joint vibrates by itself. `rollers`
+and `needles` refuse such points, for every affordable step damps the vibration away (`joint/vibration.py`);
+`equilibrium` answers for the motion without it.
+"""
+
+
 def choosing_page(accuracy: xr.Dataset, borders: Mapping[str, xr.Dataset]) -> str:
     """Write the page.
 
@@ -57,6 +64,7 @@ def choosing_page(accuracy: xr.Dataset, borders: Mapping[str, xr.Dataset]) -> st
         _PILOT,
         "What a model cannot tell:\n",
         _table(["Model", "Has no", "Ignores"], [_blind_spots(name) for name in MODELS]),
+        _VIBRATING,
         "\n## Which method\n\nA study that names none takes the default. Price at "
         f"{100 * float(accuracy.attrs['target']):g} % error of each scene's first quantity:\n",
         _table(*price_table(accuracy)),
