@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -53,6 +54,11 @@ def test_eigenvalues_and_an_undamped_run_agree(followed, torque, vibrates):
 def test_a_joint_with_needles_is_asked_by_lumped_bearings(followed):
     values, result = followed(5, needles=True, **SMOOTH)
     assert "vibrates by itself" in vibration(values, result, SAMPLES)
+
+
+def test_nothing_is_known_of_a_motion_that_stopped(followed):
+    values, result = followed(5, **SMOOTH)
+    assert vibration(values, replace(result, times=result.times[:100]), SAMPLES) == ""
 
 
 def test_such_a_run_is_refused(simulated):

@@ -44,7 +44,7 @@ def vibration(values: Mapping[str, float], result: Run, samples: int) -> str:
 
     Departures are looked at with lumped bearings: needles rattle in runs of any method. Joints with needle bodies were
     seen to vibrate and to stay calm where those with lumped bearings do, but for one at 5 N m that the needles calmed.
-    Close to the border both motions exist, and the start decides; a smooth run is not refused there.
+    Close to the border, vibrations may grow within a revolution and die out again in it; a smooth run is not refused.
 
     Parameters
     ----------
@@ -57,10 +57,10 @@ def vibration(values: Mapping[str, float], result: Run, samples: int) -> str:
     """
     if not result.assembly.tables.bearings.size:
         result, samples = _lumped(values, _COARSE), _SAMPLES
-    if not _vibrates(growth_in_a_revolution(result, samples, _FEW), values):
+    if not _vibrates(result, samples, _FEW, values):
         return ""
-    growth = growth_in_a_revolution(_lumped(values, _FINE), _SAMPLES, _MANY)
-    if not _vibrates(growth, values):
+    growth = _vibrates(_lumped(values, _FINE), _SAMPLES, _MANY, values)
+    if not growth:
         return ""
     return (
         f"the joint vibrates by itself at about {growth.frequency / (2 * math.pi):.0f} Hz, growing {growth.factor:.2g} "
@@ -69,8 +69,12 @@ def vibration(values: Mapping[str, float], result: Run, samples: int) -> str:
     )
 
 
-def _vibrates(growth: Growth, values: Mapping[str, float]) -> bool:
-    return growth.factor > _GROWS and growth.frequency > _FAST * values["speed_rpm"]
+def _vibrates(result: Run, samples: int, count: int, values: Mapping[str, float]) -> Growth | None:
+    """How departures grow, if that makes a vibration; nothing is known of a motion that did not come to its end."""
+    if result.times.size <= 2 * samples:
+        return None
+    growth = growth_in_a_revolution(result, samples, count)
+    return growth if growth.factor > _GROWS and growth.frequency > _FAST * values["speed_rpm"] else None
 
 
 def growth_in_a_revolution(result: Run, samples: int, count: int) -> Growth:
