@@ -14,8 +14,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tripod_doe.joint.multibody import build_joint
-from tripod_doe.mechanics.assembly import State, assemble
+from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.floquet import Growth, fastest_growth
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, run
@@ -33,18 +32,16 @@ of states show as 0.93 to 1.07."""
 _FAST = 12
 """Order above which a departure is a vibration: slower ones would be seen in the orders of the thrust."""
 
-_SAMPLES = 2 * _MANY
-_COARSE, _FINE = 4e-3, 1e-3
-"""Tolerances of the motion with lumped bearings that is asked first, and of the one that decides: its own error may
-show growth that is not there (seen: 1.4 at the first, 1.0 at the second)."""
+_SAMPLES, _TOLERANCE = 2 * _MANY, 1e-3
+"""Of the motion that decides: the error of a coarser one may show growth that is not there (seen: 1.4 for 1)."""
 
 
 def vibration(values: Mapping[str, float], result: Run, samples: int) -> str:
-    """Say at which frequency the joint of a run would vibrate by itself, or nothing if it would not.
+    """Say at which frequency a joint with lumped bearings would vibrate by itself, or nothing if it would not.
 
-    Departures are looked at with lumped bearings: needles rattle in runs of any method. Joints with needle bodies were
-    seen to vibrate and to stay calm where those with lumped bearings do, but for one at 5 N m that the needles calmed.
-    Close to the border, vibrations may grow within a revolution and die out again in it; a smooth run is not refused.
+    Nothing is said of joints with needle bodies: they rattle in runs of any method, so that none has a smooth motion to
+    ask. They were seen to vibrate at three of five points where lumped bearings do; rattling calms the others. Close
+    to the border, vibrations may grow within a revolution and die out again in it; a smooth run is not refused.
 
     Parameters
     ----------
@@ -55,11 +52,9 @@ def vibration(values: Mapping[str, float], result: Run, samples: int) -> str:
     samples
         Its samples a revolution.
     """
-    if not result.assembly.tables.bearings.size:
-        result, samples = _lumped(values, _COARSE), _SAMPLES
-    if not _vibrates(result, samples, _FEW, values):
+    if not result.assembly.tables.bearings.size or not _vibrates(result, samples, _FEW, values):
         return ""
-    growth = _vibrates(_lumped(values, _FINE), _SAMPLES, _MANY, values)
+    growth = _vibrates(_finer(result.assembly, values), _SAMPLES, _MANY, values)
     if not growth:
         return ""
     return (
@@ -97,10 +92,9 @@ def growth_in_a_revolution(result: Run, samples: int, count: int) -> Growth:
     return fastest_growth(result.assembly, states, float(result.times[-1] - result.times[-1 - samples]))
 
 
-def _lumped(values: Mapping[str, float], tolerance: float) -> Run:
-    """Two revolutions with lumped bearings: the start has died out in the second one."""
-    time = 4 * math.pi / values["speed_rpm"]
+def _finer(assembly: Assembly, values: Mapping[str, float]) -> Run:
+    """Two revolutions of a finer motion: the start has died out in the second one."""
     return run(
-        assemble(build_joint(values, needles=False)), "adaptive-euler", time, samples=2 * _SAMPLES,
-        settings=Settings(tolerance=tolerance), limits=Limits(windows=0),
+        assembly, "adaptive-euler", 4 * math.pi / values["speed_rpm"], samples=2 * _SAMPLES,
+        settings=Settings(tolerance=_TOLERANCE), limits=Limits(windows=0),
     )  # fmt: skip
