@@ -19,7 +19,7 @@ from tripod_doe.mechanics.floquet import Growth, fastest_growth
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, run
 
-__all__ = ["growth_in_a_revolution", "vibration"]
+__all__ = ["vibration"]
 
 _FEW, _MANY = 24, 144
 """States of a revolution at which departures are looked at: few ask, and where they see growth, many decide. Friction
@@ -68,11 +68,11 @@ def _vibrates(result: Run, samples: int, count: int, values: Mapping[str, float]
     """How departures grow, if that makes a vibration; nothing is known of a motion that did not come to its end."""
     if result.times.size <= 2 * samples:
         return None
-    growth = growth_in_a_revolution(result, samples, count)
+    growth = _growth_in_a_revolution(result, samples, count)
     return growth if growth.factor > _GROWS and growth.frequency > _FAST * values["speed_rpm"] else None
 
 
-def growth_in_a_revolution(result: Run, samples: int, count: int) -> Growth:
+def _growth_in_a_revolution(result: Run, samples: int, count: int) -> Growth:
     """How departures from the last revolution of a run grow in it, from so many states.
 
     Parameters

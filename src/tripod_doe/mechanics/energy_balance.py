@@ -81,9 +81,9 @@ class EnergyBalance:
     @classmethod
     def of(cls, assembly: Assembly, passage: Passage, turned_over: float = 0.0) -> EnergyBalance:
         """The balance of a run that turns over this energy at least."""
-        energies = passage.stored
+        energies, work = passage.stored, passage.work
         kinetic_energies(assembly.tables, passage.positions, passage.velocities, energies)
-        change, put_in, lost = energies - energies[0], passage.work[:, 0], passage.work[:, 1:].sum(axis=1)
+        change, put_in, lost = energies - energies[0], work[:, 0], work[:, 1:].sum(axis=1)
         # a motion that turns nothing over is held to a millionth of what it has
         sizes = [turned_over, _NOTHING * abs(energies[0]), *(np.abs(part).max() for part in (change, put_in, lost))]
         return cls(float(np.max(sizes)), passage.times[1:], (change - put_in + lost)[1:])

@@ -141,7 +141,7 @@ def method_named(name: str) -> Method:
 
 @dataclass
 class _Checks:
-    """Findings that gather while a run goes on."""
+    """What was found when a run was looked over."""
 
     failure: tuple[Outcome, str] | None = None
     penetration: float = 0.0
@@ -306,11 +306,11 @@ def _inspect(assembly: Assembly, passage: Passage, limits: Limits) -> _Checks:
         if share > limits.penetration:
             at = f"at t = {passage.states[1 + state].time:.6g}, body {assembly.names[int(body)]}"
             checks.fail(Outcome.INACCURATE, f"a penetration of {depth:.3g} is outside the contact law {at}")
-    drifted = np.flatnonzero(~(passage.drifts[1:] <= limits.drift * assembly.scene.length_scale))
+    drifts = passage.drifts[1:]
+    drifted = np.flatnonzero(~(drifts <= limits.drift * assembly.scene.length_scale))
     if drifted.size:
-        first = 1 + int(drifted[0])
-        at = f"at t = {passage.states[first].time:.6g}"
-        checks.fail(Outcome.INACCURATE, f"constraints have drifted by {passage.drifts[first]:.3g} {at}")
+        at = f"at t = {passage.states[1 + drifted[0]].time:.6g}"
+        checks.fail(Outcome.INACCURATE, f"constraints have drifted by {drifts[drifted[0]]:.3g} {at}")
     return checks
 
 
