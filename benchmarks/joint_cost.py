@@ -36,7 +36,7 @@ def values(**given) -> dict[str, float]:
 
 def rung_cost(rung: Rung) -> tuple[float, float]:
     """CPU seconds a force evaluation, and evaluations a run, in a block as studies run it."""
-    count = 500 if rung.values["model"] == "equilibrium" else 1
+    count = 500 if rung.values["model"] in ("equilibrium", "kinetostatic") else 1
     columns = {"replicate": np.arange(count, dtype=float)}
     task = Task("joint", None, "", scene.source_hash, dict(rung.values), columns, count, ("thrust_amplitude",))
     runs = [run_task(task) for _ in range(4)][1:]  # the first one warms up; other work on the machine only adds

@@ -20,6 +20,7 @@ from tripod_doe.mechanics.compilation import kernel
 
 __all__ = [
     "bearing_load_zone",
+    "bearing_stiffness",
     "contact_constants",
     "elastic_factor",
     "groove_contact_stiffness",
@@ -168,6 +169,15 @@ def bearing_load_zone(load, clearance, stiffness, needle_count):
         if abs(change) <= 1e-12 * shift:
             break
     return total / along, 0.5 * (shift - clearance)
+
+
+@kernel
+def bearing_stiffness(penetration, clearance, stiffness, needle_count):
+    """Stiffness of a needle bearing along its load in N/mm; parameters as for `bearing_load_zone`.
+
+    `penetration` is its second result.
+    """
+    return _needle_loads(clearance + 2.0 * penetration, clearance, stiffness, needle_count)[2]
 
 
 @kernel

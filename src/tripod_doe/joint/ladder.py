@@ -35,6 +35,7 @@ def _rung(
 
 JOINT_LADDER: tuple[Rung, ...] = (
     _rung("equilibrium", _RING, "equilibrium", 1e-9),
+    _rung("kinetostatic", _RING, "kinetostatic", 1e-6),
     _rung("rollers", _RING, "rollers", 4e-3),
     _rung("nine-needles", _THICK, "needles", 2e-3, spare=True),
     _rung("needles", _RING, "needles", 2e-3, full=True),

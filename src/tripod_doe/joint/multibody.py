@@ -21,7 +21,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tripod_doe.joint.construction import JointBuild, moving_body, prepare_joint, vector
+from tripod_doe.joint.construction import JointBuild, moving_body, prepare_joint, roller_inertia, vector
 from tripod_doe.joint.needle_bearing import lumped_bearing, needle_body, needle_contacts
 from tripod_doe.joint.posture import GROOVE_ANGLES, Pose
 from tripod_doe.mechanics.scene import (
@@ -74,14 +74,11 @@ def _shafts(build: JointBuild) -> tuple[list[Body], list[Constraint]]:
 def _roller(build: JointBuild, k: int) -> tuple[Body, SphereRow]:
     """Roller k, rolling along its groove, and its contact with the groove."""
     values, pose = build.values, build.posture.rollers[k]
-    radius, half, bore = values["roller_radius_mm"], values["roller_width_mm"] / 2, build.bore_radius
-    # a slice at x of the zone of a sphere, less the bore: powers of R^2 - x^2 integrated over the width
-    second = 2 * (radius**2 * half - half**3 / 3)
-    fourth = 2 * (radius**4 * half - 2 * radius**2 * half**3 / 3 + half**5 / 5)
-    spread = 2 * (radius**2 * half**3 / 3 - half**5 / 5 - bore**2 * half**3 / 3)
-    density = values["density_kg_m3"] * math.pi
-    mass, polar = density * (second - 2 * half * bore**2), density * (fourth - 2 * half * bore**4) / 2
-    across = polar / 2 + density * spread
+    radius = values["roller_radius_mm"]
+    mass, polar, across = (
+        float(x) for x in roller_inertia(*np.array([radius, values["roller_width_mm"], build.bore_radius,
+                                                    values["density_kg_m3"]]))
+    )  # fmt: skip
     trunnion = pose.attitude.apply(_Z)
     flank = build.side * np.array([-math.sin(GROOVE_ANGLES[k]), math.cos(GROOVE_ANGLES[k]), 0.0])
     # its spin on the trunnion takes the slip along the groove to zero

@@ -123,7 +123,7 @@ _PARAMETERS = [
     _switch("needle_sliding", "sliding friction of the needles"),
     _switch("needle_rolling", "rolling resistance of the needles"),
     Parameter("model", "equilibrium", "1", "", "model of the ladder", "numerics: model of the ladder",
-              kind="choice", choices=("equilibrium", "rollers", "needles"), group=_NUMERICS),
+              kind="choice", choices=("equilibrium", "kinetostatic", "rollers", "needles"), group=_NUMERICS),
     Parameter("method", None, "1", "", "how the model is solved; by the model unless given", "numerics",
               kind="choice", choices=("newton", *METHODS), group=_NUMERICS),
     Parameter("relative_tolerance", None, "1", "", "relative tolerance of the method; by the method unless given",

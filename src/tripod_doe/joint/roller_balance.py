@@ -1,4 +1,7 @@
-"""Forces of one roller between its groove and its trunnion, over the normal force; derivation in `equilibrium`."""
+"""Forces of one roller between its groove and its trunnion, over the normal force.
+
+Derived in `equilibrium`, and in `kinetostatic` what mass and motion between samples add.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,15 @@ from tripod_doe.joint.kinematics import ideal_motion
 from tripod_doe.mechanics.compilation import inlined_kernel
 from tripod_doe.mechanics.laws import hyperbolic_tangent
 
-__all__ = ["GrooveForces", "PointConstants", "groove_forces", "spider_wrench", "thrust_of_each"]
+__all__ = [
+    "GrooveForces",
+    "PointConstants",
+    "groove_forces",
+    "inertial_force",
+    "spider_load",
+    "spider_wrench",
+    "thrust_of_each",
+]
 
 
 class PointConstants(NamedTuple):
@@ -34,6 +45,16 @@ class PointConstants(NamedTuple):
         v_st in mm/s.
     roll_transition, spin_transition, normal_spin_transition
         Transition angular velocities of rolling in the groove, turning on the trunnion and spinning, rad/s.
+    axis_factor
+        a_H over the cube root of N, mm / N^(1/3).
+    roller_mass, roller_inertia, shaft_mass
+        m_r and I_t of a roller, m_s of the shaft as felt at the spider, t and t mm2; zero in a massless joint.
+    play, tilt
+        rho in mm and R_s k_t of `kinetostatic`; zero if rollers neither swing nor tilt.
+    lag
+        Angle in rad by which the trunnions stay behind their grooves.
+    pace
+        Samples a second; zero if nothing that changes between samples matters.
     tolerance
         Relative tolerance of all iterations.
     """
@@ -57,6 +78,14 @@ class PointConstants(NamedTuple):
     roll_transition: float
     spin_transition: float
     normal_spin_transition: float
+    axis_factor: float
+    roller_mass: float
+    roller_inertia: float
+    shaft_mass: float
+    play: float
+    tilt: float
+    lag: float
+    pace: float
     tolerance: float
 
 
@@ -81,6 +110,14 @@ class GrooveForces(NamedTuple):
         Lost to each mechanism.
     needle_sliding_moment, needle_rolling_moment
         Of the needles about the trunnion.
+    spin, spin_gain
+        Of the roller on its trunnion in rad/s, and its derivative for the slip.
+    inertia_gain
+        Derivative of the moment for the spin of earlier samples.
+    tilt_gain
+        Derivative of sin_a for the force that the contact angle was made from.
+    swing_gain
+        Derivative of the trunnion force for those of earlier samples.
     """
 
     moment: float
@@ -101,13 +138,48 @@ class GrooveForces(NamedTuple):
     needle_rolling_power: float
     needle_sliding_moment: float
     needle_rolling_moment: float
+    spin: float
+    spin_gain: float
+    inertia_gain: float
+    tilt_gain: float
+    swing_gain: float
 
 
 @inlined_kernel
-def groove_forces(p, cos_phi, sin_phi, cos_psi, sin_psi, slip, lean, load_root):
+def inertial_force(p, cos_phi):
+    """Inertial force of a roller in N, radially outward and along the groove."""
+    centrifugal = p.roller_mass * p.pitch_radius * p.omega * p.omega
+    return centrifugal, -centrifugal * p.sin_theta / p.cos_theta * cos_phi
+
+
+@inlined_kernel
+def spider_load(p, cos_phi, sin_phi):
+    """What the inertia of one roller and a third of the shaft does to the spider.
+
+    Two forces across the shaft in N, and the moment about the shaft in N mm.
+    """
+    m = ideal_motion(cos_phi, sin_phi, p.cos_theta, p.sin_theta, p.pitch_radius, p.omega)
+    outward, along = inertial_force(p, cos_phi)
+    about_r = m.distance * m.t_t * along
+    about_t = m.distance * (m.t_z * outward - m.t_r * along)
+    about_z = -m.distance * m.t_t * outward
+    eccentricity = 0.5 * p.pitch_radius * (1.0 - p.cos_theta) / p.cos_theta
+    orbit = -3.0 * p.shaft_mass * p.omega * p.omega * eccentricity
+    cos_three_phi, sin_three_phi = (4.0 * cos_phi**2 - 3.0) * cos_phi, (3.0 - 4.0 * sin_phi**2) * sin_phi
+    return (
+        outward * cos_phi * p.cos_theta - along * p.sin_theta + orbit * cos_three_phi,
+        outward * sin_phi + orbit * sin_three_phi,
+        (about_r * cos_phi - about_t * sin_phi) * p.sin_theta + about_z * p.cos_theta,
+    )
+
+
+@inlined_kernel
+def groove_forces(p, cos_phi, sin_phi, cos_psi, sin_psi, slip, lean, load_root, past_tilt, past_spin, newton):
     """Forces of one roller for a trial slip along the rolling direction and a trial force along the trunnion.
 
-    `slip` is v along dv/ds in mm/s, `lean` the trial of (f t + P) / N, `load_root` the cube root of N in a_H times N.
+    `slip` is v along dv/ds in mm/s, `lean` the trial of (f t + P) / N, `load_root` the a_H that goes with N.
+    `past_tilt` and `past_spin` are what earlier samples add to the backward differences of sin a and of the spin.
+    Slopes of friction are tangents with `newton` = 1, secants with 0.
     """
     m = ideal_motion(cos_phi, sin_phi, p.cos_theta, p.sin_theta, p.pitch_radius, p.omega)
     sigma = 1.0 if p.torque >= 0.0 else -1.0
@@ -120,9 +192,14 @@ def groove_forces(p, cos_phi, sin_phi, cos_psi, sin_psi, slip, lean, load_root):
     cos_a = (cos_sum * m.t_r + sin_sum * m.t_t) / length
     t_tau = cos_a * m.t_r - sin_a * m.t_t
     t_n = sin_a * m.t_r + cos_a * m.t_t
+    # as its contact wanders round the groove the roller swings, and so slides on its trunnion, and tilts on it
+    leaning = -sigma * p.pace * (1.5 * sin_a + past_tilt) / cos_a
+    plunge = p.play * leaning / t_tau
+    swing = (p.play + p.tilt * p.roller_radius) * leaning + p.tilt * m.along_trunnion
+    swinging = (p.play + p.tilt * p.roller_radius) * p.pace / (cos_sum * length)
     # slip is linear in the roller's spin s: v = v_0 + s v_1
-    tau_0 = arm * m.w_z
-    z_0 = m.along_groove - arm * (cos_a * m.w_r - sin_a * m.w_t)
+    tau_0 = arm * m.w_z + swing
+    z_0 = m.along_groove - arm * (cos_a * m.w_r - sin_a * m.w_t) + plunge * m.t_z
     tau_1, z_1 = arm * m.t_z, -arm * t_tau
     rate = np.sqrt(tau_1 * tau_1 + z_1 * z_1)
     spin = (slip - (tau_0 * tau_1 + z_0 * z_1) / rate) / rate
@@ -140,25 +217,32 @@ def groove_forces(p, cos_phi, sin_phi, cos_psi, sin_psi, slip, lean, load_root):
     rolling = p.groove_rolling * p.rolling_lever * hyperbolic_tangent(roll / p.roll_transition) / roll
     spinning = p.groove_spinning * load_root * hyperbolic_tangent(w_n / p.normal_spin_transition)
     # needles: friction along their axes, rolling resistance about the trunnion
-    needle_slip = m.along_trunnion * cos_psi - spin * p.needle_lever * sin_psi
+    needle_slip = (m.along_trunnion + plunge) * cos_psi - spin * p.needle_lever * sin_psi
     needle_sliding = hyperbolic_tangent(0.5 * needle_slip / p.needle_transition)
     needle_rolling = hyperbolic_tangent(spin / p.spin_transition)
     needle_moment = p.needle_sliding * p.needle_lever * sin_psi * needle_sliding
     bearing_moment = p.needle_rolling * p.bearing_radius * needle_rolling
     along = w_tau * t_tau + w_z * m.t_z
+    load = (load_root / p.axis_factor) ** 3
+    inertia = p.roller_inertia * p.pace / load
     moment = -drag * slip * rate - spinning * t_n - rolling * along + needle_moment - bearing_moment
-    slope = -drag * rate * rate - drag_slope * (slip * rate / speed) ** 2
+    moment -= inertia * (1.5 * spin + past_spin)
+    slope = -drag * rate * rate - newton * drag_slope * (slip * rate / speed) ** 2
     slope -= rolling * (t_tau * t_tau + m.t_z * m.t_z)
     slope -= p.needle_rolling * p.bearing_radius * (1.0 - needle_rolling * needle_rolling) / p.spin_transition
     needle_slope = 0.5 * p.needle_sliding * (1.0 - needle_sliding * needle_sliding) / p.needle_transition
-    slope -= needle_slope * (p.needle_lever * sin_psi) ** 2
+    slope -= needle_slope * (p.needle_lever * sin_psi) ** 2 + 1.5 * inertia
     # the contact angle shifts the spin, and with it the slip across the groove
     stiffness = drag + drag_slope * (v_tau / speed) ** 2
+    gripping = (drag + newton * (stiffness - drag)) * (t_tau * t_tau + m.t_z * m.t_z)
+    swing_gain = -(gripping + needle_slope * cos_psi * cos_psi) * swinging
+    outward, along_groove = inertial_force(p, cos_phi)
+    along_trunnion = f_tau * t_tau + f_z * m.t_z - p.needle_sliding * cos_psi * needle_sliding
     return GrooveForces(
         moment,
         slope / rate,
-        f_tau * t_tau + f_z * m.t_z - p.needle_sliding * cos_psi * needle_sliding,
-        stiffness * p.roller_radius * m.t_z * m.w_t / m.t_r,
+        along_trunnion + (outward * m.t_r + along_groove * m.t_z) / load,
+        stiffness * p.roller_radius * m.t_z * m.w_t / m.t_r + 1.5 * swing_gain,
         sin_a,
         cos_a,
         f_tau,
@@ -173,6 +257,11 @@ def groove_forces(p, cos_phi, sin_phi, cos_psi, sin_psi, slip, lean, load_root):
         bearing_moment * spin,
         needle_moment,
         -bearing_moment,
+        spin,
+        1.0 / rate,
+        inertia,
+        -sigma * cos_a / (cos_sum * length),
+        swing_gain,
     )
 
 

@@ -60,7 +60,7 @@ def vibration(values: Mapping[str, float], result: Run, samples: int) -> str:
     return (
         f"the joint vibrates by itself at about {growth.frequency / (2 * math.pi):.0f} Hz, growing {growth.factor:.2g} "
         "times in a revolution, which this run damps away; raise torque, speed or contact damping, or use model "
-        "equilibrium for the motion without vibration"
+        "kinetostatic for the motion without vibration"
     )
 
 
