@@ -214,7 +214,7 @@ def test_schema_holds_every_parameter(capsys):
         (["simulate", "--joint-angle-deg", "nan"], "must be finite"),
         (["simulate", "--joint-angle-deg", "60"], "must be >= 0 and <= 40"),
         (["simulate", "--model", "needels"], "did you mean 'needles'"),
-        (["simulate", "--model", "beams"], "allowed: equilibrium, rollers, needles"),
+        (["simulate", "--model", "beams"], "allowed: equilibrium, kinetostatic, rollers, needles"),
         (["simulate", "--step-s", "1e-5"], "not used by newton (equilibrium)"),
         (["simulate", "--model", "needles", "--method", "newton"], "not a method of needles"),
         (["simulate", "--scene", "jiont"], "did you mean 'joint'"),

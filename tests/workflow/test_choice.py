@@ -286,7 +286,7 @@ def test_what_a_study_sets_itself_is_not_chosen(write_study):
     )
     assert own.accuracy.parameters == ("model",)
     assert [rung.label for rung in own.accuracy.rungs] == [
-        f"model = {name}" for name in ("equilibrium", "rollers", "needles")
+        f"model = {name}" for name in ("equilibrium", "kinetostatic", "rollers", "needles")
     ]
     assert own.accuracy.rungs[-1].full
 

@@ -95,23 +95,25 @@ def _forces(p, r, k, j, cos_psi, sin_psi, newton):
 
 
 @kernel
-def _relax(p, r):
-    """One sweep over all samples, each by itself; `frozen` ones only refresh their wrench."""
+def _relax(p, cosines, sines, psi, slip, lean, root, frozen, wrench):
+    """One sweep over all samples, each by itself; `frozen` ones only refresh their wrench.
+
+    The arrays come one by one: out of a tuple, their loop is not vectorised in the process that compiled it.
+    """
     for k in range(3):
-        cos_psi, sin_psi = np.cos(r.psi[k]), np.sin(r.psi[k])
-        for j in range(r.slip.shape[1]):
+        cos_psi, sin_psi = np.cos(psi[k]), np.sin(psi[k])
+        for j in range(slip.shape[1]):
             g = groove_forces(
-                p, r.cosines[k, j], r.sines[k, j], cos_psi, sin_psi, r.slip[k, j], r.lean[k, j], r.root[k, j],
-                0.0, 0.0, 1.0,
-            )  # fmt: skip
+                p, cosines[k, j], sines[k, j], cos_psi, sin_psi, slip[k, j], lean[k, j], root[k, j], 0.0, 0.0, 1.0
+            )
             # where nothing resists, any spin will do and the slip stays zero
-            free = 1.0 - r.frozen[k, j]
-            r.slip[k, j] -= free * g.moment / min(g.moment_slope, -1e-30)
-            r.lean[k, j] += free * (g.trunnion_force - r.lean[k, j]) / max(1.0 - g.feedback, 0.5)
-            across_1, across_2, about_shaft, _ = spider_wrench(p, g, r.cosines[k, j], r.sines[k, j])
-            r.wrench[0, k, j] = across_1
-            r.wrench[1, k, j] = across_2
-            r.wrench[2, k, j] = about_shaft
+            free = 1.0 - frozen[k, j]
+            slip[k, j] -= free * g.moment / min(g.moment_slope, -1e-30)
+            lean[k, j] += free * (g.trunnion_force - lean[k, j]) / max(1.0 - g.feedback, 0.5)
+            across_1, across_2, about_shaft, _ = spider_wrench(p, g, cosines[k, j], sines[k, j])
+            wrench[0, k, j] = across_1
+            wrench[1, k, j] = across_2
+            wrench[2, k, j] = about_shaft
 
 
 @kernel
@@ -251,7 +253,7 @@ def _solve_stubborn(p, r):
         largest = 0.0
         for _ in range(3):
             before = r.normal.copy()
-            _relax(p, r)
+            _relax(p, r.cosines, r.sines, r.psi, r.slip, r.lean, r.root, r.frozen, r.wrench)
             _balance_spider(p, r)
             largest = np.abs(r.normal - before).max()
         if largest <= 1e3 * p.tolerance * abs(p.torque) / p.pitch_radius:
@@ -264,7 +266,7 @@ def _settle(p, r):
     """Solve a point in which every sample stands by itself; whether it settled, and sweeps."""
     for sweep in range(_SWEEPS):
         r.frozen[:] = 0.0
-        _relax(p, r)
+        _relax(p, r.cosines, r.sines, r.psi, r.slip, r.lean, r.root, r.frozen, r.wrench)
         _balance_spider(p, r)
         if _unsettled(p, r)[0] == 0:
             return True, sweep + 1
