@@ -157,8 +157,9 @@ def run_joint(
         if rates:
             readings = replace(readings, rates=_rates(result, values, samples))
         outcome, detail = judge(result, again, readings.groove_thrust.sum(1), readings.amplitude_error, values)
-        if outcome == Outcome.FINISHED and (reason := vibration(values, result, samples)):
-            outcome, detail = Outcome.INACCURATE, reason
+        if outcome == Outcome.FINISHED:
+            detail = vibration(values, result, samples, method, settings.tolerance)
+            outcome = Outcome.INACCURATE if detail else Outcome.FINISHED
         done = JointRun(outcome, detail, readings)
     parts = [part for part in (result, again) if part]
     return replace(
