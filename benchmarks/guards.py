@@ -18,8 +18,11 @@ Cheap scenes, each run with its own truth, and steps or tolerances of which many
 The joint: random operating points, each with several random methods and settings, the third order of the thrust, and
 the second where it is above 1 % of the third. The second counts as called good where its reported error is below 5 %.
 The truth of a point is adaptive-euler at 2.5e-4. For rollers generalized-alpha at 1e-5 s, which damps little, must agree
-with it to 1 % and pass its own checks: else the joint vibrates by itself there, which the damping of implicit Euler hides at any affordable
-tolerance and `joint.vibration` has to notice. The undamped run is the truth then; such points have rows of their own.
+with it to 1 % and pass its own checks: else the joint vibrates by itself there, which the damping of implicit Euler
+hides at any affordable tolerance and `joint.vibration` has to notice. The undamped run is the truth then; such points
+have rows of their own. No run counts as good where the truth itself reports an error above 1 %, as it does where it
+rattles: nobody knows whether it is. Four revolutions are short for a vibration that grows slowly: where growth is 1.1 to
+1.3 a revolution, both truths may still be smooth, and a run refused for it, or vibrating already, is right.
 """
 
 from __future__ import annotations
@@ -32,7 +35,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import beta
 
-from tripod_doe.joint.dynamics import run_joint
+from tripod_doe.joint.dynamics import JointRun, run_joint
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_units
 from tripod_doe.joint.scene import scene as joint
@@ -54,13 +57,22 @@ BUDGET = 1_000_000
 
 @dataclass(frozen=True)
 class Trial:
-    """One run: what it was, how far off it is, and whether it was called finished."""
+    """One run: what it was, how far off it is, whether it was called finished, and whether its truth is known to 1 %."""
 
     scene: str
     method: str
     error: float
     finished: bool
     text: str
+    known: bool = True
+
+    @property
+    def wrong(self) -> bool:
+        return not self.error <= WRONG
+
+    @property
+    def good(self) -> bool:
+        return self.known and self.error < GOOD
 
 
 @dataclass(frozen=True)
@@ -259,16 +271,23 @@ def joint_run(values: Mapping[str, float], needles: bool, method: str, setting: 
     return result, np.abs(complex_amplitudes(result.readings.groove_thrust.sum(1)).mean(0))[2:4]
 
 
-def joint_truth(values: Mapping[str, float], needles: bool) -> tuple[np.ndarray, str]:
-    """Amplitudes of orders 2 and 3 of a point, and what its rows are to be called besides."""
+def reported_error(result: JointRun, found: np.ndarray) -> np.ndarray:
+    """What a run says that its orders 2 and 3 are off by, NaN if it stopped on its way."""
+    return np.full(2, np.nan) if result.readings is None else result.readings.amplitude_error[2:4] / found
+
+
+def joint_truth(values: Mapping[str, float], needles: bool) -> tuple[np.ndarray, np.ndarray, str]:
+    """Amplitudes of orders 2 and 3 of a point, whether they are known, and what its rows are to be called besides."""
     result, truth = joint_run(values, needles, "adaptive-euler", 2.5e-4)
-    print(f"  truth {truth} {result.detail}", flush=True)
-    if needles:
-        return truth, ""
-    other, undamped = joint_run(values, needles, "generalized-alpha", 1e-5)
-    vibrates = other.outcome != Outcome.FINISHED or not np.abs(undamped / truth - 1)[1] < 0.01
-    print(f"  undamped {undamped} {other.detail}", flush=True)
-    return (undamped, ", vibrating") if vibrates else (truth, "")
+    error, besides = reported_error(result, truth), ""
+    print(f"  truth {truth} reported {error} {result.detail}", flush=True)
+    if not needles:
+        other, undamped = joint_run(values, needles, "generalized-alpha", 1e-5)
+        undamped_error = reported_error(other, undamped)
+        print(f"  undamped {undamped} reported {undamped_error} {other.detail}", flush=True)
+        if other.outcome != Outcome.FINISHED or not np.abs(undamped / truth - 1)[1] < GOOD:
+            truth, error, besides = undamped, undamped_error, ", vibrating"
+    return truth, error < GOOD, besides
 
 
 def joint_trials(points: int, settings: int, needles: bool, rng: np.random.Generator):
@@ -277,7 +296,7 @@ def joint_trials(points: int, settings: int, needles: bool, rng: np.random.Gener
         point = draw_point(rng, needles)
         values, ranges = internal(point), NEEDLES if needles else ROLLERS
         print({name: float(f"{value:.4g}") for name, value in point.items()})
-        truth, besides = joint_truth(values, needles)
+        truth, known, besides = joint_truth(values, needles)
         for each in range(settings):
             method = "adaptive-euler" if each == 0 else str(rng.choice(list(ranges)))
             setting = log_uniform(rng, *ranges[method])
@@ -285,16 +304,17 @@ def joint_trials(points: int, settings: int, needles: bool, rng: np.random.Gener
                 values = {**values, "cycles": 3}
             result, found = joint_run(values, needles, method, setting)
             error = np.nan_to_num(np.abs(found / truth - 1), nan=np.inf)
-            reported = np.full(2, np.nan) if result.readings is None else result.readings.amplitude_error[2:4] / found
+            reported = reported_error(result, found)
             text = (
                 f"{number} {method} {setting:.3g} second {error[0]:.3g} (reported {reported[0]:.2g}) third {error[1]:.3g} "
                 f"(reported {reported[1]:.2g}): {result.outcome.label} {result.detail}"
             )
             print("   ", text, flush=True)
             finished = result.outcome == Outcome.FINISHED
-            yield Trial(f"third order{besides}", method, error[1], finished, text)
+            yield Trial(f"third order{besides}", method, error[1], finished, text, bool(known[1]))
             if truth[0] > 0.01 * truth[1]:
-                yield Trial(f"second order{besides}", method, error[0], finished and bool(reported[0] <= WRONG), text)
+                called = finished and bool(reported[0] <= WRONG)
+                yield Trial(f"second order{besides}", method, error[0], called, text, bool(known[0]))
 
 
 def upper_bound(hits: int, runs: int) -> float:
@@ -309,20 +329,18 @@ def tell(trials: list[Trial]) -> None:
         of_scene = [trial for trial in trials if trial.scene == name]
         for method in ("", *sorted({trial.method for trial in of_scene})):
             chosen = [trial for trial in of_scene if method in ("", trial.method)]
-            wrong, good = (
-                [t for t in chosen if kind(t.error)] for kind in (lambda e: not e <= WRONG, lambda e: e < GOOD)
-            )
+            wrong, good = [t for t in chosen if t.wrong], [t for t in chosen if t.good]
             misses, alarms = sum(t.finished for t in wrong), sum(not t.finished for t in good)
             bounds = [100 * upper_bound(misses, n) for n in (len(chosen), len(wrong))] if wrong else [np.nan, np.nan]
             print(f"{name + ' ' + method:42s} {len(chosen):4d}  {len(wrong):5d}  {misses:6d}  {bounds[0]:7.2f} % {bounds[1]:7.2f} % "
                   f"  {len(good):4d}  {alarms:6d}")  # fmt: skip
-    wrong = [trial for trial in trials if not trial.error <= WRONG]
-    good = [trial for trial in trials if trial.error < GOOD]
+    wrong, good = [trial for trial in trials if trial.wrong], [trial for trial in trials if trial.good]
     misses, alarms = [t for t in wrong if t.finished], [t for t in good if not t.finished]
     print(f"misses: {len(misses)} of {len(trials)} runs, {len(wrong)} wrong ones; below "
           f"{100 * upper_bound(len(misses), len(trials)):.2f} % of the runs, "
           f"{100 * upper_bound(len(misses), len(wrong)):.2f} % of the wrong ones")  # fmt: skip
-    print(f"false alarms: {len(alarms)} of {len(good)} good runs, {100 * len(alarms) / max(len(good), 1):.1f} %")
+    print(f"false alarms: {len(alarms)} of {len(good)} good runs, {100 * len(alarms) / max(len(good), 1):.1f} %; "
+          f"below {100 * upper_bound(len(alarms), len(good)):.1f} %")  # fmt: skip
     for title, chosen in (("MISSES", misses), ("FALSE ALARMS", alarms)):
         print("\n".join([title, *(trial.text for trial in chosen)]) if chosen else f"no {title.lower()}")
 

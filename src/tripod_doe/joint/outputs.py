@@ -36,8 +36,8 @@ _OUTPUTS = [
     Output("thrust_rms", "N", "A_k/sqrt(2)", "effective value of the rotating orders of the thrust force", _ORDER),
     Output("thrust_amplitude_scatter", "N", "", "difference of the thrust amplitude between the last two revolutions",
            _ORDER),
-    Output("thrust_amplitude_error", "N", "", "numerical error of the thrust amplitude, from a stretch run again with "
-           "half the tolerance or step", _ORDER, optional=True),
+    Output("thrust_amplitude_error", "N", "", "numerical error of the thrust amplitude: what half the tolerance or "
+           "step changes, and twice the standard deviation that rattling leaves", _ORDER, optional=True),
     Output("groove_thrust_amplitude", "N", "A_k", "amplitude of the rotating orders of the thrust in each groove",
            _GROOVE_ORDER),
     Output("groove_thrust_phase_deg", "degree", "p_k", "phase of the rotating orders of the thrust in each groove",

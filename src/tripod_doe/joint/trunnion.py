@@ -101,7 +101,7 @@ class TrunnionScene(SceneSimulator):
         if again is None:
             return result
         thrust = groove_readings(assembly, result.positions, result.velocities)[0][0]
-        error = amplitude_error(thrust, finer_thrust(assembly, again)[0], _SAMPLES, method_named(method))
+        error = amplitude_error(thrust, finer_thrust(assembly, again, _SAMPLES)[0], _SAMPLES, method_named(method))
         outcome, detail = judge(result, again, _last_two(thrust), error, inside)
         return replace(result, outcome=outcome, detail=detail, check_evaluations=again.force_evaluations)
 
