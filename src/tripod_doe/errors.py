@@ -42,7 +42,7 @@ def near_match(name: str, known: Iterable[str]) -> str:
     Returns
     -------
     str
-        ``"; did you mean 'rollers'? allowed: equilibrium, kinetostatic, rollers, needles"``; many names are not listed beside a near
+        ``"; did you mean 'rollers'? allowed: equilibrium, rollers, needles"``; many names are not listed beside a near
         match, and no name gives an empty string.
     """
     names = list(known)
