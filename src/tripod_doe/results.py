@@ -68,7 +68,7 @@ OUTCOME_ATTRIBUTES: dict[str, Any] = {
 }
 """CF flags of the variable ``outcome``."""
 
-DETAIL_ATTRIBUTES = {"long_name": "why the point failed; empty where it did not"}
+DETAIL_ATTRIBUTES = {"long_name": "why the point failed, or what is to be known of one that finished"}
 """Attributes of the variable ``outcome_detail``."""
 
 
@@ -97,7 +97,7 @@ class Retries:
     attempt
         Changes of the ladder that were made, 0 where the first attempt stands, shape (point,).
     first_outcome, first_detail
-        How the first attempt ended, and why it failed.
+        How the first attempt ended, and why it failed or what is to be known of it.
     used
         Values with which the point finished, or was first tried where it never did, of every parameter that the ladder
         may change: floats (NaN where the model has no such number), or words ("" where it has none).
@@ -122,7 +122,7 @@ class BlockResult:
     outcome
         `Outcome` values, shape (point,).
     detail
-        Why a point failed, empty where it did not.
+        Why a point failed, or what is to be known of one that finished; mostly empty there.
     steps, force_evaluations, solves
         Counted work, shape (point,); solves are factorisations of a linear system, zero for methods without one.
     simulated_seconds

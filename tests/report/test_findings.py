@@ -53,6 +53,13 @@ def test_failures_are_counted_and_named(joint_cube):
     assert find(joint_cube)[-1] == "12 of 24 points did not finish: 12 jammed."
 
 
+def test_notes_on_finished_points_are_told(joint_cube):
+    noted = xr.where(joint_cube["outcome"] == 0, "it hums", joint_cube["outcome_detail"])
+    assert find(joint_cube.assign(outcome_detail=noted))[-1] == (
+        "12 points finished with a note (outcome_detail), the first: it hums."
+    )
+
+
 def test_failures_come_first_where_they_are_the_rule(make_cube):
     cube = make_cube(LINE.format(offset=0), part=slice(0, 3))
     assert find(cube)[0] == "5 of 8 points did not finish: 5 not_run."

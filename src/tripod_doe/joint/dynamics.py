@@ -6,7 +6,7 @@ every order of the two is compared (`amplitude_error`). Light needles rattle, so
 needle, nor do two revolutions; what has to agree is the thrust.
 
 Halving steps cannot show what all affordable steps damp: at low torque and speed the joint vibrates by itself, at some
-hundred hertz. Runs that pass all else are therefore asked whether their smooth motion is stable (`joint.vibration`).
+hundred hertz. Runs that pass all else are therefore asked what a vibration would take (`joint.vibration`).
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from tripod_doe.joint.readings import groove_readings, groove_thrust, needle_ske
 from tripod_doe.joint.thrust_parts import thrust_parts
 from tripod_doe.joint.vibration import vibration
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
+from tripod_doe.mechanics.floquet import fastest_growth
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.linearisation import Rates, fastest_rates
 from tripod_doe.mechanics.monitor import Settings
@@ -107,7 +108,7 @@ class JointRun:
     Attributes
     ----------
     outcome, detail
-        How it ended.
+        How it ended, and why it failed or what is to be known of it besides.
     readings
         What it gives, whatever its outcome; None if it did not come to its end.
     steps, force_evaluations, solves
@@ -158,9 +159,10 @@ def run_joint(
         if rates:
             readings = replace(readings, rates=_rates(result, values, samples))
         outcome, detail = judge(result, again, readings.groove_thrust.sum(1), readings.amplitude_error, values)
-        if outcome == Outcome.FINISHED:
-            detail = vibration(values, result, samples, method, settings.tolerance)
-            outcome = Outcome.INACCURATE if detail else Outcome.FINISHED
+        if outcome == Outcome.FINISHED and (
+            found := vibration(values, _ERROR_LIMIT, result, samples, method, settings.tolerance)
+        ):
+            outcome, detail = (Outcome.INACCURATE if found.spoils else outcome), found.told
         done = JointRun(outcome, detail, readings)
     parts = [part for part in (result, again) if part]
     return replace(
@@ -245,6 +247,7 @@ def prepare_joint(values: Mapping[str, float], method: str) -> None:
     result = run(assembly, method, 1e-9, step=1e-9, settings=Settings(tolerance=1e-3), limits=_LIMITS)
     groove_readings(assembly, result.positions, result.velocities)
     thrust_parts(assembly, result.times, result.positions, result.velocities, values)
+    fastest_growth(assembly, [assembly.initial_state()], 1e-3)
 
 
 def _out_of_range(values: Mapping[str, float]) -> str:

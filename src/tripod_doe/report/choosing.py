@@ -35,9 +35,9 @@ These errors are those of one operating point. Where the question spans many, le
 
 _VIBRATING = """
 At low torque and low speed, the more so the higher the friction in the grooves, the joint vibrates by itself, which
-every affordable step damps away. `rollers` refuses such points (`joint/vibration.py`); `needles` does not notice,
-though it was seen to vibrate at three of five of them (BDF2 at 1e-5 s); `equilibrium` answers for the
-motion without vibration.
+every affordable step damps away (`joint/vibration.py`). `rollers` and `needles` refuse points where the vibration
+would take more than 5 % of the third order; of others that vibrate they say so in `outcome_detail`. `kinetostatic`
+answers for the motion without vibration.
 """
 
 

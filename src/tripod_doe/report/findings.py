@@ -69,7 +69,17 @@ def find(cube: xr.Dataset) -> list[str]:
     if good < total:
         failed = f"{total - good:,} of {total:,} points did not finish: {_reasons(cube)}."
         sentences.insert(0 if good < total / 2 else len(sentences), failed)
-    return sentences
+    return sentences + _notes(cube)
+
+
+def _notes(cube: xr.Dataset) -> list[str]:
+    """What is to be known of points that finished."""
+    if "outcome_detail" not in cube:
+        return []
+    details = cube["outcome_detail"].values[finished(cube).values]
+    noted = details[details != ""]
+    told = f"{noted.size:,} points finished with a note (outcome_detail)"
+    return [f"{told}, the first: {noted[0]}."] if noted.size else []
 
 
 def _chosen(cube: xr.Dataset) -> str:

@@ -193,7 +193,7 @@ def _retry_variables(study: Study, table: _Table, points: Points) -> dict[str, x
             points, (), table.first_outcome, OUTCOME_ATTRIBUTES | {"long_name": "how the first attempt ended"}
         ),
         "first_outcome_detail": _shaped(
-            points, (), table.first_detail, {"long_name": "why the first attempt failed; empty where it did not"}
+            points, (), table.first_detail, {"long_name": "why the first attempt failed, or what is to be known of it"}
         ),
     }
 

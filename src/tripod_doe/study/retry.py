@@ -309,7 +309,8 @@ class _History:
         self._outcome[rows[helped]] = Outcome.FINISHED
         self._waiting[rows[helped]] = False
         for row, outcome, detail in zip(rows, again.outcome, again.detail, strict=True):
-            self._story[row] += f"; then {change.label}: {Outcome(int(outcome)).label} {detail}".rstrip()
+            history = f"{self._story[row]}; then {change.label}: {Outcome(int(outcome)).label} {detail}".rstrip()
+            self._story[row] = detail if outcome == Outcome.FINISHED else history
 
     def outcome(self) -> BlockResult:
         """The block with all its attempts."""
@@ -327,11 +328,7 @@ class _History:
             else column.astype(float)
             for name, column in columns.items()
         })  # fmt: skip
-        detail = [
-            "" if outcome == Outcome.FINISHED else story
-            for outcome, story in zip(self._outcome, self._story, strict=True)
-        ]
         return replace(
-            self._first, outputs=self._outputs, coordinates=self._coordinates, outcome=self._outcome, detail=detail,
-            simulated_seconds=self._seconds, retries=retries, **self._work,
+            self._first, outputs=self._outputs, coordinates=self._coordinates, outcome=self._outcome,
+            detail=self._story, simulated_seconds=self._seconds, retries=retries, **self._work,
         )  # fmt: skip
