@@ -31,6 +31,7 @@ _PRELOADED = (
     "the balance does not hold for a preloaded bearing: it misses 10 % of the third order at -0.001 mm and half of it "
     "at -0.003 mm; use model rollers or needles"
 )
+_UNSETTLED = "the balance of the rollers did not settle; raise transition_ratio, or use model rollers"
 _RATES = tuple(output.name for output in RATE_OUTPUTS)
 _SKEWS = ("needle_skew_deg", "needle_skew_summary_deg")
 
@@ -114,7 +115,7 @@ def _balance_chunk(
     reasons = [
         (~(np.abs(solution.energy_residual) <= energy_limit), Outcome.INACCURATE, "the energy balance does not close"),
         (~(solution.smallest_normal_force >= 0), Outcome.OUT_OF_RANGE, "a roller lifts off its groove"),
-        (~solution.settled, Outcome.DIVERGED, "the balance of the rollers did not settle; raise transition_ratio"),
+        (~solution.settled, Outcome.DIVERGED, _UNSETTLED),
         (points["bearing_radial_clearance_mm"] < 0, Outcome.OUT_OF_RANGE, _PRELOADED),
     ]
     for failed, kind, text in reasons:

@@ -3,8 +3,8 @@
 All samples of a point are relaxed together: Newton's method in the slip along the rolling direction and an accelerated
 iteration in the contact angle, in loops that vectorise. Where time matters (`kinetostatic`) a sample follows the two
 before it, by backward differences of second order around the whole revolution: what a sweep changes at one sample is
-carried on to the next ones by a recursion, two laps of it. Samples that do not settle (nearly sharp friction has jumps)
-are solved one by one by nested bisection.
+carried on to the next ones by a recursion, two laps of it. Without that, samples that do not settle (nearly sharp
+friction has jumps) are solved one by one by nested bisection.
 """
 
 from __future__ import annotations
