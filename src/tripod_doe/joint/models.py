@@ -113,7 +113,11 @@ def _balance_chunk(
     outcome = np.full(solution.settled.size, Outcome.FINISHED, np.int8)
     detail = [""] * outcome.size
     reasons = [
-        (~(np.abs(solution.energy_residual) <= energy_limit), Outcome.INACCURATE, "the energy balance does not close"),
+        (
+            ~(np.abs(solution.energy_residual) <= energy_limit),
+            Outcome.INACCURATE,
+            "the energy balance does not close; lower relative_tolerance, or use model rollers",
+        ),
         (~(solution.smallest_normal_force >= 0), Outcome.OUT_OF_RANGE, "a roller lifts off its groove"),
         (~solution.settled, Outcome.DIVERGED, _UNSETTLED),
         (points["bearing_radial_clearance_mm"] < 0, Outcome.OUT_OF_RANGE, _PRELOADED),
