@@ -5,7 +5,7 @@ the motion is all but known. With the symbols and the frame of `equilibrium`, an
 
 Inertia (d'Alembert). A roller turns with the housing at the distance R_p and moves along its groove, so that
 
-    m_r (R_p omega^2 e_r + R_p omega^2 tan theta cos phi e_z)
+    m_r R_p omega^2 (e_r - tan theta cos phi e_z)
 
 is added to its forces. About the trunnion its angular momentum is I_t s, since the spider itself does not turn about a
 trunnion: the moment balance gets -I_t ds/dt. The intermediate shaft is a rod that hangs on its outboard end; at the
