@@ -39,7 +39,7 @@ _LEAST_LOSS = 1e-3  # of the transmitted power; a joint with less friction is me
 
 
 class _Revolution(NamedTuple):
-    """What is known of one point, at every groove and sample.
+    """What is known of one point, at every groove and sample; the next point writes over it.
 
     Attributes
     ----------
@@ -315,8 +315,9 @@ def _account(p, r, thrust, parts, powers):
 
 
 @kernel
-def _start(p, r, cosines, sines):
+def _start(p, r, psi, cosines, sines):
     """Start without slip and with even loads."""
+    r.psi[:] = psi
     r.slip[:], r.lean[:], r.load[:], r.tilt[:], r.spin[:], r.before[:] = 0.0, 0.0, 0.0, 0.0, 0.0, np.inf
     mean_load = abs(p.torque) / (3.0 * p.pitch_radius)
     r.root[:] = p.axis_factor * mean_load ** (1.0 / 3.0)
@@ -357,6 +358,11 @@ def solve_block(table, skews, cosines, sines, thrust, parts, power, residual, ex
     """
     shape = cosines.shape
     powers = np.empty((6, shape[1]))
+    r = _Revolution(
+        np.empty(shape), np.empty(shape), np.empty(3), np.empty(shape), np.empty(shape), np.empty(shape),
+        np.empty(shape), np.empty((3, shape[1] + 2)), np.empty((3, shape[1] + 2)), np.empty(shape),
+        np.empty((3, *shape)), np.empty((3, shape[1])), np.empty((8, shape[1])), np.empty((3, *shape)),
+    )  # fmt: skip
     for i in range(table.shape[0]):
         c = table[i]
         p = PointConstants(
@@ -369,12 +375,7 @@ def solve_block(table, skews, cosines, sines, thrust, parts, power, residual, ex
             power[i] = 0.0
             extremes[i, 0], extremes[i, 1], settled[i] = 0.0, 0.0, True
             continue
-        r = _Revolution(
-            np.empty(shape), np.empty(shape), skews[i], np.empty(shape), np.empty(shape), np.empty(shape),
-            np.empty(shape), np.empty((3, shape[1] + 2)), np.empty((3, shape[1] + 2)), np.empty(shape),
-            np.empty((3, *shape)), np.empty((3, shape[1])), np.empty((8, shape[1])), np.empty((3, *shape)),
-        )  # fmt: skip
-        _start(p, r, cosines, sines)
+        _start(p, r, skews[i], cosines, sines)
         settled[i], sweeps[i] = _settle_moving(p, r) if p.pace > 0.0 else _settle(p, r)
         _account(p, r, thrust[i], parts[i], powers)
         for mechanism in range(5):
