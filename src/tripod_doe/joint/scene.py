@@ -14,7 +14,7 @@ from tripod_doe.joint.fit import misfits
 from tripod_doe.joint.ladder import JOINT_LADDER
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, coordinates
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_units
-from tripod_doe.mechanics.compilation import KERNEL_SOURCE_HASH
+from tripod_doe.mechanics.sources import source_hashes
 from tripod_doe.quantities import Value
 from tripod_doe.results import BlockResult, Outcome, Values
 
@@ -41,7 +41,7 @@ class JointScene:
     name = "joint"
     parameters = JOINT_PARAMETERS
     outputs = JOINT_OUTPUTS
-    source_hash = KERNEL_SOURCE_HASH
+    source_hash = source_hashes().results
     ladder = JOINT_LADDER
     _prepared: ClassVar[set[tuple[str, str]]] = set()
 

@@ -1,51 +1,61 @@
-"""Compilation of kernels: one decorator, and a disk cache that notices every change of a kernel source.
+"""Compilation of kernels: one decorator, and a disk cache that every change of a kernel source renews.
 
 numba's own cache looks only at the file a kernel stands in: a change in an imported file leaves stale machine code
-behind. The cache directory is therefore named by a hash of all kernel sources, and that hash goes into every cube.
+behind, and a changed comment compiles its whole file again. Here the folder is named by a hash of the code of all
+modules with kernels (`sources`), and neither line numbers nor the place of the installation count.
 """
 
 from __future__ import annotations
 
-import hashlib
-import os
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numba
-import numpy as np
+from numba.core.caching import CacheImpl
 
-__all__ = ["inlined_kernel", "kernel", "kernel_source_hash"]
+from tripod_doe.mechanics.sources import cache_root, source_hashes
+
+__all__ = ["KernelLocator", "inlined_kernel", "kernel"]
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 
 
-def kernel_source_hash() -> str:
-    """Hash of all sources that kernels are compiled from, and of the compiler's version (16 hex digits)."""
-    digest = hashlib.sha256(f"numba {numba.__version__} numpy {np.__version__}".encode())
-    for folder in ("mechanics", "joint"):
-        for path in sorted((_PACKAGE / folder).rglob("*.py")):
-            digest.update(path.relative_to(_PACKAGE).as_posix().encode())
-            digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
+class KernelLocator:
+    """Where numba keeps the machine code of this package's kernels; it asks other locators for other functions."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    @classmethod
+    def from_function(cls, function: Callable[..., Any], file: str) -> KernelLocator | None:
+        """A locator for a kernel of this package, None for any other function or where nothing can be written."""
+        try:
+            place = Path(file).resolve().relative_to(_PACKAGE)
+            locator = cls(cache_root() / f"kernels-{source_hashes().kernels}" / place.parent)
+            locator.ensure_cache_path()
+        except (OSError, ValueError):
+            return None
+        return locator
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+
+    def get_cache_path(self) -> str:
+        """The folder."""
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        """What must not have changed since: the folder's name says it all."""
+        return ""
+
+    def get_disambiguator(self) -> str:
+        """Nothing besides module and name: numba would add the line number."""
+        return "kernel"
 
 
-def _cache_root() -> Path:
-    """Where compiled kernels are kept: NUMBA_CACHE_DIR if set, else the user's cache, else a temporary folder."""
-    if chosen := os.environ.get("NUMBA_CACHE_DIR"):
-        return Path(chosen)
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    candidate = home / "tripod_doe"
-    try:
-        candidate.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return Path(tempfile.gettempdir()) / f"tripod_doe-{os.getuid()}"
-    return candidate if os.access(candidate, os.W_OK) else Path(tempfile.gettempdir()) / f"tripod_doe-{os.getuid()}"
-
-
-KERNEL_SOURCE_HASH = kernel_source_hash()
-numba.config.CACHE_DIR = str(_cache_root() / f"kernels-{KERNEL_SOURCE_HASH}")
+CacheImpl._locator_classes.insert(0, KernelLocator)
 
 
 def kernel(function: Callable[..., Any]) -> Any:

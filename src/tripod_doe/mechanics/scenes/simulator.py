@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
 from tripod_doe.mechanics.assembly import State
-from tripod_doe.mechanics.compilation import KERNEL_SOURCE_HASH
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.linearisation import RATE_OUTPUTS, fastest_rates
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Run
+from tripod_doe.mechanics.sources import source_hashes
 from tripod_doe.quantities import Output, Parameter, Rung, Value
 from tripod_doe.results import BlockResult, Outcome, Values
 
@@ -82,7 +82,7 @@ class SceneSimulator(ABC):
     labels: ClassVar[Mapping[str, NDArray[Any]]] = {"progress": PROGRESS}
     steps: ClassVar[dict[str, float]]
     tolerances: ClassVar[dict[str, float]]
-    source_hash = KERNEL_SOURCE_HASH
+    source_hash = source_hashes().results
     ladder: tuple[Rung, ...] = ()
     _prepared: ClassVar[set[tuple[str, str]]] = set()
 

@@ -1,0 +1,103 @@
+"""What makes results and machine code stale: changed code, and nothing else."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import tripod_doe
+from tripod_doe.mechanics.sources import hash_sources, source_hashes
+
+SOURCE = Path(tripod_doe.__file__).parent
+
+CLEAR_TWICE = """
+import json, numpy as np
+from tripod_doe.mechanics.motion import clear
+clear(np.ones(3))
+print(json.dumps([sum(clear.stats.cache_hits.values()), sum(clear.stats.cache_misses.values())]))
+"""
+
+
+@pytest.fixture
+def package(tmp_path):
+    """A copy of the package's Python files."""
+    folder = tmp_path / "tripod_doe"
+    shutil.copytree(SOURCE, folder, ignore=shutil.ignore_patterns("__pycache__", "*.html", "*.css"))
+    return folder
+
+
+def change(path, old, new):
+    text = path.read_text()
+    assert text.count(old) >= 1
+    path.write_text(text.replace(old, new, 1))
+
+
+def reword(package):
+    """Better sentences: module and function docstrings, comments, line numbers."""
+    change(package / "mechanics" / "motion.py", '"""', '"""Another word,\nand a line more. ')
+    change(package / "mechanics" / "motion.py", '    """Set a flat', "    # a comment\n\n" + '    """Put a flat')
+
+
+def test_the_hashes_are_those_of_the_sources():
+    """Exact: what is kept in the cache is what the sources give."""
+    assert source_hashes() == hash_sources(SOURCE)
+
+
+def test_words_do_not_count(package):
+    before = hash_sources(package)
+    reword(package)
+    assert hash_sources(package) == before
+
+
+def test_code_of_a_kernel_counts_for_both(package):
+    before = hash_sources(package)
+    change(package / "mechanics" / "motion.py", "array[i] = 0.0", "array[i] = 1.0")
+    after = hash_sources(package)
+    assert after.results != before.results
+    assert after.kernels != before.kernels
+
+
+def test_a_constant_that_a_kernel_imports_counts_for_both(package):
+    """numba compiles the value of a global in: the file that it comes from need not contain a kernel itself."""
+    before = hash_sources(package)
+    path = package / "mechanics" / "tables.py"
+    path.write_text(path.read_text() + "\nNEW_CONSTANT = 3\n")
+    assert hash_sources(package).kernels != before.kernels
+
+
+def test_code_around_the_kernels_counts_for_results_only(package):
+    before = hash_sources(package)
+    path = package / "joint" / "models.py"
+    path.write_text(path.read_text() + "\nNEW_CONSTANT = 3\n")
+    after = hash_sources(package)
+    assert after.results != before.results
+    assert after.kernels == before.kernels
+
+
+def test_what_is_no_code_of_mechanics_or_joint_counts_for_nothing(package):
+    before = hash_sources(package)
+    (package / "joint" / "prices.toml").write_text("[rollers]")
+    path = package / "report" / "page.py"
+    path.write_text(path.read_text() + "\nNEW_CONSTANT = 3\n")
+    assert hash_sources(package) == before
+
+
+def test_machine_code_is_kept_where_words_change_and_made_again_where_code_does(package, tmp_path):
+    def hits_and_misses():
+        places = {"PYTHONPATH": str(package.parent), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+        done = subprocess.run(
+            [sys.executable, "-c", CLEAR_TWICE], env=os.environ | places, capture_output=True, text=True, check=True
+        )
+        return json.loads(done.stdout)
+
+    assert hits_and_misses() == [0, 1]
+    reword(package)
+    assert hits_and_misses() == [1, 0]
+    change(package / "mechanics" / "motion.py", "array[i] = 0.0", "array[i] = 1.0")
+    assert hits_and_misses() == [0, 1]
