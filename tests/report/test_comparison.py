@@ -81,5 +81,5 @@ def test_the_page_needs_nothing_else_and_escapes(comparison, tmp_path):
     assert write_comparison(comparison, tmp_path / "dir") == tmp_path / "dir" / "index.html"
     assert "measured_thrust" in td.open_cube(tmp_path / "dir" / "comparison.nc")
     (tmp_path / "file").write_text("")
-    with pytest.raises(td.StorageError, match="cannot write the report"):
+    with pytest.raises(td.StorageError, match="cannot write this file"):
         write_comparison(comparison, tmp_path / "file" / "below")

@@ -189,7 +189,7 @@ def test_a_report_is_written_whole_and_replaces_the_old_one(line_cube, tmp_path)
 
 def test_a_report_that_cannot_be_written_is_a_storage_error(line_cube, tmp_path):
     (tmp_path / "report").write_text("in the way")
-    with pytest.raises(StorageError, match="cannot write the report"):
+    with pytest.raises(StorageError, match="cannot write this file"):
         write_report(stored(line_cube, tmp_path))
 
 

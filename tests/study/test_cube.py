@@ -136,6 +136,14 @@ def test_what_was_not_run_is_flagged():
     points = make_points(study)
     cube, _ = build_cube(study, points, point_keys(study, points), iter(()))
     assert (cube["outcome"] == td.Outcome.NOT_RUN).all()
+    assert "excluded" not in cube
+
+
+def test_what_a_constraint_excludes_is_flagged_apart():
+    study = parse_study(GRID + '[design]\nconstraints = ["joint_angle_deg < 12"]\n')
+    points = make_points(study)
+    cube, _ = build_cube(study, points, point_keys(study, points), iter(()))
+    assert cube["excluded"].values.ravel().tolist() == [0, 0, 1]
 
 
 def test_blocks_do_not_matter():
@@ -148,7 +156,7 @@ def test_a_failed_write_keeps_the_old_file(tmp_path):
     write_dataset(cube, tmp_path / "cube.nc")
     before = (tmp_path / "cube.nc").read_bytes()
     (tmp_path / ".cube.nc.new").mkdir()
-    with pytest.raises(td.StorageError, match="finished points are kept"):
+    with pytest.raises(td.StorageError, match="nothing that was finished is lost"):
         write_dataset(cube, tmp_path / "cube.nc")
     assert (tmp_path / "cube.nc").read_bytes() == before
 

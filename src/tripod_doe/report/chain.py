@@ -10,7 +10,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from tripod_doe.errors import StorageError
+from tripod_doe.atomic_files import replace_text
 from tripod_doe.report.claims import claims_of_figures, is_claims
 from tripod_doe.report.figures import Chart
 from tripod_doe.report.figures.chain import StepView, chain_chart, step_time
@@ -62,15 +62,11 @@ def write_charts(charts: Sequence[Chart], step: str, folder: Path) -> None:
         If a file cannot be written.
     """
     named = [replace(chart, name=f"{step}-{chart.name}") for chart in charts]  # unique in a page of several steps
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for chart in named:
-            (folder / f"{chart.name}.svg").write_text(chart.svg(), encoding="utf-8")
-            (folder / f"{chart.name}.csv").write_text(chart.csv(), encoding="utf-8")
-        captions = {chart.name: chart.caption for chart in named}
-        (folder / "figures.json").write_text(json.dumps(captions, indent=1), encoding="utf-8")
-    except OSError as error:
-        raise StorageError(f"{folder}: cannot write figures: {error.strerror or error}") from error
+    for chart in named:
+        replace_text(folder / f"{chart.name}.svg", chart.svg())
+        replace_text(folder / f"{chart.name}.csv", chart.csv())
+    captions = {chart.name: chart.caption for chart in named}
+    replace_text(folder / "figures.json", json.dumps(captions, indent=1))
 
 
 def read_charts(folder: Path) -> list[StoredChart]:

@@ -11,8 +11,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from tripod_doe.atomic_files import replace_text
 from tripod_doe.report.figures.comparison import comparison_charts
-from tripod_doe.report.page import render, swap_in
+from tripod_doe.report.page import render
 from tripod_doe.report.responses import ORDINALS, number, spoken
 from tripod_doe.study.netcdf import stamp_history, write_dataset
 
@@ -164,7 +165,7 @@ def write_comparison(comparison: xr.Dataset, output: Path) -> Path:
         If it cannot be written.
     """
     if output.suffix.lower() in (".html", ".htm"):
-        return swap_in(comparison_page(comparison), output)
-    page = swap_in(comparison_page(comparison), output / "index.html")
+        return replace_text(output, comparison_page(comparison))
+    page = replace_text(output / "index.html", comparison_page(comparison))
     write_dataset(stamp_history(comparison, "tripod-doe compare"), output / "comparison.nc")
     return page

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import json
-import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,7 +12,8 @@ import xarray as xr
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from tripod_doe.errors import InputError, StorageError
+from tripod_doe.atomic_files import replace_text
+from tripod_doe.errors import InputError
 from tripod_doe.report.contributions import contribution_notes, contributions, is_contribution, share_rows
 from tripod_doe.report.figures import (
     Chart,
@@ -38,7 +38,7 @@ from tripod_doe.report.tables import (
 )
 from tripod_doe.study.netcdf import open_cube, read_dataset
 
-__all__ = ["make_page", "render", "swap_in", "write_report"]
+__all__ = ["make_page", "render", "write_report"]
 
 _MOST_FAILED = 50
 
@@ -70,25 +70,7 @@ def write_report(directory: Path) -> Path:
         raise InputError(f"{directory}: this is a file; a report is made of the result directory it lies in")
     cube = open_cube(directory)
     analyses = {path.stem: read_dataset(path) for path in sorted((directory / "analysis").glob("*.nc"))}
-    return swap_in(make_page(cube, analyses), directory / "report" / "index.html")
-
-
-def swap_in(page: str, target: Path) -> Path:
-    """Write a page whole beside the old one and swap it in.
-
-    Raises
-    ------
-    StorageError
-        If it cannot be written; an older page stays.
-    """
-    fresh = target.with_name(f".{target.name}.new")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        fresh.write_text(page, encoding="utf-8")
-        os.replace(fresh, target)
-    except OSError as error:
-        raise StorageError(f"{target}: cannot write the report: {error.strerror or error}; results are kept") from error
-    return target
+    return replace_text(directory / "report" / "index.html", make_page(cube, analyses))
 
 
 def make_page(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset]) -> str:

@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.results import Outcome
-from tripod_doe.study.cube import COST_VARIABLES, RECORD_ROLE, SWITCH_ROLE
+from tripod_doe.study.cube import COST_VARIABLES, EXCLUDED, RECORD_ROLE, SWITCH_ROLE
 
 __all__ = [
     "ORDINALS",
@@ -174,9 +174,7 @@ def finished(cube: xr.Dataset) -> xr.DataArray:
 
 def asked(cube: xr.Dataset) -> xr.DataArray:
     """Where there is a point to run: all but those that a constraint excludes."""
-    if "outcome_detail" not in cube:
-        return xr.ones_like(cube["outcome"], dtype=bool)
-    return cube["outcome_detail"] != "excluded by a constraint"
+    return cube[EXCLUDED] == 0 if EXCLUDED in cube else xr.ones_like(cube["outcome"], dtype=bool)
 
 
 def with_all_on(cube: xr.Dataset) -> xr.Dataset:

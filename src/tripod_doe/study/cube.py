@@ -22,6 +22,7 @@ from tripod_doe.study.journal import PILOT, FinishedBlock
 
 __all__ = [
     "COST_VARIABLES",
+    "EXCLUDED",
     "RECORD_ROLE",
     "SWITCH_ROLE",
     "build_cube",
@@ -36,6 +37,9 @@ COST_VARIABLES = {
     "simulated_seconds": ("s", "time of the motion that was followed, up to the end or the failure"),
 }
 """Units and meanings of the variables of cost.nc; the worker's name stands beside them."""
+
+EXCLUDED = "excluded"
+"""Variable that flags the cells of a grid that a constraint leaves out; missing where it leaves out none."""
 
 SWITCH_ROLE = "switch of the ablation"
 """Attribute ``role`` of the coordinates that an ablation switches, by which an analysis knows them."""
@@ -170,9 +174,23 @@ def _variable(output: Output | None, dims: tuple[str, ...], data: NDArray[Any], 
 
 
 def _outcome_variables(table: _Table, points: Points) -> dict[str, xr.Variable]:
-    return {
+    variables = {
         "outcome": _shaped(points, (), table.outcome, OUTCOME_ATTRIBUTES),
         "outcome_detail": _shaped(points, (), table.detail, DETAIL_ATTRIBUTES),
+    }
+    if not points.allowed.all():
+        meaning = "whether a constraint of the design excludes the point"
+        variables[EXCLUDED] = _shaped(points, (), (~points.allowed).astype(np.int8), _yes_or_no(meaning))
+    return variables
+
+
+def _yes_or_no(meaning: str) -> dict[str, Any]:
+    """Attributes of a flag that says how a point was computed."""
+    return {
+        "long_name": meaning,
+        "role": RECORD_ROLE,
+        "flag_values": np.array([0, 1], np.int8),
+        "flag_meanings": "no yes",
     }
 
 
@@ -221,10 +239,9 @@ def _choice_variables(table: _Table, points: Points) -> dict[str, xr.Variable]:
             "long_name": "whether the estimated error is within the accuracy asked for", "role": RECORD_ROLE,
             "flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "unknown no yes",
         })  # fmt: skip
-        variables["from_pilot"] = _shaped(points, (), (table.worker == PILOT).astype(np.int8), {
-            "long_name": "whether the pilot ran the point, so that the study did not", "role": RECORD_ROLE,
-            "flag_values": np.array([0, 1], np.int8), "flag_meanings": "no yes",
-        })  # fmt: skip
+        meaning = "whether the pilot ran the point, so that the study did not"
+        from_pilot = (table.worker == PILOT).astype(np.int8)
+        variables["from_pilot"] = _shaped(points, (), from_pilot, _yes_or_no(meaning))
     return variables
 
 

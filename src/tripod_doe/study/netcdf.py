@@ -1,17 +1,15 @@
-"""Cubes as netCDF files: written beside the old file and swapped in whole, read into memory."""
+"""Cubes as netCDF files: replaced as a whole, read into memory."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
-from tripod_doe.errors import CubeError, StorageError
+from tripod_doe.atomic_files import replace_file
+from tripod_doe.errors import CubeError
 
 __all__ = ["open_cube", "read_dataset", "stamp_history", "write_dataset"]
 
@@ -24,32 +22,17 @@ def stamp_history(dataset: xr.Dataset, action: str) -> xr.Dataset:
 
 
 def write_dataset(dataset: xr.Dataset, path: Path) -> None:
-    """Write a dataset whole beside the old file and swap it in; a kill leaves the old one or the new one.
+    """Replace a netCDF file as a whole; a kill leaves the old one or the new one.
 
     Raises
     ------
     StorageError
         If it cannot be written; the old file stays.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fresh = path.with_name(f".{path.name}.new")
     floats = [name for name, variable in dataset.variables.items() if variable.dtype.kind == "f"]
     encoding = {name: {"_FillValue": np.nan if name in dataset.data_vars else None} for name in floats}
-    with _storing(path):
+    with replace_file(path) as fresh:
         dataset.to_netcdf(fresh, format="NETCDF4", engine="netcdf4", encoding=encoding)
-        with fresh.open("rb+") as stream:
-            os.fsync(stream.fileno())
-        os.replace(fresh, path)
-
-
-@contextmanager
-def _storing(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except (OSError, RuntimeError) as error:  # netCDF4 reports a full disk as a RuntimeError
-        raise StorageError(
-            f"{path}: cannot write ({error}); finished points are kept in the journal: free space, then run again"
-        ) from error
 
 
 def read_dataset(path: Path) -> xr.Dataset:

@@ -19,12 +19,12 @@ import dask
 import xarray as xr
 
 from tripod_doe.analysis.registry import ANALYSES, CHAIN_ANALYSES
+from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.report.chain import chain_page, step_page, write_charts
 from tripod_doe.report.figures.chain import StepView
 from tripod_doe.report.figures.registry import FIGURES
-from tripod_doe.report.page import swap_in
 from tripod_doe.study.execution import local_workers
 from tripod_doe.study.netcdf import open_cube, stamp_history, write_dataset
 from tripod_doe.workflow.definition import Step, Workflow, fed_study, load_workflow
@@ -116,7 +116,7 @@ def run_workflow(
     steps = tuple(views[name] for name in workflow.steps)
     head = workflow.file.workflow
     text = chain_page(head.name, head.question, steps, _notice(workflow), workflow.text, chain.answers(steps))
-    return WorkflowSummary(directory, swap_in(text, directory / "report" / "index.html"), steps)
+    return WorkflowSummary(directory, replace_text(directory / "report" / "index.html", text), steps)
 
 
 def _notice(workflow: Workflow) -> str:
@@ -204,7 +204,7 @@ class _Chain:
             (self.folder(step.name) / "step.json").unlink(missing_ok=True)
             detail += f", without points that failed in {', '.join(view.name for view in lacking)}"
         else:
-            swap_in(json.dumps(record), self.folder(step.name) / "step.json")
+            replace_text(self.folder(step.name) / "step.json", json.dumps(record))
         return self._tell(self.view(step, "finished", seconds, detail))
 
     def _reads_failed(self, step: Step) -> bool:
@@ -266,7 +266,7 @@ class _Chain:
         for path in self._exported(step):
             export = CHAIN_ANALYSES[name].export
             assert export is not None
-            swap_in(export[1](result), path)
+            replace_text(path, export[1](result))
         return name
 
     def _exported(self, step: Step) -> list[Path]:
@@ -305,5 +305,5 @@ class _Chain:
         shown = [name for name in step.inputs if not isinstance(steps[name].table, ReportStep)]
         title = step.table.title or step.name
         page = step_page(title, shown, self._cubes(step), figures, _notice(self.workflow))
-        swap_in(page, self.folder(step.name) / "index.html")
+        replace_text(self.folder(step.name) / "index.html", page)
         return title

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from tripod_doe.analysis.registry import check_analyses, run_analyses
-from tripod_doe.errors import InputError, StorageError
+from tripod_doe.atomic_files import replace_text
+from tripod_doe.errors import InputError
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.report.findings import find
 from tripod_doe.report.page import write_report
@@ -228,12 +229,7 @@ def _check_space(study: Study, directory: Path, points: Points) -> None:
 def _adopt(study: Study, journal: Journal, directory: Path) -> None:
     """Make this study the one of the directory."""
     journal.remember("kernel_source_hash", study.simulator.source_hash)
-    fresh = directory / ".study.toml.new"
-    try:
-        fresh.write_text(study.text, encoding="utf-8")
-        fresh.replace(directory / "study.toml")
-    except OSError as error:
-        raise StorageError(f"{directory}: cannot write: {error.strerror}") from error
+    replace_text(directory / "study.toml", study.text)
 
 
 def _run_missing(
