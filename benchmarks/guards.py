@@ -46,8 +46,7 @@ from tripod_doe.mechanics.run import Run, run
 from tripod_doe.mechanics.scenes import needle_between_plates, roller_in_groove
 from tripod_doe.mechanics.scenes.examples import dropped_ball, rolling_sphere
 from tripod_doe.mechanics.scenes.simulator import SceneSimulator
-from tripod_doe.results import Outcome
-from tripod_doe.study.simulator import point_columns
+from tripod_doe.simulator import Outcome
 
 WRONG, GOOD = 0.05, 0.01
 TIMES = 0.5, 4.0
@@ -256,7 +255,7 @@ def draw_point(rng: np.random.Generator, needles: bool) -> dict[str, float]:
 
 def internal(point: Mapping[str, float]) -> dict[str, float]:
     columns = {name: np.array([float(value)]) for name, value in point.items()}
-    full = point_columns(joint, {"relative_tolerance": 1e-3}, columns, 1)
+    full = joint.columns({"relative_tolerance": 1e-3}, columns, 1)
     numbers = internal_units({n: c for n, c in full.items() if JOINT_PARAMETERS[n].kind != "choice"})
     return {name: float(column[0]) for name, column in numbers.items()}
 

@@ -22,7 +22,7 @@ from tripod_doe.joint.multibody import build_joint
 from tripod_doe.joint.parameters import internal_units
 from tripod_doe.joint.scene import scene
 from tripod_doe.mechanics.assembly import assemble
-from tripod_doe.quantities import Rung
+from tripod_doe.simulator import Candidate
 from tripod_doe.study.task import Task, run_task
 
 SKEW = {"initial_skew_1_deg": 0.4, "initial_skew_2_deg": -0.4, "initial_skew_3_deg": 0.4}
@@ -34,7 +34,7 @@ def values(**given) -> dict[str, float]:
     return {name: float(column[0]) for name, column in internal_units(columns).items()}
 
 
-def rung_cost(rung: Rung) -> tuple[float, float]:
+def rung_cost(rung: Candidate) -> tuple[float, float]:
     """CPU seconds a force evaluation, and evaluations a run, in a block as studies run it."""
     count = 500 if rung.values["model"] in ("equilibrium", "kinetostatic") else 1
     columns = {"replicate": np.arange(count, dtype=float)}
@@ -47,7 +47,7 @@ def rung_cost(rung: Rung) -> tuple[float, float]:
 def rung_prices(record: bool) -> None:
     """Print the price of every rung beside the recorded one, and record it."""
     prices = tomlkit.parse(PRICES.read_text())
-    for table, rung in zip(prices.values(), scene.ladder, strict=True):
+    for table, rung in zip(prices.values(), scene.candidates, strict=True):
         seconds, evaluations = rung_cost(rung)
         print(f"{rung.label}: {1e6 * seconds:.1f} us an evaluation (recorded {1e6 * rung.evaluation_seconds:.1f}), "
               f"{evaluations:.0f} a run (recorded {rung.evaluations:.0f})", flush=True)  # fmt: skip

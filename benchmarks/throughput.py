@@ -26,7 +26,7 @@ from tripod_doe.joint.contact import contact_constants
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_units
 from tripod_doe.study.definition import load_study, parse_study
 from tripod_doe.study.designs import make_points
-from tripod_doe.study.simulator import load_simulator, point_columns
+from tripod_doe.study.scenes import load_simulator
 
 HERE = Path(__file__).parent
 KEEP = ("thrust_amplitude", "thrust_phase_deg")
@@ -42,7 +42,7 @@ def simulate_range(text: str, start: int, stop: int) -> float:
     for first in range(start, stop, BLOCK):
         chosen = slice(first, min(first + BLOCK, stop))
         columns = {name: column[chosen] for name, column in points.columns.items()}
-        block = point_columns(study.simulator, study.base, columns, chosen.stop - first)
+        block = study.simulator.columns(study.base, columns, chosen.stop - first)
         study.simulator.simulate(block, KEEP)
     return time.perf_counter() - began
 
@@ -51,13 +51,13 @@ def one_point(**factors: float) -> float:
     """The task of xyzpy: one point through the kernel."""
     scene = load_simulator("joint")
     columns = {name: np.array([value]) for name, value in factors.items()}
-    result = scene.simulate(point_columns(scene, {}, columns, 1), ["thrust_amplitude"])
+    result = scene.simulate(scene.columns({}, columns, 1), ["thrust_amplitude"])
     return float(result.outputs["thrust_amplitude"].data[0, 3])
 
 
 def rate_of_numpy(study, points, count):
     columns = {name: column[:count] for name, column in points.columns.items()}
-    full = point_columns(study.simulator, {"relative_tolerance": 1e-9}, columns, count)
+    full = study.simulator.columns({"relative_tolerance": 1e-9}, columns, count)
     internal = internal_units({n: c for n, c in full.items() if JOINT_PARAMETERS[n].kind != "choice"})
     internal |= contact_constants(internal)
     began = time.perf_counter()

@@ -19,10 +19,9 @@ if TYPE_CHECKING:
     from tripod_doe.analysis.measurement import read_measurement
     from tripod_doe.analysis.sensitivity import morris_effects, sobol_indices
     from tripod_doe.errors import CubeError, InputError, StorageError, TripodDoeError
-    from tripod_doe.quantities import Output, Parameter
     from tripod_doe.report.findings import find
     from tripod_doe.report.page import write_report
-    from tripod_doe.results import Outcome
+    from tripod_doe.simulator import Outcome, Output, Parameter
     from tripod_doe.study.definition import Study, load_study
     from tripod_doe.study.netcdf import open_cube
     from tripod_doe.study.plan import Plan, plan

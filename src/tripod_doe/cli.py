@@ -21,9 +21,8 @@ import numpy as np
 
 from tripod_doe.errors import InputError, TripodDoeError, near_match
 from tripod_doe.interrupts import INTERRUPTED, check_interrupt, leave_interrupted, take_interrupts
-from tripod_doe.quantities import Parameter
-from tripod_doe.results import Outcome
-from tripod_doe.study.simulator import SCENES, Simulator, load_simulator
+from tripod_doe.simulator import Outcome, Parameter, Simulator
+from tripod_doe.study.scenes import SCENES, load_simulator
 
 __all__ = ["main"]
 

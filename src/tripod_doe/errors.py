@@ -1,6 +1,6 @@
 """Errors for people: what is wrong, where, and what to do about it.
 
-Outcomes (`tripod_doe.results`) are for cubes: a point that fails is a flagged cell, never an exception.
+Outcomes (`tripod_doe.simulator`) are for cubes: a point that fails is a flagged cell, never an exception.
 """
 
 from __future__ import annotations

@@ -11,13 +11,13 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.analysis.choice import choose, without_pilot
 from tripod_doe.analysis.pilot_evidence import evidence
-from tripod_doe.quantities import Rung
+from tripod_doe.simulator import Candidate
 from tripod_doe.study.accuracy import Accuracy, Demand
 
 RUNGS = (
-    Rung({"model": "cheap"}, 1e-6, 10),
-    Rung({"model": "middle"}, 1e-3, 10),
-    Rung({"model": "full"}, 1.0, 10, full=True),
+    Candidate({"model": "cheap"}, 1e-6, 10),
+    Candidate({"model": "middle"}, 1e-3, 10),
+    Candidate({"model": "full"}, 1.0, 10, full=True),
 )
 
 

@@ -13,7 +13,7 @@ from tripod_doe.analysis.claims import ClaimsSettings, Verdict, check_claims, cl
 from tripod_doe.analysis.claims_over_skew import ClaimsOverSkewSettings, claims_over_skew
 from tripod_doe.errors import InputError
 from tripod_doe.joint.orders import ORDERS
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 SKEWS = {1: (0.2, -0.2, 0.2), 2: (0.4, -0.4, 0.4), 3: (0.4, 0.4, 0.4), 4: (-0.4, 0.4, -0.4)}
 SETTINGS = ClaimsSettings()

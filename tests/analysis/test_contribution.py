@@ -11,7 +11,7 @@ import xarray as xr
 from tripod_doe.analysis.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analysis.registry import check_analyses, run_analyses
 from tripod_doe.errors import InputError
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points, point_keys

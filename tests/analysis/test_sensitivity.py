@@ -8,7 +8,7 @@ import xarray as xr
 
 from tripod_doe.analysis.sensitivity import MorrisSettings, SobolSettings, morris_effects, sobol_indices
 from tripod_doe.errors import InputError
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points
 

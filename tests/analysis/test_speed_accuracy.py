@@ -8,7 +8,7 @@ from method_rows import EXACT, FINE, FIRST, JOINT, SECOND, STEPS, cube_of, fixed
 
 from tripod_doe.analysis.speed_accuracy import Known, SpeedAccuracySettings, speed_accuracy
 from tripod_doe.errors import InputError
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 
 def analyse(*rows, **cubes):

@@ -19,7 +19,7 @@ from tripod_doe.analysis.stability import (
 )
 from tripod_doe.errors import InputError
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 SETTINGS = StabilitySettings(output="drift_mm", limit=0.01)
 STEPS = np.array([1e-8, 2e-8, 4e-8, 8e-8, 16e-8])

@@ -8,7 +8,6 @@ from tripod_doe.joint.multibody import build_joint
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_units
 from tripod_doe.joint.scene import scene
 from tripod_doe.mechanics.assembly import assemble
-from tripod_doe.study.simulator import point_columns
 
 
 @pytest.fixture(scope="session")
@@ -18,7 +17,7 @@ def internal_points():
     def make(**given):
         count = max((np.size(value) for value in given.values()), default=1)
         columns = {name: np.broadcast_to(np.asarray(value, float), (count,)) for name, value in given.items()}
-        full = point_columns(scene, {"relative_tolerance": 1e-11}, columns, count)
+        full = scene.columns({"relative_tolerance": 1e-11}, columns, count)
         return internal_units({n: c for n, c in full.items() if JOINT_PARAMETERS[n].kind != "choice"})
 
     return make

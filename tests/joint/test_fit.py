@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from tripod_doe.joint.fit import misfits
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Limits, run
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 PITCH, NEEDLES, DIAMETER = 17.28 / 2, 27, 2.0
 

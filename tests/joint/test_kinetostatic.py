@@ -10,7 +10,7 @@ from tripod_doe.joint.equilibrium import point_constants, solve_balance, solve_e
 from tripod_doe.joint.kinetostatic import solve_kinetostatic
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.scene import scene
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 from tripod_doe.study.simulate import simulate
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from few import CALM, FEW
 
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 NO_FRICTION = {
     "groove_sliding_friction": 0,

@@ -19,7 +19,7 @@ from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.motion import evaluate
 from tripod_doe.mechanics.run import Limits, run
 from tripod_doe.mechanics.scene import GROUND, Body, Fixed
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 UNCHECKED = Limits(energy=np.inf, reversals=1.0, windows=0)
 """What is compared here are forces; the energy balance of a coarse run is `dynamics`' affair."""

@@ -10,8 +10,7 @@ import pytest
 from tripod_doe.errors import InputError
 from tripod_doe.joint.parameters import MECHANISMS
 from tripod_doe.joint.scene import scene
-from tripod_doe.results import Outcome
-from tripod_doe.study.simulator import point_columns
+from tripod_doe.simulator import Outcome
 
 KEEP = ["thrust_amplitude", "friction_power_w", "largest_penetration_um", "energy_residual"]
 
@@ -19,7 +18,7 @@ KEEP = ["thrust_amplitude", "friction_power_w", "largest_penetration_um", "energ
 def simulate(**given):
     count = max((np.size(value) for value in given.values()), default=1)
     columns = {name: np.broadcast_to(np.asarray(value, float), (count,)) for name, value in given.items()}
-    return scene.simulate(point_columns(scene, {}, columns, count), KEEP)
+    return scene.simulate(scene.columns({}, columns, count), KEEP)
 
 
 def test_numerics_that_the_model_does_not_use_are_flagged_in_a_grid():

@@ -15,7 +15,7 @@ from tripod_doe.joint.trunnion import scene
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Limits, run
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 
 @pytest.mark.parametrize("given", [{}, FEW])

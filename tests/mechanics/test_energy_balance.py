@@ -9,7 +9,7 @@ from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import run
 from tripod_doe.mechanics.scenes.examples import dropped_ball, rolling_sphere
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 
 @pytest.mark.parametrize("method", [name for name in METHODS if name != "adaptive-euler"])  # which gives up on a bounce

@@ -7,7 +7,7 @@ from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import run
 from tripod_doe.mechanics.scenes import andrews, examples
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 
 def _finished(scene, method, duration, **options):

@@ -17,7 +17,7 @@ from tripod_doe.mechanics.run import run
 from tripod_doe.mechanics.scenes.examples import dropped_ball, pendulum, rolling_sphere
 from tripod_doe.mechanics.scenes.needle_between_plates import closed_form, scene
 from tripod_doe.mechanics.scenes.needle_ring import needle_ring
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 
 def numbers(**values):

@@ -9,7 +9,7 @@ from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import run
 from tripod_doe.mechanics.scenes.examples import rolling_sphere
 from tripod_doe.mechanics.scenes.needle_between_plates import scene
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 
 def needle(method, setting, **values):

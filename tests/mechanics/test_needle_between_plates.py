@@ -10,7 +10,7 @@ from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.motion import add_mass_blocks, linearise
 from tripod_doe.mechanics.scenes.needle_between_plates import build, closed_form, scene, transition_velocity
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 
 def _points(count=1, **values):

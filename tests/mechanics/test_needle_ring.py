@@ -9,7 +9,7 @@ from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.motion import generalized_forces
 from tripod_doe.mechanics.run import run
 from tripod_doe.mechanics.scenes.needle_ring import needle_ring, pitch_radius
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 
 def _forces(assembly, state):

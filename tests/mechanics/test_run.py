@@ -27,7 +27,7 @@ from tripod_doe.mechanics.scene import (
     Universal,
 )  # fmt: skip
 from tripod_doe.mechanics.scenes.examples import pendulum, rolling_sphere
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 
 def _driven_arm():

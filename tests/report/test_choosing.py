@@ -14,7 +14,7 @@ from tripod_doe.analysis.stability import StabilitySettings, stability_borders
 from tripod_doe.joint.models import MODELS
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.report.choosing import choosing_page
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 ROOT = Path(__file__).parents[2]
 

@@ -16,7 +16,7 @@ from tripod_doe.report.contributions import (
 from tripod_doe.report.figures import contribution_chart
 from tripod_doe.report.findings import find
 from tripod_doe.report.page import make_page
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 CASE_2 = """
 [study]

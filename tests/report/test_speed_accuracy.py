@@ -15,7 +15,7 @@ from tripod_doe.report.figures.registry import FIGURES
 from tripod_doe.report.speed_accuracy import price_table
 from tripod_doe.report.tables import factor_rows
 from tripod_doe.report.telling import findings_of
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 from tripod_doe.workflow.definition import load_workflow
 
 ROOT = Path(__file__).parents[2]

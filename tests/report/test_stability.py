@@ -11,7 +11,7 @@ from tripod_doe.report.figures.outcomes import outcome_charts
 from tripod_doe.report.figures.registry import FIGURES
 from tripod_doe.report.stability import is_stability, stability_table
 from tripod_doe.report.telling import findings_of
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 STEPS = np.array([1e-8, 2e-8, 4e-8, 8e-8])
 MASSES = np.array([1.0, 4.0])

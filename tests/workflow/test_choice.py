@@ -17,7 +17,7 @@ import xarray as xr
 
 import tripod_doe as td
 from tripod_doe.cli import main
-from tripod_doe.results import BlockResult, Values
+from tripod_doe.simulator import BlockResult, Values
 from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.execution import local_workers
 from tripod_doe.study.journal import PER_POINT, PILOT, FinishedBlock, Journal
@@ -27,16 +27,16 @@ from tripod_doe.workflow.pilot_results import pilot_results
 
 WAVE = """
 import os, time
-from tripod_doe.quantities import Rung
+from tripod_doe.simulator import Candidate
 def wave(x, z=0.0, model=3, slow=0.0):
     with open(os.path.join(os.path.dirname(__file__), "log"), "a") as log:
         log.write(f"{x} {z} {model}\\n")
     time.sleep(slow)
     miss = {0: 0.002 + (0.2 if x > 0.5 else 0.0), 1: 0.01, 2: 0.0, 3: 0.0}[int(model)]
     return {"y": (10 + x) * (1 + miss), "y_error": (10 + x) * (0.02 if model == 2 else 0.001)}
-wave.ladder = (
-    Rung({"model": 0}, 1e-6, 1), Rung({"model": 1}, 1e-3, 1, spare=True),
-    Rung({"model": 2}, 1.0, 1, full=True), Rung({"model": 3}, 3.0, 1, full=True),
+wave.candidates = (
+    Candidate({"model": 0}, 1e-6, 1), Candidate({"model": 1}, 1e-3, 1, substitute=True),
+    Candidate({"model": 2}, 1.0, 1, full=True), Candidate({"model": 3}, 3.0, 1, full=True),
 )
 """
 STUDY = """

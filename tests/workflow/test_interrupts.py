@@ -15,13 +15,13 @@ import tripod_doe as td
 
 WAVE = """
 import os, time
-from tripod_doe.quantities import Rung
+from tripod_doe.simulator import Candidate
 def wave(x, z=0.0, model=1, slow=0.02):
     with open(os.path.join(os.path.dirname(__file__), "log"), "a") as log:
         log.write(f"{x} {model}\\n")
     time.sleep(slow)
     return {"y": 10 + x + (2 - model) * 0.01, "y_error": 0.001}
-wave.ladder = (Rung({"model": 1}, 1e-3, 1), Rung({"model": 2}, 1.0, 1, full=True))
+wave.candidates = (Candidate({"model": 1}, 1e-3, 1), Candidate({"model": 2}, 1.0, 1, full=True))
 """
 NAMED = """
 [study]

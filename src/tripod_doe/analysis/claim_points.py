@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, MECHANISMS
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 __all__ = ["ANY", "Evidence", "Measured", "MissingPointError", "Point"]
 

@@ -17,7 +17,7 @@ from tripod_doe.analysis.measurement import Measurement, read_measurement
 from tripod_doe.analysis.order_tracking import CELLS, resample, track_orders
 from tripod_doe.errors import InputError
 from tripod_doe.joint.orders import ORDERS, amplitude_and_phase, complex_amplitudes
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 from tripod_doe.study.query import query
 
 __all__ = ["ComparisonSettings", "compare", "compare_file", "model_point"]

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import SWITCH_ROLE
 from tripod_doe.study.file import parse_file
 

@@ -11,8 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.quantities import Rung
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Candidate, Outcome
 from tripod_doe.study.accuracy import Accuracy, Demand
 from tripod_doe.study.pilot import normalised
 
@@ -49,7 +48,7 @@ class Evidence:
     """
 
     columns: dict[str, NDArray[Any]]
-    rungs: tuple[Rung, ...]
+    rungs: tuple[Candidate, ...]
     differences: FloatArray
     numerical: FloatArray
     prices: FloatArray
@@ -123,7 +122,7 @@ def _usable(pilot: xr.Dataset, table: NDArray[np.int64]) -> NDArray[np.bool_]:
     return np.asarray((table >= 0) & (pilot["outcome"].values.reshape(-1)[table] == Outcome.FINISHED))
 
 
-def _references(pilot: xr.Dataset, table: NDArray[np.int64], rungs: tuple[Rung, ...]) -> NDArray[np.int64]:
+def _references(pilot: xr.Dataset, table: NDArray[np.int64], rungs: tuple[Candidate, ...]) -> NDArray[np.int64]:
     """Position of the finest full rung that finished at each point, -1 where none did; with none full, the last."""
     judges = np.array([rung.full for rung in rungs])
     judges[-1] = True
@@ -180,7 +179,7 @@ def _cells(pilot: xr.Dataset, name: str, demand: Demand) -> tuple[FloatArray, Fl
     return rows[:, labels.index(demand.label)], np.abs(rows[:, rotating]).max(axis=1)
 
 
-def _prices(pilot: xr.Dataset, table: NDArray[np.int64], rungs: tuple[Rung, ...]) -> FloatArray:
+def _prices(pilot: xr.Dataset, table: NDArray[np.int64], rungs: tuple[Candidate, ...]) -> FloatArray:
     """Counted force evaluations, a mean over the pilot, times the recorded seconds of an evaluation."""
     if "force_evaluations" not in pilot:
         return np.array([rung.price for rung in rungs])

@@ -17,7 +17,7 @@ from SALib.analyze import morris as salib_morris
 from SALib.analyze import sobol as salib_sobol
 
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import COST_VARIABLES
 from tripod_doe.study.designs import salib_problem, unit_sample
 from tripod_doe.study.file import DesignTable, parse_file

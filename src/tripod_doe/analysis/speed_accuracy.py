@@ -23,7 +23,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from tripod_doe.analysis.speed_runs import QUANTITIES, Case, TimedRun, read_cases
 from tripod_doe.errors import InputError
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 __all__ = ["Known", "SpeedAccuracySettings", "speed_accuracy"]
 

@@ -14,9 +14,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome, Simulator
 from tripod_doe.study.file import parse_file
-from tripod_doe.study.simulator import Simulator, load_simulator
+from tripod_doe.study.scenes import load_simulator
 
 __all__ = ["QUANTITIES", "Case", "Quantity", "TimedRun", "read_cases"]
 

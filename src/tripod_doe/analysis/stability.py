@@ -29,7 +29,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 __all__ = ["Agreement", "Limit", "RunKind", "StabilitySettings", "predicted_border", "stability_borders"]
 

@@ -29,7 +29,7 @@ from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.linearisation import Rates, fastest_rates
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, method_named, run
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 __all__ = ["JointRun", "Readings", "amplitude_error", "finer_thrust", "follow", "judge", "prepare_joint", "run_joint"]
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
-from tripod_doe.quantities import Rung, Value
+from tripod_doe.simulator import Candidate, Value
 
 __all__ = ["JOINT_LADDER", "PRICES"]
 
@@ -27,17 +27,17 @@ _RECORDED: dict[str, dict[str, float]] = tomllib.loads(PRICES.read_text(encoding
 
 
 def _rung(
-    name: str, ring: dict[str, Value], model: str, tolerance: float, full: bool = False, spare: bool = False
-) -> Rung:
+    name: str, ring: dict[str, Value], model: str, tolerance: float, full: bool = False, substitute: bool = False
+) -> Candidate:
     values: dict[str, Value] = {"model": model, **ring, "relative_tolerance": tolerance}
-    return Rung(values, _RECORDED[name]["evaluation_seconds"], _RECORDED[name]["evaluations"], full, spare)
+    return Candidate(values, _RECORDED[name]["evaluation_seconds"], _RECORDED[name]["evaluations"], full, substitute)
 
 
-JOINT_LADDER: tuple[Rung, ...] = (
+JOINT_LADDER: tuple[Candidate, ...] = (
     _rung("equilibrium", _RING, "equilibrium", 1e-9),
     _rung("kinetostatic", _RING, "kinetostatic", 1e-6),
     _rung("rollers", _RING, "rollers", 4e-3),
-    _rung("nine-needles", _THICK, "needles", 2e-3, spare=True),
+    _rung("nine-needles", _THICK, "needles", 2e-3, substitute=True),
     _rung("needles", _RING, "needles", 2e-3, full=True),
     _rung("needles-1e-3", _RING, "needles", 1e-3, full=True),
     _rung("needles-5e-4", _RING, "needles", 5e-4, full=True),

@@ -17,7 +17,7 @@ from tripod_doe.joint.kinetostatic import solve_kinetostatic
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, PART_OUTPUTS, part_outputs, thrust_outputs
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.linearisation import RATE_OUTPUTS
-from tripod_doe.results import BlockResult, Outcome, Values
+from tripod_doe.simulator import BlockResult, Methods, Outcome
 
 __all__ = ["MODELS", "Model"]
 
@@ -52,13 +52,13 @@ class Model:
     outputs
         Names of the outputs that it gives.
     simulate
-        (numeric parameters in internal units, method, samples a revolution, outputs to keep) -> results.
+        (numeric parameters in internal units, method, samples per revolution, outputs to keep) -> results.
     prepare
         (numeric parameters of one point in internal units, method): compiles all that `simulate` needs.
     """
 
     name: str
-    methods: Mapping[str, Mapping[str, float]]
+    methods: Methods
     ignores: frozenset[str]
     outputs: frozenset[str]
     simulate: Callable[[Mapping[str, FloatArray], str, int, Collection[str]], BlockResult]
@@ -76,23 +76,12 @@ def _simulate_balance(
 ) -> BlockResult:  # fmt: skip
     points = {**points, **contact_constants(points)}
     count = points["torque_n_m"].size
-    starts = range(0, count, _CHUNK)
-    parts = [{name: column[start : start + _CHUNK] for name, column in points.items()} for start in starts]
-    chunks = [_balance_chunk(solve, energy_limit, part, samples, keep) for part in parts]
-    outputs = {
-        name: Values(values.dims, np.concatenate([chunk.outputs[name].data for chunk in chunks]))
-        for name, values in chunks[0].outputs.items()
-    }
-    return BlockResult(
-        outputs,
-        {},
-        np.concatenate([chunk.outcome for chunk in chunks]),
-        [text for chunk in chunks for text in chunk.detail],
-        np.concatenate([chunk.steps for chunk in chunks]),
-        np.concatenate([chunk.force_evaluations for chunk in chunks]),
-        np.concatenate([chunk.solves for chunk in chunks]),
-        np.concatenate([chunk.simulated_seconds for chunk in chunks]),
-    )
+    block = BlockResult.blank(count)
+    for start in range(0, count, _CHUNK):
+        part = {name: column[start : start + _CHUNK] for name, column in points.items()}
+        rows = np.arange(start, min(start + _CHUNK, count))
+        block.fill(rows, _balance_chunk(solve, energy_limit, part, samples, keep))
+    return block
 
 
 def _balance_chunk(
@@ -104,14 +93,11 @@ def _balance_chunk(
     if not set(PART_OUTPUTS).isdisjoint(keep):
         outputs |= part_outputs(solution.thrust_parts[:, None], keep)
     in_groove = np.cbrt(np.maximum(solution.largest_normal_force, 0) / points["groove_stiffness"]) ** 2  # Eq. 2
-    scalars = {
+    outputs |= {
         "friction_power_w": solution.friction_power / 1e3,
         "largest_penetration_um": 1e3 * np.maximum(in_groove, solution.needle_penetration),
         "energy_residual": solution.energy_residual,
     }
-    outputs |= {name: Values(JOINT_OUTPUTS[name].dims, data) for name, data in scalars.items() if name in keep}
-    outcome = np.full(solution.settled.size, Outcome.FINISHED, np.int8)
-    detail = [""] * outcome.size
     reasons = [
         (
             ~(np.abs(solution.energy_residual) <= energy_limit),
@@ -122,14 +108,17 @@ def _balance_chunk(
         (~solution.settled, Outcome.DIVERGED, _UNSETTLED),
         (points["bearing_radial_clearance_mm"] < 0, Outcome.OUT_OF_RANGE, _PRELOADED),
     ]
+    block = BlockResult.blank(solution.settled.size, Outcome.FINISHED)
     for failed, kind, text in reasons:
-        for position in np.flatnonzero(failed):
-            outcome[position], detail[position] = kind, text
+        block.end(np.flatnonzero(failed), kind, text)
+    block.steps[:] = block.force_evaluations[:] = solution.sweeps
     with np.errstate(divide="ignore"):  # a balance holds for any number of revolutions: those that were asked for
-        turned = np.where(points["speed_rpm"] > 0, points["cycles"] * 2 * np.pi / points["speed_rpm"], np.nan)
-    return BlockResult(
-        outputs, {}, outcome, detail, solution.sweeps, solution.sweeps, np.zeros_like(solution.sweeps), turned
-    )
+        turned = points["cycles"] * 2 * np.pi / points["speed_rpm"]
+    block.simulated_seconds[:] = np.where(points["speed_rpm"] > 0, turned, np.nan)
+    for name, data in outputs.items():
+        if name in keep:
+            block.put(name, JOINT_OUTPUTS[name].dims, slice(None), data)
+    return block
 
 
 def _balance(
@@ -168,34 +157,28 @@ def _simulate_multibody(
     needles: bool, points: Mapping[str, FloatArray], method: str, samples: int, keep: Collection[str]
 ) -> BlockResult:
     """Simulate points one by one; a run of any of them costs more than all that could be shared."""
-    count = points["torque_n_m"].size
-    outcome, detail, work = np.zeros(count, np.int8), [""] * count, np.zeros((3, count), np.int64)
-    followed = np.zeros(count)
-    outputs: dict[str, Values] = {}
-    split = not set(PART_OUTPUTS).isdisjoint(keep)
-    for i in range(count):
+    block = BlockResult.blank(points["torque_n_m"].size)
+    split, rates = (not set(names).isdisjoint(keep) for names in (PART_OUTPUTS, _RATES))
+    for i in range(block.count):
         point = {name: float(column[i]) for name, column in points.items()}
         step, tolerance = (None if np.isnan(point[name]) else point[name] for name in ("step_s", "relative_tolerance"))
-        wants_rates = not set(_RATES).isdisjoint(keep)
-        result = run_joint(point, needles, method, samples, step, tolerance, wants_rates, split)
-        outcome[i], detail[i] = result.outcome, result.detail
-        work[:, i] = result.steps, result.force_evaluations, result.solves
-        followed[i] = result.followed
-        if result.readings is None:
-            continue
-        for name, values in _answer(result.readings, keep).items():
-            if name not in outputs:
-                outputs[name] = Values(values.dims, np.full((count, *values.data.shape[1:]), np.nan))
-            outputs[name].data[i] = values.data[0]
-    return BlockResult(outputs, {}, outcome, detail, work[0], work[1], work[2], followed)
+        result = run_joint(point, needles, method, samples, step, tolerance, rates, split)
+        block.end(i, result.outcome, result.detail)
+        block.steps[i], block.force_evaluations[i], block.solves[i], block.simulated_seconds[i] = (
+            result.steps, result.force_evaluations, result.solves, result.followed
+        )  # fmt: skip
+        if result.readings is not None:
+            for name, data in _answer(result.readings, keep).items():
+                block.put(name, JOINT_OUTPUTS[name].dims, i, data)
+    return block
 
 
 def _prepare_multibody(point: Mapping[str, FloatArray], method: str) -> None:
     prepare_joint({name: float(column[0]) for name, column in point.items()}, method)
 
 
-def _answer(result: Readings, keep: Collection[str]) -> dict[str, Values]:
-    """Outputs of one run, with a leading dimension of one point."""
+def _answer(result: Readings, keep: Collection[str]) -> dict[str, FloatArray]:
+    """Outputs of one run."""
     outputs = thrust_outputs(result.groove_thrust[None], keep)
     if result.thrust_parts is not None:
         outputs |= part_outputs(result.thrust_parts[None], keep)
@@ -209,13 +192,11 @@ def _answer(result: Readings, keep: Collection[str]) -> dict[str, Values]:
     }
     if result.rates is not None:
         others |= dict(zip((output.name for output in RATE_OUTPUTS), astuple(result.rates), strict=True))
-    for name, data in others.items():
-        if name in keep and data is not None:
-            outputs[name] = Values(JOINT_OUTPUTS[name].dims, np.asarray(data)[None])
-    return outputs
+    kept = {name: np.asarray(data) for name, data in others.items() if name in keep and data is not None}
+    return {name: data[0] for name, data in outputs.items()} | kept
 
 
-def _methods(relative_tolerance: float, step: float) -> dict[str, Mapping[str, float]]:
+def _methods(relative_tolerance: float, step: float) -> Methods:
     """Numerics of every method for a multibody model: the chosen one first, with its own tolerance."""
     explicit, tight = 1e-7, 1e-4
     defaults = {"adaptive-euler": relative_tolerance}

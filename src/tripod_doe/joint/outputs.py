@@ -10,10 +10,18 @@ from numpy.typing import NDArray
 from tripod_doe.joint.orders import ORDERS, amplitude_and_phase, complex_amplitudes, rms
 from tripod_doe.joint.parameters import MECHANISMS
 from tripod_doe.mechanics.linearisation import RATE_OUTPUTS
-from tripod_doe.quantities import Output
-from tripod_doe.results import Values
+from tripod_doe.simulator import Dimension, Output, by_name
 
-__all__ = ["JOINT_OUTPUTS", "PARTS", "PART_OUTPUTS", "coordinates", "part_outputs", "thrust_outputs"]
+__all__ = [
+    "JOINT_OUTPUTS",
+    "ORDER",
+    "PARTS",
+    "PART_OUTPUTS",
+    "ROTATION",
+    "part_outputs",
+    "rotation_angles",
+    "thrust_outputs",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -23,59 +31,63 @@ PARTS = (*MECHANISMS, "remainder")
 PART_OUTPUTS = ("thrust_part_amplitude", "thrust_part_phase_deg")
 """Outputs that need the thrust split into its parts."""
 
-_ORDER = ("order",)
-_GROOVE_ORDER = ("groove", "order")
+
+def rotation_angles(samples_per_revolution: int) -> NDArray[np.float64]:
+    """Rotation angles of the samples of the last two revolutions, in degrees."""
+    return np.arange(2 * samples_per_revolution) * (360 / samples_per_revolution)
+
+
+ROTATION = Dimension(
+    "rotation_deg",
+    rotation_angles,
+    "degree",
+    "rotation angle of the housing",
+    length_parameter="samples_per_revolution",
+)
+ORDER = Dimension("order", ORDERS, "1", "rotating order")
+_GROOVE = Dimension("groove", np.arange(1, 4), "1", "number of the groove")
+_TRUNNION = Dimension("trunnion", np.arange(1, 4), "1", "number of the trunnion")
+_CYCLE = Dimension("cycle", lambda cycles: np.arange(1, cycles + 1), length_parameter="cycles")
+_STATISTIC = Dimension("statistic", np.array(["mean", "min", "max"]))
+_MECHANISM = Dimension("mechanism", np.array(MECHANISMS), "", "friction mechanism")
+_PART = Dimension("part", np.array(PARTS), "", "friction mechanism that makes a part of the thrust, or the remainder")
 
 _OUTPUTS = [
     Output("thrust", "N", "F", "thrust force on the housing, positive towards the intermediate shaft",
-           ("rotation_deg",)),
-    Output("groove_thrust", "N", "F_k", "part of the thrust force in each groove", ("groove", "rotation_deg")),
-    Output("thrust_amplitude", "N", "A_k", "amplitude of the rotating orders of the thrust force", _ORDER),
-    Output("thrust_phase_deg", "degree", "p_k", "phase of the rotating orders of the thrust force", _ORDER,
+           (ROTATION,)),
+    Output("groove_thrust", "N", "F_k", "part of the thrust force in each groove", (_GROOVE, ROTATION)),
+    Output("thrust_amplitude", "N", "A_k", "amplitude of the rotating orders of the thrust force", (ORDER,)),
+    Output("thrust_phase_deg", "degree", "p_k", "phase of the rotating orders of the thrust force", (ORDER,),
            angle=True),
-    Output("thrust_rms", "N", "A_k/sqrt(2)", "effective value of the rotating orders of the thrust force", _ORDER),
+    Output("thrust_rms", "N", "A_k/sqrt(2)", "effective value of the rotating orders of the thrust force", (ORDER,)),
     Output("thrust_amplitude_scatter", "N", "", "difference of the thrust amplitude between the last two revolutions",
-           _ORDER),
+           (ORDER,)),
     Output("thrust_amplitude_error", "N", "", "numerical error of the thrust amplitude: what half the tolerance or "
-           "step changes, and twice the standard deviation that rattling leaves", _ORDER, optional=True),
+           "step changes, and twice the standard deviation that rattling leaves", (ORDER,), optional=True),
     Output("groove_thrust_amplitude", "N", "A_k", "amplitude of the rotating orders of the thrust in each groove",
-           _GROOVE_ORDER),
+           (_GROOVE, ORDER)),
     Output("groove_thrust_phase_deg", "degree", "p_k", "phase of the rotating orders of the thrust in each groove",
-           _GROOVE_ORDER, angle=True),
+           (_GROOVE, ORDER), angle=True),
     Output(PART_OUTPUTS[0], "N", "A_k", "amplitude of the rotating orders of what each mechanism adds to the thrust "
-           "force, and of the remainder: inertia and numerical error", ("part", "order")),
+           "force, and of the remainder: inertia and numerical error", (_PART, ORDER)),
     Output(PART_OUTPUTS[1], "degree", "p_k", "phase of the rotating orders of what each mechanism adds to the thrust "
-           "force", ("part", "order"), angle=True),
-    Output("friction_power_w", "W", "P", "mean power lost to each friction mechanism", ("mechanism",)),
+           "force", (_PART, ORDER), angle=True),
+    Output("friction_power_w", "W", "P", "mean power lost to each friction mechanism", (_MECHANISM,)),
     Output("needle_skew_deg", "degree", "psi", "skew of the needle that carries the most at this rotation angle",
-           ("trunnion", "rotation_deg"), optional=True),
+           (_TRUNNION, ROTATION), optional=True),
     Output("needle_skew_summary_deg", "degree", "psi", "mean, least and greatest skew in a revolution of the needle "
-           "that carries the most", ("trunnion", "cycle", "statistic"), optional=True),
+           "that carries the most", (_TRUNNION, _CYCLE, _STATISTIC), optional=True),
     Output("largest_penetration_um", "um", "delta", "largest penetration of any contact"),
     Output("energy_residual", "1", "", "input less output less friction power, over the friction power (or over a "
            "thousandth of the transmitted power, where that is larger)"),
     *RATE_OUTPUTS,
 ]  # fmt: skip
 
-JOINT_OUTPUTS: dict[str, Output] = {output.name: output for output in _OUTPUTS}
+JOINT_OUTPUTS = by_name(_OUTPUTS)
 """All outputs of the joint by name."""
 
 
-def coordinates(samples_per_revolution: int, cycles: int) -> dict[str, NDArray[np.generic]]:
-    """Labels of the dimensions of the joint's outputs; the rotation angle covers two revolutions."""
-    return {
-        "rotation_deg": np.arange(2 * samples_per_revolution) * (360 / samples_per_revolution),
-        "groove": np.arange(1, 4),
-        "trunnion": np.arange(1, 4),
-        "cycle": np.arange(1, cycles + 1),
-        "statistic": np.array(["mean", "min", "max"]),
-        "order": ORDERS,
-        "mechanism": np.array(MECHANISMS),
-        "part": np.array(PARTS),
-    }
-
-
-def thrust_outputs(groove_thrust: FloatArray, keep: Collection[str]) -> dict[str, Values]:
+def thrust_outputs(groove_thrust: FloatArray, keep: Collection[str]) -> dict[str, FloatArray]:
     """All outputs that follow from the thrust at the grooves.
 
     Parameters
@@ -88,7 +100,8 @@ def thrust_outputs(groove_thrust: FloatArray, keep: Collection[str]) -> dict[str
 
     Returns
     -------
-    dict of Values
+    dict of ndarray
+        Every output by name, its first axis the point.
     """
     results: dict[str, FloatArray] = {}
     per_revolution = complex_amplitudes(groove_thrust)  # (point, revolution, groove, order)
@@ -104,10 +117,10 @@ def thrust_outputs(groove_thrust: FloatArray, keep: Collection[str]) -> dict[str
         )
         results["groove_thrust"] = revolutions.reshape(*revolutions.shape[:2], -1)
         results["thrust"] = results["groove_thrust"].sum(axis=1)
-    return {name: Values(JOINT_OUTPUTS[name].dims, data) for name, data in results.items() if name in keep}
+    return {name: data for name, data in results.items() if name in keep}
 
 
-def part_outputs(thrust_parts: FloatArray, keep: Collection[str]) -> dict[str, Values]:
+def part_outputs(thrust_parts: FloatArray, keep: Collection[str]) -> dict[str, FloatArray]:
     """Orders of the parts of the thrust; the complex amplitudes of all parts add up to that of the thrust.
 
     Parameters
@@ -116,7 +129,11 @@ def part_outputs(thrust_parts: FloatArray, keep: Collection[str]) -> dict[str, V
         Shape (point, revolution, part, sample), as in `thrust_outputs`.
     keep
         Names of the wanted outputs.
+
+    Returns
+    -------
+    dict of ndarray
+        Every output by name, its first axis the point.
     """
     found = amplitude_and_phase(complex_amplitudes(thrust_parts).mean(axis=1))
-    named = zip(PART_OUTPUTS, found, strict=True)
-    return {name: Values(JOINT_OUTPUTS[name].dims, data) for name, data in named if name in keep}
+    return {name: data for name, data in zip(PART_OUTPUTS, found, strict=True) if name in keep}

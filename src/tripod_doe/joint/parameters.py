@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.quantities import Parameter
+from tripod_doe.simulator import Parameter, by_name
 
 __all__ = ["JOINT_PARAMETERS", "MECHANISMS", "internal_units"]
 
@@ -56,7 +56,7 @@ _PARAMETERS = [
               "paper 3.1", low=0, high=1, group=_FRICTION),
     Parameter("groove_spin_friction", None, "1", "mu_s", "friction coefficient of the spinning moment, roller on "
               "groove; the value of groove_sliding_friction unless given", "paper Eq. 7",
-              low=0, high=1, group=_FRICTION),
+              low=0, high=1, group=_FRICTION, follows="groove_sliding_friction"),
     Parameter("needle_sliding_friction", 0.03, "1", "mu_s", "sliding friction coefficient, needle on other parts",
               "paper 3.1", low=0, high=1, group=_FRICTION),
     Parameter("groove_rolling_friction", 0.002, "1", "mu_r", "rolling friction coefficient, roller on groove",
@@ -80,7 +80,7 @@ _PARAMETERS = [
     Parameter("groove_radius_ratio", 1.0086, "1", "R_g/R_s", "groove radius over roller radius; 1.0086 gives the "
               "contact ellipse of 20 to 1", "paper 2.3.1", low=1, high=2, low_open=True, group=_GEOMETRY),
     Parameter("groove_rolling_lever_mm", None, "mm", "D/2", "lever of the rolling resistance in the groove; the "
-              "roller radius unless given", "assumed", low=0, high=100, group=_GEOMETRY),
+              "roller radius unless given", "assumed", low=0, high=100, group=_GEOMETRY, follows="roller_radius_mm"),
     Parameter("needle_count", 27, "1", "N_n", "needles a trunnion", "paper 3.1",
               low=1, high=100, kind="integer", group=_GEOMETRY),
     Parameter("spheres_per_needle", 7, "1", "N_s", "spheres that stand for a needle", "paper 3.1",
@@ -130,9 +130,9 @@ _PARAMETERS = [
               "numerics", low=1e-13, high=0.1, group=_NUMERICS),
     Parameter("step_s", None, "s", "h", "time step of a fixed-step method; by the method unless given",
               "numerics", low=1e-10, high=1e-2, group=_NUMERICS),
-    Parameter("cycles", 4, "1", "", "revolutions; the last two are sampled, the first two lose the swing of the start",
+    Parameter("cycles", 4, "1", "", "revolutions; the last two are sampled, those before them, cycles - 2, lose the swing of the start",
               "paper 3.2", low=2, high=1000, kind="integer", group=_NUMERICS),
-    Parameter("samples_per_revolution", 360, "1", "", "samples of the rotation angle a revolution", "numerics",
+    Parameter("samples_per_revolution", 360, "1", "", "samples of the rotation angle per revolution", "numerics",
               low=30, high=36000, kind="integer", group=_NUMERICS),
     Parameter("evaluation_budget", 20_000_000, "1", "", "largest number of force evaluations of a run: a minute or so "
               "of rollers, half an hour of needles", "numerics", low=1, high=1e12, kind="integer", group=_NUMERICS),
@@ -140,7 +140,7 @@ _PARAMETERS = [
               low=0, high=1e6, kind="integer", group=_NUMERICS),
 ]  # fmt: skip
 
-JOINT_PARAMETERS: dict[str, Parameter] = {parameter.name: parameter for parameter in _PARAMETERS}
+JOINT_PARAMETERS = by_name(_PARAMETERS)
 """All parameters of the joint by name, in the order in which help and documentation list them."""
 
 _TO_INTERNAL = {
@@ -164,11 +164,9 @@ def internal_units(columns: Mapping[str, NDArray[np.float64]]) -> dict[str, NDAr
         lever are filled in where they were left open.
     """
     out = {name: column * _TO_INTERNAL.get(JOINT_PARAMETERS[name].unit, 1.0) for name, column in columns.items()}
-    for name, stands_in in (
-        ("groove_spin_friction", "groove_sliding_friction"),
-        ("groove_rolling_lever_mm", "roller_radius_mm"),
-    ):
-        out[name] = np.where(np.isnan(out[name]), out[stands_in], out[name])
+    for name, parameter in JOINT_PARAMETERS.items():
+        if parameter.follows:
+            out[name] = np.where(np.isnan(out[name]), out[parameter.follows], out[name])
     for switch, coefficient in (
         ("groove_sliding", "groove_sliding_friction"),
         ("groove_spinning", "groove_spin_friction"),

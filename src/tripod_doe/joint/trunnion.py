@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,38 +17,41 @@ from tripod_doe.joint.dynamics import amplitude_error, finer_thrust, follow, jud
 from tripod_doe.joint.fit import misfits
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.multibody import build_trunnion
-from tripod_doe.joint.orders import ORDERS, amplitude_and_phase, complex_amplitudes
+from tripod_doe.joint.orders import amplitude_and_phase, complex_amplitudes
+from tripod_doe.joint.outputs import ORDER, ROTATION, rotation_angles
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_units
 from tripod_doe.joint.readings import groove_readings, needle_drift, needle_skews
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Run, method_named
 from tripod_doe.mechanics.scenes.simulator import RUN_OUTPUTS, SceneSimulator
-from tripod_doe.quantities import Output, Parameter
+from tripod_doe.simulator import Output, Parameter, by_name
 
 __all__ = ["TrunnionScene", "scene"]
 
 FloatArray = NDArray[np.float64]
 
 _SAMPLES = 360
-"""Samples of the rotation angle a revolution."""
+"""Samples of the rotation angle per revolution."""
 
 _OF_OTHERS = ("initial_skew_2_deg", "initial_skew_3_deg", "model", "samples_per_revolution")
 """Parameters of the joint that say nothing of one trunnion."""
 
 _NEEDLES = MODELS["needles"]
 
+_ROTATION = replace(ROTATION, labels=rotation_angles(_SAMPLES), length_parameter=None)
+
 _OUTPUTS = [
     Output("groove_thrust", "N", "F_1", "axial force on the groove, positive towards the intermediate shaft",
-           ("rotation_deg",)),
+           (_ROTATION,)),
     Output("groove_thrust_amplitude", "N", "A_k", "amplitude of the rotating orders of the axial force on the groove",
-           ("order",)),
+           (ORDER,)),
     Output("groove_thrust_phase_deg", "degree", "p_k", "phase of the rotating orders of the axial force on the groove",
-           ("order",), angle=True),
+           (ORDER,), angle=True),
     Output("needle_skew_deg", "degree", "psi", "skew of the needle that carries the most at this rotation angle",
-           ("rotation_deg",)),
+           (_ROTATION,)),
     Output("needle_drift_mm", "mm", "", "mean shift of the needles along the trunnion since the start",
-           ("rotation_deg",)),
+           (_ROTATION,)),
     *RUN_OUTPUTS,
 ]  # fmt: skip
 
@@ -66,21 +69,9 @@ class TrunnionScene(SceneSimulator):
     """One trunnion of the joint, its needles and its roller in the groove, as a simulator."""
 
     name = "trunnion"
-    parameters: ClassVar[dict[str, Parameter]] = {
-        name: _numerics(name) for name in JOINT_PARAMETERS if name not in _OF_OTHERS
-    }
-    outputs: ClassVar[dict[str, Output]] = {output.name: output for output in _OUTPUTS}
-    labels: ClassVar[Mapping[str, NDArray[Any]]] = {
-        "rotation_deg": np.arange(2 * _SAMPLES) * (360 / _SAMPLES), "order": ORDERS,
-    }  # fmt: skip
-    steps: ClassVar[dict[str, float]] = {
-        name: numerics["step_s"] for name, numerics in _NEEDLES.methods.items() if "step_s" in numerics
-    }
-    tolerances: ClassVar[dict[str, float]] = {
-        name: numerics["relative_tolerance"]
-        for name, numerics in _NEEDLES.methods.items()
-        if "relative_tolerance" in numerics
-    }
+    parameters = by_name(_numerics(name) for name in JOINT_PARAMETERS if name not in _OF_OTHERS)
+    outputs = by_name(_OUTPUTS)
+    numerics = _NEEDLES.methods
 
     def misfit(self, values: Mapping[str, float]) -> str:
         """Say why the parts do not fit, or nothing."""

@@ -18,7 +18,7 @@ from tripod_doe.mechanics.energy_balance import EnergyBalance, Passage
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import Settings, begin_watch
 from tripod_doe.mechanics.tables import Work
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 __all__ = ["Again", "Difference", "Ways", "difference", "error_over_difference", "run_again", "ways_of"]
 

@@ -27,7 +27,7 @@ from scipy.linalg import eigvals, null_space, solve
 from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.constraints import evaluate_constraints
 from tripod_doe.mechanics.motion import add_inertia_matrices, add_mass_blocks, linearise_elements
-from tripod_doe.quantities import Output
+from tripod_doe.simulator import Output
 
 __all__ = ["RATE_OUTPUTS", "Matrices", "Rates", "fastest_rates", "linear_matrices", "rates_at"]
 

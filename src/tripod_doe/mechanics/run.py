@@ -38,7 +38,7 @@ from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.lanes import WIDTH
 from tripod_doe.mechanics.monitor import RUNAWAY, Settings, begin_watch
 from tripod_doe.mechanics.tables import Work
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 __all__ = ["Limits", "Run", "method_named", "run"]
 

@@ -12,7 +12,7 @@ from tripod_doe.joint.models import MODELS
 from tripod_doe.report.responses import number
 from tripod_doe.report.speed_accuracy import find_in_speed_accuracy, price_table
 from tripod_doe.report.stability import border_text, measured_border
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 __all__ = ["choosing_page"]
 

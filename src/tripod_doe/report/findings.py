@@ -28,7 +28,7 @@ from tripod_doe.report.responses import (
     with_all_on,
     with_unit,
 )
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 __all__ = ["find", "find_in_analyses", "sensitivity_parts"]
 

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import COST_VARIABLES, EXCLUDED, RECORD_ROLE, SWITCH_ROLE
 
 __all__ = [

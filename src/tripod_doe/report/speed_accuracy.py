@@ -11,7 +11,7 @@ import xarray as xr
 from tripod_doe.analysis.speed_accuracy import Known
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.report.responses import number
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 __all__ = ["find_in_speed_accuracy", "is_speed_accuracy", "price_table"]
 

@@ -10,7 +10,7 @@ import xarray as xr
 from tripod_doe.analysis.stability import Agreement, Limit, RunKind
 from tripod_doe.report.figures.stability import map_of, maps
 from tripod_doe.report.responses import number, spoken, unit_text, with_unit
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 __all__ = ["border_text", "find_in_stability", "is_stability", "measured_border", "stability_table"]
 

@@ -15,10 +15,9 @@ import xarray as xr
 from markupsafe import Markup, escape
 
 from tripod_doe.errors import InputError
-from tripod_doe.quantities import Parameter
 from tripod_doe.report.responses import asked, factor_names, factor_unit, finished, number, unit_text
-from tripod_doe.results import OUTCOME_MEANINGS, Outcome
-from tripod_doe.study.simulator import load_simulator
+from tripod_doe.simulator import OUTCOME_MEANINGS, Outcome, Parameter
+from tripod_doe.study.scenes import load_simulator
 
 __all__ = [
     "FailedPoint",

@@ -6,8 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.quantities import Rung
-from tripod_doe.study.simulator import Simulator
+from tripod_doe.simulator import Candidate, Simulator
 
 __all__ = ["AUTO", "Accuracy", "Demand", "check_accuracy", "own_rungs"]
 
@@ -67,7 +66,7 @@ class Accuracy:
     confidence: float
     floor: float
     budget_cpu_s: float | None
-    rungs: tuple[Rung, ...]
+    rungs: tuple[Candidate, ...]
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -106,9 +105,9 @@ def check_accuracy(
     InputError
         If the simulator has one model only, nothing is asked for, or a quantity is unknown or has no size.
     """
-    rungs = own_rungs(simulator.ladder, taken)
+    rungs = own_rungs(simulator.candidates, taken)
     if len(rungs) < 2:
-        told = ", ".join(sorted(set(taken) & {n for rung in simulator.ladder for n in rung.values}))
+        told = ", ".join(sorted(set(taken) & {n for rung in simulator.candidates for n in rung.values}))
         why = f"the study sets {told} itself, so nothing is left to choose" if told else "it has one model"
         raise InputError(f'[base]: model = "{AUTO}": {simulator.name}: {why}; name the model')
     if not demands:
@@ -117,17 +116,21 @@ def check_accuracy(
     return Accuracy(found, confidence, floor, budget, rungs)
 
 
-def own_rungs(ladder: Sequence[Rung], taken: Collection[str]) -> tuple[Rung, ...]:
+def own_rungs(ladder: Sequence[Candidate], taken: Collection[str]) -> tuple[Candidate, ...]:
     """The rungs that a study can choose from: only what differs between them, and nothing that it sets itself.
 
-    A spare rung that would need another value of what the study sets is none for it; of rungs that then are alike, a
+    A substitute that would need another value of what the study sets is none for it; of rungs that then are alike, a
     full one stays.
     """
     full = next((rung for rung in ladder if rung.full), ladder[-1]) if ladder else None
-    kept: dict[str, Rung] = {}
+    kept: dict[str, Candidate] = {}
     for rung in ladder:
         own = {name: value for name, value in rung.values.items() if name not in taken}
-        if full and rung.spare and any(full.values[name] != rung.values[name] for name in rung.values.keys() - own):
+        if (
+            full
+            and rung.substitute
+            and any(full.values[name] != rung.values[name] for name in rung.values.keys() - own)
+        ):
             continue
         bare = replace(rung, values=own)
         if bare.label not in kept or (bare.full and not kept[bare.label].full):
@@ -139,7 +142,7 @@ def own_rungs(ladder: Sequence[Rung], taken: Collection[str]) -> tuple[Rung, ...
     )
 
 
-def _varies(name: str, rungs: Collection[Rung]) -> bool:
+def _varies(name: str, rungs: Collection[Candidate]) -> bool:
     return len({rung.values[name] for rung in rungs}) > 1
 
 

@@ -14,8 +14,15 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.errors import CubeError
-from tripod_doe.quantities import Output, Parameter, Value, dimension_attributes
-from tripod_doe.results import DETAIL_ATTRIBUTES, OUTCOME_ATTRIBUTES, BlockResult, Outcome
+from tripod_doe.simulator import (
+    DETAIL_ATTRIBUTES,
+    OUTCOME_ATTRIBUTES,
+    BlockResult,
+    Outcome,
+    Output,
+    Parameter,
+    Value,
+)
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.journal import PILOT, FinishedBlock
@@ -47,6 +54,7 @@ SWITCH_ROLE = "switch of the ablation"
 RECORD_ROLE = "record of the run"
 """Attribute ``role`` of variables that tell how a point was computed: they are no results."""
 
+_POINT_ATTRIBUTES = {"long_name": "number of the point in the design", "units": "1"}
 _UNKNOWN = -1  # flag of a point that has not run, or of a choice that its model does not have
 _PACKAGES = ("tripod-doe", "numpy", "scipy", "numba", "xarray", "netCDF4", "dask", "SALib")
 
@@ -290,14 +298,12 @@ def _coordinates(study: Study, points: Points, labels: Mapping[str, NDArray[Any]
             levels = np.array(study.factors[name].values, dtype=column.dtype)
             coordinates[name] = xr.Variable((name,), _cf_type(levels), attrs)
     if points.dims == ("point",):
-        coordinates["point"] = xr.Variable(
-            ("point",), np.arange(points.count, dtype=np.int32), dimension_attributes("point")
-        )
+        coordinates["point"] = xr.Variable(("point",), np.arange(points.count, dtype=np.int32), _POINT_ATTRIBUTES)
     for name, column in points.labels.items():
         meaning = "factor that is varied" if name == "varied" else "row of the sub-design"
         coordinates[name] = xr.Variable(("point",), _cf_type(column), {"long_name": meaning})
     for name, values in labels.items():
-        coordinates[name] = xr.Variable((name,), _cf_type(values), dimension_attributes(name))
+        coordinates[name] = xr.Variable((name,), _cf_type(values), study.simulator.dimension_attributes(name))
     return coordinates
 
 

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.quantities import Parameter, Value, check_parameters
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome, Parameter, Simulator, Value, check_parameters
 from tripod_doe.study.accuracy import AUTO, Accuracy, check_accuracy
 from tripod_doe.study.file import (
     AccuracyTable,
@@ -27,7 +26,7 @@ from tripod_doe.study.file import (
     read_text,
 )
 from tripod_doe.study.retry import NO_LADDER, Ladder, check_ladder
-from tripod_doe.study.simulator import Simulator, load_simulator
+from tripod_doe.study.scenes import load_simulator
 
 __all__ = ["Factor", "Study", "canonical", "load_study", "parse_study"]
 

@@ -18,12 +18,11 @@ from SALib.sample import sobol as salib_sobol
 from scipy.stats import qmc
 
 from tripod_doe.errors import InputError, closest, near_match
-from tripod_doe.quantities import Parameter, Value
+from tripod_doe.simulator import Parameter, Value
 from tripod_doe.study.definition import Factor, Study
 from tripod_doe.study.distributions import is_unbounded, quantile
 from tripod_doe.study.expressions import Expression
 from tripod_doe.study.file import DesignTable
-from tripod_doe.study.simulator import column_of, point_columns
 
 __all__ = ["Points", "make_points", "point_keys", "salib_problem", "unit_sample"]
 
@@ -153,7 +152,7 @@ def _levels(factor: Factor) -> Column:
 
 
 def _column(factor: Factor, values: Iterable[Any]) -> Column:
-    return column_of(factor.parameter, list(values))
+    return factor.parameter.column(list(values))
 
 
 def _grid(factors: Mapping[str, Factor]) -> dict[str, Column]:
@@ -225,7 +224,7 @@ def _table(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> 
                 values.append(_cell(parameter, row[index].strip()))
             except (InputError, ValueError) as error:
                 raise InputError(f"table = {design.table!r}: line {line}: {name}: {error}") from error
-        columns[name] = column_of(parameter, values)
+        columns[name] = parameter.column(values)
     return columns
 
 
@@ -345,7 +344,7 @@ def point_keys(study: Study, points: Points) -> NDArray[np.void]:
 
 def _fingerprints(study: Study, columns: Mapping[str, Column], count: int) -> bytes:
     """Fingerprints of some points, one after the other."""
-    full = point_columns(study.simulator, study.base, columns, count)
+    full = study.simulator.columns(study.base, columns, count)
     matrix = np.empty((count, len(full)))
     for position, name in enumerate(sorted(full)):
         column = full[name]

@@ -11,7 +11,6 @@ from scipy import stats
 
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition import Factor
-from tripod_doe.study.simulator import column_of
 
 __all__ = ["is_unbounded", "quantile"]
 
@@ -51,7 +50,7 @@ def quantile(factor: Factor, unit: NDArray[np.float64]) -> NDArray[Any]:
             '(distribution = "discrete" for a list of values)'
         )
     if table.distribution == "discrete":
-        values: NDArray[Any] = column_of(parameter, [parameter.check(value) for value in table.values or []])
+        values: NDArray[Any] = parameter.column([parameter.check(value) for value in table.values or []])
         weights = np.array(table.weights or [1.0] * len(values))
         chosen = np.searchsorted(np.cumsum(weights) / weights.sum(), unit, side="right")
         return values[np.minimum(chosen, len(values) - 1)]

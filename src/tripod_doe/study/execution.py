@@ -18,11 +18,10 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
 from tripod_doe.interrupts import check_interrupt
-from tripod_doe.results import BlockResult, Outcome
+from tripod_doe.simulator import BlockResult, Outcome
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.journal import FinishedBlock
-from tripod_doe.study.simulator import point_columns
 from tripod_doe.study.task import Task, make_task, matching_simulator, run_task
 
 __all__ = ["Policy", "local_workers", "run_blocks"]
@@ -147,7 +146,7 @@ def run_blocks(
     the point that does it stands alone; that point is recorded as worker_lost.
     """
     columns = {name: column[missing] for name, column in points.settings.items()}
-    study.simulator.prepare(point_columns(study.simulator, study.base, columns, missing.size))  # once for all workers
+    study.simulator.prepare(study.simulator.columns(study.base, columns, missing.size))  # once for all workers
     queue = _Queue(missing, policy.block)
     with _client(policy) as client:
         table = study.file.study
@@ -190,12 +189,9 @@ def _finished(future: Future, keys: NDArray[np.void]) -> FinishedBlock | None:
     if isinstance(error, KilledWorker):
         if keys.size > 1:
             return None
-        lost = np.array([Outcome.WORKER_LOST], np.int8)
-        none = np.zeros(1, np.int64)
-        detail = [f"{_ALLOWED_FAILURES + 1} worker processes died on this point"]
-        return FinishedBlock(
-            keys, BlockResult({}, {}, lost, detail, none, none, none, np.full(1, np.nan)), 0.0, 0.0, ""
-        )
+        detail = f"{_ALLOWED_FAILURES + 1} worker processes died on this point"
+        lost = BlockResult.blank(1, Outcome.WORKER_LOST, detail, simulated_seconds=np.nan)
+        return FinishedBlock(keys, lost, 0.0, 0.0, "")
     raise error
 
 

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import CubeError, InputError, StorageError
-from tripod_doe.results import BlockResult, Retries, Values
+from tripod_doe.simulator import WORK, BlockResult, Retries, Values
 
-__all__ = ["PER_POINT", "PILOT", "FinishedBlock", "Journal"]
+__all__ = ["PILOT", "FinishedBlock", "Journal"]
 
 PILOT = "pilot"
 """Stands for the worker of points that were run by the pilot of their study."""
@@ -35,9 +35,6 @@ CREATE TABLE IF NOT EXISTS block (
 );
 CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
 """
-
-PER_POINT = ("outcome", "steps", "force_evaluations", "solves", "simulated_seconds")
-"""Fields of a `BlockResult` that are an array with one number a point."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +164,7 @@ def _pack(result: BlockResult) -> bytes:
     }  # fmt: skip
     arrays: dict[str, Any] = {f"output/{name}": values.data for name, values in result.outputs.items()}
     arrays |= {f"coordinate/{name}": labels for name, labels in result.coordinates.items()}
-    arrays |= {name: getattr(result, name) for name in PER_POINT}
+    arrays |= {name: getattr(result, name) for name in ("outcome", *WORK)}
     if retries := result.retries:
         header["first_detail"] = retries.first_detail
         arrays |= {"attempt": retries.attempt, "first_outcome": retries.first_outcome}
@@ -190,9 +187,9 @@ def _unpack(payload: bytes) -> BlockResult:
             first = archive["first_outcome"], header["first_detail"]
             retries = Retries(archive["attempt"], *first, named("used/"))
         return BlockResult(
-            outputs,
+            outputs=outputs,
             coordinates=named("coordinate/"),
             detail=header["detail"],
             retries=retries,
-            **{name: archive[name] for name in PER_POINT},
+            **{name: archive[name] for name in ("outcome", *WORK)},
         )

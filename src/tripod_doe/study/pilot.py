@@ -9,8 +9,7 @@ import numpy as np
 import tomlkit
 from numpy.typing import NDArray
 
-from tripod_doe.quantities import Rung
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Candidate, Outcome
 from tripod_doe.study.accuracy import Accuracy
 from tripod_doe.study.definition import Study, parse_study
 from tripod_doe.study.designs import Points
@@ -64,7 +63,7 @@ def normalised(columns: Mapping[str, NDArray[Any]], over: Mapping[str, NDArray[A
     return np.stack(places, axis=1) if places else np.zeros((1, 0))
 
 
-def pilot_study(study: Study, points: Points, runs: Sequence[tuple[Rung, NDArray[np.int64]]]) -> Study:
+def pilot_study(study: Study, points: Points, runs: Sequence[tuple[Candidate, NDArray[np.int64]]]) -> Study:
     """The pilot: each rung at some points, by their indices. With more runs it is the same study, grown."""
     accuracy = study.accuracy
     assert accuracy is not None

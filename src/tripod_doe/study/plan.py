@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import queue
 import time
@@ -13,7 +14,6 @@ import numpy as np
 
 from tripod_doe.study.definition import Study, load_study, parse_study
 from tripod_doe.study.designs import Points, make_points, point_keys
-from tripod_doe.study.simulator import point_columns
 from tripod_doe.study.task import make_task, run_task
 
 __all__ = ["Plan", "cube_bytes", "plan"]
@@ -125,16 +125,12 @@ def plan(study: Study | str | Path, timing: bool = True) -> Plan:
 
 
 def cube_bytes(study: Study, points: Points) -> int | None:
-    """Size of outputs that declare their shape; a function's are not known beforehand."""
+    """Size of outcome and outputs in the cube, texts left out; a function's outputs are not known beforehand."""
     if not study.simulator.outputs:
         return None
-    full = study.simulator.effective(study.base)
-    turns, samples = (int(full.get(name) or 0) for name in ("cycles", "samples_per_revolution"))
-    lengths = {"order": 13, "groove": 3, "trunnion": 3, "mechanism": 5, "part": 6, "statistic": 3}
-    lengths |= {"cycle": turns, "rotation_deg": 2 * samples}
-    numbers = sum(
-        int(np.prod([lengths.get(dim, 1) for dim in study.simulator.outputs[name].dims])) for name in study.keep
-    )
+    first = {name: column[:1].tolist()[0] for name, column in points.columns.items()}
+    values = study.simulator.effective({**study.base, **first})  # lengths that differ between points are refused
+    numbers = sum(math.prod(study.simulator.outputs[name].shape(values)) for name in study.keep)
     return points.count * (8 * numbers + 1)
 
 
@@ -167,7 +163,7 @@ def _timing_process(text: str, origin: str, folder: Any, answers: Any) -> None:
     points = make_points(study)
     allowed = np.flatnonzero(points.allowed)
     columns = {name: column[allowed] for name, column in points.columns.items()}
-    study.simulator.prepare(point_columns(study.simulator, study.base, columns, allowed.size))
+    study.simulator.prepare(study.simulator.columns(study.base, columns, allowed.size))
     run_task(make_task(study, points, allowed[:1]))  # the first call of a process is no measure
     random, batch = np.random.default_rng(0), 1
     for _ in range(_SAMPLES):

@@ -16,7 +16,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 from tripod_doe.study.expressions import Expression
 from tripod_doe.study.netcdf import open_cube
 

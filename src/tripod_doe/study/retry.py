@@ -17,9 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.quantities import Value, check_parameters
-from tripod_doe.results import BlockResult, Outcome, Retries, Values
-from tripod_doe.study.simulator import Simulator, column_of
+from tripod_doe.simulator import WORK, BlockResult, Outcome, Retries, Simulator, Value, check_parameters
 
 __all__ = [
     "NO_LADDER",
@@ -261,16 +259,10 @@ class _History:
     ) -> None:
         self._simulator, self._ladder = simulator, ladder
         self._first, self._points = first, points
-        self._count = first.outcome.size
+        self._block = first.take(np.arange(first.count))
         self._waiting = ~np.isin(first.outcome, list(ladder.accepted))
         self._values = {row: self._given(row) for row in np.flatnonzero(self._waiting).tolist()}
-        self._attempt = np.zeros(self._count, np.int8)
-        self._story = list(first.detail)
-        self._outcome = first.outcome.copy()
-        self._work = {name: getattr(first, name).copy() for name in ("steps", "force_evaluations", "solves")}
-        self._seconds = first.simulated_seconds.copy()
-        self._outputs = dict(first.outputs)
-        self._coordinates = dict(first.coordinates)
+        self._attempt = np.zeros(first.count, np.int8)
 
     def _given(self, row: int) -> dict[str, Value]:
         """The values of a point that are set."""
@@ -288,47 +280,40 @@ class _History:
             self._values[row] = new
             rows.append(row)
         columns = {
-            name: column_of(parameter, [self._values[row].get(name) for row in rows])
+            name: parameter.column([self._values[row].get(name) for row in rows])
             for name, parameter in self._simulator.parameters.items()
         }
         return np.array(rows, np.int64), columns
 
     def record(self, change: Change, rows: NDArray[np.int64], again: BlockResult) -> None:
-        """Add the work of an attempt, and take its results where it finished."""
-        for name, counted in self._work.items():
-            counted[rows] += getattr(again, name)
-        followed = np.stack([self._seconds[rows], again.simulated_seconds])
-        self._seconds[rows] = np.where(np.isnan(followed).all(axis=0), np.nan, np.nansum(followed, axis=0))
+        """Take over the points that finished in an attempt, tell of the others, and count the work of all."""
+        before = self._block.take(rows)
         helped = again.outcome == Outcome.FINISHED
-        for name, values in again.outputs.items():
-            old = self._outputs.get(name)
-            data = np.full((self._count, *values.data.shape[1:]), np.nan) if old is None else old.data.copy()
-            data[rows[helped]] = values.data[helped]
-            self._outputs[name] = Values(values.dims, data)
-        self._coordinates = again.coordinates | self._coordinates
-        self._outcome[rows[helped]] = Outcome.FINISHED
+        self._block.fill(rows[helped], again.take(np.flatnonzero(helped)))
         self._waiting[rows[helped]] = False
-        for row, outcome, detail in zip(rows, again.outcome, again.detail, strict=True):
-            history = f"{self._story[row]}; then {change.label}: {Outcome(int(outcome)).label} {detail}".rstrip()
-            self._story[row] = detail if outcome == Outcome.FINISHED else history
+        for row, told, outcome, detail in zip(rows, before.detail, again.outcome, again.detail, strict=True):
+            if outcome != Outcome.FINISHED:
+                history = f"{told}; then {change.label}: {Outcome(int(outcome)).label} {detail}"
+                self._block.detail[row] = history.rstrip()
+        for name in WORK:
+            spent = np.stack([getattr(before, name), getattr(again, name)])
+            unknown = np.isnan(spent).all(axis=0)
+            getattr(self._block, name)[rows] = np.where(unknown, spent[0], np.nansum(spent, axis=0))
 
     def outcome(self) -> BlockResult:
         """The block with all its attempts."""
         names = changed_parameters(self._simulator, self._ladder)
         used: dict[str, list[Value]] = {name: [] for name in names}
-        for row in range(self._count):
+        for row in range(self._first.count):
             solved = row in self._values and not self._waiting[row]
             full = self._simulator.effective(self._values[row] if solved else self._given(row))
             for name in names:
                 used[name].append(full[name])
-        columns = {name: column_of(self._simulator.parameters[name], values) for name, values in used.items()}
+        columns = {name: self._simulator.parameters[name].column(values) for name, values in used.items()}
         retries = Retries(self._attempt, self._first.outcome, list(self._first.detail), {
             name: np.array(["" if value is None else value for value in column], dtype=str)
             if column.dtype == object
             else column.astype(float)
             for name, column in columns.items()
         })  # fmt: skip
-        return replace(
-            self._first, outputs=self._outputs, coordinates=self._coordinates, outcome=self._outcome,
-            detail=self._story, simulated_seconds=self._seconds, retries=retries, **self._work,
-        )  # fmt: skip
+        return replace(self._block, retries=retries)

@@ -6,7 +6,7 @@ from typing import Any
 
 from tripod_doe.study.accuracy import AUTO
 from tripod_doe.study.file import StudyFile
-from tripod_doe.study.simulator import SCENES, load_simulator
+from tripod_doe.study.scenes import SCENES, load_simulator
 
 __all__ = ["study_schema"]
 
@@ -25,7 +25,10 @@ def study_schema(scene: str = "joint") -> dict[str, Any]:
             "default": parameter.default,
         }
         if parameter.kind == "choice":
-            entry["enum"] = [*parameter.choices, *([AUTO] if parameter.name == "model" and simulator.ladder else [])]
+            entry["enum"] = [
+                *parameter.choices,
+                *([AUTO] if parameter.name == "model" and simulator.candidates else []),
+            ]
         else:
             entry["type"] = {"number": ["number"], "switch": ["integer", "boolean"]}.get(parameter.kind, ["integer"])
             limits = {"exclusiveMinimum" if parameter.low_open else "minimum": parameter.low, "maximum": parameter.high}

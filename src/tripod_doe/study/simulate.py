@@ -6,9 +6,8 @@ from typing import Any
 
 import xarray as xr
 
-from tripod_doe.quantities import Value, check_parameters, dimension_attributes
-from tripod_doe.results import DETAIL_ATTRIBUTES, OUTCOME_ATTRIBUTES, Outcome
-from tripod_doe.study.simulator import load_simulator
+from tripod_doe.simulator import DETAIL_ATTRIBUTES, OUTCOME_ATTRIBUTES, Outcome, Value, check_parameters
+from tripod_doe.study.scenes import load_simulator
 from tripod_doe.study.task import Task, run_task
 
 __all__ = ["simulate"]
@@ -67,5 +66,7 @@ def simulate(scene: str = "joint", **parameters: Any) -> xr.Dataset:
         "cost": cost,
         "finished": int(result.outcome[0]) == Outcome.FINISHED,
     }
-    coordinates = {name: (name, labels, dimension_attributes(name)) for name, labels in result.coordinates.items()}
+    coordinates = {
+        name: (name, labels, simulator.dimension_attributes(name)) for name, labels in result.coordinates.items()
+    }
     return xr.Dataset(variables, coords=coordinates, attrs=attrs)

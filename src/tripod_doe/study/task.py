@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
-from tripod_doe.quantities import Value
-from tripod_doe.results import BlockResult
+from tripod_doe.simulator import BlockResult, Simulator, Value
 from tripod_doe.study.retry import NO_LADDER, Ladder, simulate_with_retries
-from tripod_doe.study.simulator import Simulator, load_simulator, point_columns
+from tripod_doe.study.scenes import load_simulator
 
 if TYPE_CHECKING:  # for their names only: a single point needs no designs
     from tripod_doe.study.definition import Study
@@ -57,7 +56,7 @@ def run_task(task: Task) -> tuple[BlockResult, float, float]:
     Compilation is not counted.
     """
     simulator = matching_simulator(task.scene, task.function, task.folder, task.source_hash)
-    points = point_columns(simulator, task.base, task.columns, task.count)
+    points = simulator.columns(task.base, task.columns, task.count)
     return simulate_with_retries(simulator, points, task.keep, task.retry)
 
 

@@ -21,14 +21,13 @@ from numpy.typing import NDArray
 from tripod_doe.analysis.choice import choose, without_pilot
 from tripod_doe.analysis.pilot_evidence import Evidence, evidence
 from tripod_doe.errors import InputError
-from tripod_doe.quantities import Rung
+from tripod_doe.simulator import Candidate
 from tripod_doe.study.accuracy import Accuracy
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points, make_points, point_keys
 from tripod_doe.study.journal import PILOT
 from tripod_doe.study.netcdf import open_cube, read_dataset, stamp_history, write_dataset
 from tripod_doe.study.pilot import pilot_points, pilot_study
-from tripod_doe.study.simulator import column_of
 from tripod_doe.workflow.pilot_results import finished_in_pilot
 
 __all__ = ["chosen_keys", "chosen_points", "describe_choice", "frozen_choice", "make_choice", "pilot_price"]
@@ -116,19 +115,19 @@ def _piloted(
             return choice
 
 
-def first_rungs(accuracy: Accuracy) -> list[Rung]:
+def first_rungs(accuracy: Accuracy) -> list[Candidate]:
     """What a pilot starts with: the cheapest rung and the full model."""
     return [accuracy.rungs[0], next((rung for rung in accuracy.rungs[1:] if rung.full), accuracy.rungs[-1])]
 
 
-def _finer_rung(found: Evidence, accuracy: Accuracy) -> Rung | None:
+def _finer_rung(found: Evidence, accuracy: Accuracy) -> Candidate | None:
     """A finer rung than all that ran, None where those are accurate enough at enough points, or where there is none."""
     unsure = (found.worst[:, -1] > 1).mean() > 1 - accuracy.confidence
     finer = accuracy.rungs[accuracy.rungs.index(found.rungs[-1]) + 1 :]
     return finer[0] if unsure and finer else None
 
 
-def _rung_between(found: Evidence, choice: xr.Dataset, accuracy: Accuracy, tried: list[Rung]) -> Rung | None:
+def _rung_between(found: Evidence, choice: xr.Dataset, accuracy: Accuracy, tried: list[Candidate]) -> Candidate | None:
     """A rung that the pilot should run besides, since it could save more than it costs; None if there is none."""
     paid = found.prices[choice["rung"].values]
     for rung in accuracy.rungs[: accuracy.rungs.index(found.rungs[-1])]:
@@ -202,7 +201,7 @@ def chosen_points(study: Study, points: Points, choice: xr.Dataset) -> Points:
     at = np.array([rows.get(key, 0) for key in _key_texts(study, points).tolist()])
     chosen = {}
     for name in _accuracy(study).parameters:
-        chosen[name] = column_of(study.simulator.parameters[name], choice[name].values[at].tolist())
+        chosen[name] = study.simulator.parameters[name].column(choice[name].values[at].tolist())
     names = [str(name) for name in choice["quantity"].values]
     errors = {name: choice["error_estimate"].values[at, k] for k, name in enumerate(names)}
     return replace(points, chosen=chosen, error_estimate=errors, accuracy_met=choice["accuracy_met"].values[at])

@@ -7,19 +7,16 @@ numbers. Only points that finished are taken: one that failed is the study's to 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.results import BlockResult, Outcome, Values
+from tripod_doe.simulator import Outcome
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points
-from tripod_doe.study.journal import PER_POINT, PILOT, FinishedBlock, Journal
+from tripod_doe.study.journal import PILOT, FinishedBlock, Journal
 from tripod_doe.study.retry import untried
-from tripod_doe.study.simulator import point_columns
 
 __all__ = ["finished_in_pilot", "pilot_results"]
 
@@ -62,8 +59,8 @@ def pilot_results(
         if found:
             rows, indices = np.array(found).T
             columns = {name: column[indices] for name, column in points.settings.items()}
-            full = point_columns(study.simulator, study.base, columns, indices.size)
-            result = untried(study.simulator, full, _part(block.result, rows, study.keep), study.retry)
+            full = study.simulator.columns(study.base, columns, indices.size)
+            result = untried(study.simulator, full, block.result.take(rows, study.keep), study.retry)
             share = rows.size / block.keys.size
             yield FinishedBlock(block.keys[rows], result, block.cpu_seconds * share, block.wall_seconds * share, PILOT)
 
@@ -72,18 +69,3 @@ def _blocks(directory: Path) -> Iterator[FinishedBlock]:
     if (directory / "journal.sqlite").exists():
         with Journal(directory) as journal:
             yield from journal.blocks()
-
-
-def _part(result: BlockResult, rows: NDArray[np.int64], keep: tuple[str, ...]) -> BlockResult:
-    """Some rows of a block, with the outputs that a study keeps (all where it names none)."""
-    outputs = {
-        name: Values(values.dims, values.data[rows])
-        for name, values in result.outputs.items()
-        if not keep or name in keep
-    }
-    along = {dim for values in outputs.values() for dim in values.dims}
-    per_point: dict[str, Any] = {name: getattr(result, name)[rows] for name in PER_POINT}
-    return replace(
-        result, outputs=outputs, coordinates={name: v for name, v in result.coordinates.items() if name in along},
-        detail=[result.detail[row] for row in rows], **per_point,
-    )  # fmt: skip

@@ -20,7 +20,7 @@ from tripod_doe.errors import InputError
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.report.findings import find
 from tripod_doe.report.page import write_report
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import Study, canonical, load_study, parse_study
 from tripod_doe.study.designs import Points, make_points, point_keys

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -25,12 +25,30 @@ from tripod_doe.mechanics.linearisation import RATE_OUTPUTS
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Run, run
 from tripod_doe.mechanics.scenes.simulator import PROGRESS, RUN_OUTPUTS, SceneSimulator, numerics_parameters
-from tripod_doe.quantities import Output, Parameter
+from tripod_doe.simulator import Methods, Output, Parameter, by_name
 
 __all__ = ["NeedleBetweenPlates", "build", "closed_form", "scene", "transition_velocity"]
 
+_PLACES = PROGRESS.labels_of({})
+
 _PLATE_MASS = 1e-4
 """Mass of the loaded plate (0.1 kg, assumed): it moves only across its plane, and only while the load settles."""
+
+_NUMERICS: Methods = {
+    "bdf2": {"step_s": 1e-4},
+    "symplectic-euler": {"step_s": 5e-9},
+    "rk4": {"step_s": 5e-9},
+    "linearly-implicit-euler": {"step_s": 1e-5},
+    "implicit-euler": {"step_s": 1e-4},
+    "generalized-alpha": {"step_s": 1e-5},
+    "adaptive-euler": {"relative_tolerance": 1e-3},
+    "rosenbrock": {"relative_tolerance": 1e-5},
+    "scipy-radau": {"relative_tolerance": 1e-6},
+    "scipy-bdf": {"relative_tolerance": 1e-6},
+    "scipy-lsoda": {"relative_tolerance": 1e-6},
+    "scipy-dop853": {"relative_tolerance": 1e-6},
+}
+"""Methods, the default first, each with its default step or tolerance."""
 
 _PARAMETERS = [
     Parameter("friction_a", 0.03, "1", "mu_sA", "sliding friction coefficient on plate A, the fixed one",
@@ -65,14 +83,14 @@ _PARAMETERS = [
               "numerics: for stability studies", low=1e-4, high=1e4, group="stability studies"),
     Parameter("needle_mass_factor", 1.0, "1", "", "factor on the needle's mass and inertia",
               "numerics: for stability studies", low=1e-4, high=1e4, group="stability studies"),
-    *numerics_parameters("bdf2", 200_000_000),
+    *numerics_parameters(_NUMERICS, 200_000_000),
 ]  # fmt: skip
 
 _OUTPUTS = [
     Output("axial_drift_mm", "mm", "y", "drift of the needle across the plate's velocity, in its plane"),
     Output("travel_mm", "mm", "x", "travel of the needle along the plate's velocity"),
-    Output("axial_path_mm", "mm", "y", "locus of the needle: drift across the plate's velocity", ("progress",)),
-    Output("travel_path_mm", "mm", "x", "locus of the needle: travel along the plate's velocity", ("progress",)),
+    Output("axial_path_mm", "mm", "y", "locus of the needle: drift across the plate's velocity", (PROGRESS,)),
+    Output("travel_path_mm", "mm", "x", "locus of the needle: travel along the plate's velocity", (PROGRESS,)),
     *RUN_OUTPUTS,
     *RATE_OUTPUTS,
 ]
@@ -171,25 +189,14 @@ class NeedleBetweenPlates(SceneSimulator):
     """The needle between two plates as a simulator."""
 
     name = "needle-between-plates"
-    parameters: ClassVar[dict[str, Parameter]] = {parameter.name: parameter for parameter in _PARAMETERS}
-    outputs: ClassVar[dict[str, Output]] = {output.name: output for output in _OUTPUTS}
-    steps: ClassVar[dict[str, float]] = {
-        "symplectic-euler": 5e-9, "rk4": 5e-9, "linearly-implicit-euler": 1e-5, "implicit-euler": 1e-4, "bdf2": 1e-4,
-        "generalized-alpha": 1e-5,
-    }  # fmt: skip
-    tolerances: ClassVar[dict[str, float]] = {
-        "adaptive-euler": 1e-3,
-        "rosenbrock": 1e-5,
-        "scipy-radau": 1e-6,
-        "scipy-bdf": 1e-6,
-        "scipy-lsoda": 1e-6,
-        "scipy-dop853": 1e-6,
-    }
+    parameters = by_name(_PARAMETERS)
+    outputs = by_name(_OUTPUTS)
+    numerics = _NUMERICS
 
     def run(self, values: Mapping[str, float], method: str, step: float | None, settings: Settings) -> Run:
         """Simulate one point."""
         assembly = assemble(build(values))
-        return run(assembly, method, values["duration_s"], step=step, samples=PROGRESS.size - 1, settings=settings)
+        return run(assembly, method, values["duration_s"], step=step, samples=_PLACES.size - 1, settings=settings)
 
     def answer(self, values: Mapping[str, float], result: Run) -> dict[str, Any]:
         """Drift, travel and locus."""
@@ -198,8 +205,8 @@ class NeedleBetweenPlates(SceneSimulator):
         return {
             "axial_drift_mm": path[-1, 1],
             "travel_mm": path[-1, 0],
-            "axial_path_mm": np.interp(PROGRESS, progress, path[:, 1]),
-            "travel_path_mm": np.interp(PROGRESS, progress, path[:, 0]),
+            "axial_path_mm": np.interp(_PLACES, progress, path[:, 1]),
+            "travel_path_mm": np.interp(_PLACES, progress, path[:, 0]),
         }
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -20,12 +20,28 @@ from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.motion import generalized_forces
 from tripod_doe.mechanics.run import Run, run
 from tripod_doe.mechanics.scenes.simulator import RUN_OUTPUTS, SceneSimulator, numerics_parameters
-from tripod_doe.quantities import Output, Parameter
+from tripod_doe.simulator import Methods, Output, Parameter, by_name
 
 __all__ = ["RollerInGroove", "build", "closed_form", "scene"]
 
 _MASS, _INERTIA = 7e-5, 1e-2
 """Mass (0.07 kg) and moment of inertia of the roller, assumed: they matter only while the load settles."""
+
+_NUMERICS: Methods = {
+    "bdf2": {"step_s": 1e-4},
+    "symplectic-euler": {"step_s": 1e-7},
+    "rk4": {"step_s": 2e-7},
+    "linearly-implicit-euler": {"step_s": 1e-6},
+    "implicit-euler": {"step_s": 1e-4},
+    "generalized-alpha": {"step_s": 1e-5},
+    "adaptive-euler": {"relative_tolerance": 1e-3},
+    "rosenbrock": {"relative_tolerance": 1e-6},
+    "scipy-radau": {"relative_tolerance": 1e-8},
+    "scipy-bdf": {"relative_tolerance": 1e-8},
+    "scipy-lsoda": {"relative_tolerance": 1e-8},
+    "scipy-dop853": {"relative_tolerance": 1e-8},
+}
+"""Methods, the default first, each with its default step or tolerance."""
 
 _PARAMETERS = [
     Parameter("tilt_deg", 10.0, "degree", "beta", "tilt of the roller's axis from the perpendicular to the groove",
@@ -50,7 +66,7 @@ _PARAMETERS = [
               "assumed", low=0, high=1, group="material"),
     Parameter("contact_stiffness_factor", 1.0, "1", "", "factor on the contact stiffness",
               "numerics: for stability studies", low=1e-4, high=1e4, group="stability studies"),
-    *numerics_parameters("bdf2", 50_000_000),
+    *numerics_parameters(_NUMERICS, 50_000_000),
 ]  # fmt: skip
 
 _OUTPUTS = [
@@ -104,20 +120,9 @@ class RollerInGroove(SceneSimulator):
     """The roller in its groove as a simulator."""
 
     name = "roller-in-groove"
-    parameters: ClassVar[dict[str, Parameter]] = {parameter.name: parameter for parameter in _PARAMETERS}
-    outputs: ClassVar[dict[str, Output]] = {output.name: output for output in _OUTPUTS}
-    steps: ClassVar[dict[str, float]] = {
-        "symplectic-euler": 1e-7, "rk4": 2e-7, "linearly-implicit-euler": 1e-6, "implicit-euler": 1e-4, "bdf2": 1e-4,
-        "generalized-alpha": 1e-5,
-    }  # fmt: skip
-    tolerances: ClassVar[dict[str, float]] = {
-        "adaptive-euler": 1e-3,
-        "rosenbrock": 1e-6,
-        "scipy-radau": 1e-8,
-        "scipy-bdf": 1e-8,
-        "scipy-lsoda": 1e-8,
-        "scipy-dop853": 1e-8,
-    }
+    parameters = by_name(_PARAMETERS)
+    outputs = by_name(_OUTPUTS)
+    numerics = _NUMERICS
 
     def run(self, values: Mapping[str, float], method: str, step: float | None, settings: Settings) -> Run:
         """Simulate one point."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Collection, Mapping
 from dataclasses import astuple
 from typing import Any, ClassVar
@@ -10,26 +10,34 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.errors import InputError
 from tripod_doe.mechanics.assembly import State
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.linearisation import RATE_OUTPUTS, fastest_rates
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Run
 from tripod_doe.mechanics.sources import source_hashes
-from tripod_doe.quantities import Output, Parameter, Rung, Value
-from tripod_doe.results import BlockResult, Outcome, Values
+from tripod_doe.simulator import (
+    NUMERICS,
+    BlockResult,
+    Dimension,
+    Methods,
+    Outcome,
+    Output,
+    Parameter,
+    Simulator,
+    Value,
+)
 
 __all__ = ["PROGRESS", "RUN_OUTPUTS", "SceneSimulator", "numerics_parameters"]
 
-PROGRESS = np.linspace(0.0, 1.0, 101)
+PROGRESS = Dimension("progress", np.linspace(0.0, 1.0, 101))
 """Parts of the duration at which paths are sampled."""
 
 RUN_OUTPUTS = (
     Output("largest_penetration_um", "um", "delta", "largest penetration of all contacts"),
     Output("energy_residual", "1", "", "energy residual over the energy turned over"),
 )
-"""What every run tells about itself."""
+"""What every run reports about itself."""
 
 _RATE_STATES = 10
 """States on the way at which a run is linearised."""
@@ -37,10 +45,10 @@ _RATE_STATES = 10
 _NUMERICS = "numerics"
 
 
-def numerics_parameters(method: str, evaluation_budget: int) -> tuple[Parameter, ...]:
-    """Parameters of the time integration, with the scene's default method and budget."""
+def numerics_parameters(methods: Methods, evaluation_budget: int) -> tuple[Parameter, ...]:
+    """Parameters of the time integration, with the scene's default method, its first one, and its default budget."""
     return (
-        Parameter("method", method, "1", "", "time integration method", "numerics", kind="choice",
+        Parameter("method", next(iter(methods)), "1", "", "time integration method", "numerics", kind="choice",
                   choices=tuple(METHODS), group=_NUMERICS),
         Parameter("relative_tolerance", None, "1", "", "relative tolerance of a method with step control; by the "
                   "method unless given", "numerics", low=1e-13, high=0.1, group=_NUMERICS),
@@ -57,33 +65,17 @@ def _unset(value: object) -> bool:
     return value is None or (isinstance(value, float) and np.isnan(value))
 
 
-class SceneSimulator(ABC):
-    """A scene of mechanics as a simulator of studies.
+class SceneSimulator(Simulator):
+    """A scene of mechanics as a simulator of studies: one model, one run per point.
 
     Attributes
     ----------
-    name
-        Name of the scene in study files.
-    parameters, outputs
-        Everything that can be set and kept, by name.
-    labels
-        Coordinates of the outputs' dimensions.
-    steps, tolerances
-        Default step of each method without, and default tolerance of each with step control.
-    source_hash
-        Hash of all kernel sources: results with different hashes must not be mixed.
-    ladder
-        Empty: a small scene has one model.
+    numerics
+        Methods, the default first, with the default step or tolerance of each.
     """
 
-    name: str
-    parameters: ClassVar[dict[str, Parameter]]
-    outputs: ClassVar[dict[str, Output]]
-    labels: ClassVar[Mapping[str, NDArray[Any]]] = {"progress": PROGRESS}
-    steps: ClassVar[dict[str, float]]
-    tolerances: ClassVar[dict[str, float]]
+    numerics: Methods
     source_hash = source_hashes().results
-    ladder: tuple[Rung, ...] = ()
     _prepared: ClassVar[set[tuple[str, str]]] = set()
 
     @abstractmethod
@@ -98,33 +90,9 @@ class SceneSimulator(ABC):
         """Say why the parts do not fit, or nothing."""
         return ""
 
-    def check(
-        self, base: Mapping[str, Value], factors: Mapping[str, Collection[Value]], keep: Collection[str]
-    ) -> list[str]:
-        """Check what no single value shows, and return warnings.
-
-        Raises
-        ------
-        InputError
-            If a base value sets a numerics parameter that no method in play uses.
-        """
-        methods = [str(m) for m in factors.get("method") or [base.get("method") or self.parameters["method"].default]]
-        for parameter, usable in (("relative_tolerance", self.tolerances), ("step_s", self.steps)):
-            if not _unset(base.get(parameter)) and not any(method in usable for method in methods):
-                raise InputError(
-                    f"{parameter} = {base[parameter]}: not used by {', '.join(methods)}; leave it out "
-                    f"(used by {', '.join(usable)})"
-                )
-        return []
-
-    def effective(self, values: Mapping[str, Value]) -> dict[str, Value]:
-        """Complete the values of one point by defaults, and by the numerics of its method."""
-        full = {name: values.get(name, parameter.default) for name, parameter in self.parameters.items()}
-        method = str(full["method"])
-        for name, defaults in (("step_s", self.steps), ("relative_tolerance", self.tolerances)):
-            if _unset(full[name]):
-                full[name] = defaults.get(method)
-        return full
+    def methods(self, values: Mapping[str, Value]) -> Methods:
+        """Methods of the scene, whatever the values."""
+        return self.numerics
 
     def prepare(self, points: Mapping[str, NDArray[Any]]) -> None:
         """Compile the kernels of these points' methods, or load their machine code, by short runs."""
@@ -139,45 +107,39 @@ class SceneSimulator(ABC):
         self.simulate({name: np.array([value], object) for name, value in full.items()}, ())
 
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
-        """Simulate a block of points; see the scene ``joint``."""
-        count = len(points["method"])
-        outcome, detail = np.full(count, Outcome.NOT_APPLICABLE, np.int8), [""] * count
-        work, followed = np.zeros((3, count), np.int64), np.zeros(count)
-        shapes = {name: tuple(self.labels[dim].size for dim in self.outputs[name].dims) for name in keep}
-        outputs = {
-            name: Values(self.outputs[name].dims, np.full((count, *shape), np.nan)) for name, shape in shapes.items()
-        }
-        for i in range(count):
-            point = {name: column[i] for name, column in points.items()}
-            method = str(point["method"])
-            numerics = (("step_s", self.steps), ("relative_tolerance", self.tolerances))
-            unused = [name for name, users in numerics if not _unset(point[name]) and method not in users]
+        """Simulate points one by one; an exception makes that point an error, not the block."""
+        block = BlockResult.blank(len(points["method"]), Outcome.NOT_APPLICABLE)
+        for name in keep:
+            dims, shape = self.outputs[name].dims, self.outputs[name].shape({})
+            block.put(name, dims, slice(None), np.full((block.count, *shape), np.nan))
+        block.coordinates.update(self.labels(keep, {}))
+        for i in range(block.count):
+            given = {name: None if _unset(column[i]) else column[i] for name, column in points.items()}
+            method = str(given["method"])
+            unused = [n for n in NUMERICS if given[n] is not None and n not in self.numerics.get(method, {})]
             if unused:
-                detail[i] = f"{' and '.join(unused)} is not used by {method}"
+                block.end(i, Outcome.NOT_APPLICABLE, f"{' and '.join(reversed(unused))} is not used by {method}")
                 continue
-            full = self.effective({name: None if _unset(value) else value for name, value in point.items()})
             values = {
                 name: float(value)
-                for name, value in full.items()
+                for name, value in self.effective(given).items()
                 if isinstance(value, int | float | np.number) and self.parameters[name].kind != "choice"
             }
             if reason := self.misfit(values):
-                outcome[i], detail[i] = Outcome.JAMMED, reason
+                block.end(i, Outcome.JAMMED, reason)
                 continue
             try:
                 result = self._run_point(values, method)
                 found = self._answer_point(values, result, keep)
             except Exception as error:  # one point's error is not its neighbours'
-                outcome[i], detail[i] = Outcome.ERROR, f"{type(error).__name__}: {error}"
+                block.end(i, Outcome.ERROR, f"{type(error).__name__}: {error}")
                 continue
-            outcome[i], detail[i] = result.outcome, result.detail
-            work[:, i] = result.steps, result.force_evaluations + result.check_evaluations, result.solves
-            followed[i] = result.followed
+            block.end(i, result.outcome, result.detail)
+            block.steps[i], block.solves[i], block.simulated_seconds[i] = result.steps, result.solves, result.followed
+            block.force_evaluations[i] = result.force_evaluations + result.check_evaluations
             for name in keep if found else ():
-                outputs[name].data[i] = found[name]
-        used = {dim for values in outputs.values() for dim in values.dims}
-        labels = {name: label for name, label in self.labels.items() if name in used}
-        return BlockResult(outputs, labels, outcome, detail, work[0], work[1], work[2], followed)
+                block.put(name, self.outputs[name].dims, i, np.asarray(found[name]))
+        return block
 
     def _run_point(self, values: Mapping[str, float], method: str) -> Run:
         settings = Settings(tolerance=values.get("relative_tolerance", 0.0), budget=int(values["evaluation_budget"]))

@@ -9,7 +9,7 @@ from matplotlib.patches import Patch
 
 from tripod_doe.report.figures.chart import INK, Chart, drawing
 from tripod_doe.report.responses import axis_label, factor_names, number, numeric_factors, responses, spoken
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 __all__ = ["outcome_charts"]
 

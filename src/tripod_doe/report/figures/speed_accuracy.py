@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.report.figures.chart import COLOURS, INK, MARKERS, MUTED, Chart, drawing
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 __all__ = ["model_error_charts", "speed_accuracy_charts"]
 

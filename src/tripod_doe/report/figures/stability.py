@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tripod_doe.analysis.stability import RunKind
 from tripod_doe.report.figures.chart import COLOURS, INK, Chart, panels
 from tripod_doe.report.responses import number, spoken, unit_text, with_unit
-from tripod_doe.results import Outcome
+from tripod_doe.simulator import Outcome
 
 __all__ = ["map_of", "maps", "stability_charts"]
 

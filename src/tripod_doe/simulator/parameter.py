@@ -1,28 +1,21 @@
-"""Quantities with unit, symbol, meaning and source: what help, schema, cubes and reports are made from."""
+"""Parameters with unit, symbol, meaning and source: what help, schema, cubes and reports are made from."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, near_match
 
-__all__ = ["Output", "Parameter", "Rung", "Value", "check_parameters", "dimension_attributes"]
+__all__ = ["Parameter", "Value", "check_parameters"]
 
 Value = float | int | str | None
 Kind = Literal["number", "integer", "switch", "choice", "argument"]
-
-_DIMENSIONS = {
-    "rotation_deg": ("degree", "rotation angle of the housing"),
-    "order": ("1", "rotating order"),
-    "groove": ("1", "number of the groove"),
-    "trunnion": ("1", "number of the trunnion"),
-    "mechanism": ("", "friction mechanism"),
-    "part": ("", "friction mechanism that makes a part of the thrust, or the remainder"),
-    "point": ("1", "number of the point in the design"),
-}
 
 
 @dataclass(frozen=True)
@@ -34,7 +27,7 @@ class Parameter:
     name
         The name that is used in study files, Python, command line, cubes and tables.
     default
-        Its value when nothing is said; None where another quantity or the model decides.
+        Its value where it is not given; None where another parameter, the model or the method decides.
     unit
         UDUNITS spelling; ``"1"`` without dimension.
     symbol
@@ -52,6 +45,8 @@ class Parameter:
         Allowed words of a choice.
     group
         Heading under which help and documentation list it.
+    follows
+        Name of the parameter whose value it takes where it is not given.
     """
 
     name: str
@@ -66,6 +61,7 @@ class Parameter:
     kind: Kind = "number"
     choices: tuple[str, ...] = ()
     group: str = "parameters"
+    follows: str | None = None
 
     @property
     def range_text(self) -> str:
@@ -119,79 +115,14 @@ class Parameter:
         """The unit for people: empty where there is none."""
         return "" if self.unit == "1" else self.unit
 
+    def column(self, values: Sequence[Value]) -> NDArray[Any]:
+        """Values of several points as an array, shape (point,).
 
-@dataclass(frozen=True)
-class Output:
-    """One result of a simulator: a variable of the cube.
-
-    Attributes
-    ----------
-    name
-        Variable name.
-    unit
-        UDUNITS spelling; ``"1"`` without dimension.
-    symbol
-        The field's symbol.
-    meaning
-        CF long_name.
-    dims
-        Dimensions a point, for instance ``("groove", "order")``; empty for a scalar.
-    angle
-        Whether values are angles in degrees that wrap at +-180, so that differences need care.
-    optional
-        Whether some models cannot give it: their points hold NaN although they finished.
-    on_request
-        Whether it is computed only where a study names it among what it keeps.
-    """
-
-    name: str
-    unit: str
-    symbol: str
-    meaning: str
-    dims: tuple[str, ...] = ()
-    angle: bool = False
-    optional: bool = False
-    on_request: bool = False
-
-    @property
-    def unit_text(self) -> str:
-        """The unit for people: empty where there is none."""
-        return "" if self.unit == "1" else self.unit
-
-
-@dataclass(frozen=True)
-class Rung:
-    """One rung of a simulator's ladder: a model with its numerics, and what it costs.
-
-    Attributes
-    ----------
-    values
-        The parameters that make it; all rungs of a ladder set the same ones.
-    evaluation_seconds
-        Recorded CPU seconds a force evaluation, so that a choice by price rests on counted work and never on a clock.
-    evaluations
-        Force evaluations of a usual run, for a price beforehand.
-    full
-        Whether it leaves nothing out, so that its error is that of its numerics.
-    spare
-        Whether it stands for a full one by other values of that one's parameters: none for a study that sets those.
-    """
-
-    values: Mapping[str, Value]
-    evaluation_seconds: float
-    evaluations: float
-    full: bool = False
-    spare: bool = False
-
-    @property
-    def label(self) -> str:
-        """The rung in words."""
-        return ", ".join(f"{name} = {value}" for name, value in self.values.items())
-
-    @property
-    def price(self) -> float:
-        """CPU seconds of a usual run."""
-        return self.evaluations * self.evaluation_seconds
+        Numbers are floats (NaN where unset), words objects (None where unset), a function's arguments as written.
+        """
+        if self.kind == "choice" or any(isinstance(value, str) for value in values):
+            return np.array(values, dtype=object)
+        return np.array(values) if self.kind == "argument" else np.array(values, dtype=float)
 
 
 def check_parameters(parameters: Mapping[str, Parameter], values: Mapping[str, object]) -> dict[str, Value]:
@@ -208,9 +139,3 @@ def check_parameters(parameters: Mapping[str, Parameter], values: Mapping[str, o
             raise InputError(f"{name} = {value!r}: unknown parameter{near_match(name, parameters)}")
         checked[name] = parameters[name].check(value)
     return checked
-
-
-def dimension_attributes(name: str) -> dict[str, str]:
-    """Unit and meaning of a dimension's labels, as attributes of its coordinate."""
-    unit, meaning = _DIMENSIONS.get(name, ("1", name.replace("_", " ")))
-    return {"long_name": meaning} | ({"units": unit} if unit else {})

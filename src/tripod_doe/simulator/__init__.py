@@ -1,0 +1,29 @@
+"""What a study and a model agree on: parameters, outputs, outcomes, blocks of results, and the simulator itself."""
+
+from tripod_doe.simulator.block import WORK, BlockResult, Retries, Values
+from tripod_doe.simulator.candidate import Candidate
+from tripod_doe.simulator.outcome import DETAIL_ATTRIBUTES, OUTCOME_ATTRIBUTES, OUTCOME_MEANINGS, Outcome
+from tripod_doe.simulator.output import Dimension, Output
+from tripod_doe.simulator.parameter import Parameter, Value, check_parameters
+from tripod_doe.simulator.simulator import NUMERICS, Methods, Simulator, by_name
+
+__all__ = [
+    "DETAIL_ATTRIBUTES",
+    "NUMERICS",
+    "OUTCOME_ATTRIBUTES",
+    "OUTCOME_MEANINGS",
+    "WORK",
+    "BlockResult",
+    "Candidate",
+    "Dimension",
+    "Methods",
+    "Outcome",
+    "Output",
+    "Parameter",
+    "Retries",
+    "Simulator",
+    "Value",
+    "Values",
+    "by_name",
+    "check_parameters",
+]

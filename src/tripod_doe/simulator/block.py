@@ -1,0 +1,177 @@
+"""The results of a block of points: made empty, filled as points end, taken apart, kept by journals and cubes."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.errors import InputError
+from tripod_doe.simulator.outcome import Outcome
+
+__all__ = ["WORK", "BlockResult", "Retries", "Values"]
+
+WORK = ("steps", "force_evaluations", "solves", "simulated_seconds")
+"""Fields of a `BlockResult` that count the work of each point; a retry adds to them."""
+
+Rows = NDArray[np.integer[Any]] | slice | int
+
+
+@dataclass(frozen=True)
+class Values:
+    r"""One output of a block of points.
+
+    Attributes
+    ----------
+    dims
+        Dimensions of one point's value.
+    data
+        Shape (point, \*dims); NaN where a point has no result.
+    """
+
+    dims: tuple[str, ...]
+    data: NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Retries:
+    """What the retries of a study did to a block; every array starts with the point.
+
+    Attributes
+    ----------
+    attempt
+        Number of the last change that was tried, 0 where the first attempt stands, shape (point,).
+    first_outcome, first_detail
+        How the first attempt ended, and why it failed or a note on it.
+    used
+        Values with which the point finished, or was first tried where it never did, of every parameter that a retry
+        may change: floats (NaN where the model has no such number), or words ("" where it has none).
+    """
+
+    attempt: NDArray[np.int8]
+    first_outcome: NDArray[np.int8]
+    first_detail: list[str]
+    used: dict[str, NDArray[Any]]
+
+    def take(self, rows: NDArray[np.integer[Any]]) -> Retries:
+        """Those of some points, in the order of `rows`."""
+        return Retries(
+            self.attempt[rows], self.first_outcome[rows], [self.first_detail[row] for row in rows],
+            {name: column[rows] for name, column in self.used.items()},
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class BlockResult:
+    """What a simulator answers for a block of points; every array starts with the point.
+
+    Attributes
+    ----------
+    outcome
+        `Outcome` values, shape (point,).
+    detail
+        Why a point failed, or a note on one that finished; mostly empty there.
+    steps, force_evaluations, solves
+        Counted work, shape (point,); solves are factorisations of a linear system, zero for methods without one.
+    simulated_seconds
+        Time of the motion that was followed, up to the end or the failure, shape (point,); NaN where there is none.
+    outputs
+        Kept outputs by name.
+    coordinates
+        Labels along the dimensions of the outputs.
+    retries
+        What the retries of the study did, None without retries.
+    """
+
+    outcome: NDArray[np.int8]
+    detail: list[str]
+    steps: NDArray[np.int64]
+    force_evaluations: NDArray[np.int64]
+    solves: NDArray[np.int64]
+    simulated_seconds: NDArray[np.float64]
+    outputs: dict[str, Values] = field(default_factory=dict)
+    coordinates: dict[str, NDArray[Any]] = field(default_factory=dict)
+    retries: Retries | None = None
+
+    @classmethod
+    def blank(
+        cls, count: int, outcome: Outcome = Outcome.NOT_RUN, detail: str = "", simulated_seconds: float = 0.0
+    ) -> BlockResult:
+        """Points without outputs and without work, all with the same outcome and detail."""
+        return cls(
+            outcome=np.full(count, outcome, np.int8),
+            detail=[detail] * count,
+            steps=np.zeros(count, np.int64),
+            force_evaluations=np.zeros(count, np.int64),
+            solves=np.zeros(count, np.int64),
+            simulated_seconds=np.full(count, simulated_seconds),
+        )
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return self.outcome.size
+
+    def end(self, rows: Rows, outcome: Outcome, detail: str = "") -> None:
+        """Note how points ended."""
+        self.outcome[rows] = outcome
+        for row in np.atleast_1d(np.arange(self.count)[rows]):
+            self.detail[row] = detail
+
+    def put(self, name: str, dims: tuple[str, ...], rows: Rows, data: NDArray[Any]) -> None:
+        r"""Set one output of some points; all others hold NaN until theirs is set.
+
+        Parameters
+        ----------
+        name, dims
+            The output and its dimensions.
+        rows
+            The points.
+        data
+            Their values, shape (rows, \*dims), or the values of a single point for a single row.
+
+        Raises
+        ------
+        InputError
+            If points have values of different shapes.
+        """
+        shape = data.shape if isinstance(rows, int) else data.shape[1:]
+        if name not in self.outputs:
+            self.outputs[name] = Values(dims, np.full((self.count, *shape), np.nan))
+        held = self.outputs[name].data
+        if held.shape[1:] != shape:
+            raise InputError(f"{name}: points have different shapes {held.shape[1:]} and {shape}")
+        held[rows] = data
+
+    def fill(self, rows: NDArray[np.integer[Any]], part: BlockResult) -> None:
+        """Take over another block's points as these rows; outputs only of those that finished."""
+        self.outcome[rows] = part.outcome
+        for row, text in zip(rows, part.detail, strict=True):
+            self.detail[row] = text
+        for name in WORK:
+            getattr(self, name)[rows] = getattr(part, name)
+        finished = part.outcome == Outcome.FINISHED
+        for name, values in part.outputs.items():
+            self.put(name, values.dims, rows[finished], values.data[finished])
+        self.coordinates.update(part.coordinates)
+
+    def take(self, rows: NDArray[np.integer[Any]], keep: Collection[str] = ()) -> BlockResult:
+        """Copies of some points, in the order of `rows`, with the outputs named in `keep`, or with all."""
+        outputs = {
+            name: Values(values.dims, values.data[rows])
+            for name, values in self.outputs.items()
+            if not keep or name in keep
+        }
+        along = {dim for values in outputs.values() for dim in values.dims}
+        return replace(
+            self,
+            outcome=self.outcome[rows],
+            detail=[self.detail[row] for row in rows],
+            outputs=outputs,
+            coordinates={name: labels for name, labels in self.coordinates.items() if name in along},
+            retries=self.retries.take(rows) if self.retries else None,
+            **{name: getattr(self, name)[rows] for name in WORK},
+        )

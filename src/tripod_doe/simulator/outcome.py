@@ -1,0 +1,62 @@
+"""How a point ended: the one vocabulary of models, journals and cubes."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+
+__all__ = ["DETAIL_ATTRIBUTES", "OUTCOME_ATTRIBUTES", "OUTCOME_MEANINGS", "Outcome"]
+
+
+class Outcome(IntEnum):
+    """What became of one point; the integer is the CF flag value stored in a cube.
+
+    Only `FINISHED` carries numbers that may be used; every other cell holds NaN and a reason.
+    """
+
+    FINISHED = 0
+    DIVERGED = 1
+    INACCURATE = 2
+    STEP_LIMIT = 3
+    EVALUATION_LIMIT = 4
+    TIME_LIMIT = 5
+    OUT_OF_RANGE = 6
+    JAMMED = 7
+    WORKER_LOST = 8
+    NOT_APPLICABLE = 9
+    NOT_RUN = 10
+    ERROR = 11
+
+    @property
+    def label(self) -> str:
+        """The name used in cubes, tables and study files."""
+        return self.name.lower()
+
+
+OUTCOME_MEANINGS: dict[Outcome, str] = {
+    Outcome.FINISHED: "the run passed all its own checks",
+    Outcome.DIVERGED: "the state left all bounds or an iteration did not converge",
+    Outcome.INACCURATE: "the run ended, but its own checks say that its numbers are wrong",
+    Outcome.STEP_LIMIT: "the step fell below its floor",
+    Outcome.EVALUATION_LIMIT: "the budget of force evaluations was used up",
+    Outcome.TIME_LIMIT: "the wall-clock safety stop was reached",
+    Outcome.OUT_OF_RANGE: "the model does not hold for these parameters",
+    Outcome.JAMMED: "parts do not fit or cannot move",
+    Outcome.WORKER_LOST: "the point took its worker process down",
+    Outcome.NOT_APPLICABLE: "the method does not use a numerics parameter that was set",
+    Outcome.NOT_RUN: "excluded by a constraint, or not computed yet",
+    Outcome.ERROR: "the model raised an error",
+}
+
+OUTCOME_ATTRIBUTES: dict[str, Any] = {
+    "long_name": "how the point ended",
+    "flag_values": np.array(list(Outcome), np.int8),
+    "flag_meanings": " ".join(outcome.label for outcome in Outcome),
+    "comment": "; ".join(f"{outcome.label}: {text}" for outcome, text in OUTCOME_MEANINGS.items()),
+}
+"""CF flags of the variable ``outcome``."""
+
+DETAIL_ATTRIBUTES = {"long_name": "reason for failure, or a note on a point that finished"}
+"""Attributes of the variable ``outcome_detail``."""

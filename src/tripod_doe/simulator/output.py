@@ -1,0 +1,98 @@
+"""Outputs with unit, symbol, meaning and dimensions: what cubes, their sizes and their labels are made from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+
+__all__ = ["Dimension", "Output"]
+
+Labels = NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Dimension:
+    """One dimension of outputs, and its labels.
+
+    Attributes
+    ----------
+    name
+        Its name in the cube.
+    labels
+        One label for each place along it, shape (length,); or, where a parameter sets the length, a function of that
+        parameter's value.
+    unit
+        UDUNITS spelling; ``"1"`` without dimension, empty for words.
+    meaning
+        CF long_name.
+    length_parameter
+        Name of the parameter that sets the length; None where it is fixed.
+    """
+
+    name: str
+    labels: Labels | Callable[[int], Labels]
+    unit: str = "1"
+    meaning: str = ""
+    length_parameter: str | None = None
+
+    def labels_of(self, values: Mapping[str, Any]) -> Labels:
+        """Labels for a point with these values of its parameters, shape (length,)."""
+        if not callable(self.labels):
+            return self.labels
+        return self.labels(int(values[self.length_parameter or ""]))
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """Unit and meaning, as attributes of the coordinate."""
+        return {"long_name": self.meaning or self.name.replace("_", " ")} | ({"units": self.unit} if self.unit else {})
+
+
+@dataclass(frozen=True)
+class Output:
+    """One result of a simulator: a variable of the cube.
+
+    Attributes
+    ----------
+    name
+        Variable name.
+    unit
+        UDUNITS spelling; ``"1"`` without dimension.
+    symbol
+        The field's symbol.
+    meaning
+        CF long_name.
+    dimensions
+        Dimensions of one point's value, for instance groove and order; empty for a scalar.
+    angle
+        Whether values are angles in degrees that wrap at +-180, so that differences need care.
+    optional
+        Whether some models cannot give it: their points hold NaN although they finished.
+    on_request
+        Whether it is computed only where a study names it among what it keeps.
+    """
+
+    name: str
+    unit: str
+    symbol: str
+    meaning: str
+    dimensions: tuple[Dimension, ...] = ()
+    angle: bool = False
+    optional: bool = False
+    on_request: bool = False
+
+    @property
+    def unit_text(self) -> str:
+        """The unit for people: empty where there is none."""
+        return "" if self.unit == "1" else self.unit
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """Names of the dimensions."""
+        return tuple(dimension.name for dimension in self.dimensions)
+
+    def shape(self, values: Mapping[str, Any]) -> tuple[int, ...]:
+        """Lengths of the dimensions for a point with these values of its parameters."""
+        return tuple(dimension.labels_of(values).size for dimension in self.dimensions)

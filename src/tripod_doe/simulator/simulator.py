@@ -1,0 +1,207 @@
+"""What a study knows of a model: one base class, which every scene and every user function extends."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.errors import InputError
+from tripod_doe.simulator.block import BlockResult
+from tripod_doe.simulator.candidate import Candidate
+from tripod_doe.simulator.output import Dimension, Output
+from tripod_doe.simulator.parameter import Parameter, Value
+
+__all__ = ["NUMERICS", "Methods", "Simulator", "by_name"]
+
+Methods = Mapping[str, Mapping[str, float]]
+"""Methods of a model by name, the default first: the numerics parameters that each uses, with their values where they
+are not given."""
+
+NUMERICS = ("relative_tolerance", "step_s")
+"""Numerics parameters that a method uses or not; one that it does not use must not be set."""
+
+
+Declared = TypeVar("Declared", Parameter, Output)
+
+
+def by_name(declared: Iterable[Declared]) -> dict[str, Declared]:
+    """Parameters or outputs in a table by their names, in the given order."""
+    return {entry.name: entry for entry in declared}
+
+
+class Simulator(ABC):
+    """A model that a study can run: parameters and outputs with metadata, and a function of a block of points.
+
+    Attributes
+    ----------
+    name
+        Name of the scene, or ``package.module:function``.
+    parameters
+        Everything that can be set, by name.
+    outputs
+        Everything that can be kept, by name; empty where it is known only from the answers.
+    source_hash
+        Hash of the sources that decide the results; results with different hashes are not mixed.
+    candidates
+        What model = "auto" may choose from, from the cheapest to the finest; empty with one model.
+    """
+
+    name: str
+    parameters: Mapping[str, Parameter]
+    outputs: Mapping[str, Output]
+    source_hash: str = ""
+    candidates: tuple[Candidate, ...] = ()
+
+    @abstractmethod
+    def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
+        """Simulate a block of points.
+
+        Parameters
+        ----------
+        points
+            Every parameter by name, as `columns` gives them, each of shape (point,); NaN or None where unset.
+        keep
+            Names of the outputs to return.
+
+        Returns
+        -------
+        BlockResult
+            In the order of the points; no point's values depend on the others in the block.
+        """
+
+    def prepare(self, points: Mapping[str, NDArray[Any]]) -> None:  # noqa: B027 - most functions compile nothing
+        """Compile what these points need, so that the first block is timed like any other."""
+
+    def methods(self, values: Mapping[str, Value]) -> Methods:
+        """Methods by which points with these values can be solved; empty where there is nothing to choose."""
+        return {}
+
+    def check(
+        self, base: Mapping[str, Value], factors: Mapping[str, Collection[Value]], keep: Collection[str]
+    ) -> list[str]:
+        """Check what no single value shows, and return warnings.
+
+        Parameters
+        ----------
+        base
+            Values that were given, the same for all points.
+        factors
+            Values that each factor takes; none where it is sampled.
+        keep
+            Outputs to keep.
+
+        Raises
+        ------
+        InputError
+            If a base value sets a method that no model in play has, or numerics that no method in play uses, or if
+            points would have outputs of different lengths.
+        """
+        self._check_numerics(base, factors)
+        self._check_lengths(factors, keep)
+        return []
+
+    def effective(self, values: Mapping[str, Value]) -> dict[str, Value]:
+        """Complete the values of one point: defaults, what follows from other parameters, and the method's numerics."""
+        full = {name: values.get(name, parameter.default) for name, parameter in self.parameters.items()}
+        for name, parameter in self.parameters.items():
+            if full[name] is None and parameter.follows:
+                full[name] = full[parameter.follows]
+        if methods := self.methods(full):
+            if full["method"] is None:
+                full["method"] = next(iter(methods))
+            for name, value in methods.get(str(full["method"]), {}).items():
+                if full[name] is None:
+                    full[name] = value
+        return full
+
+    def columns(
+        self, base: Mapping[str, Value], varied: Mapping[str, NDArray[Any]], count: int
+    ) -> dict[str, NDArray[Any]]:
+        """Every parameter of a block as a column: factors as given, all others from the base values or defaults.
+
+        Parameters
+        ----------
+        base
+            Values that all points share.
+        varied
+            Values of the factors, each of shape (point,).
+        count
+            Number of points.
+
+        Returns
+        -------
+        dict
+            Numbers as float arrays (NaN where unset), choices as object arrays (None where unset), a function's
+            arguments as they are written, each of shape (point,).
+        """
+        full: dict[str, NDArray[Any]] = {}
+        for name, parameter in self.parameters.items():
+            if name in varied:
+                full[name] = varied[name]
+                continue
+            value = base.get(name, parameter.default)
+            if value is None and parameter.kind != "choice":
+                value = math.nan
+            full[name] = np.repeat(parameter.column([value]), count)
+        return full
+
+    def labels(self, names: Collection[str], values: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+        """Labels along the dimensions of some outputs, for points with these values."""
+        found = (dimension for name in names for dimension in self.outputs[name].dimensions)
+        return {dimension.name: dimension.labels_of(values) for dimension in found}
+
+    def dimension_attributes(self, name: str) -> dict[str, str]:
+        """Unit and meaning of a dimension of this name; what the name says where no output declares it."""
+        declared = (dimension for output in self.outputs.values() for dimension in output.dimensions)
+        found = next((dimension for dimension in declared if dimension.name == name), None)
+        return (found or Dimension(name, np.empty(0))).attributes
+
+    def _check_lengths(self, factors: Mapping[str, Collection[Value]], keep: Collection[str]) -> None:
+        """Refuse a factor that would give points outputs of different lengths."""
+        for factor, values in factors.items():
+            long = [
+                name
+                for name in keep
+                if any(dimension.length_parameter == factor for dimension in self.outputs[name].dimensions)
+            ]
+            if long and len(set(values)) != 1:
+                raise InputError(
+                    f"{factor} is a factor, so {' and '.join(long)} would have different lengths; "
+                    "keep other outputs, for instance thrust_amplitude"
+                )
+
+    def _check_numerics(self, base: Mapping[str, Value], factors: Mapping[str, Collection[Value]]) -> None:
+        """Refuse a method, step or tolerance that nothing in play uses."""
+        tables = list(self._methods_in_play(base, factors))
+        known = {method: used for _, methods in tables for method, used in methods.items()}
+        if not known:
+            return
+        of = ", ".join(model for model, _ in tables if model)
+        if base.get("method") is not None and str(base["method"]) not in known:
+            raise InputError(f"method = {base['method']}: not a method of {of}; theirs are {', '.join(known)}")
+        for parameter in NUMERICS:
+            if base.get(parameter) is None:
+                continue
+            asked = [value for value in factors.get("method") or [base.get("method")] if value is not None]
+            methods = [str(method) for method in asked] or [next(iter(methods)) for _, methods in tables]
+            if not any(parameter in known.get(method, {}) for method in methods):
+                users = [method for method, used in known.items() if parameter in used]
+                raise InputError(
+                    f"{parameter} = {base[parameter]}: not used by {', '.join(methods)}{f' ({of})' if of else ''}; "
+                    "leave it out" + (f", or take a method that uses it: {', '.join(users)}" if users else "")
+                )
+
+    def _methods_in_play(
+        self, base: Mapping[str, Value], factors: Mapping[str, Collection[Value]]
+    ) -> Iterator[tuple[str, Methods]]:
+        """Every model of a study by name, empty where there is one only, with its methods."""
+        if "model" not in self.parameters:
+            yield "", self.methods({})
+            return
+        for model in factors.get("model") or [base.get("model") or self.parameters["model"].default]:
+            yield str(model), self.methods({"model": model})

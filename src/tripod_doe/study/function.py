@@ -1,0 +1,108 @@
+"""A plain Python function as a simulator: named arguments in, a dict or Dataset out."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Collection, Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.errors import InputError
+from tripod_doe.simulator import BlockResult, Outcome, Parameter, Simulator, Value
+
+__all__ = ["FunctionSimulator"]
+
+
+class FunctionSimulator(Simulator):
+    """A plain Python function as a simulator.
+
+    Its parameters are the function's arguments; those without default must be set. Its outputs are known only when it
+    has answered, and its source is the user's own affair. What model = "auto" may choose from is what the function
+    itself names as its attribute ``candidates``: `Candidate` objects over its arguments.
+
+    Parameters
+    ----------
+    name
+        ``package.module:function``.
+    function
+        Called once for each point.
+
+    Raises
+    ------
+    InputError
+        If an argument cannot be given by its name.
+    """
+
+    def __init__(self, name: str, function: Callable[..., Any]) -> None:
+        self.name = name
+        self.parameters = _arguments(name, function)
+        self.outputs = {}
+        self.candidates = tuple(getattr(function, "candidates", ()))
+        self._function = function
+
+    def check(
+        self, base: Mapping[str, Value], factors: Mapping[str, Collection[Value]], keep: Collection[str]
+    ) -> list[str]:
+        """Refuse a study that leaves an argument without a value."""
+        missing = [
+            name
+            for name, parameter in self.parameters.items()
+            if parameter.default is None and name not in base and name not in factors
+        ]
+        if missing:
+            raise InputError(f"{self.name} needs {', '.join(missing)}: give each as a base value or as a factor")
+        return []
+
+    def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
+        """Call the function for every point; an exception makes that point an error, not the block.
+
+        Raises
+        ------
+        InputError
+            If points have answers of different shapes.
+        """
+        count = len(next(iter(points.values())))
+        block = BlockResult.blank(count, Outcome.FINISHED, simulated_seconds=np.nan)
+        block.steps[:], block.force_evaluations[:] = 1, 1
+        for row in range(count):
+            arguments = {name: _plain(column[row]) for name, column in points.items()}
+            try:
+                answer = _as_dataset(self._function(**arguments))
+            except Exception as error:
+                block.end(row, Outcome.ERROR, f"{type(error).__name__}: {error}")
+                continue
+            for name, values in answer.data_vars.items():
+                if not keep or name in keep:
+                    block.put(str(name), tuple(str(dim) for dim in values.dims), row, values.values)
+            block.coordinates.update({str(dim): np.asarray(labels) for dim, labels in answer.coords.items()})
+        return block
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _as_dataset(answer: Any) -> xr.Dataset:
+    if isinstance(answer, xr.Dataset):
+        return answer
+    if not isinstance(answer, Mapping):
+        raise TypeError(f"a study function must return a dict or a Dataset, not {type(answer).__name__}")
+    variables = {}
+    for name, value in answer.items():
+        array = np.asarray(value, float)
+        variables[str(name)] = (tuple(f"{name}_{axis}" for axis in range(array.ndim)), array)
+    return xr.Dataset(variables)
+
+
+def _arguments(reference: str, function: Callable[..., Any]) -> dict[str, Parameter]:
+    parameters = {}
+    for name, argument in inspect.signature(function).parameters.items():
+        if argument.kind in (argument.VAR_POSITIONAL, argument.VAR_KEYWORD, argument.POSITIONAL_ONLY):
+            raise InputError(f"function = {reference!r}: its arguments must be named, so not {argument}")
+        default = None if argument.default is argument.empty else argument.default
+        meaning = f"argument {name} of {reference}"
+        parameters[name] = Parameter(name, default, "1", "", meaning, "user function", kind="argument")
+    return parameters

@@ -1,0 +1,64 @@
+"""Simulators by name: scenes from a table, plain functions by where they are imported from."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from typing import Any
+
+from tripod_doe.errors import InputError, near_match
+from tripod_doe.simulator import Simulator
+from tripod_doe.study.function import FunctionSimulator
+
+__all__ = ["SCENES", "load_simulator"]
+
+SCENES = {
+    "joint": "tripod_doe.joint.scene:scene",
+    "needle-between-plates": "tripod_doe.mechanics.scenes.needle_between_plates:scene",
+    "trunnion": "tripod_doe.joint.trunnion:scene",
+    "roller-in-groove": "tripod_doe.mechanics.scenes.roller_in_groove:scene",
+}
+"""Scenes by the name that study files and the command line use, each ``package.module:object``."""
+
+
+def load_simulator(scene: str = "joint", function: str | None = None, folder: str | None = None) -> Simulator:
+    """Find a scene by its name, or a function by ``package.module:function``.
+
+    Parameters
+    ----------
+    scene
+        A key of `SCENES`; ignored where a function is named.
+    function
+        Where to import the function from.
+    folder
+        Folder of the study file, searched for the function's module first.
+
+    Raises
+    ------
+    InputError
+        If there is no such scene, module or function.
+    """
+    if function is None:
+        if scene not in SCENES:
+            raise InputError(f"scene = {scene!r}: unknown scene{near_match(scene, SCENES)}")
+        simulator: Simulator = _import_object(SCENES[scene])
+        return simulator
+    if folder and folder not in sys.path:
+        sys.path.insert(0, folder)
+    called = _import_object(function)
+    if not callable(called):
+        raise InputError(f"function = {function!r}: this is not a function")
+    return FunctionSimulator(function, called)
+
+
+def _import_object(reference: str) -> Any:
+    module_name, separator, name = reference.partition(":")
+    if not separator:
+        raise InputError(f"function = {reference!r}: write it as package.module:function")
+    try:
+        module = importlib.import_module(module_name)
+    except ImportError as error:
+        raise InputError(f"function = {reference!r}: cannot import {module_name}: {error}") from error
+    if not hasattr(module, name):
+        raise InputError(f"function = {reference!r}: no {name} in {module_name}{near_match(name, dir(module))}")
+    return getattr(module, name)
