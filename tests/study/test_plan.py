@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 
 import tripod_doe as td
+from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import parse_study
+from tripod_doe.study.designs import make_points, point_keys
+from tripod_doe.study.journal import FinishedBlock
+from tripod_doe.study.scenes import SCENES, load_simulator
+from tripod_doe.study.task import make_task, run_task
 
 TEXT = """
 [study]
@@ -28,6 +33,42 @@ def test_counts_and_bytes():
     assert plan.points == plan.unique == 2000
     assert plan.cube_bytes == 2000 * (13 * 8 + 1)
     assert plan.cpu_hours is None
+
+
+NINE = {"needle_count": 9, "needle_diameter_mm": 5.89, "spheres_per_needle": 3, "relative_tolerance": 0.02}
+SMALL = {
+    "joint": {"model": "needles", "samples_per_revolution": 30, "cycles": 3, **NINE},
+    "needle-between-plates": {"duration_s": 1e-3},
+    "roller-in-groove": {"duration_s": 1e-3},
+    "trunnion": {"cycles": 2, **NINE},
+}
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_planned_bytes_are_those_of_the_cube(scene):
+    """Exact: whatever becomes of a point, its cube holds every output at the length that the plan counts."""
+    outputs = list(load_simulator(scene).outputs)
+    base = "\n".join(f"{name} = {value!r}" for name, value in SMALL[scene].items())
+    study = parse_study(
+        f'[study]\nname = "b"\nscene = "{scene}"\n[base]\n{base}\n[keep]\noutputs = {outputs}\n[factors.replicate]\nvalues = [0]\n'
+    )
+    points = make_points(study)
+    keys = point_keys(study, points)
+    block = FinishedBlock(keys, *run_task(make_task(study, points, np.arange(1))), "")
+    cube, _ = build_cube(study, points, keys, iter([block]))
+    assert set(outputs) <= set(cube.data_vars)
+    planned = td.plan(study, timing=False).cube_bytes
+    assert planned == sum(cube[name].nbytes for name in [*outputs, "outcome"])
+    for name in outputs:
+        declared = study.simulator.outputs[name].shape(study.simulator.effective(study.base))
+        assert cube[name].shape == (1, *declared), name
+
+
+def test_a_length_that_a_factor_sets_is_counted():
+    text = TEXT.replace("[design]", "cycles = {values = [7]}\n[design]").replace("sobol", "one-at-a-time")
+    text = text.replace("samples = 2000", "").replace("low = 4, high = 14", "values = [5, 6]")
+    study = parse_study(text.replace("thrust_amplitude", "needle_skew_summary_deg"))
+    assert td.plan(study, timing=False).cube_bytes == make_points(study).count * (3 * 7 * 3 * 8 + 1)
 
 
 def test_price_is_that_of_the_work():

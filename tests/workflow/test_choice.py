@@ -17,10 +17,10 @@ import xarray as xr
 
 import tripod_doe as td
 from tripod_doe.cli import main
-from tripod_doe.simulator import BlockResult, Values
+from tripod_doe.simulator import WORK, BlockResult, Values
 from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.execution import local_workers
-from tripod_doe.study.journal import PER_POINT, PILOT, FinishedBlock, Journal
+from tripod_doe.study.journal import PILOT, FinishedBlock, Journal
 from tripod_doe.study.pilot import pilot_points, pilot_study
 from tripod_doe.workflow.choice import describe_choice, first_rungs
 from tripod_doe.workflow.pilot_results import pilot_results
@@ -211,13 +211,14 @@ def test_points_of_the_pilot_bring_their_own_counts(wave, tmp_path):
     counts = np.arange(5)
     outcome = np.array([0, 0, td.Outcome.ERROR, 0, 0], np.int8)
     names = [f"detail {i}" for i in counts]
-    result = BlockResult({"y": Values((), counts * 1.0)}, {}, outcome, names, **dict.fromkeys(PER_POINT[1:], counts))
+    y = {"y": Values((), counts * 1.0)}
+    result = BlockResult(outcome=outcome, detail=names, outputs=y, **dict.fromkeys(WORK, counts))
     with Journal(tmp_path) as journal:
         journal.commit(FinishedBlock(keys[counts], result, 5.0, 10.0, "0"))
     (block,) = pilot_results(study, points, keys, np.array([7, 4, 2, 1]), tmp_path)
     taken = [1, 4]  # 2 failed, and 7 is not in the pilot
     assert block.keys.tolist() == keys[taken].tolist()
-    assert all(getattr(block.result, name).tolist() == taken for name in PER_POINT[1:])
+    assert all(getattr(block.result, name).tolist() == taken for name in WORK)
     assert block.result.outputs["y"].data.tolist() == taken
     assert block.result.detail == [names[i] for i in taken]
     assert (block.cpu_seconds, block.wall_seconds, block.worker) == (2, 4, PILOT)

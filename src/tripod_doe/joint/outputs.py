@@ -32,7 +32,7 @@ PART_OUTPUTS = ("thrust_part_amplitude", "thrust_part_phase_deg")
 """Outputs that need the thrust split into its parts."""
 
 
-def rotation_angles(samples_per_revolution: int) -> NDArray[np.float64]:
+def rotation_angles(samples_per_revolution: int) -> NDArray[np.floating]:
     """Rotation angles of the samples of the last two revolutions, in degrees."""
     return np.arange(2 * samples_per_revolution) * (360 / samples_per_revolution)
 

@@ -130,8 +130,8 @@ _PARAMETERS = [
               "numerics", low=1e-13, high=0.1, group=_NUMERICS),
     Parameter("step_s", None, "s", "h", "time step of a fixed-step method; by the method unless given",
               "numerics", low=1e-10, high=1e-2, group=_NUMERICS),
-    Parameter("cycles", 4, "1", "", "revolutions; the last two are sampled, those before them, cycles - 2, lose the swing of the start",
-              "paper 3.2", low=2, high=1000, kind="integer", group=_NUMERICS),
+    Parameter("cycles", 4, "1", "", "revolutions; the last two are sampled, in the cycles - 2 before them the swing of "
+              "the start dies out", "paper 3.2", low=2, high=1000, kind="integer", group=_NUMERICS),
     Parameter("samples_per_revolution", 360, "1", "", "samples of the rotation angle per revolution", "numerics",
               low=30, high=36000, kind="integer", group=_NUMERICS),
     Parameter("evaluation_budget", 20_000_000, "1", "", "largest number of force evaluations of a run: a minute or so "

@@ -138,6 +138,6 @@ def _imported(package: str, tree: ast.Module, trees: dict[Path, ast.Module]) -> 
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.module and node.module.partition(".")[0] == package:
             place = Path(*node.module.split(".")[1:])
-            named = [place.parent / f"{place.name}.py"] if place.name else []
+            named = [place.parent / f"{place.name}.py", place / "__init__.py"] if place.name else []
             named += [place / f"{name.name}.py" for name in node.names]
             yield from (path for path in named if path in trees)

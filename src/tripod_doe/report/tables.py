@@ -216,7 +216,7 @@ def fixed_rows(cube: xr.Dataset) -> list[tuple[str, list[ParameterRow]]]:
     return [(group, list(members)) for group, members in groupby(rows, key=lambda row: row.group)]
 
 
-def _known_parameters(cube: xr.Dataset) -> tuple[dict[str, Parameter], str]:
+def _known_parameters(cube: xr.Dataset) -> tuple[Mapping[str, Parameter], str]:
     """Metadata of the scene's parameters; a user's function is not imported just to make a report."""
     try:
         asked_for = tomllib.loads(str(cube.attrs.get("study", ""))).get("study", {})

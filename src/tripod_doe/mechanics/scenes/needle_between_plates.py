@@ -24,12 +24,10 @@ from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.linearisation import RATE_OUTPUTS
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Run, run
-from tripod_doe.mechanics.scenes.simulator import PROGRESS, RUN_OUTPUTS, SceneSimulator, numerics_parameters
+from tripod_doe.mechanics.scenes.simulator import PLACES, PROGRESS, RUN_OUTPUTS, SceneSimulator, numerics_parameters
 from tripod_doe.simulator import Methods, Output, Parameter, by_name
 
 __all__ = ["NeedleBetweenPlates", "build", "closed_form", "scene", "transition_velocity"]
-
-_PLACES = PROGRESS.labels_of({})
 
 _PLATE_MASS = 1e-4
 """Mass of the loaded plate (0.1 kg, assumed): it moves only across its plane, and only while the load settles."""
@@ -196,7 +194,7 @@ class NeedleBetweenPlates(SceneSimulator):
     def run(self, values: Mapping[str, float], method: str, step: float | None, settings: Settings) -> Run:
         """Simulate one point."""
         assembly = assemble(build(values))
-        return run(assembly, method, values["duration_s"], step=step, samples=_PLACES.size - 1, settings=settings)
+        return run(assembly, method, values["duration_s"], step=step, samples=PLACES.size - 1, settings=settings)
 
     def answer(self, values: Mapping[str, float], result: Run) -> dict[str, Any]:
         """Drift, travel and locus."""
@@ -205,8 +203,8 @@ class NeedleBetweenPlates(SceneSimulator):
         return {
             "axial_drift_mm": path[-1, 1],
             "travel_mm": path[-1, 0],
-            "axial_path_mm": np.interp(_PLACES, progress, path[:, 1]),
-            "travel_path_mm": np.interp(_PLACES, progress, path[:, 0]),
+            "axial_path_mm": np.interp(PLACES, progress, path[:, 1]),
+            "travel_path_mm": np.interp(PLACES, progress, path[:, 0]),
         }
 
 

@@ -28,10 +28,13 @@ from tripod_doe.simulator import (
     Value,
 )
 
-__all__ = ["PROGRESS", "RUN_OUTPUTS", "SceneSimulator", "numerics_parameters"]
+__all__ = ["PLACES", "PROGRESS", "RUN_OUTPUTS", "SceneSimulator", "numerics_parameters"]
 
-PROGRESS = Dimension("progress", np.linspace(0.0, 1.0, 101))
+PLACES = np.linspace(0.0, 1.0, 101)
 """Parts of the duration at which paths are sampled."""
+
+PROGRESS = Dimension("progress", PLACES)
+"""The dimension along which paths are sampled."""
 
 RUN_OUTPUTS = (
     Output("largest_penetration_um", "um", "delta", "largest penetration of all contacts"),
