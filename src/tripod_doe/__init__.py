@@ -35,9 +35,9 @@ if TYPE_CHECKING:
 _HOME = {
     "CubeError": "errors",
     "InputError": "errors",
-    "Outcome": "results",
-    "Output": "quantities",
-    "Parameter": "quantities",
+    "Outcome": "simulator",
+    "Output": "simulator",
+    "Parameter": "simulator",
     "Plan": "study.plan",
     "RunSummary": "workflow.run",
     "StorageError": "errors",
