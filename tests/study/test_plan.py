@@ -65,10 +65,11 @@ def test_planned_bytes_are_those_of_the_cube(scene):
 
 
 def test_a_length_that_a_factor_sets_is_counted():
-    text = TEXT.replace("[design]", "cycles = {values = [7]}\n[design]").replace("sobol", "one-at-a-time")
-    text = text.replace("samples = 2000", "").replace("low = 4, high = 14", "values = [5, 6]")
-    study = parse_study(text.replace("thrust_amplitude", "needle_skew_summary_deg"))
-    assert td.plan(study, timing=False).cube_bytes == make_points(study).count * (3 * 7 * 3 * 8 + 1)
+    study = parse_study(
+        '[study]\nname = "b"\n[design]\nkind = "zip"\n[keep]\noutputs = ["needle_skew_summary_deg"]\n'
+        "[factors]\njoint_angle_deg = {values = [5, 6]}\ncycles = {values = [7, 7]}\n"
+    )
+    assert td.plan(study, timing=False).cube_bytes == 2 * (3 * 7 * 3 * 8 + 1)
 
 
 def test_price_is_that_of_the_work():
