@@ -37,8 +37,7 @@ from scipy.stats import beta
 
 from tripod_doe.joint.dynamics import JointRun, run_joint
 from tripod_doe.joint.orders import complex_amplitudes
-from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_units
-from tripod_doe.joint.scene import scene as joint
+from tripod_doe.joint.parameters import point_values
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.monitor import Settings
@@ -253,13 +252,6 @@ def draw_point(rng: np.random.Generator, needles: bool) -> dict[str, float]:
     }  # fmt: skip
 
 
-def internal(point: Mapping[str, float]) -> dict[str, float]:
-    columns = {name: np.array([float(value)]) for name, value in point.items()}
-    full = joint.columns({"relative_tolerance": 1e-3}, columns, 1)
-    numbers = internal_units({n: c for n, c in full.items() if JOINT_PARAMETERS[n].kind != "choice"})
-    return {name: float(column[0]) for name, column in numbers.items()}
-
-
 def joint_run(values: Mapping[str, float], needles: bool, method: str, setting: float):
     """A run and its amplitudes of orders 2 and 3, NaN if it stopped on its way."""
     controlled = METHODS[method].controlled
@@ -293,14 +285,14 @@ def joint_trials(points: int, settings: int, needles: bool, rng: np.random.Gener
     """Random settings at random operating points: trials of the third and of the second order."""
     for number in range(points):
         point = draw_point(rng, needles)
-        values, ranges = internal(point), NEEDLES if needles else ROLLERS
+        values, ranges = point_values({"relative_tolerance": 1e-3, **point}).point(0), NEEDLES if needles else ROLLERS
         print({name: float(f"{value:.4g}") for name, value in point.items()})
         truth, known, besides = joint_truth(values, needles)
         for each in range(settings):
             method = "adaptive-euler" if each == 0 else str(rng.choice(list(ranges)))
             setting = log_uniform(rng, *ranges[method])
             if method == "symplectic-euler" or method == "rk4":  # one revolution is dropped instead of two
-                values = {**values, "cycles": 3}
+                values = replace(values, cycles=3.0)
             result, found = joint_run(values, needles, method, setting)
             error = np.nan_to_num(np.abs(found / truth - 1), nan=np.inf)
             reported = reported_error(result, found)

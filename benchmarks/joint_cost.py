@@ -19,19 +19,13 @@ from engine_cost import PARTS, part_costs
 import tripod_doe as td
 from tripod_doe.joint.ladder import PRICES
 from tripod_doe.joint.multibody import build_joint
-from tripod_doe.joint.parameters import internal_units
+from tripod_doe.joint.parameters import point_values
 from tripod_doe.joint.scene import scene
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.simulator import Candidate
 from tripod_doe.study.task import Task, run_task
 
 SKEW = {"initial_skew_1_deg": 0.4, "initial_skew_2_deg": -0.4, "initial_skew_3_deg": 0.4}
-
-
-def values(**given) -> dict[str, float]:
-    full = scene.effective(given)
-    columns = {name: np.array([value], float) for name, value in full.items() if not isinstance(value, str)}
-    return {name: float(column[0]) for name, column in internal_units(columns).items()}
 
 
 def rung_cost(rung: Candidate) -> tuple[float, float]:
@@ -59,7 +53,7 @@ def rung_prices(record: bool) -> None:
 def main() -> None:
     print(f"{'us a step':12s}" + "".join(f"{name:>13s}" for name in PARTS))
     for needles in (9, 18, 27):
-        costs = part_costs(assemble(build_joint(values(needle_count=needles), needles=True)))
+        costs = part_costs(assemble(build_joint(point_values({"needle_count": needles}).point(0), needles=True)))
         print(f"{needles:3d} needles " + "".join(f"{cost:13.1f}" for cost in costs), flush=True)
     cases = [{"needle_count": n} for n in (9, 18, 27)] + [{"spheres_per_needle": s} for s in (3, 5, 7, 11)]
     for case in cases:

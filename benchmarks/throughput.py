@@ -22,8 +22,7 @@ import numpy as np
 from numpy_equilibrium import third_order
 
 import tripod_doe as td
-from tripod_doe.joint.contact import contact_constants
-from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_units
+from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values
 from tripod_doe.study.definition import load_study, parse_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.scenes import load_simulator
@@ -58,10 +57,9 @@ def one_point(**factors: float) -> float:
 def rate_of_numpy(study, points, count):
     columns = {name: column[:count] for name, column in points.columns.items()}
     full = study.simulator.columns({"relative_tolerance": 1e-9}, columns, count)
-    internal = internal_units({n: c for n, c in full.items() if JOINT_PARAMETERS[n].kind != "choice"})
-    internal |= contact_constants(internal)
+    internal = internal_values({n: c for n, c in full.items() if JOINT_PARAMETERS[n].kind != "choice"})
     began = time.perf_counter()
-    third = [third_order({name: float(column[i]) for name, column in internal.items()}) for i in range(count)]
+    third = [third_order(internal.point(i)) for i in range(count)]
     return count / (time.perf_counter() - began), np.array(third)
 
 

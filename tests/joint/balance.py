@@ -25,12 +25,12 @@ def degrees_of_freedom(assembly):
 
 def groove_forces(assembly, positions, values):
     """Normal force at every groove, from the distance of the rollers' centres to the grooves' axes (Eq. 2)."""
-    play = (values["groove_radius_ratio"] - 1) * values["roller_radius_mm"]
+    play = (values.groove_radius_ratio - 1) * values.roller_radius
     forces = []
     for k, angle in enumerate(GROOVE_ANGLES):
         if f"roller {k + 1}" in assembly.names:
             centre = positions[..., assembly.names.index(f"roller {k + 1}"), :2]
-            away = centre - values["pitch_radius_mm"] * np.array([np.cos(angle), np.sin(angle)])
+            away = centre - values.pitch_radius * np.array([np.cos(angle), np.sin(angle)])
             depth = np.linalg.norm(away, axis=-1) - play
             forces.append(assembly.tables.contacts["stiffness"][-1] * np.maximum(depth, 0.0) ** 1.5)
     return np.array(forces)

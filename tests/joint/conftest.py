@@ -5,30 +5,30 @@ import pytest
 
 import tripod_doe as td
 from tripod_doe.joint.multibody import build_joint
-from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_units
+from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values
 from tripod_doe.joint.scene import scene
 from tripod_doe.mechanics.assembly import assemble
 
 
 @pytest.fixture(scope="session")
 def internal_points():
-    """Points in internal units from named parameters; arrays give several points."""
+    """A block of points from named parameters; arrays give several points."""
 
     def make(**given):
         count = max((np.size(value) for value in given.values()), default=1)
         columns = {name: np.broadcast_to(np.asarray(value, float), (count,)) for name, value in given.items()}
         full = scene.columns({"relative_tolerance": 1e-11}, columns, count)
-        return internal_units({n: c for n, c in full.items() if JOINT_PARAMETERS[n].kind != "choice"})
+        return internal_values({n: c for n, c in full.items() if JOINT_PARAMETERS[n].kind != "choice"})
 
     return make
 
 
 @pytest.fixture(scope="session")
 def joint_values(internal_points):
-    """Parameters of one operating point in internal units."""
+    """Values of one operating point."""
 
     def make(**given):
-        return {name: float(column[0]) for name, column in internal_points(**given).items()}
+        return internal_points(**given).point(0)
 
     return make
 

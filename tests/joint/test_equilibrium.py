@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from reference import groove_thrust
 
-from tripod_doe.joint.contact import bearing_load_zone, contact_constants
+from tripod_doe.joint.contact import bearing_load_zone
 from tripod_doe.joint.equilibrium import solve_equilibrium
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.transition import transition_velocities
@@ -18,8 +18,7 @@ FRICTIONLESS_PARTS = {"groove_rolling": 0, "needle_rolling": 0, "groove_spinning
 @pytest.fixture(scope="module")
 def solve(internal_points):
     def run(samples=360, **given):
-        points = internal_points(**given)
-        return solve_equilibrium(points | contact_constants(points), samples)
+        return solve_equilibrium(internal_points(**given), samples)
 
     return run
 
@@ -53,26 +52,24 @@ def test_kernel_agrees_with_the_slow_reference(internal_points, solve, seed):
         "bearing_radial_clearance_mm": rng.choice([0, 0.015]), "transition_ratio": rng.uniform(0.2, 0.5),
         **skews(*rng.uniform(-3, 3, 3)),
     }  # fmt: skip
-    points = internal_points(**given)
-    derived = contact_constants(points)
-    p = {name: float(column[0]) for name, column in (points | derived).items()}
-    transition = transition_velocities(points)
-    load = abs(p["torque_n_m"]) / (3 * p["pitch_radius_mm"])
-    bearing = p["needle_pitch_diameter_mm"] / 2
-    needle = p["needle_diameter_mm"] / 2
-    clearance = p["bearing_radial_clearance_mm"]
+    p = internal_points(**given).point(0)
+    transition = transition_velocities(p)
+    load = abs(p.torque) / (3 * p.pitch_radius)
+    bearing = p.needle_pitch_diameter / 2
+    needle = p.needle_diameter / 2
+    clearance = p.bearing_radial_clearance
     reference = {
-        "theta": p["joint_angle_deg"], "omega": p["speed_rpm"], "torque": p["torque_n_m"],
-        "pitch": p["pitch_radius_mm"], "radius": p["roller_radius_mm"], "mu": p["groove_sliding_friction"],
-        "mu_spin": p["groove_spin_friction"], "mu_r": p["groove_rolling_friction"],
-        "mu_n": p["needle_sliding_friction"], "mu_rn": p["needle_rolling_friction"],
-        "lever": p["groove_rolling_lever_mm"], "axis_factor": p["groove_axis_factor"],
-        "kappa": bearing_load_zone(load, clearance, p["needle_stiffness"], p["needle_count"])[0],
+        "theta": p.joint_angle, "omega": p.speed, "torque": p.torque,
+        "pitch": p.pitch_radius, "radius": p.roller_radius, "mu": p.groove_sliding_friction,
+        "mu_spin": p.groove_spin_friction, "mu_r": p.groove_rolling_friction,
+        "mu_n": p.needle_sliding_friction, "mu_rn": p.needle_rolling_friction,
+        "lever": p.groove_rolling_lever, "axis_factor": p.groove_axis_factor,
+        "kappa": bearing_load_zone(load, clearance, p.needle_stiffness, p.needle_count)[0],
         "needle_lever": (bearing + needle + clearance) * (bearing - needle) / bearing, "bearing_radius": bearing,
-        "skew": [p[name] for name in SKEWS],
-        "v_groove": float(transition.groove_sliding[0]), "v_needle": float(transition.needle_sliding[0]),
-        "w_roll": float(transition.groove_rolling[0]), "w_bearing": float(transition.roller_spin[0]),
-        "w_normal": float(transition.spinning[0]),
+        "skew": p.initial_skews,
+        "v_groove": float(transition.groove_sliding), "v_needle": float(transition.needle_sliding),
+        "w_roll": float(transition.groove_rolling), "w_bearing": float(transition.roller_spin),
+        "w_normal": float(transition.spinning),
     }  # fmt: skip
     result = solve(samples=36, **given)
     for sample in (0, 5, 13, 22, 31):

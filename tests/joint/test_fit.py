@@ -71,13 +71,13 @@ def test_a_held_roller_does_not_slide_on_its_trunnion(joint_assembly, joint_valu
     """Limit: the spider asks for 4 e = 0.65 mm at 10 deg. Short of the border, -0.0059 mm, a roller slides most of
     that on its trunnion; beyond it less than half: it climbs its groove instead."""
     assembly, values = joint_assembly(False, bearing_radial_clearance_mm=clearance), joint_values()
-    revolution = 2 * np.pi / values["speed_rpm"]
+    revolution = 2 * np.pi / values.speed
     result = run(assembly, "adaptive-euler", 3 * revolution, samples=180, settings=Settings(tolerance=4e-3),
                  limits=Limits(energy=np.inf, windows=0, drift=1.0))  # fmt: skip
     assert result.outcome == Outcome.FINISHED, result.detail
     shaft, roller = (result.positions[-60:, assembly.names.index(name)] for name in ("shaft", "roller 1"))
     attitude = Rotation.from_quat(shaft[:, 3:], scalar_first=True)
-    arm = roller[:, :3] - shaft[:, :3] + attitude.apply([0, 0, values["shaft_length_mm"] / 2])
+    arm = roller[:, :3] - shaft[:, :3] + attitude.apply([0, 0, values.shaft_length / 2])
     travel = np.ptp((arm * attitude.apply([1, 0, 0])).sum(axis=1))
-    asked = 2 * values["pitch_radius_mm"] * (1 / np.cos(values["joint_angle_deg"]) - 1)
+    asked = 2 * values.pitch_radius * (1 / np.cos(values.joint_angle) - 1)
     assert least < travel / asked < most

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tripod_doe.joint.contact import contact_constants
 from tripod_doe.joint.equilibrium import point_constants, solve_balance, solve_equilibrium
 from tripod_doe.joint.kinetostatic import solve_kinetostatic
 from tripod_doe.joint.orders import complex_amplitudes
@@ -17,8 +16,7 @@ from tripod_doe.study.simulate import simulate
 @pytest.fixture(scope="module")
 def points(internal_points):
     def make(**given):
-        made = internal_points(relative_tolerance=1e-9, **given)
-        return made | contact_constants(made)
+        return internal_points(relative_tolerance=1e-9, **given)
 
     return make
 

@@ -41,7 +41,7 @@ def test_the_start_is_balanced(joint_assembly, joint_values, needles, torque):
     given = {"torque_n_m": torque}
     assembly, values = joint_assembly(needles, **given), joint_values(**given)
     state, work = assembly.initial_state(), assembly.work()
-    load = abs(values["torque_n_m"]) / (3 * values["pitch_radius_mm"])
+    load = abs(values.torque) / (3 * values.pitch_radius)
     assert groove_forces(assembly, state.positions, values) == pytest.approx(np.full(3, load), rel=0.01)
     evaluate(assembly.tables, work, state.positions, state.velocities, 0.0, 0.0)
     for k, angle in enumerate(GROOVE_ANGLES):
@@ -53,14 +53,14 @@ def test_the_start_is_balanced(joint_assembly, joint_values, needles, torque):
 def test_no_needle_is_thrown_in_the_first_revolution(joint_assembly, joint_values):
     """Invariance of the start: needles stay within twice the speed that ideal rolling gives them."""
     assembly, values = joint_assembly(True, **FEW), joint_values(**FEW)
-    period = 2 * np.pi / values["speed_rpm"]
+    period = 2 * np.pi / values.speed
     result = run(assembly, "adaptive-euler", period, samples=60, settings=Settings(tolerance=2e-3), limits=UNCHECKED)
     assert result.outcome == Outcome.FINISHED, result.detail
-    at_rest = result.velocities[:, 1:, :3] + np.cross([0, 0, values["speed_rpm"]], result.positions[:, 1:, :3])
+    at_rest = result.velocities[:, 1:, :3] + np.cross([0, 0, values.speed], result.positions[:, 1:, :3])
     ring = [i - 1 for i, name in enumerate(assembly.names) if name.startswith("needle")]
     speeds = np.linalg.norm(at_rest[:, ring], axis=-1)
     assert speeds.max() < 2 * speeds[0].max()
-    load = values["torque_n_m"] / (3 * values["pitch_radius_mm"])
+    load = values.torque / (3 * values.pitch_radius)
     at_grooves = groove_forces(assembly, result.positions, values)
     assert at_grooves == pytest.approx(np.full_like(at_grooves, load), rel=0.15)
 
@@ -112,7 +112,7 @@ def test_axes_at_rest_give_the_same_thrust(joint_values):
     """Invariance: the same joint has the same third order in axes at rest. There Euler's error is several times larger,
     so both are extrapolated from two tolerances; 1 % is what that leaves."""
     values, samples = joint_values(), 60
-    speed, scene = values["speed_rpm"], build_joint(values, False)
+    speed, scene = values.speed, build_joint(values, False)
 
     def third_order(turning, tolerance):
         assembly = assemble(scene if turning else at_rest(scene))

@@ -31,7 +31,7 @@ def test_another_needle_that_dips_deeper_is_read(joint_assembly, joint_values):
     shaft = positions[assembly.names.index("shaft")]
     to_world = Rotation.from_quat(shaft[3:], scalar_first=True)
     axis = to_world.apply([1.0, 0.0, 0.0])
-    spider = shaft[:3] - to_world.apply([0.0, 0.0, values["shaft_length_mm"] / 2])
+    spider = shaft[:3] - to_world.apply([0.0, 0.0, values.shaft_length / 2])
     needle = positions[assembly.names.index("needle 1.4")]
     normal = needle[:3] - spider - axis * ((needle[:3] - spider) @ axis)
     normal /= np.linalg.norm(normal)

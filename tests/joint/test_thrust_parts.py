@@ -62,7 +62,7 @@ def test_the_remainder_is_the_inertia_of_the_rollers(joint_assembly, joint_value
             axis = Rotation.from_quat(positions[s, roller, 3:], scalar_first=True).apply([0.0, 0.0, 1.0])
             normal = groove["point"] - positions[s, roller, :3]
             normal[2] = 0.0
-            lever = values["roller_radius_mm"] * np.cross(axis, normal / np.linalg.norm(normal))
+            lever = values.roller_radius * np.cross(axis, normal / np.linalg.norm(normal))
             turn = velocities[s, roller, 3:]
             rate = work.acceleration[roller, 3:] @ axis + np.cross(turn, axis) @ assembly.tables.frame
             inertia = assembly.tables.bodies["inertia"][roller, 2]

@@ -30,8 +30,8 @@ def test_the_groove_carries_a_third_of_the_torque(joint_values, torque):
     """Exact physics: |T| / (3 R_p) at the start, and over a revolution on average (measured: to 0.1 %)."""
     values = joint_values(**FEW, torque_n_m=torque)
     assembly = assemble(build_trunnion(values))
-    load = abs(values["torque_n_m"]) / (3 * values["pitch_radius_mm"])
-    period = 2 * np.pi / values["speed_rpm"]
+    load = abs(values.torque) / (3 * values.pitch_radius)
+    period = 2 * np.pi / values.speed
     result = run(
         assembly, "adaptive-euler", 2 * period, samples=240, settings=Settings(tolerance=2e-3),
         limits=Limits(energy=0.5, reversals=1.0, drift=1e-2, windows=0),
@@ -50,7 +50,7 @@ def test_the_spider_moves_as_in_the_joint(joint_values):
     for scene_of in (build_trunnion(values), build_joint(values, needles=True)):
         assembly = assemble(scene_of)
         result = run(
-            assembly, "adaptive-euler", np.pi / values["speed_rpm"], samples=20, settings=Settings(tolerance=2e-3),
+            assembly, "adaptive-euler", np.pi / values.speed, samples=20, settings=Settings(tolerance=2e-3),
             limits=Limits(energy=0.5, reversals=1.0, drift=1e-2, windows=0),
         )  # fmt: skip
         places.append(result.positions[:, assembly.names.index("shaft"), :3])

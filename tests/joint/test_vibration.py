@@ -28,7 +28,7 @@ def followed(joint_values, joint_assembly):
     def follow(torque, method, step=None):
         given = {"torque_n_m": torque, "speed_rpm": 300}
         values = joint_values(**given)
-        duration = REVOLUTIONS * 2 * math.pi / values["speed_rpm"]
+        duration = REVOLUTIONS * 2 * math.pi / values.speed
         result = run(
             joint_assembly(False, **given), method, duration, step=step, samples=REVOLUTIONS * SAMPLES,
             settings=Settings(tolerance=TOLERANCE), limits=Limits(windows=0),

@@ -14,7 +14,7 @@ from tripod_doe.analysis import claim_reasons as reasons
 from tripod_doe.analysis.claim_points import ANY, Evidence, Measured, MissingPointError, Point
 from tripod_doe.analysis.contribution import PAPER_SHARES, contribution_shares
 from tripod_doe.joint.multibody import build_joint
-from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_units
+from tripod_doe.joint.parameters import point_values
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.study.cube import SWITCH_ROLE
 
@@ -331,12 +331,7 @@ def _skew_stays(evidence: Evidence, cases: Cases) -> Measured:
 
 def _degrees_of_freedom(evidence: Evidence, cases: Cases) -> Measured:
     """Free velocities of the scene of the reference joint, less its constraints."""
-    reference = {
-        name: np.array([math.nan if parameter.default is None else float(parameter.default)])
-        for name, parameter in JOINT_PARAMETERS.items() if parameter.kind != "choice"
-    }  # fmt: skip
-    values = {name: float(column[0]) for name, column in internal_units(reference).items()}
-    tables = assemble(build_joint(values, needles=True)).tables
+    tables = assemble(build_joint(point_values({}).point(0), needles=True)).tables
     free = int(tables.bodies["free"][tables.bodies["block"] >= 0].sum())
     return Measured(float(free - tables.rows.size), 0.0, f"{free} free velocities less {tables.rows.size} constraints.")
 

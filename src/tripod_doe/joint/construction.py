@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tripod_doe.joint.contact import bearing_load_zone, contact_constants
+from tripod_doe.joint.contact import bearing_load_zone
 from tripod_doe.joint.posture import GROOVE_ANGLES, Pose, Posture, joint_posture
 from tripod_doe.joint.transition import transition_velocities
+from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.scene import Body, Friction, Vector
 
 __all__ = ["JointBuild", "moving_body", "prepare_joint", "roller_inertia", "vector"]
@@ -40,13 +40,13 @@ class JointBuild:
     Attributes
     ----------
     values
-        Joint parameters in internal units.
+        The operating point.
     posture
         Where shaft, output shaft and rollers start.
     side
         Sign of the torque: which flank of the grooves is loaded.
-    groove_stiffness, needle_stiffness
-        C of roller and groove, and of one sphere of a needle.
+    sphere_stiffness
+        C of one sphere of a needle.
     needle_load
         Penetration of the most loaded needle into each partner at the start.
     groove, needle, needle_end
@@ -55,11 +55,10 @@ class JointBuild:
         Turning of a roller on its trunnion at which its needles reach their transition of rolling.
     """
 
-    values: Mapping[str, float]
+    values: JointValues[float]
     posture: Posture
     side: float
-    groove_stiffness: float
-    needle_stiffness: float
+    sphere_stiffness: float
     needle_load: float
     groove: Friction
     needle: tuple[Friction, Friction]
@@ -67,25 +66,10 @@ class JointBuild:
     roller_spin_transition: float
 
     @property
-    def needle_radius(self) -> float:
-        """Radius of a needle."""
-        return self.values["needle_diameter_mm"] / 2
-
-    @property
-    def trunnion_radius(self) -> float:
-        """Radius of a trunnion: pitch diameter less needle diameter."""
-        return self.values["needle_pitch_diameter_mm"] / 2 - self.needle_radius
-
-    @property
-    def bore_radius(self) -> float:
-        """Radius of a roller's bore, with the clearance."""
-        return self.trunnion_radius + 2 * self.needle_radius + self.values["bearing_radial_clearance_mm"]
-
-    @property
     def ring_distance(self) -> float:
         """Distance of the middle of the needles from the spider's centre: that of the roller on average."""
-        pitch = self.values["pitch_radius_mm"]
-        return pitch + pitch * (1 / math.cos(self.values["joint_angle_deg"]) - 1) / 2
+        pitch = self.values.pitch_radius
+        return pitch + pitch * (1 / math.cos(self.values.joint_angle) - 1) / 2
 
     def trunnion_axis(self, k: int) -> FloatArray:
         """Direction of trunnion k = 0, 1, 2 in the shaft's axes."""
@@ -94,43 +78,35 @@ class JointBuild:
     @property
     def spider_in_shaft(self) -> FloatArray:
         """The spider's centre from the shaft's centre of mass, in the shaft's axes."""
-        return -0.5 * self.values["shaft_length_mm"] * _Z
+        return -0.5 * self.values.shaft_length * _Z
 
 
-def prepare_joint(values: Mapping[str, float]) -> JointBuild:
+def prepare_joint(values: JointValues[float]) -> JointBuild:
     """Constants and posture of one operating point."""
-    columns = {name: np.array([value]) for name, value in values.items()}
-    constants = {name: float(column[0]) for name, column in contact_constants(columns).items()}
-    transition = transition_velocities(columns)
-    side = -1.0 if values["torque_n_m"] < 0 else 1.0
-    load = abs(values["torque_n_m"]) / (3 * values["pitch_radius_mm"])
-    clearance = values["bearing_radial_clearance_mm"]
-    needle_load = bearing_load_zone(load, clearance, constants["needle_stiffness"], values["needle_count"])[1]
-    in_groove = (load / constants["groove_stiffness"]) ** (1 / _GROOVE_EXPONENT)
-    play = (values["groove_radius_ratio"] - 1) * values["roller_radius_mm"]
+    transition = transition_velocities(values)
+    side = -1.0 if values.torque < 0 else 1.0
+    load, clearance = values.groove_load, values.bearing_radial_clearance
+    needle_load = bearing_load_zone(load, clearance, values.needle_stiffness, values.needle_count)[1]
+    in_groove = (load / values.groove_stiffness) ** (1 / _GROOVE_EXPONENT)
     posture = joint_posture(
-        values["joint_angle_deg"], values["outboard_joint_angle_deg"], values["shaft_length_mm"],
-        values["pitch_radius_mm"], values["speed_rpm"], side * (play + in_groove + clearance + 2 * needle_load),
+        values.joint_angle, values.outboard_joint_angle, values.shaft_length, values.pitch_radius, values.speed,
+        side * (values.groove_play + in_groove + clearance + 2 * needle_load),
     )  # fmt: skip
     groove = Friction(
-        values["groove_sliding_friction"], float(transition.groove_sliding[0]),
-        values["groove_rolling_friction"], values["groove_rolling_lever_mm"], float(transition.groove_rolling[0]),
-        3 / 8 * values["groove_spin_friction"] * constants["groove_axis_factor"], float(transition.spinning[0]),
+        values.groove_sliding_friction, float(transition.groove_sliding),
+        values.groove_rolling_friction, values.groove_rolling_lever, float(transition.groove_rolling),
+        3 / 8 * values.groove_spin_friction * values.groove_axis_factor, float(transition.spinning),
     )  # fmt: skip
-    radius, slip = values["needle_diameter_mm"] / 2, float(transition.needle_sliding[0])
-    trunnion = values["needle_pitch_diameter_mm"] / 2 - radius
-    bore = trunnion + 2 * radius + clearance
-    spin = float(transition.roller_spin[0])
+    slip, spin = float(transition.needle_sliding), float(transition.roller_spin)
     # a needle that rolls between trunnion and bore turns on them at r_b and r_t over its diameter times the spin
     rolling = [
-        Friction(values["needle_sliding_friction"], slip, values["needle_rolling_friction"], radius,
-                 spin * partner / (2 * radius))
-        for partner in (bore, trunnion)
+        Friction(values.needle_sliding_friction, slip, values.needle_rolling_friction, values.needle_radius,
+                 spin * partner / (2 * values.needle_radius))
+        for partner in (values.bore_radius, values.trunnion_radius)
     ]  # fmt: skip
     return JointBuild(
-        values, posture, side, constants["groove_stiffness"],
-        constants["needle_stiffness"] / values["spheres_per_needle"], needle_load,
-        groove, (rolling[0], rolling[1]), Friction(values["needle_sliding_friction"], slip),
+        values, posture, side, values.needle_stiffness / values.spheres_per_needle, needle_load,
+        groove, (rolling[0], rolling[1]), Friction(values.needle_sliding_friction, slip),
         spin,
     )  # fmt: skip
 

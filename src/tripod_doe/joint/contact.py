@@ -9,7 +9,6 @@ mu and 2K/(pi mu) are Hertz's coefficients of the curvatures, not friction.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,13 +104,17 @@ def semi_major_axis_factor(hertz_mu: FloatArray, curvature_sum: FloatArray, elas
     return 0.0472 / 2 * hertz_mu / np.cbrt(curvature_sum * elastic)
 
 
-def contact_constants(points: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Contact constants of every point, as further columns beside its parameters.
+def contact_constants(
+    elastic: FloatArray, roller_radius: FloatArray, groove_radius_ratio: FloatArray, needle_length: FloatArray
+) -> dict[str, FloatArray]:
+    """Contact constants of every point.
 
     Parameters
     ----------
-    points
-        Joint parameters in internal units, each of shape (point,).
+    elastic
+        From `elastic_factor`, times any factor on all stiffnesses, shape (point,).
+    roller_radius, groove_radius_ratio, needle_length
+        Each of shape (point,); lengths in mm.
 
     Returns
     -------
@@ -119,14 +122,12 @@ def contact_constants(points: Mapping[str, FloatArray]) -> dict[str, FloatArray]
         ``groove_stiffness`` in N / mm^1.5, ``groove_axis_factor`` (semi-major axis over f_n^(1/3)) in mm / N^(1/3),
         ``needle_stiffness`` (a whole needle against one part) in N / mm^(10/9), each of shape (point,).
     """
-    elastic = elastic_factor(points["youngs_modulus_gpa"], points["poissons_ratio"])
-    elastic = elastic * points["contact_stiffness_factor"]
-    curvature_sum, cos_tau = groove_curvature(points["roller_radius_mm"], points["groove_radius_ratio"])
+    curvature_sum, cos_tau = groove_curvature(roller_radius, groove_radius_ratio)
     hertz_mu, _, two_k = hertz_coefficients(cos_tau)
     return {
         "groove_stiffness": groove_contact_stiffness(two_k, curvature_sum, elastic),
         "groove_axis_factor": semi_major_axis_factor(hertz_mu, curvature_sum, elastic),
-        "needle_stiffness": needle_contact_stiffness(points["needle_length_mm"], elastic),
+        "needle_stiffness": needle_contact_stiffness(needle_length, elastic),
     }
 
 

@@ -12,7 +12,6 @@ hundred hertz. Runs that pass all else are therefore asked what a vibration woul
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +21,7 @@ from tripod_doe.joint.multibody import build_joint
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
 from tripod_doe.joint.readings import groove_readings, groove_thrust, needle_skews
 from tripod_doe.joint.thrust_parts import thrust_parts
+from tripod_doe.joint.values import JointValues
 from tripod_doe.joint.vibration import vibration
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
 from tripod_doe.mechanics.floquet import fastest_growth
@@ -127,7 +127,7 @@ class JointRun:
 
 
 def run_joint(
-    values: Mapping[str, float], needles: bool, method: str, samples: int, step: float | None,
+    values: JointValues[float], needles: bool, method: str, samples: int, step: float | None,
     tolerance: float | None, rates: bool = False, split: bool = False,
 ) -> JointRun:  # fmt: skip
     """Simulate one operating point.
@@ -135,7 +135,7 @@ def run_joint(
     Parameters
     ----------
     values
-        Joint parameters in internal units.
+        The operating point.
     needles
         Model ``needles`` (True) or ``rollers``.
     method, step, tolerance
@@ -150,7 +150,7 @@ def run_joint(
     if reason := _out_of_range(values):
         return JointRun(Outcome.OUT_OF_RANGE, reason)
     assembly = assemble(build_joint(values, needles))
-    settings = Settings(budget=int(values["evaluation_budget"]), tolerance=tolerance or Settings().tolerance)
+    settings = Settings(budget=int(values.evaluation_budget), tolerance=tolerance or Settings().tolerance)
     result, again = follow(assembly, values, method, samples, step, settings)
     if again is None:
         done = JointRun(result.outcome, result.detail)
@@ -172,7 +172,7 @@ def run_joint(
 
 
 def follow(
-    assembly: Assembly, values: Mapping[str, float], method: str, samples: int, step: float | None, settings: Settings
+    assembly: Assembly, values: JointValues[float], method: str, samples: int, step: float | None, settings: Settings
 ) -> tuple[Run, Run | None]:
     """Follow all revolutions, and then the last one, and a little before it, again with half the tolerance or step.
 
@@ -181,7 +181,7 @@ def follow(
     result, again
         `again` is None where the run did not come to its end.
     """
-    cycles, revolution = int(values["cycles"]), 2 * math.pi / values["speed_rpm"]
+    cycles, revolution = int(values.cycles), 2 * math.pi / values.speed
     result = run(
         assembly, method, cycles * revolution, step=step, samples=cycles * samples, settings=settings,
         limits=_limits(values, cycles, method),
@@ -198,26 +198,26 @@ def follow(
     return result, again
 
 
-def _rates(result: Run, values: Mapping[str, float], samples: int) -> Rates:
+def _rates(result: Run, values: JointValues[float], samples: int) -> Rates:
     """What limits the step in the last third of a revolution, after which it repeats; the pace is the third order's."""
     chosen = np.unique(np.linspace(-1 - samples // 3, -1, _RATE_STATES, endpoint=False).round().astype(int))
     states = [State(float(result.times[k]), result.positions[k], result.velocities[k]) for k in chosen]
-    return fastest_rates(result.assembly, states, pace=3 * values["speed_rpm"])
+    return fastest_rates(result.assembly, states, pace=3 * values.speed)
 
 
 def _states(result: Run) -> tuple[FloatArray, FloatArray]:
     return result.positions, result.velocities
 
 
-def _limits(values: Mapping[str, float], cycles: float, method: str) -> Limits:
+def _limits(values: JointValues[float], cycles: float, method: str) -> Limits:
     """What a run of so many revolutions may show."""
-    transmitted = abs(values["torque_n_m"]) * 2 * math.pi * cycles
+    transmitted = abs(values.torque) * 2 * math.pi * cycles
     energy = _EXPLICIT_ENERGY if method_named(method).explicit else _LIMITS.energy
     return replace(_LIMITS, energy=energy, turned_over=_TURNED_OVER * transmitted)
 
 
 def _read(
-    assembly: Assembly, result: Run, again: Run, values: Mapping[str, float], samples: int, method: Method, split: bool
+    assembly: Assembly, result: Run, again: Run, values: JointValues[float], samples: int, method: Method, split: bool
 ) -> Readings:
     """Everything that is read off the last two revolutions of a run, and off the last one run again."""
     times, positions, velocities = (x[-2 * samples - 1 :] for x in (result.times, result.positions, result.velocities))
@@ -226,7 +226,7 @@ def _read(
     last = slice(0, -1)  # the end of the last revolution is the start of the next one
     skew, summary = None, None
     if "needle 1.1" in assembly.names:
-        skew, summary = needle_skews(assembly, result.positions[:-1], values, int(values["cycles"]))
+        skew, summary = needle_skews(assembly, result.positions[:-1], values, int(values.cycles))
         skew = skew[:, -2 * samples :]
     parts = thrust_parts(assembly, times, positions, velocities, values).sum(1) if split else None
     return Readings(
@@ -241,7 +241,7 @@ def _by_revolution(signals: FloatArray) -> FloatArray:
     return two
 
 
-def prepare_joint(values: Mapping[str, float], method: str) -> None:
+def prepare_joint(values: JointValues[float], method: str) -> None:
     """Compile all that a run needs, by a step of a joint without needle bodies: its tables are of the same types."""
     assembly = assemble(build_joint(values, needles=False))
     result = run(assembly, method, 1e-9, step=1e-9, settings=Settings(tolerance=1e-3), limits=_LIMITS)
@@ -250,11 +250,11 @@ def prepare_joint(values: Mapping[str, float], method: str) -> None:
     fastest_growth(assembly, [assembly.initial_state()], 1e-3)
 
 
-def _out_of_range(values: Mapping[str, float]) -> str:
+def _out_of_range(values: JointValues[float]) -> str:
     """Why the motion of this operating point has no thrust orders to be read off, or nothing."""
-    if not values["speed_rpm"] > 0:
+    if not values.speed > 0:
         return "a joint at rest never completes a revolution; use model equilibrium"
-    if values["torque_n_m"] == 0:
+    if values.torque == 0:
         return "without torque nothing holds the rollers against their grooves; give one, or use model equilibrium"
     return ""
 
@@ -296,7 +296,7 @@ def amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, method:
 
 
 def judge(
-    result: Run, again: Run, thrust: FloatArray, amplitude_error: FloatArray, values: Mapping[str, float]
+    result: Run, again: Run, thrust: FloatArray, amplitude_error: FloatArray, values: JointValues[float]
 ) -> tuple[Outcome, str]:
     """Whether the third order of a run may be used: its outcome, and why not.
 
@@ -309,14 +309,14 @@ def judge(
     amplitude_error
         Numerical error of every order.
     values
-        Joint parameters in internal units.
+        The operating point.
     """
     if result.outcome != Outcome.FINISHED:
         return result.outcome, result.detail
     if again.outcome != Outcome.FINISHED:
         return Outcome.INACCURATE, f"half the tolerance or step fails: {again.detail}"
     third, error = abs(complex_amplitudes(thrust).mean(0)[3]), amplitude_error[3]
-    floor = _ERROR_FLOOR * abs(values["torque_n_m"]) / values["pitch_radius_mm"]
+    floor = _ERROR_FLOOR * abs(values.torque) / values.pitch_radius
     if not np.isfinite(third):
         return Outcome.DIVERGED, "the thrust is not finite"
     if not error <= max(_ERROR_LIMIT * third, floor):

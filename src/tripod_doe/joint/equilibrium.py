@@ -50,6 +50,7 @@ from tripod_doe.joint import contact
 from tripod_doe.joint.relaxation import solve_block
 from tripod_doe.joint.roller_balance import PointConstants
 from tripod_doe.joint.transition import transition_velocities
+from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.compilation import kernel
 
 __all__ = ["Equilibrium", "point_constants", "solve_balance", "solve_equilibrium"]
@@ -106,7 +107,7 @@ def _groove_angles(samples: int) -> tuple[FloatArray, FloatArray]:
     return np.cos(angle), np.sin(angle)
 
 
-def point_constants(points: Mapping[str, FloatArray]) -> tuple[dict[str, FloatArray], FloatArray]:
+def point_constants(points: JointValues[FloatArray]) -> tuple[dict[str, FloatArray], FloatArray]:
     """Columns of `PointConstants` for a massless joint whose rollers stay on their groove's axis.
 
     Parameters
@@ -119,55 +120,51 @@ def point_constants(points: Mapping[str, FloatArray]) -> tuple[dict[str, FloatAr
     columns, penetration
         Each of shape (point,); penetration is that of the most loaded needle into each of its partners, mm.
     """
-    theta = points["joint_angle_deg"]
-    pitch = points["needle_pitch_diameter_mm"] / 2
-    bore = pitch + points["needle_diameter_mm"] / 2 + points["bearing_radial_clearance_mm"]
-    trunnion = pitch - points["needle_diameter_mm"] / 2
-    load = np.abs(points["torque_n_m"]) / (3 * points["pitch_radius_mm"])
+    theta = points.joint_angle
+    load = points.groove_load
     kappa, penetration = np.empty_like(load), np.empty_like(load)
     _load_zones(
         load,
-        points["bearing_radial_clearance_mm"],
-        points["needle_stiffness"],
-        points["needle_count"],
+        points.bearing_radial_clearance,
+        points.needle_stiffness,
+        points.needle_count,
         kappa,
         penetration,
     )
     transition = transition_velocities(points)
     columns = {
-        "torque": points["torque_n_m"],
-        "omega": points["speed_rpm"],
+        "torque": points.torque,
+        "omega": points.speed,
         "cos_theta": np.cos(theta),
         "sin_theta": np.sin(theta),
-        "pitch_radius": points["pitch_radius_mm"],
-        "roller_radius": points["roller_radius_mm"],
-        "rolling_lever": points["groove_rolling_lever_mm"],
-        "bearing_radius": pitch,
-        "needle_lever": bore * trunnion / pitch,
-        "groove_sliding": points["groove_sliding_friction"],
-        "groove_spinning": 0.375 * points["groove_spin_friction"],
-        "groove_rolling": points["groove_rolling_friction"],
-        "needle_sliding": kappa * points["needle_sliding_friction"],
-        "needle_rolling": kappa * points["needle_rolling_friction"],
+        "pitch_radius": points.pitch_radius,
+        "roller_radius": points.roller_radius,
+        "rolling_lever": points.groove_rolling_lever,
+        "bearing_radius": points.bearing_radius,
+        "needle_lever": points.bore_radius * points.trunnion_radius / points.bearing_radius,
+        "groove_sliding": points.groove_sliding_friction,
+        "groove_spinning": 0.375 * points.groove_spin_friction,
+        "groove_rolling": points.groove_rolling_friction,
+        "needle_sliding": kappa * points.needle_sliding_friction,
+        "needle_rolling": kappa * points.needle_rolling_friction,
         "slip_transition": transition.groove_sliding,
         "needle_transition": transition.needle_sliding,
         "roll_transition": transition.groove_rolling,
         "spin_transition": transition.roller_spin,
         "normal_spin_transition": transition.spinning,
-        "axis_factor": points["groove_axis_factor"],
-        "tolerance": points["relative_tolerance"],
+        "axis_factor": points.groove_axis_factor,
+        "tolerance": points.relative_tolerance,
     }
     return {name: np.zeros_like(load) for name in PointConstants._fields} | columns, penetration
 
 
-def solve_equilibrium(points: Mapping[str, FloatArray], samples: int) -> Equilibrium:
+def solve_equilibrium(points: JointValues[FloatArray], samples: int) -> Equilibrium:
     """Solve the equilibrium model for a block of points.
 
     Parameters
     ----------
     points
-        Joint parameters in internal units (`parameters.internal_units`) and the contact constants that follow from
-        them (`contact.contact_constants`), each of shape (point,).
+        The points.
     samples
         Samples of one revolution.
 
@@ -184,11 +181,11 @@ def solve_equilibrium(points: Mapping[str, FloatArray], samples: int) -> Equilib
 
 
 def solve_balance(
-    points: Mapping[str, FloatArray], columns: Mapping[str, FloatArray], penetration: FloatArray, samples: int
+    points: JointValues[FloatArray], columns: Mapping[str, FloatArray], penetration: FloatArray, samples: int
 ) -> Equilibrium:
     """Solve the balance of a block of points whose constants are known; parameters as there."""
     table = np.stack([columns[name] for name in PointConstants._fields], axis=1)
-    skews = np.stack([points[f"initial_skew_{k}_deg"] for k in (1, 2, 3)], axis=1)
+    skews = np.stack(points.initial_skews, axis=1)
     cosines, sines = _groove_angles(samples)
     count = table.shape[0]
     thrust, parts = np.empty((count, 3, samples)), np.empty((count, 6, samples))

@@ -14,12 +14,10 @@ live to show.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.joint.contact import contact_constants
+from tripod_doe.joint.values import JointValues
 
 __all__ = ["misfits"]
 
@@ -31,22 +29,22 @@ _STATIC_PRESSURE = 4000.0
 _EXPONENT = 10 / 9
 
 
-def misfits(points: Mapping[str, FloatArray]) -> list[tuple[int, str]]:
+def misfits(points: JointValues[FloatArray]) -> list[tuple[int, str]]:
     """Points whose parts cannot be put together or cannot move, with the reason.
 
     Parameters
     ----------
     points
-        Joint parameters in internal units, each of shape (point,).
+        The points.
     """
-    pitch, needle = points["needle_pitch_diameter_mm"], points["needle_diameter_mm"]
-    bore = pitch + needle + 2 * points["bearing_radial_clearance_mm"]
+    pitch, needle = points.needle_pitch_diameter, points.needle_diameter
+    bore = pitch + needle + 2 * points.bearing_radial_clearance
     load, held, pressure = _preload(points)
     reasons = [
         (needle >= pitch, "the needles leave no trunnion: needle_diameter_mm must be below needle_pitch_diameter_mm"),
         (_spacing(points, 0.0) < needle,
          "the needles do not fit on the pitch circle: reduce needle_count or needle_diameter_mm"),
-        (bore >= 2 * points["roller_radius_mm"], "the bore is larger than the roller: raise roller_radius_mm"),
+        (bore >= 2 * points.roller_radius, "the bore is larger than the roller: raise roller_radius_mm"),
         (pressure > _STATIC_PRESSURE,
          f"the preload of the needles dents them, above {_STATIC_PRESSURE:g} MPa: raise bearing_radial_clearance_mm"),
         ((held > load) & (load > 0),
@@ -54,27 +52,26 @@ def misfits(points: Mapping[str, FloatArray]) -> list[tuple[int, str]]:
          "their grooves: raise bearing_radial_clearance_mm or torque_n_m"),
     ]  # fmt: skip
     reasons += [
-        (_spacing(points, points[name]) < needle, f"needles skewed by {name} do not fit beside each other")
-        for name in (f"initial_skew_{k}_deg" for k in (1, 2, 3))
+        (_spacing(points, skew) < needle, f"needles skewed by initial_skew_{k}_deg do not fit beside each other")
+        for k, skew in enumerate(points.initial_skews, 1)
     ]
     return [(int(position), text) for bad, text in reasons for position in np.flatnonzero(bad)]
 
 
-def _spacing(points: Mapping[str, FloatArray], skew: FloatArray | float) -> FloatArray:
+def _spacing(points: JointValues[FloatArray], skew: FloatArray | float) -> FloatArray:
     """Distance of the axes of neighbouring needles that all have the same skew; infinite for one needle."""
-    count = points["needle_count"]
+    count = points.needle_count
     half = np.pi / np.maximum(count, 2)
-    spacing = points["needle_pitch_diameter_mm"] * np.sin(half) / np.hypot(1.0, np.tan(skew) * np.cos(half))
+    spacing = points.needle_pitch_diameter * np.sin(half) / np.hypot(1.0, np.tan(skew) * np.cos(half))
     return np.where(count > 1, spacing, np.inf)
 
 
-def _preload(points: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _preload(points: JointValues[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Mean load of a groove, sliding resistance of a bearing by its preload alone, and largest pressure that makes."""
-    squeeze = np.maximum(-points["bearing_radial_clearance_mm"], 0.0) / 2
-    each = contact_constants(points)["needle_stiffness"] * squeeze**_EXPONENT
-    length, radius = points["needle_length_mm"], points["needle_diameter_mm"] / 2
-    trunnion = np.maximum(points["needle_pitch_diameter_mm"] / 2 - radius, 1e-9)
-    modulus = points["youngs_modulus_gpa"] / (2 * (1 - points["poissons_ratio"] ** 2))
-    pressure = np.sqrt(each / length * modulus / np.pi * (1 / radius + 1 / trunnion))  # Hertz, a line contact
-    load = np.abs(points["torque_n_m"]) / (3 * points["pitch_radius_mm"])
-    return load, points["needle_sliding_friction"] * points["needle_count"] * each, pressure
+    squeeze = np.maximum(-points.bearing_radial_clearance, 0.0) / 2
+    each = points.needle_stiffness * squeeze**_EXPONENT
+    trunnion = np.maximum(points.trunnion_radius, 1e-9)
+    modulus = points.youngs_modulus / (2 * (1 - points.poissons_ratio**2))
+    curvature = 1 / points.needle_radius + 1 / trunnion
+    pressure = np.sqrt(each / points.needle_length * modulus / np.pi * curvature)  # Hertz, a line contact
+    return points.groove_load, points.needle_sliding_friction * points.needle_count * each, pressure

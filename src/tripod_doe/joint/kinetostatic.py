@@ -36,14 +36,13 @@ as is all else that the equilibrium leaves out; and the mass of the needles.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint import contact
 from tripod_doe.joint.construction import roller_inertia
 from tripod_doe.joint.equilibrium import Equilibrium, point_constants, solve_balance
+from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.compilation import kernel
 
 __all__ = ["solve_kinetostatic"]
@@ -58,29 +57,25 @@ def _bearing_stiffnesses(penetrations, clearances, stiffnesses, counts, out):
         out[i] = contact.bearing_stiffness(penetrations[i], clearances[i], stiffnesses[i], counts[i])
 
 
-def _moving_constants(points: Mapping[str, FloatArray], penetration: FloatArray, samples: int) -> dict[str, FloatArray]:
+def _moving_constants(points: JointValues[FloatArray], penetration: FloatArray, samples: int) -> dict[str, FloatArray]:
     """The columns of `PointConstants` that are zero in the equilibrium."""
-    radius, pitch, clearance = (
-        points[name] for name in ("roller_radius_mm", "pitch_radius_mm", "bearing_radial_clearance_mm")
-    )
-    load = np.abs(points["torque_n_m"]) / (3 * pitch)
-    bore = (points["needle_pitch_diameter_mm"] + points["needle_diameter_mm"]) / 2 + clearance
-    mass, polar, _ = roller_inertia(radius, points["roller_width_mm"], bore, points["density_kg_m3"])
+    radius, load, clearance = points.roller_radius, points.groove_load, points.bearing_radial_clearance
+    mass, polar, _ = roller_inertia(radius, points.roller_width, points.bore_radius, points.density)
     stiffness = np.empty_like(load)
-    _bearing_stiffnesses(penetration, clearance, points["needle_stiffness"], points["needle_count"], stiffness)
-    play = (points["groove_radius_ratio"] - 1) * radius + (load / points["groove_stiffness"]) ** (2 / 3)
+    _bearing_stiffnesses(penetration, clearance, points.needle_stiffness, points.needle_count, stiffness)
+    play = points.groove_play + (load / points.groove_stiffness) ** (2 / 3)
     return {
         "roller_mass": mass,
         "roller_inertia": polar,
-        "shaft_mass": points["shaft_mass_kg"] / 3,
+        "shaft_mass": points.shaft_mass / 3,
         "play": play,
-        "tilt": 12 * radius * load / (stiffness * points["needle_length_mm"] ** 2),
-        "lag": np.sign(points["torque_n_m"]) * (play + clearance + 2 * penetration) / pitch,
-        "pace": points["speed_rpm"] * samples / (2 * np.pi),
+        "tilt": 12 * radius * load / (stiffness * points.needle_length**2),
+        "lag": np.sign(points.torque) * (play + clearance + 2 * penetration) / points.pitch_radius,
+        "pace": points.speed * samples / (2 * np.pi),
     }
 
 
-def solve_kinetostatic(points: Mapping[str, FloatArray], samples: int) -> Equilibrium:
+def solve_kinetostatic(points: JointValues[FloatArray], samples: int) -> Equilibrium:
     """Solve the kinetostatic model for a block of points.
 
     Parameters

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+import math
+from collections.abc import Callable, Collection
 from dataclasses import astuple, dataclass
 from functools import partial
 from typing import Any
@@ -10,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.joint.contact import contact_constants
 from tripod_doe.joint.dynamics import Readings, prepare_joint, run_joint
 from tripod_doe.joint.equilibrium import Equilibrium, solve_equilibrium
 from tripod_doe.joint.kinetostatic import solve_kinetostatic
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, PART_OUTPUTS, part_outputs, thrust_outputs
+from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.linearisation import RATE_OUTPUTS
 from tripod_doe.simulator import BlockResult, Methods, Outcome
@@ -52,17 +53,17 @@ class Model:
     outputs
         Names of the outputs that it gives.
     simulate
-        (numeric parameters in internal units, method, samples per revolution, outputs to keep) -> results.
+        (block of points, method, samples per revolution, outputs to keep) -> results.
     prepare
-        (numeric parameters of one point in internal units, method): compiles all that `simulate` needs.
+        (block of one point, method): compiles all that `simulate` needs.
     """
 
     name: str
     methods: Methods
     ignores: frozenset[str]
     outputs: frozenset[str]
-    simulate: Callable[[Mapping[str, FloatArray], str, int, Collection[str]], BlockResult]
-    prepare: Callable[[Mapping[str, FloatArray], str], None]
+    simulate: Callable[[JointValues[FloatArray], str, int, Collection[str]], BlockResult]
+    prepare: Callable[[JointValues[FloatArray], str], None]
 
     @property
     def default_method(self) -> str:
@@ -71,28 +72,25 @@ class Model:
 
 
 def _simulate_balance(
-    solve: Callable[[Mapping[str, FloatArray], int], Equilibrium], energy_limit: float,
-    points: Mapping[str, FloatArray], method: str, samples: int, keep: Collection[str],
+    solve: Callable[[JointValues[FloatArray], int], Equilibrium], energy_limit: float,
+    points: JointValues[FloatArray], method: str, samples: int, keep: Collection[str],
 ) -> BlockResult:  # fmt: skip
-    points = {**points, **contact_constants(points)}
-    count = points["torque_n_m"].size
-    block = BlockResult.blank(count)
-    for start in range(0, count, _CHUNK):
-        part = {name: column[start : start + _CHUNK] for name, column in points.items()}
-        rows = np.arange(start, min(start + _CHUNK, count))
-        block.fill(rows, _balance_chunk(solve, energy_limit, part, samples, keep))
+    block = BlockResult.blank(points.torque.size)
+    for start in range(0, block.count, _CHUNK):
+        rows = np.arange(start, min(start + _CHUNK, block.count))
+        block.fill(rows, _balance_chunk(solve, energy_limit, points.take(rows), samples, keep))
     return block
 
 
 def _balance_chunk(
-    solve: Callable[[Mapping[str, FloatArray], int], Equilibrium], energy_limit: float,
-    points: Mapping[str, FloatArray], samples: int, keep: Collection[str],
+    solve: Callable[[JointValues[FloatArray], int], Equilibrium], energy_limit: float,
+    points: JointValues[FloatArray], samples: int, keep: Collection[str],
 ) -> BlockResult:  # fmt: skip
     solution = solve(points, samples)
     outputs = thrust_outputs(solution.groove_thrust[:, None], keep)
     if not set(PART_OUTPUTS).isdisjoint(keep):
         outputs |= part_outputs(solution.thrust_parts[:, None], keep)
-    in_groove = np.cbrt(np.maximum(solution.largest_normal_force, 0) / points["groove_stiffness"]) ** 2  # Eq. 2
+    in_groove = np.cbrt(np.maximum(solution.largest_normal_force, 0) / points.groove_stiffness) ** 2  # Eq. 2
     outputs |= {
         "friction_power_w": solution.friction_power / 1e3,
         "largest_penetration_um": 1e3 * np.maximum(in_groove, solution.needle_penetration),
@@ -106,15 +104,15 @@ def _balance_chunk(
         ),
         (~(solution.smallest_normal_force >= 0), Outcome.OUT_OF_RANGE, "a roller lifts off its groove"),
         (~solution.settled, Outcome.DIVERGED, _UNSETTLED),
-        (points["bearing_radial_clearance_mm"] < 0, Outcome.OUT_OF_RANGE, _PRELOADED),
+        (points.bearing_radial_clearance < 0, Outcome.OUT_OF_RANGE, _PRELOADED),
     ]
     block = BlockResult.blank(solution.settled.size, Outcome.FINISHED)
     for failed, kind, text in reasons:
         block.end(np.flatnonzero(failed), kind, text)
     block.steps[:] = block.force_evaluations[:] = solution.sweeps
     with np.errstate(divide="ignore"):  # a balance holds for any number of revolutions: those that were asked for
-        turned = points["cycles"] * 2 * np.pi / points["speed_rpm"]
-    block.simulated_seconds[:] = np.where(points["speed_rpm"] > 0, turned, np.nan)
+        turned = points.cycles * 2 * np.pi / points.speed
+    block.simulated_seconds[:] = np.where(points.speed > 0, turned, np.nan)
     for name, data in outputs.items():
         if name in keep:
             block.put(name, JOINT_OUTPUTS[name].dims, slice(None), data)
@@ -122,13 +120,13 @@ def _balance_chunk(
 
 
 def _balance(
-    name: str, solve: Callable[[Mapping[str, FloatArray], int], Equilibrium], tolerance: float, energy_limit: float,
+    name: str, solve: Callable[[JointValues[FloatArray], int], Equilibrium], tolerance: float, energy_limit: float,
     ignores: frozenset[str],
 ) -> Model:  # fmt: skip
     """A model that balances forces at every rotation angle instead of following a motion."""
     simulate = partial(_simulate_balance, solve, energy_limit)
 
-    def prepare(point: Mapping[str, FloatArray], method: str) -> None:
+    def prepare(point: JointValues[FloatArray], method: str) -> None:
         simulate(point, method, 30, ())
 
     return Model(
@@ -154,14 +152,14 @@ _KINETOSTATIC = _balance("kinetostatic", solve_kinetostatic, 1e-6, _GIVING_WAY, 
 
 
 def _simulate_multibody(
-    needles: bool, points: Mapping[str, FloatArray], method: str, samples: int, keep: Collection[str]
+    needles: bool, points: JointValues[FloatArray], method: str, samples: int, keep: Collection[str]
 ) -> BlockResult:
     """Simulate points one by one; a run of any of them costs more than all that could be shared."""
-    block = BlockResult.blank(points["torque_n_m"].size)
+    block = BlockResult.blank(points.torque.size)
     split, rates = (not set(names).isdisjoint(keep) for names in (PART_OUTPUTS, _RATES))
     for i in range(block.count):
-        point = {name: float(column[i]) for name, column in points.items()}
-        step, tolerance = (None if np.isnan(point[name]) else point[name] for name in ("step_s", "relative_tolerance"))
+        point = points.point(i)
+        step, tolerance = (None if math.isnan(given) else given for given in (point.step, point.relative_tolerance))
         result = run_joint(point, needles, method, samples, step, tolerance, rates, split)
         block.end(i, result.outcome, result.detail)
         block.steps[i], block.force_evaluations[i], block.solves[i], block.simulated_seconds[i] = (
@@ -173,8 +171,8 @@ def _simulate_multibody(
     return block
 
 
-def _prepare_multibody(point: Mapping[str, FloatArray], method: str) -> None:
-    prepare_joint({name: float(column[0]) for name, column in point.items()}, method)
+def _prepare_multibody(point: JointValues[FloatArray], method: str) -> None:
+    prepare_joint(point.point(0), method)
 
 
 def _answer(result: Readings, keep: Collection[str]) -> dict[str, FloatArray]:

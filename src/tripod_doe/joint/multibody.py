@@ -17,13 +17,13 @@ behind the grooves by clearances and penetrations under the mean load |T| / (3 R
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 
 from tripod_doe.joint.construction import JointBuild, moving_body, prepare_joint, roller_inertia, vector
 from tripod_doe.joint.needle_bearing import lumped_bearing, needle_body, needle_contacts
 from tripod_doe.joint.posture import GROOVE_ANGLES, Pose
+from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.scene import (
     GROUND,
     Body,
@@ -46,8 +46,8 @@ _Z = np.array([0.0, 0.0, 1.0])
 def _shafts(build: JointBuild) -> tuple[list[Body], list[Constraint]]:
     """Intermediate shaft, output shaft, and what stands still in space; with their constraints."""
     values, posture = build.values, build.posture
-    mass, length, inertia = values["shaft_mass_kg"], values["shaft_length_mm"], values["output_inertia_kg_m2"]
-    radius_squared = mass / (values["density_kg_m3"] * math.pi * length)
+    mass, length, inertia = values.shaft_mass, values.shaft_length, values.output_inertia
+    radius_squared = mass / (values.density * math.pi * length)
     across = mass * (length**2 / 12 + radius_squared / 4)
     arm = posture.shaft.attitude.apply(-build.spider_in_shaft)
     middle = Pose(
@@ -56,11 +56,11 @@ def _shafts(build: JointBuild) -> tuple[list[Body], list[Constraint]]:
     )  # fmt: skip
     end = posture.output.position
     axis = posture.output.attitude.apply(_Z)
-    speed = values["speed_rpm"]
+    speed = values.speed
     bodies = [
         moving_body("shaft", mass, (across, across, mass * radius_squared / 2), middle),
         moving_body("output", mass, (inertia, inertia, inertia), posture.output,
-                own_moment=(0.0, 0.0, -values["torque_n_m"])),
+                own_moment=(0.0, 0.0, -values.torque)),
         Body("space", mass, (inertia, inertia, inertia), angular_velocity=(0.0, 0.0, -speed), locked=(True,) * 6),
     ]  # fmt: skip
     half = vector(-build.spider_in_shaft)
@@ -74,38 +74,37 @@ def _shafts(build: JointBuild) -> tuple[list[Body], list[Constraint]]:
 def _roller(build: JointBuild, k: int) -> tuple[Body, SphereRow]:
     """Roller k, rolling along its groove, and its contact with the groove."""
     values, pose = build.values, build.posture.rollers[k]
-    radius = values["roller_radius_mm"]
+    radius = values.roller_radius
     mass, polar, across = (
-        float(x) for x in roller_inertia(*np.array([radius, values["roller_width_mm"], build.bore_radius,
-                                                    values["density_kg_m3"]]))
+        float(x) for x in roller_inertia(*np.array([radius, values.roller_width, values.bore_radius, values.density]))
     )  # fmt: skip
     trunnion = pose.attitude.apply(_Z)
     flank = build.side * np.array([-math.sin(GROOVE_ANGLES[k]), math.cos(GROOVE_ANGLES[k]), 0.0])
     # its spin on the trunnion takes the slip along the groove to zero
     slip = pose.velocity[2] - radius * np.cross(pose.rotation, flank)[2]
     spin = slip / (radius * np.cross(trunnion, flank)[2])
-    ahead = (values["bearing_radial_clearance_mm"] + 2 * build.needle_load) * flank  # of its trunnion
+    ahead = (values.bearing_radial_clearance + 2 * build.needle_load) * flank  # of its trunnion
     rolling = Pose(pose.position + ahead, pose.attitude, pose.velocity, pose.rotation + spin * trunnion)
     body = moving_body(f"roller {k + 1}", mass, (across, across, polar), rolling)
-    pitch = values["pitch_radius_mm"]
+    pitch = values.pitch_radius
     groove = Cylinder(
-        GROUND, values["groove_radius_ratio"] * radius, axis=(0.0, 0.0, 1.0), concave=True,
+        GROUND, values.groove_radius, axis=(0.0, 0.0, 1.0), concave=True,
         point=(pitch * math.cos(GROOVE_ANGLES[k]), pitch * math.sin(GROOVE_ANGLES[k]), 0.0),
     )  # fmt: skip
     contact = SphereRow(
-        body.name, groove, radius, build.groove_stiffness, _GROOVE_EXPONENT,
-        damping=values["contact_damping_s_per_mm"], friction=build.groove,
+        body.name, groove, radius, values.groove_stiffness, _GROOVE_EXPONENT,
+        damping=values.contact_damping, friction=build.groove,
     )  # fmt: skip
     return body, contact
 
 
-def build_joint(values: Mapping[str, float], needles: bool) -> Scene:
+def build_joint(values: JointValues[float], needles: bool) -> Scene:
     """Scene of the joint at one operating point.
 
     Parameters
     ----------
     values
-        Joint parameters in internal units (mm, N, s, t, rad).
+        The operating point.
     needles
         Whether every needle is a body (model ``needles``), or each bearing one element (model ``rollers``).
 
@@ -124,7 +123,7 @@ def build_joint(values: Mapping[str, float], needles: bool) -> Scene:
     )  # fmt: skip
 
 
-def build_trunnion(values: Mapping[str, float]) -> Scene:
+def build_trunnion(values: JointValues[float]) -> Scene:
     """Scene of trunnion 1, its needles, its roller and its groove, at one operating point of the joint.
 
     Trunnions 2 and 3 are guided without friction: a body of a roller's mass slides along the line in which the roller
@@ -134,7 +133,7 @@ def build_trunnion(values: Mapping[str, float]) -> Scene:
     Parameters
     ----------
     values
-        Joint parameters in internal units (mm, N, s, t, rad).
+        The operating point.
 
     Returns
     -------
@@ -165,13 +164,13 @@ def _guide(build: JointBuild, k: int, roller: Body) -> tuple[Body, list[Constrai
 
 def _ring(build: JointBuild, k: int, roller: Body) -> tuple[list[Body], list[SphereRow]]:
     """All needles of trunnion k, and their contacts."""
-    numbers = range(int(build.values["needle_count"]))
+    numbers = range(int(build.values.needle_count))
     contacts = [contact for j in numbers for contact in needle_contacts(build, k, j)]
     return [needle_body(build, k, j, roller) for j in numbers], contacts
 
 
 def _turning_scene(
-    values: Mapping[str, float],
+    values: JointValues[float],
     bodies: list[Body],
     rollers: list[tuple[Body, SphereRow]],
     rings: list[tuple[list[Body], list[SphereRow]]],
@@ -179,7 +178,7 @@ def _turning_scene(
     bearings: tuple[NeedleBearing, ...] = (),
 ) -> Scene:
     """All parts as one scene in axes that turn with the housing; the contacts with the grooves come last."""
-    speed = values["speed_rpm"]
+    speed = values.speed
     return Scene(
         (*bodies, *(body for body, _ in rollers), *(body for ring, _ in rings for body in ring)),
         (*(contact for _, contacts in rings for contact in contacts), *(contact for _, contact in rollers)),
@@ -188,7 +187,7 @@ def _turning_scene(
         frame=(0.0, 0.0, speed),
         core=tuple(body.name for body, _ in rollers),
         length_scale=0.1,
-        speed_scale=values["pitch_radius_mm"] * speed * math.tan(values["joint_angle_deg"]) + 1.0,
+        speed_scale=values.pitch_radius * speed * math.tan(values.joint_angle) + 1.0,
         rotation_scale=speed,
         time_scale=1 / speed,
     )

@@ -25,21 +25,21 @@ def needle_body(build: JointBuild, k: int, j: int, roller: Body) -> Body:
     axis = pose.attitude.apply(_Z)
     flank = -build.side * np.array([-math.sin(GROOVE_ANGLES[k]), math.cos(GROOVE_ANGLES[k]), 0.0])
     load = flank - axis * (flank @ axis)
-    angle = 2 * math.pi * j / values["needle_count"]
+    angle = 2 * math.pi * j / values.needle_count
     normal = Rotation.from_rotvec(angle * axis).apply(load / np.linalg.norm(load))
     # in the middle of the gap between trunnion and bore, which the load has shifted
-    shift = values["bearing_radial_clearance_mm"] + 2 * build.needle_load
-    middle = (build.trunnion_radius + build.bore_radius - shift * math.cos(angle)) / 2
+    shift = values.bearing_radial_clearance + 2 * build.needle_load
+    middle = (values.trunnion_radius + values.bore_radius - shift * math.cos(angle)) / 2
     arm = build.ring_distance * axis + middle * normal
-    skew = values[f"initial_skew_{k + 1}_deg"]
+    skew = values.initial_skews[k]
     own = Rotation.from_rotvec(skew * normal).apply(axis)
     spin = (np.array(roller.angular_velocity) - shaft.rotation) @ axis
-    pitch, radius = values["needle_pitch_diameter_mm"] / 2, build.needle_radius
-    orbit = spin * build.bore_radius / (2 * pitch)
+    pitch, radius = values.bearing_radius, values.needle_radius
+    orbit = spin * values.bore_radius / (2 * pitch)
     rotation = shaft.rotation + orbit * axis + orbit * (pitch / radius - 1) * own
     velocity = shaft.velocity + np.cross(shaft.rotation + orbit * axis, arm)
-    mass = values["density_kg_m3"] * math.pi * radius**2 * values["needle_length_mm"] * values["needle_mass_factor"]
-    across = mass * (radius**2 / 4 + values["needle_length_mm"] ** 2 / 12)
+    mass = values.density * math.pi * radius**2 * values.needle_length * values.needle_mass_factor
+    across = mass * (radius**2 / 4 + values.needle_length**2 / 12)
     attitude = Rotation.from_matrix(np.column_stack([normal, np.cross(own, normal), own]))
     place = Pose(shaft.position + arm, attitude, velocity, rotation)
     return moving_body(f"needle {k + 1}.{j + 1}", mass, (across, across, mass * radius**2 / 2), place)
@@ -48,25 +48,25 @@ def needle_body(build: JointBuild, k: int, j: int, roller: Body) -> Body:
 def needle_contacts(build: JointBuild, k: int, j: int) -> list[SphereRow]:
     """Contacts of needle j with trunnion, bore and next needle, and of its ends with flange and retainer."""
     values = build.values
-    count = int(values["needle_count"])
-    name, roller, radius = f"needle {k + 1}.{j + 1}", f"roller {k + 1}", build.needle_radius
-    axis, length = build.trunnion_axis(k), values["needle_length_mm"]
+    count = int(values.needle_count)
+    name, roller, radius = f"needle {k + 1}.{j + 1}", f"roller {k + 1}", values.needle_radius
+    axis, length = build.trunnion_axis(k), values.needle_length
 
     def row(surface: Cylinder | Plane, friction: Friction, **shape: Any) -> SphereRow:
         return SphereRow(
-            name, surface, stiffness=build.needle_stiffness, exponent=_EXPONENT,
-            damping=values["contact_damping_s_per_mm"], friction=friction, **shape,
+            name, surface, stiffness=build.sphere_stiffness, exponent=_EXPONENT,
+            damping=values.contact_damping, friction=friction, **shape,
         )  # fmt: skip
 
-    line = {"radius": radius, "axis": (0.0, 0.0, 1.0), "length": length, "count": int(values["spheres_per_needle"]),
-            "crown": values["needle_crown_um"]}  # fmt: skip
-    trunnion = Cylinder("shaft", build.trunnion_radius, vector(build.spider_in_shaft), vector(axis))
-    bore = Cylinder(roller, build.bore_radius, axis=(0.0, 0.0, 1.0), concave=True)
+    line = {"radius": radius, "axis": (0.0, 0.0, 1.0), "length": length, "count": int(values.spheres_per_needle),
+            "crown": values.needle_crown}  # fmt: skip
+    trunnion = Cylinder("shaft", values.trunnion_radius, vector(build.spider_in_shaft), vector(axis))
+    bore = Cylinder(roller, values.bore_radius, axis=(0.0, 0.0, 1.0), concave=True)
     rows = [row(trunnion, build.needle[0], **line), row(bore, build.needle[1], **line)]
     if count > 1:
         after = Cylinder(f"needle {k + 1}.{(j + 1) % count + 1}", radius, axis=(0.0, 0.0, 1.0))
         rows.append(row(after, build.needle_end, **line))
-    reach = (length + values["needle_axial_clearance_mm"]) / 2
+    reach = (length + values.needle_axial_clearance) / 2
     for side in (-1.0, 1.0):
         stop = build.spider_in_shaft + (build.ring_distance + side * reach) * axis
         plane = Plane("shaft", vector(stop), vector(-side * axis))
@@ -79,13 +79,13 @@ def lumped_bearing(build: JointBuild, k: int) -> NeedleBearing:
     values, axis = build.values, build.trunnion_axis(k)
     middle = build.spider_in_shaft + build.ring_distance * axis
     friction = Friction(
-        values["needle_sliding_friction"], build.needle_end.sliding_transition, values["needle_rolling_friction"],
+        values.needle_sliding_friction, build.needle_end.sliding_transition, values.needle_rolling_friction,
         rolling_transition=build.roller_spin_transition,
     )  # fmt: skip
     return NeedleBearing(
-        Cylinder("shaft", build.trunnion_radius, vector(middle), vector(axis)),
-        Cylinder(f"roller {k + 1}", build.bore_radius, axis=(0.0, 0.0, 1.0), concave=True),
-        values["needle_diameter_mm"], values["needle_length_mm"], int(values["needle_count"]), build.needle_stiffness,
-        _EXPONENT, int(values["spheres_per_needle"]), values["needle_crown_um"], values["contact_damping_s_per_mm"],
-        values[f"initial_skew_{k + 1}_deg"], friction,
+        Cylinder("shaft", values.trunnion_radius, vector(middle), vector(axis)),
+        Cylinder(f"roller {k + 1}", values.bore_radius, axis=(0.0, 0.0, 1.0), concave=True),
+        values.needle_diameter, values.needle_length, int(values.needle_count), build.sphere_stiffness,
+        _EXPONENT, int(values.spheres_per_needle), values.needle_crown, values.contact_damping,
+        values.initial_skews[k], friction,
     )  # fmt: skip

@@ -1,20 +1,26 @@
 """Every parameter of the tripod joint with unit, symbol, meaning, range and source.
 
-Names carry the unit a person uses. `internal_units` converts once, at the edge, to mm, N, s, t and rad.
+Names carry the unit a person uses; `internal_values` converts once to mm, N, s, t and rad.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.joint.contact import contact_constants, elastic_factor
+from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.simulator import Parameter, by_name
+from tripod_doe.simulator import Parameter, Value, by_name
 
-__all__ = ["JOINT_PARAMETERS", "MECHANISMS", "internal_units"]
+__all__ = ["JOINT_PARAMETERS", "MECHANISMS", "internal_values", "point_values"]
+
+FloatArray = NDArray[np.float64]
 
 MECHANISMS = ("groove_sliding", "groove_spinning", "groove_rolling", "needle_sliding", "needle_rolling")
 """The five friction mechanisms that a contribution study switches on and off."""
@@ -143,36 +149,49 @@ _PARAMETERS = [
 JOINT_PARAMETERS = by_name(_PARAMETERS)
 """All parameters of the joint by name, in the order in which help and documentation list them."""
 
-_TO_INTERNAL = {
-    "degree": math.pi / 180, "N m": 1e3, "rpm": 2 * math.pi / 60, "um": 1e-3, "kg": 1e-3, "kg m2": 1e3,
-    "kg m-3": 1e-12, "GPa": 1e3,
+_INTERNAL = {
+    "degree": ("_deg", math.pi / 180), "N m": ("_n_m", 1e3), "rpm": ("_rpm", 2 * math.pi / 60), "um": ("_um", 1e-3),
+    "kg": ("_kg", 1e-3), "kg m2": ("_kg_m2", 1e3), "kg m-3": ("_kg_m3", 1e-12), "GPa": ("_gpa", 1e3),
+    "mm": ("_mm", 1.0), "mm s-1": ("_mm_s", 1.0), "s": ("_s", 1.0), "s mm-1": ("_s_per_mm", 1.0), "1": ("", 1.0),
 }  # fmt: skip
+"""How the name of a parameter with this unit ends, and the factor to the internal unit."""
+
+_SWITCHED = {
+    "groove_sliding": "groove_sliding_friction",
+    "groove_spinning": "groove_spin_friction",
+    "groove_rolling": "groove_rolling_friction",
+    "needle_sliding": "needle_sliding_friction",
+    "needle_rolling": "needle_rolling_friction",
+}
+"""Coefficients that a switch sets to zero."""
 
 
-def internal_units(columns: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
-    """Convert numeric columns of points to mm, N, s, t and rad, and settle the values that follow from others.
+def internal_values(columns: Mapping[str, NDArray[Any]]) -> JointValues[FloatArray]:
+    """Convert numeric columns of points to internal units, and settle the values that follow from others.
 
     Parameters
     ----------
     columns
         Every numeric joint parameter by name, each of shape (point,), in the units of the names; NaN where unset.
-
-    Returns
-    -------
-    dict
-        The same names in internal units. Switched-off mechanisms have coefficient zero; spin friction and rolling
-        lever are filled in where they were left open.
     """
-    out = {name: column * _TO_INTERNAL.get(JOINT_PARAMETERS[name].unit, 1.0) for name, column in columns.items()}
-    for name, parameter in JOINT_PARAMETERS.items():
+    inside = {}
+    for name, column in columns.items():
+        parameter = JOINT_PARAMETERS[name]
         if parameter.follows:
-            out[name] = np.where(np.isnan(out[name]), out[parameter.follows], out[name])
-    for switch, coefficient in (
-        ("groove_sliding", "groove_sliding_friction"),
-        ("groove_spinning", "groove_spin_friction"),
-        ("groove_rolling", "groove_rolling_friction"),
-        ("needle_sliding", "needle_sliding_friction"),
-        ("needle_rolling", "needle_rolling_friction"),
-    ):
-        out[coefficient] = out[coefficient] * out[switch]
-    return out
+            column = np.where(np.isnan(column), columns[parameter.follows], column)
+        ending, factor = _INTERNAL[parameter.unit]
+        inside[name.removesuffix(ending)] = column * factor
+    for switch, coefficient in _SWITCHED.items():
+        inside[coefficient] = inside[coefficient] * inside[switch]
+    elastic = elastic_factor(inside["youngs_modulus"], inside["poissons_ratio"]) * inside["contact_stiffness_factor"]
+    inside |= contact_constants(
+        elastic, inside["roller_radius"], inside["groove_radius_ratio"], inside["needle_length"]
+    )  # fmt: skip
+    return JointValues(**{field.name: inside[field.name] for field in fields(JointValues)})
+
+
+def point_values(given: Mapping[str, Value]) -> JointValues[FloatArray]:
+    """One point as a block: values in the units of their names, all other parameters at their defaults."""
+    full = {name: given.get(name, parameter.default) for name, parameter in JOINT_PARAMETERS.items()}
+    numbers = [name for name, parameter in JOINT_PARAMETERS.items() if parameter.kind != "choice"]
+    return internal_values({name: JOINT_PARAMETERS[name].column([full[name]]) for name in numbers})

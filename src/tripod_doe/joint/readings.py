@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint.posture import GROOVE_ANGLES
+from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.assembly import Assembly
 from tripod_doe.mechanics.bearing import bearing_forces
 from tripod_doe.mechanics.compilation import kernel
@@ -100,7 +99,7 @@ def turned(quaternions: FloatArray, vector: FloatArray) -> FloatArray:
 
 
 def needle_skews(
-    assembly: Assembly, positions: FloatArray, values: Mapping[str, float], cycles: int
+    assembly: Assembly, positions: FloatArray, values: JointValues[float], cycles: int
 ) -> tuple[FloatArray, FloatArray]:
     """Skew of the needle of each trunnion that carries the most: the one that dips deepest into the trunnion.
 
@@ -109,7 +108,7 @@ def needle_skews(
     positions
         States of whole revolutions, shape (sample, body, 7).
     values
-        Joint parameters.
+        The operating point.
     cycles
         Revolutions among the samples.
 
@@ -132,7 +131,7 @@ def needle_skews(
     return skews, np.stack([by_cycle.mean(-1), by_cycle.min(-1), by_cycle.max(-1)], axis=-1)
 
 
-def needle_drift(assembly: Assembly, positions: FloatArray, values: Mapping[str, float]) -> FloatArray:
+def needle_drift(assembly: Assembly, positions: FloatArray, values: JointValues[float]) -> FloatArray:
     """Mean shift of the needles of trunnion 1 along it since the first sample.
 
     Parameters
@@ -140,7 +139,7 @@ def needle_drift(assembly: Assembly, positions: FloatArray, values: Mapping[str,
     positions
         States of a run, shape (sample, body, 7).
     values
-        Joint parameters.
+        The operating point.
 
     Returns
     -------
@@ -153,13 +152,13 @@ def needle_drift(assembly: Assembly, positions: FloatArray, values: Mapping[str,
 
 
 def ring(
-    assembly: Assembly, positions: FloatArray, values: Mapping[str, float], k: int
+    assembly: Assembly, positions: FloatArray, values: JointValues[float], k: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """States of the needles of trunnion k (sample, needle, 7), its axis (sample, 1, 3), their arms from the spider."""
     shaft, angle = positions[:, assembly.names.index("shaft")], GROOVE_ANGLES[k]
-    spider = shaft[:, :3] - turned(shaft[:, 3:], 0.5 * values["shaft_length_mm"] * _ALONG)
+    spider = shaft[:, :3] - turned(shaft[:, 3:], 0.5 * values.shaft_length * _ALONG)
     first = assembly.names.index(f"needle {k + 1}.1")
-    needles = positions[:, first : first + int(values["needle_count"])]
+    needles = positions[:, first : first + int(values.needle_count)]
     axis = turned(shaft[:, 3:], np.array([np.cos(angle), np.sin(angle), 0.0]))[:, None]
     arms: FloatArray = needles[..., :3] - spider[:, None]
     return needles, axis, arms

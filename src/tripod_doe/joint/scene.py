@@ -12,7 +12,8 @@ from tripod_doe.joint import models
 from tripod_doe.joint.fit import misfits
 from tripod_doe.joint.ladder import JOINT_LADDER
 from tripod_doe.joint.outputs import JOINT_OUTPUTS
-from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_units
+from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values
+from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.sources import source_hashes
 from tripod_doe.simulator import NUMERICS, BlockResult, Methods, Outcome, Simulator, Value
 
@@ -52,7 +53,7 @@ class JointScene(Simulator):
             if (name, method) not in self._prepared and method in models.MODELS[name].methods:
                 full = self.effective({"model": name, "method": method, "samples_per_revolution": 30})
                 column = {key: np.array([value], float) for key, value in full.items() if not isinstance(value, str)}
-                models.MODELS[name].prepare(internal_units(column), method)
+                models.MODELS[name].prepare(internal_values(column), method)
                 self._prepared.add((name, method))
 
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
@@ -90,8 +91,8 @@ def _method(model: str, method: object) -> str:
 
 def _numbers(
     model: models.Model, method: str, columns: Mapping[str, NDArray[Any]], usable: NDArray[np.int64]
-) -> dict[str, NDArray[np.float64]]:
-    """Numeric columns of the usable points in internal units, with the model's own numerics where unset."""
+) -> JointValues[NDArray[np.float64]]:
+    """Values of the usable points, with the method's own numerics where unset."""
     numbers = {}
     for name, parameter in JOINT_PARAMETERS.items():
         if parameter.kind == "choice":
@@ -99,7 +100,7 @@ def _numbers(
         column = np.asarray(columns[name][usable], float)
         fallback = model.methods[method].get(name)
         numbers[name] = column if fallback is None else np.where(np.isnan(column), fallback, column)
-    return internal_units(numbers)
+    return internal_values(numbers)
 
 
 def _reject(

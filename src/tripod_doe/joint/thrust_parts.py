@@ -35,13 +35,12 @@ sliding friction, with that on neighbours and stops: 106 % and 105 % of the seco
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint.outputs import PARTS
 from tripod_doe.joint.readings import ring, turned
+from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.assembly import Assembly
 from tripod_doe.mechanics.bearing import bearing_forces
 from tripod_doe.mechanics.compilation import kernel
@@ -114,11 +113,9 @@ def _with_law(table: NDArray[np.void], law: str) -> NDArray[np.void]:
     return only
 
 
-def _rolling(assembly: Assembly, positions: FloatArray, values: Mapping[str, float]) -> FloatArray:
+def _rolling(assembly: Assembly, positions: FloatArray, values: JointValues[float]) -> FloatArray:
     """Velocities of all bodies while each roller turns at unit rate and its needles roll along: (sample, body, 6)."""
-    needle = values["needle_diameter_mm"] / 2
-    trunnion = values["needle_pitch_diameter_mm"] / 2 - needle
-    bore = trunnion + 2 * needle + values["bearing_radial_clearance_mm"]
+    needle, trunnion, bore = values.needle_radius, values.trunnion_radius, values.bore_radius
     orbit, motion = bore / (bore + trunnion), np.zeros((*positions.shape[:2], 6))
     for k in range(3):
         roller = assembly.names.index(f"roller {k + 1}")
@@ -141,7 +138,7 @@ def _of_each_roller(assembly: Assembly, powers: FloatArray) -> FloatArray:
 
 
 def thrust_parts(
-    assembly: Assembly, times: FloatArray, positions: FloatArray, velocities: FloatArray, values: Mapping[str, float]
+    assembly: Assembly, times: FloatArray, positions: FloatArray, velocities: FloatArray, values: JointValues[float]
 ) -> FloatArray:
     """What each mechanism adds to the thrust at each groove; the definition is in the module's documentation.
 
@@ -150,7 +147,7 @@ def thrust_parts(
     times, positions, velocities
         States of a run at equal distances, shapes (sample,), (sample, body, 7) and (sample, body, 6).
     values
-        Joint parameters in internal units.
+        The operating point.
 
     Returns
     -------
@@ -165,7 +162,7 @@ def thrust_parts(
     rolling = _rolling(assembly, positions, values)
     axis, normal = rolling[:, rollers, 3:], elements.normal(grooves)[:, rollers, :3]
     normal = normal / np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), _TINY)
-    lever = values["roller_radius_mm"] * np.cross(axis, normal)
+    lever = values.roller_radius * np.cross(axis, normal)
     friction = elements.of_law(grooves, "sliding")[:, rollers, :3]
     gain = -(lever[..., 2] / np.maximum((lever**2).sum(-1), _TINY)).T  # axial force by a moment about the roller's axis
 

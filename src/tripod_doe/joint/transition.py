@@ -6,11 +6,13 @@ switching a mechanism off does not move it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from tripod_doe.joint.values import JointValues
 
 __all__ = ["Transition", "transition_velocities"]
 
@@ -39,13 +41,13 @@ class Transition:
     spinning: FloatArray
 
 
-def transition_velocities(points: Mapping[str, FloatArray]) -> Transition:
+def transition_velocities(values: JointValues[Any]) -> Transition:
     """Transition velocities of every point.
 
     Parameters
     ----------
-    points
-        Joint parameters in internal units, each of shape (point,).
+    values
+        Of one point or of a block.
 
     Notes
     -----
@@ -53,13 +55,13 @@ def transition_velocities(points: Mapping[str, FloatArray]) -> Transition:
     plunging 4 e omega, since they slip on trunnion and bore alike. Rolling in the groove: R_p omega tan theta / R_s;
     on the trunnion that spin together with omega sin theta, out of phase. Spinning: theta omega.
     """
-    theta, omega, ratio = points["joint_angle_deg"], points["speed_rpm"], points["transition_ratio"]
-    pitch, roller = points["pitch_radius_mm"], points["roller_radius_mm"]
+    theta, omega, ratio = values.joint_angle, values.speed, values.transition_ratio
+    pitch, roller = values.pitch_radius, values.roller_radius
     travel = pitch * omega * np.tan(theta)
     eccentricity = pitch * (1 / np.cos(theta) - 1) / 2
     groove = ratio * travel * np.sin(theta) / 2 * np.hypot(1, roller / pitch)
     needle = ratio * 2 * eccentricity * omega
-    given_groove, given_needle = points["groove_transition_velocity_mm_s"], points["needle_transition_velocity_mm_s"]
+    given_groove, given_needle = values.groove_transition_velocity, values.needle_transition_velocity
     return Transition(
         groove_sliding=np.maximum(np.where(np.isnan(given_groove), groove, given_groove), _FLOOR),
         needle_sliding=np.maximum(np.where(np.isnan(given_needle), needle, given_needle), _FLOOR),

@@ -19,7 +19,7 @@ from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.multibody import build_trunnion
 from tripod_doe.joint.orders import amplitude_and_phase, complex_amplitudes
 from tripod_doe.joint.outputs import ORDER, ROTATION, rotation_angles
-from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_units
+from tripod_doe.joint.parameters import JOINT_PARAMETERS, point_values
 from tripod_doe.joint.readings import groove_readings, needle_drift, needle_skews
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.monitor import Settings
@@ -75,17 +75,17 @@ class TrunnionScene(SceneSimulator):
 
     def misfit(self, values: Mapping[str, float]) -> str:
         """Say why the parts do not fit, or nothing."""
-        found = misfits({name: np.array([value]) for name, value in _internal(values).items()})
+        found = misfits(point_values(values))
         return found[0][1] if found else ""
 
     def compile(self, method: str) -> None:
         """Compile what a run needs, by a step of a joint without needle bodies."""
-        prepare_joint(_internal({}), method)
+        prepare_joint(point_values({}).point(0), method)
 
     def run(self, values: Mapping[str, float], method: str, step: float | None, settings: Settings) -> Run:
         """Simulate one point; its last revolution is run again, and its third order judged by the difference."""
-        inside = _internal(values)
-        if not (inside["speed_rpm"] > 0 and inside["torque_n_m"] != 0):
+        inside = point_values(values).point(0)
+        if not (inside.speed > 0 and inside.torque != 0):
             raise ValueError("a trunnion at rest or without torque has no thrust orders; give speed_rpm and torque_n_m")
         assembly = assemble(build_trunnion(inside))
         result, again = follow(assembly, inside, method, _SAMPLES, step, settings)
@@ -98,10 +98,10 @@ class TrunnionScene(SceneSimulator):
 
     def answer(self, values: Mapping[str, float], result: Run) -> dict[str, Any]:
         """Axial force on the groove with its orders, skew and drift of the needles, over the last two revolutions."""
-        inside, assembly = _internal(values), result.assembly
+        inside, assembly = point_values(values).point(0), result.assembly
         thrust = _last_two(groove_readings(assembly, result.positions, result.velocities)[0][0])
         amplitude, phase = amplitude_and_phase(complex_amplitudes(thrust).mean(0))
-        skew, _ = needle_skews(assembly, result.positions[:-1], inside, int(inside["cycles"]))
+        skew, _ = needle_skews(assembly, result.positions[:-1], inside, int(inside.cycles))
         return {
             "groove_thrust": thrust.ravel(),
             "groove_thrust_amplitude": amplitude,
@@ -114,17 +114,6 @@ class TrunnionScene(SceneSimulator):
 def _last_two(samples: FloatArray) -> FloatArray:
     """The last two revolutions, shape (2, sample); the end of the last one is the start of the next."""
     return samples[-2 * _SAMPLES - 1 : -1].reshape(2, _SAMPLES)
-
-
-def _internal(values: Mapping[str, float]) -> dict[str, float]:
-    """All joint parameters in internal units, those of other trunnions at their defaults."""
-    full = {name: values.get(name, parameter.default) for name, parameter in JOINT_PARAMETERS.items()}
-    columns = {
-        name: np.array([np.nan if full[name] is None else full[name]], float)
-        for name, parameter in JOINT_PARAMETERS.items()
-        if parameter.kind != "choice"
-    }
-    return {name: float(column[0]) for name, column in internal_units(columns).items()}
 
 
 scene = TrunnionScene()

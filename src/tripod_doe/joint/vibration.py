@@ -11,7 +11,6 @@ the third order. A run answers for as many revolutions as it follows. Slow growt
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +18,7 @@ import numpy as np
 from tripod_doe.joint.multibody import build_joint
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.readings import groove_thrust
+from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
 from tripod_doe.mechanics.floquet import Growth, fastest_growth
 from tripod_doe.mechanics.monitor import Settings
@@ -72,7 +72,7 @@ class Vibration:
 
 
 def vibration(
-    values: Mapping[str, float], limit: float, result: Run, samples: int, method: str, tolerance: float
+    values: JointValues[float], limit: float, result: Run, samples: int, method: str, tolerance: float
 ) -> Vibration | None:
     """Say what a vibration would take off the third order of a run; None where nothing vibrates.
 
@@ -89,7 +89,7 @@ def vibration(
     Parameters
     ----------
     values
-        Joint parameters in internal units.
+        The operating point.
     limit
         Share of the third order of which the loss makes a run wrong.
     result, samples, method, tolerance
@@ -107,10 +107,10 @@ def vibration(
     if not (growth := _vibrates(smooth, many, _MANY, values)):
         return None
     free = _undamped(assembly, values, many)
-    if free.times.size <= int(values["cycles"]) * many:  # it stopped on its way
+    if free.times.size <= int(values.cycles) * many:  # it stopped on its way
         return None
     third = _third_order(smooth, many, 1)
-    least = _LEAST * abs(values["torque_n_m"]) / values["pitch_radius_mm"]
+    least = _LEAST * abs(values.torque) / values.pitch_radius
     lost = (third - _third_order(free, many, 2)) / max(third, least)
     percent = round(100 * lost, 1) + 0.0  # no negative zero
     told = f"{_told(growth)}; undamped, lumped bearings lose {percent:g} % of the third order"
@@ -131,12 +131,12 @@ def _third_order(result: Run, samples: int, revolutions: int) -> float:
     return float(np.abs(complex_amplitudes(thrust.reshape(revolutions, samples)).mean(0))[3])
 
 
-def _vibrates(result: Run, samples: int, count: int, values: Mapping[str, float]) -> Growth | None:
+def _vibrates(result: Run, samples: int, count: int, values: JointValues[float]) -> Growth | None:
     """How departures grow, if that makes a vibration; nothing is known of a motion that did not come to its end."""
     if result.times.size <= 2 * samples:
         return None
     growth = _growth_in_a_revolution(result, samples, count)
-    return growth if growth.factor > _GROWS and growth.frequency > _FAST * values["speed_rpm"] else None
+    return growth if growth.factor > _GROWS and growth.frequency > _FAST * values.speed else None
 
 
 def _growth_in_a_revolution(result: Run, samples: int, count: int) -> Growth:
@@ -159,18 +159,18 @@ def _growth_in_a_revolution(result: Run, samples: int, count: int) -> Growth:
     return fastest_growth(result.assembly, states, float(result.times[-1] - result.times[-1 - samples]))
 
 
-def _smooth(assembly: Assembly, values: Mapping[str, float], samples: int, tolerance: float) -> Run:
+def _smooth(assembly: Assembly, values: JointValues[float], samples: int, tolerance: float) -> Run:
     """Two revolutions of a smooth motion: the start has died out in the second one."""
     return run(
-        assembly, _METHOD, 4 * math.pi / values["speed_rpm"], samples=2 * samples,
+        assembly, _METHOD, 4 * math.pi / values.speed, samples=2 * samples,
         settings=Settings(tolerance=tolerance), limits=Limits(windows=0),
     )  # fmt: skip
 
 
-def _undamped(assembly: Assembly, values: Mapping[str, float], samples: int) -> Run:
+def _undamped(assembly: Assembly, values: JointValues[float], samples: int) -> Run:
     """As many revolutions as a run follows, without damping."""
-    cycles = int(values["cycles"])
+    cycles = int(values.cycles)
     return run(
-        assembly, _UNDAMPED, cycles * 2 * math.pi / values["speed_rpm"], step=_STEP, samples=cycles * samples,
+        assembly, _UNDAMPED, cycles * 2 * math.pi / values.speed, step=_STEP, samples=cycles * samples,
         limits=Limits(windows=0),
     )  # fmt: skip
