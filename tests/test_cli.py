@@ -240,6 +240,7 @@ def test_schema_holds_every_parameter(capsys):
         (["plan", "{analysis}"], "sobol needs a design of kind saltelli"),
         (["schema", "studdy"], "invalid choice: 'studdy'; did you mean 'study'? allowed: study, workflow"),
         (["simulat"], "did you mean 'simulate'"),
+        (["report", "{results}", "all"], "unexpected argument 'all'"),
         (["fly"], "invalid choice: 'fly'; allowed: run, plan"),
         ([], "required"),
     ],
@@ -273,7 +274,7 @@ def test_a_damaged_cube_is_rebuilt_from_the_journal(capsys, results):
     assert "run the study again" in err
     code, _, err = call(capsys, "run", results / "study.toml", "--out", results)
     assert code == 0
-    assert "0 points computed, 4 were there" in err
+    assert "0 points computed, 4 reused" in err
     assert np.isfinite(td.open_cube(results)["thrust_amplitude"].sel(joint_angle_deg=10, needle_count=27)).all()
 
 

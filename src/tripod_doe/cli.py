@@ -13,16 +13,17 @@ import math
 import sys
 import traceback
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from tripod_doe.errors import InputError, TripodDoeError, near_match
 from tripod_doe.interrupts import INTERRUPTED, check_interrupt, leave_interrupted, take_interrupts
-from tripod_doe.simulator import Outcome, Parameter, Simulator
-from tripod_doe.study.scenes import SCENES, load_simulator
+
+if TYPE_CHECKING:  # imports of a command stand in its function: each loads only what it needs
+    from tripod_doe.simulator import Parameter, Simulator
+    from tripod_doe.study.simulate import SimulatedPoint
 
 __all__ = ["main"]
 
@@ -36,10 +37,11 @@ class _Parser(argparse.ArgumentParser):
         super().__init__(**(options | {"allow_abbrev": False}))
 
     def refuse(self, word: str) -> NoReturn:
-        """Say that a word of the command line is not known here."""
+        """Refuse a word that the command does not take."""
         flag = word.partition("=")[0]
         flags = [flag for action in self._actions for flag in action.option_strings]
-        self.error(f"unknown flag {flag}{near_match(flag, flags)}" if flag.startswith("-") else f"{word!r} is too much")
+        unknown = f"unknown flag {flag}{near_match(flag, flags)}"
+        self.error(unknown if flag.startswith("-") else f"unexpected argument {word!r}")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         """Refuse a word that is none of an argument's choices, with the nearest one (argparse only lists them)."""
@@ -64,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run_command(arguments: Sequence[str]) -> int:
-    """Run a command, and tell in words and in the exit code why it ended."""
+    """Run a command; report errors on standard error, and return the exit code."""
     try:
         options, unknown = _parser(arguments).parse_known_args(arguments)
         if unknown:
@@ -81,7 +83,7 @@ def _run_command(arguments: Sequence[str]) -> int:
         print(f"tripod-doe: {error}", file=sys.stderr)
         return INTERNAL
     except KeyboardInterrupt:
-        print("tripod-doe: interrupted; finished points are kept, run again to go on", file=sys.stderr)
+        print("tripod-doe: interrupted; finished points are kept; run again to continue", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # the reader of our output has seen enough
         sys.stderr.close()
@@ -100,86 +102,121 @@ def _dashes(word: str) -> str:
     return flag.replace("_", "-") + equals + value
 
 
+@dataclass(frozen=True)
+class _Command:
+    """One word of the command line: its line of help, the function that adds its arguments, and the one that runs it.
+
+    The latter takes the parsed options and returns the exit code; it imports what it needs when it is called.
+    """
+
+    help: str
+    add_arguments: Callable[[_Parser, Sequence[str]], None]
+    run: Callable[[argparse.Namespace], int]
+
+
 def _parser(arguments: Sequence[str]) -> _Parser:
+    """The parser of all commands; the words of the call decide which scene's parameters are flags of `simulate`."""
     parser = _Parser(prog="tripod-doe", description="Parameter studies for the thrust force of tripod joints.")
-    commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
-
-    run = commands.add_parser("run", help="run a study, or what is missing of it")
-    run.add_argument("study", metavar="STUDY.toml", type=Path, help="study file")
-    run.add_argument("--out", metavar="DIR", type=Path, required=True, help="result directory")
-    run.add_argument("--workers", metavar="N", type=int, default=2, help="worker processes (default 2)")
-    run.add_argument("--scheduler", metavar="ADDRESS", help="existing Dask scheduler to use instead of a local cluster")
-    run.add_argument("--retry-failed", action="store_true", help="run failed points again")
-    run.add_argument("--fail-fast", action="store_true", help="stop at the first point that fails unexpectedly")
-    run.set_defaults(command=_run, parser=run)
-
-    plan = commands.add_parser("plan", help="say what a study will cost; nothing is run or written")
-    plan.add_argument("study", metavar="STUDY.toml", type=Path, help="study file")
-    plan.add_argument("--no-timing", action="store_true", help="count only, time no points")
-    plan.add_argument("--out", metavar="DIR", type=Path,
-                      help='of a study with model = "auto": result directory whose choice to show')  # fmt: skip
-    plan.add_argument("--workers", metavar="N", type=int, default=2, help="worker processes to plan for (default 2)")
-    plan.set_defaults(command=_plan, parser=plan)
-
-    query = commands.add_parser("query", help="ask a cube")
-    query.add_argument("cube", metavar="DIR|CUBE.nc", type=Path, help="result directory or cube")
-    query.add_argument("--variable", metavar="NAME", required=True, help="variable to show")
-    query.add_argument("--select", metavar="NAME=VALUE", action="append", default=[],
-                       help="a value, a list a,b,c or a range a:b of a coordinate; may be repeated")  # fmt: skip
-    query.add_argument("--nearest", action="store_true", help="take the nearest value where none matches")
-    query.add_argument("--where", metavar="EXPR", help="condition on coordinates, variables and outcome")
-    query.add_argument(
-        "--format", choices=("table", "csv", "json", "netcdf"), default="table", help="form of the answer"
-    )
-    query.add_argument("--output", metavar="FILE", type=Path, help="write the answer to a file")
-    query.set_defaults(command=_query, parser=query)
-
-    simulate = commands.add_parser("simulate", help="simulate one point")
-    simulate.add_argument("--scene", default="joint", metavar="S", help=f"scene: {', '.join(SCENES)} (default joint)")
-    simulate.add_argument("--format", choices=("table", "json"), default="table", help="form of the answer")
-    if "simulate" in arguments[:1]:
-        _add_parameters(simulate, load_simulator(_scene_named_in(arguments)))
-    simulate.set_defaults(command=_simulate, parser=simulate)
-
-    report = commands.add_parser("report", help="make the report of a result directory again")
-    report.add_argument("directory", metavar="DIR", type=Path, help="result directory")
-    report.set_defaults(command=_report, parser=report)
-
-    workflow = commands.add_parser("workflow", help="run a chain of studies, analyses, figures and reports")
-    workflow.add_argument("file", metavar="FILE.toml", type=Path, help="workflow file")
-    workflow.add_argument("--out", metavar="DIR", type=Path, required=True, help="result directory")
-    workflow.add_argument("--only", metavar="STEP", help="run this step and what it needs, and no other")
-    workflow.add_argument("--quick", action="store_true", help="apply the overrides of [quick]: smaller studies")
-    workflow.add_argument("--workers", metavar="N", type=int, default=2,
-                          help="worker processes that all studies share (default 2)")  # fmt: skip
-    workflow.add_argument("--retry-failed", action="store_true", help="run failed points again")
-    workflow.set_defaults(command=_workflow, parser=workflow)
-
-    compare = commands.add_parser("compare", help="lay a measured thrust force over a point of a cube")
-    compare.add_argument("cube", metavar="DIR|CUBE.nc", type=Path, help="result directory or cube")
-    compare.add_argument("measurement", metavar="MEASUREMENT.csv", type=Path,
-                         help="columns thrust_n and rotation_deg, or thrust_n, time_s and tacho")  # fmt: skip
-    compare.add_argument("--select", metavar="NAME=VALUE", action="append", default=[],
-                         help="the value of a factor, so that one point is left; may be repeated")  # fmt: skip
-    compare.add_argument("--nearest", action="store_true", help="take the nearest value where none matches")
-    compare.add_argument("--pulses-per-revolution", metavar="N", type=int, default=1,
-                         help="rising edges of tacho a revolution (default 1)")  # fmt: skip
-    compare.add_argument("--reference-angle", metavar="DEG", type=float,
-                         help="rotation angle of the housing at the first rising edge, or at rotation_deg = 0; "
-                         "the third orders are put in phase unless given")  # fmt: skip
-    compare.add_argument(
-        "--speeds", metavar="LOW:HIGH", help="compare only revolutions with a speed in this range, rpm"
-    )
-    compare.add_argument("--format", choices=("table", "json"), default="table", help="form of the answer")
-    compare.add_argument("--output", metavar="FILE|DIR", type=Path,
-                         help="write a report page: FILE.html, or DIR/index.html with DIR/comparison.nc")  # fmt: skip
-    compare.set_defaults(command=_compare, parser=compare)
-
-    schema = commands.add_parser("schema", help="print the JSON schema of study or workflow files")
-    schema.add_argument("kind", choices=("study", "workflow"), help="what to describe")
-    schema.add_argument("--scene", default="joint", metavar="S", help="scene whose parameters are listed")
-    schema.set_defaults(command=_schema, parser=schema)
+    parsers = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
+    for name, command in _COMMANDS.items():
+        own = parsers.add_parser(name, help=command.help, description=command.help)
+        command.add_arguments(own, arguments)
+        own.set_defaults(command=command.run, parser=own)
     return parser
+
+
+def _add_study(parser: _Parser) -> None:
+    parser.add_argument("study", metavar="STUDY.toml", type=Path, help="study file")
+
+
+def _add_cube(parser: _Parser) -> None:
+    parser.add_argument("cube", metavar="DIR|CUBE.nc", type=Path, help="result directory or cube")
+
+
+def _add_out(parser: _Parser) -> None:
+    parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="result directory")
+
+
+def _add_format(parser: _Parser, *others: str) -> None:
+    parser.add_argument("--format", choices=("table", "json", *others), default="table", help="output format")
+
+
+def _add_selection(parser: _Parser, text: str) -> None:
+    parser.add_argument("--select", metavar="NAME=VALUE", action="append", default=[], help=f"{text}; may be repeated")
+    parser.add_argument("--nearest", action="store_true", help="take the nearest value where none matches")
+
+
+def _add_run(parser: _Parser, arguments: Sequence[str]) -> None:
+    _add_study(parser)
+    _add_out(parser)
+    parser.add_argument("--workers", metavar="N", type=int, default=2, help="worker processes (default 2)")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="address of a running Dask scheduler to use")
+    parser.add_argument("--retry-failed", action="store_true", help="run failed points again")
+    parser.add_argument("--fail-fast", action="store_true", help="stop at the first point that fails unexpectedly")
+
+
+def _add_plan(parser: _Parser, arguments: Sequence[str]) -> None:
+    _add_study(parser)
+    parser.add_argument("--no-timing", action="store_true", help="count points and bytes only, without timing")
+    parser.add_argument("--out", metavar="DIR", type=Path,
+                        help='for a study with model = "auto": result directory whose choice to show')  # fmt: skip
+    parser.add_argument("--workers", metavar="N", type=int, default=2, help="worker processes to plan for (default 2)")
+
+
+def _add_query(parser: _Parser, arguments: Sequence[str]) -> None:
+    _add_cube(parser)
+    parser.add_argument("--variable", metavar="NAME", required=True, help="variable to print")
+    _add_selection(parser, "a value, a list a,b,c or a range a:b of a coordinate")
+    parser.add_argument("--where", metavar="EXPR", help="condition on coordinates, variables and outcome")
+    _add_format(parser, "csv", "netcdf")
+    parser.add_argument("--output", metavar="FILE", type=Path, help="write to this file instead of standard output")
+
+
+def _add_simulate(parser: _Parser, arguments: Sequence[str]) -> None:
+    """The parameters of the scene are flags; they are added only where `simulate` is called, as they take imports."""
+    scene = parser.add_argument("--scene", default="joint", metavar="S")
+    scene.help = "what to simulate (default joint)"
+    _add_format(parser)
+    if "simulate" in arguments[:1]:
+        from tripod_doe.study.scenes import SCENES, load_simulator
+
+        scene.help = f"what to simulate: {', '.join(SCENES)} (default joint)"
+        _add_parameters(parser, load_simulator(_scene_named_in(arguments)))
+
+
+def _add_report(parser: _Parser, arguments: Sequence[str]) -> None:
+    parser.add_argument("directory", metavar="DIR", type=Path, help="result directory")
+
+
+def _add_workflow(parser: _Parser, arguments: Sequence[str]) -> None:
+    parser.add_argument("file", metavar="FILE.toml", type=Path, help="workflow file")
+    _add_out(parser)
+    parser.add_argument("--only", metavar="STEP", help="run only this step and the steps that it needs")
+    parser.add_argument("--quick", action="store_true", help="apply the overrides of [quick]: smaller studies")
+    parser.add_argument("--workers", metavar="N", type=int, default=2,
+                        help="worker processes that all studies share (default 2)")  # fmt: skip
+    parser.add_argument("--retry-failed", action="store_true", help="run failed points again")
+
+
+def _add_compare(parser: _Parser, arguments: Sequence[str]) -> None:
+    _add_cube(parser)
+    parser.add_argument("measurement", metavar="MEASUREMENT.csv", type=Path,
+                        help="columns thrust_n and rotation_deg, or thrust_n, time_s and tacho")  # fmt: skip
+    _add_selection(parser, "the value of a factor, so that one point is left")
+    parser.add_argument("--pulses-per-revolution", metavar="N", type=int, default=1,
+                        help="rising edges of tacho per revolution (default 1)")  # fmt: skip
+    parser.add_argument("--reference-angle", metavar="DEG", type=float,
+                        help="rotation angle of the housing at the first rising edge, or at rotation_deg = 0; "
+                        "if omitted, the measurement is aligned by the phase of its third order")  # fmt: skip
+    parser.add_argument("--speeds", metavar="LOW:HIGH", help="use only revolutions within this range of speed, rpm")
+    _add_format(parser)
+    parser.add_argument("--output", metavar="FILE|DIR", type=Path,
+                        help="write a report page: FILE.html, or DIR/index.html with DIR/comparison.nc")  # fmt: skip
+
+
+def _add_schema(parser: _Parser, arguments: Sequence[str]) -> None:
+    parser.add_argument("kind", choices=("study", "workflow"), help="kind of file")
+    parser.add_argument("--scene", default="joint", metavar="S", help="scene whose parameters are listed")
 
 
 def _scene_named_in(arguments: Sequence[str]) -> str:
@@ -223,25 +260,26 @@ def _run(options: argparse.Namespace) -> int:
         print(sentence, file=sys.stderr)
     for name, reason in summary.analyses.items():
         if reason:
-            print(f"analysis {name} was not made: {reason}", file=sys.stderr)
+            print(f"analysis {name} failed: {reason}", file=sys.stderr)
     for label, count in summary.failed.items():
         print(f"{count:,} points ended as {label}; see outcome_detail, or --retry-failed", file=sys.stderr)
-    rate = (
-        f" in {summary.seconds:.1f} s ({summary.computed / summary.seconds:,.0f} a second)" if summary.computed else ""
-    )
-    print(f"{summary.computed:,} points computed{rate}, {summary.reused:,} were there", file=sys.stderr)
+    seconds, count = summary.seconds, summary.computed
+    rate = f" in {seconds:.1f} s ({count / seconds:,.0f} per second)" if count else ""
+    print(f"{count:,} points computed{rate}, {summary.reused:,} reused", file=sys.stderr)
     print(f"cube    {summary.directory / 'cube.nc'}", file=sys.stderr)
     print(f"report  {summary.directory / 'report' / 'index.html'}", file=sys.stderr)
     return DONE if summary.good else SOME_FAILED
 
 
 def _plan(options: argparse.Namespace) -> int:
-    from tripod_doe.analysis.registry import check_analyses
     from tripod_doe.study.definition import load_study
     from tripod_doe.study.plan import plan
 
     study = load_study(options.study)
-    check_analyses(study)
+    if study.file.analysis:
+        from tripod_doe.analysis.registry import check_analyses
+
+        check_analyses(study)
     print(plan(study, timing=not options.no_timing).describe(max(options.workers, 1)))
     if study.accuracy:
         from tripod_doe.workflow.choice import describe_choice
@@ -251,16 +289,14 @@ def _plan(options: argparse.Namespace) -> int:
 
 
 def _query(options: argparse.Namespace) -> int:
-    from tripod_doe.study.netcdf import write_dataset
-    from tripod_doe.study.query import frame_text, narrowed, query
+    from tripod_doe.study.arrays import opened_arrays
+    from tripod_doe.study.query import records, records_text
 
-    answer = query(options.cube, options.variable, options.select, options.nearest, options.where)
     if options.format == "netcdf":
-        if options.output is None:
-            raise InputError("--format netcdf needs --output FILE")
-        write_dataset(narrowed(answer), options.output)
-        return DONE
-    text = frame_text(answer, options.format)
+        return _query_netcdf(options)
+    with opened_arrays(options.cube) as cube:
+        columns = records(cube, options.variable, options.select, options.nearest, options.where)
+    text = records_text(columns, options.format)
     if options.output is None:
         print(text)
         return DONE
@@ -271,8 +307,21 @@ def _query(options: argparse.Namespace) -> int:
     return DONE
 
 
+def _query_netcdf(options: argparse.Namespace) -> int:
+    from tripod_doe.study.netcdf import write_dataset
+    from tripod_doe.study.query import narrowed, query
+
+    if options.output is None:
+        raise InputError("--format netcdf needs --output FILE")
+    answer = query(options.cube, options.variable, options.select, options.nearest, options.where)
+    write_dataset(narrowed(answer), options.output)
+    return DONE
+
+
 def _simulate(options: argparse.Namespace) -> int:
-    from tripod_doe.study.simulate import simulate
+    from tripod_doe.simulator import Outcome
+    from tripod_doe.study.scenes import load_simulator
+    from tripod_doe.study.simulate import simulate_point
 
     simulator = load_simulator(options.scene)
     given = {
@@ -280,47 +329,46 @@ def _simulate(options: argparse.Namespace) -> int:
         for name, parameter in simulator.parameters.items()
         if getattr(options, name) is not None
     }
-    result = simulate(options.scene, **given)
-    outcome = Outcome(int(result["outcome"]))
-    names = [str(name) for name in result.data_vars if not str(name).startswith("outcome")]
-    outputs = {name: _plain(result[name].values) for name in names}
-    usual = [name for name, output in simulator.outputs.items() if not output.on_request]
-    answer = {
-        "scene": options.scene,
-        "parameters": result.attrs["parameters"],
-        **(dict.fromkeys(usual) | outputs),  # null where the point did not get that far
-        "coordinates": {str(name): _plain(values.values) for name, values in result.coords.items()},
-        "outcome": outcome.label,
-        "outcome_detail": str(result["outcome_detail"].values),
-        "cost": result.attrs["cost"],
+    point = simulate_point(options.scene, **given)
+    print(json.dumps(_point_answer(point), allow_nan=False) if options.format == "json" else _point_table(point))
+    return DONE if point.outcome is Outcome.FINISHED else SOME_FAILED
+
+
+def _point_answer(point: SimulatedPoint) -> dict[str, Any]:
+    """A simulated point for programs; outputs are null where the point did not get that far."""
+    usual = [name for name, output in point.simulator.outputs.items() if not output.on_request]
+    outputs = {name: _plain(values.data.tolist()) for name, values in point.outputs.items()}
+    return {
+        "scene": point.simulator.name,
+        "parameters": point.parameters,
+        **(dict.fromkeys(usual) | outputs),
+        "coordinates": {name: _plain(labels.tolist()) for name, labels in point.coordinates.items()},
+        "outcome": point.outcome.label,
+        "outcome_detail": point.detail,
+        "cost": point.cost,
     }
-    if options.format == "json":
-        print(json.dumps(answer, allow_nan=False))
-    else:
-        print(_table(answer, outputs, simulator))
-    return DONE if outcome is Outcome.FINISHED else SOME_FAILED
 
 
-def _plain(values: Any) -> Any:
+def _plain(value: Any) -> Any:
     """Numbers and lists for JSON, NaN as None."""
-    if isinstance(values, np.ndarray) and values.ndim:
-        return [_plain(item) for item in values]
-    value = values.item() if isinstance(values, np.ndarray | np.generic) else values
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _table(answer: dict[str, Any], outputs: dict[str, Any], simulator: Simulator) -> str:
-    """One line an output, for people; waveforms only by their range."""
-    lines = [f"outcome  {answer['outcome']} {answer['outcome_detail']}".rstrip()]
-    for name, values in outputs.items():
-        unit = simulator.outputs[name].unit_text
-        array = np.asarray(values, float)
-        if "rotation_deg" in simulator.outputs[name].dims:
-            shown = f"{np.nanmin(array):.5g} .. {np.nanmax(array):.5g}"
+def _point_table(point: SimulatedPoint) -> str:
+    """A simulated point for people: one line per output; waveforms only by their range."""
+    import numpy as np
+
+    lines = [f"outcome  {point.outcome.label} {point.detail}".rstrip()]
+    for name, values in point.outputs.items():
+        output = point.simulator.outputs[name]
+        if "rotation_deg" in output.dims:
+            shown = f"{np.nanmin(values.data):.5g} .. {np.nanmax(values.data):.5g}"
         else:
-            shown = np.array2string(array, precision=5, suppress_small=True, max_line_width=110, separator=" ")
-        lines.append(f"{name} [{unit or '-'}]\n    " + shown.replace("\n", "\n    "))
-    lines.append("cost  " + ", ".join(f"{key} {value:.4g}" for key, value in answer["cost"].items()))
+            shown = np.array2string(values.data, precision=5, suppress_small=True, max_line_width=110, separator=" ")
+        lines.append(f"{name} [{output.unit_text or '-'}]\n    " + shown.replace("\n", "\n    "))
+    lines.append("cost  " + ", ".join(f"{key} {value:.4g}" for key, value in point.cost.items()))
     return "\n".join(lines)
 
 
@@ -381,6 +429,19 @@ def _schema(options: argparse.Namespace) -> int:
 
     print(json.dumps(study_schema(options.scene), indent=1))
     return DONE
+
+
+_COMMANDS = {
+    "run": _Command("run a study, or the points of it that are missing", _add_run, _run),
+    "plan": _Command("estimate points, time and size of a study; writes nothing", _add_plan, _plan),
+    "query": _Command("select values of a cube and print them", _add_query, _query),
+    "simulate": _Command("simulate one point", _add_simulate, _simulate),
+    "report": _Command("write the report of a result directory again", _add_report, _report),
+    "workflow": _Command("run a chain of studies, analyses, figures and reports", _add_workflow, _workflow),
+    "compare": _Command("compare a measurement with one point of a cube", _add_compare, _compare),
+    "schema": _Command("print the JSON schema of study or workflow files", _add_schema, _schema),
+}
+"""All commands by the word that calls them, in the order of the help."""
 
 
 if __name__ == "__main__":

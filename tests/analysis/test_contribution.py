@@ -12,11 +12,12 @@ from tripod_doe.analysis.contribution import ContributionSettings, contribution_
 from tripod_doe.analysis.registry import check_analyses, run_analyses
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
+from tripod_doe.study.arrays import opened_arrays
 from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.journal import FinishedBlock
-from tripod_doe.study.query import query, to_frame
+from tripod_doe.study.query import records
 from tripod_doe.study.task import make_task, run_task
 
 FUNCTIONS = """
@@ -230,7 +231,8 @@ def test_the_joint_has_all_its_shares(tmp_path):
     result, cpu, wall = run_task(make_task(study, points, np.arange(points.count)))
     cube = build_cube(study, points, keys, iter([FinishedBlock(keys, result, cpu, wall, "0")]))[0]
     assert run_analyses(study, cube, tmp_path) == {"contribution": ""}
-    answer = to_frame(query(tmp_path / "analysis" / "contribution.nc", "share_off", ["order=3"]))
+    with opened_arrays(tmp_path / "analysis" / "contribution.nc") as stored:
+        answer = records(stored, "share_off", ["order=3"])
     assert answer["mechanism"].tolist() == ["groove_sliding", "groove_rolling", "needle_sliding"]
     shares = contribution_shares(cube)
     assert answer["share_off"].tolist() == shares["share_off"].sel(order=3).values.tolist()

@@ -7,7 +7,9 @@ import pytest
 import xarray as xr
 
 from tripod_doe.errors import InputError
-from tripod_doe.study.query import parse_selection, query, to_frame
+from tripod_doe.study.arrays import cube_arrays, opened_arrays
+from tripod_doe.study.netcdf import write_dataset
+from tripod_doe.study.query import parse_selection, query, records, records_text
 
 
 @pytest.fixture
@@ -47,10 +49,36 @@ def test_the_ends_of_a_range_match_to_1e_9(cube):
 
 
 def test_conditions_see_coordinates_outcome_and_values(cube):
-    frame = to_frame(query(cube, "f", where="outcome == 'finished' and f > 2 and order == 3"))
-    assert frame["x"].tolist() == [0.2, 0.4]
-    assert frame["outcome"].tolist() == ["finished", "finished"]
-    assert to_frame(query(cube, "f"))["outcome"].tolist().count("diverged") == 2
+    found = records(cube_arrays(cube), "f", where="outcome == 'finished' and f > 2 and order == 3")
+    assert found["x"].tolist() == [0.2, 0.4]
+    assert found["outcome"].tolist() == ["finished", "finished"]
+    assert records(cube_arrays(cube), "f")["outcome"].tolist().count("diverged") == 2
+
+
+def test_a_cube_and_its_file_answer_alike(cube, tmp_path):
+    """What xarray reads and what is read without it, over variables of no, one and two dimensions."""
+    cube = cube.assign(total=cube["f"].sum(), even=("point", [True, False, True, False]))
+    cube["f"][1, 0] = np.nan
+    write_dataset(cube, tmp_path / "cube.nc")
+    with opened_arrays(tmp_path / "cube.nc") as stored:
+        for name in cube.data_vars:
+            one, other = records(cube_arrays(cube), str(name)), records(stored, str(name))
+            assert one.keys() == other.keys()
+            for column in one:
+                np.testing.assert_array_equal(one[column], other[column])
+            assert one[str(name)].size == cube[name].size
+        answer = query(tmp_path / "cube.nc", "f", ["model=b"], where="x > 0.3")
+        assert records(stored, "f", ["model=b"], where="x > 0.3")["f"].tolist() == answer["f"].values[1].tolist()
+
+
+def test_records_as_text():
+    """JSON and CSV hold every digit and no NaN; a table is aligned for people."""
+    columns = {"x": np.array([1.0, np.nan]), "word": np.array(["a", "b,c"], object), "n": np.array([3, 4])}
+    assert records_text(columns, "json") == '[{"x": 1.0, "word": "a", "n": 3}, {"x": null, "word": "b,c", "n": 4}]'
+    assert records_text(columns, "csv") == 'x,word,n\n1.0,a,3\n,"b,c",4'
+    assert records_text(columns, "table") == "  x word n\n  1    a 3\nNaN  b,c 4"
+    assert records_text({"x": np.array([])}, "table") == "no cell matches"
+    assert records_text({"x": np.array([])}, "json") == "[]"
 
 
 @pytest.mark.parametrize("text", ["x", "=3", "x=", "x=a:b"])

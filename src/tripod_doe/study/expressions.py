@@ -41,6 +41,13 @@ class Expression:
     names
         Names that it may use.
 
+    Attributes
+    ----------
+    text
+        The condition.
+    used
+        Names that it does use.
+
     Raises
     ------
     InputError
@@ -49,6 +56,7 @@ class Expression:
 
     def __init__(self, text: str, names: Collection[str]) -> None:
         self.text = text
+        self.used: set[str] = set()
         try:
             self._tree = ast.parse(text, mode="eval").body
         except (SyntaxError, ValueError) as error:
@@ -61,6 +69,7 @@ class Expression:
             case ast.Name(id=name):
                 if name not in names:
                     raise InputError(f"{self.text!r}: unknown name {name!r}{near_match(name, names)}")
+                self.used.add(name)
             case ast.Constant(value=int() | float() | str()):
                 pass
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Collection, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import BlockResult, Outcome, Parameter, Simulator, Value
+
+if TYPE_CHECKING:  # imported where a function answers: scenes need no xarray
+    import xarray as xr
 
 __all__ = ["FunctionSimulator"]
 
@@ -86,6 +88,8 @@ def _plain(value: Any) -> Any:
 
 
 def _as_dataset(answer: Any) -> xr.Dataset:
+    import xarray as xr
+
     if isinstance(answer, xr.Dataset):
         return answer
     if not isinstance(answer, Mapping):

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from tripod_doe.atomic_files import replace_file
 from tripod_doe.errors import CubeError
 
-__all__ = ["open_cube", "read_dataset", "stamp_history", "write_dataset"]
+if TYPE_CHECKING:  # a query reads cubes without xarray
+    import xarray as xr
+
+__all__ = ["cube_files", "open_cube", "read_dataset", "reading", "stamp_history", "write_dataset"]
 
 
 def stamp_history(dataset: xr.Dataset, action: str) -> xr.Dataset:
@@ -35,8 +40,9 @@ def write_dataset(dataset: xr.Dataset, path: Path) -> None:
         dataset.to_netcdf(fresh, format="NETCDF4", engine="netcdf4", encoding=encoding)
 
 
-def read_dataset(path: Path) -> xr.Dataset:
-    """Read a netCDF file into memory.
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Turn what goes wrong while a file is read into words.
 
     Raises
     ------
@@ -46,13 +52,41 @@ def read_dataset(path: Path) -> xr.Dataset:
     if not path.exists():
         raise CubeError(f"{path}: there is no such file")
     try:
-        with xr.open_dataset(path, engine="netcdf4", decode_timedelta=False) as stored:
-            return stored.load()
+        yield
     except (OSError, RuntimeError, ValueError, KeyError) as error:
         raise CubeError(
             f"{path}: not a readable cube ({error}); run the study again with the same --out: "
             "it is rebuilt from the journal"
         ) from error
+
+
+def read_dataset(path: Path) -> xr.Dataset:
+    """Read a netCDF file into memory.
+
+    Raises
+    ------
+    CubeError
+        If the file is missing or damaged.
+    """
+    import xarray as xr
+
+    with reading(path), xr.open_dataset(path, engine="netcdf4", decode_timedelta=False) as stored:
+        return stored.load()
+
+
+def cube_files(path: Path) -> list[Path]:
+    """The files of a cube: of a result directory its cube and, where there are any, its costs; else the file itself.
+
+    Raises
+    ------
+    CubeError
+        If a directory holds no cube.
+    """
+    if not path.is_dir():
+        return [path]
+    if not (path / "cube.nc").exists():
+        raise CubeError(f"{path}: no cube.nc in this directory; run a study with --out {path}")
+    return [path / "cube.nc", *(file for file in [path / "cost.nc"] if file.exists())]
 
 
 def open_cube(path: str | Path) -> xr.Dataset:
@@ -73,13 +107,7 @@ def open_cube(path: str | Path) -> xr.Dataset:
     CubeError
         If there is no cube, or it is damaged.
     """
-    path = Path(path)
-    if not path.is_dir():
-        return read_dataset(path)
-    if not (path / "cube.nc").exists():
-        raise CubeError(f"{path}: no cube.nc in this directory; run a study with --out {path}")
-    cube = read_dataset(path / "cube.nc")
-    if (path / "cost.nc").exists():
-        cost = read_dataset(path / "cost.nc")
+    cube, *others = (read_dataset(file) for file in cube_files(Path(path)))
+    for cost in others:
         cube = cube.assign({name: cost[name] for name in cost.data_vars})
     return cube

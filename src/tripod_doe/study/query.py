@@ -2,27 +2,33 @@
 
 from __future__ import annotations
 
+import csv
 import io
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
-import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Outcome
+from tripod_doe.study.arrays import CubeArrays, Variable, cube_arrays
 from tripod_doe.study.expressions import Expression
 from tripod_doe.study.netcdf import open_cube
 
-__all__ = ["Selection", "frame_text", "narrowed", "parse_selection", "query", "to_frame"]
+if TYPE_CHECKING:  # the command line answers without xarray
+    import xarray as xr
+
+__all__ = ["Selection", "narrowed", "parse_selection", "query", "records", "records_text"]
 
 _MATCH = 1e-9
+
+Columns = dict[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)
@@ -95,41 +101,121 @@ def query(
     InputError
         If a name is unknown, with the nearest known one. An empty answer is no error.
     """
-    data = open_cube(cube) if not isinstance(cube, xr.Dataset) else cube
-    if variable not in data.data_vars:
-        raise InputError(f"--variable {variable!r}: not in this cube{near_match(variable, map(str, data.data_vars))}")
-    names = [variable] + (["outcome"] if "outcome" in data and variable != "outcome" else [])
-    chosen = data[names]
-    chosen = chosen.drop_vars(
-        [name for name in chosen.coords if not set(chosen[name].dims) <= set(chosen[variable].dims)]
-    )
-    for item in select:
-        chosen = _apply(chosen, parse_selection(item) if isinstance(item, str) else item, nearest)
+    data = open_cube(cube) if isinstance(cube, str | Path) else cube
+    chosen = _choose(cube_arrays(data), variable, select, nearest)
+    answer = data[list(chosen.variables)].isel(chosen.rows)
+    answer = answer.drop_vars([name for name in answer.coords if name not in chosen.coordinates])
     if where is None:
-        return chosen
-    return chosen.assign(selected=_condition(where, chosen, data, variable))
+        return answer
+    return answer.assign(selected=(chosen.target.dims, chosen.meeting(where)))
 
 
-def _apply(chosen: xr.Dataset, selection: Selection, nearest: bool) -> xr.Dataset:
-    if selection.name not in chosen.coords:
-        raise InputError(
-            f"--select {selection.name}: not a coordinate here{near_match(selection.name, map(str, chosen.coords))}"
-        )
-    labels = chosen[selection.name]
-    if labels.ndim != 1:
-        raise InputError(f"--select {selection.name}: it has one value only, nothing to select")
-    values = labels.values
+def records(
+    cube: CubeArrays,
+    variable: str,
+    select: Sequence[Selection | str] = (),
+    nearest: bool = False,
+    where: str | None = None,
+) -> Columns:
+    """Choose cells of one variable, as columns of equal length; see `query`.
+
+    Returns
+    -------
+    dict
+        The coordinates by name, the variable, and the outcome by its label.
+    """
+    chosen = _choose(cube, variable, select, nearest)
+    cells = chosen.shape
+    kept = np.ones(cells, bool) if where is None else chosen.meeting(where)
+    dims = chosen.target.dims
+    columns = {dim: chosen.spread(Variable((dim,), partial(np.arange, cube.sizes[dim]))) for dim in dims}
+    columns |= {name: chosen.spread(labels) for name, labels in chosen.coordinates.items() if dims}
+    columns |= {name: chosen.column(name) for name in chosen.variables}
+    return {name: column[kept] for name, column in columns.items()}
+
+
+@dataclass(frozen=True)
+class _Choice:
+    """Cells of a cube: a variable, what is shown beside it, and the rows along each dimension.
+
+    Attributes
+    ----------
+    cube
+        The whole cube.
+    variable
+        What is asked for.
+    variables, coordinates
+        What is shown: the variable and the outcome, and the coordinates along the dimensions of the variable.
+    rows
+        Positions that a selection leaves, by dimension; all where a dimension is not named.
+    """
+
+    cube: CubeArrays
+    variable: str
+    variables: Mapping[str, Variable]
+    coordinates: Mapping[str, Variable]
+    rows: Mapping[str, NDArray[np.int64]]
+
+    @property
+    def target(self) -> Variable:
+        return self.variables[self.variable]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return tuple(self.rows[dim].size if dim in self.rows else self.cube.sizes[dim] for dim in self.target.dims)
+
+    def spread(self, other: Variable) -> NDArray[Any]:
+        """Values of a variable at the chosen cells, over the dimensions of the one that is asked for."""
+        taken = other.values
+        for axis, dim in enumerate(other.dims):
+            if dim in self.rows:
+                taken = np.take(taken, self.rows[dim], axis)
+        order = [other.dims.index(dim) for dim in self.target.dims if dim in other.dims]
+        missing = tuple(axis for axis, dim in enumerate(self.target.dims) if dim not in other.dims)
+        return np.broadcast_to(np.expand_dims(taken.transpose(order), missing), self.shape)
+
+    def column(self, name: str) -> NDArray[Any]:
+        """A variable or a coordinate at the chosen cells, the outcome by its label."""
+        values = self.spread(self.cube.variables[name] if name in self.cube.variables else self.coordinates[name])
+        return _labels(values) if name == "outcome" else values
+
+    def meeting(self, where: str) -> NDArray[np.bool_]:
+        """Cells that meet a condition."""
+        along = [name for name, other in self.cube.variables.items() if set(other.dims) <= set(self.target.dims)]
+        expression = Expression(where, [*self.coordinates, *along])
+        return expression({name: self.column(name) for name in {self.variable, *expression.used}})
+
+
+def _choose(cube: CubeArrays, variable: str, select: Sequence[Selection | str], nearest: bool) -> _Choice:
+    if variable not in cube.variables:
+        raise InputError(f"--variable {variable!r}: not in this cube{near_match(variable, cube.variables)}")
+    dims = set(cube.variables[variable].dims)
+    along = {name: other for name, other in cube.variables.items() if set(other.dims) <= dims}
+    shown = {name: along[name] for name in (variable, "outcome") if name in along}
+    coordinates = {name: labels for name, labels in cube.coordinates.items() if set(labels.dims) <= dims}
+    rows: dict[str, NDArray[np.int64]] = {}
+    for item in select:
+        selection = parse_selection(item) if isinstance(item, str) else item
+        if selection.name not in coordinates:
+            known = near_match(selection.name, coordinates)
+            raise InputError(f"--select {selection.name}: not a coordinate here{known}")
+        labels = coordinates[selection.name]
+        if len(labels.dims) != 1:
+            raise InputError(f"--select {selection.name}: it has one value only, nothing to select")
+        dim = labels.dims[0]
+        left = rows.get(dim, np.arange(labels.values.size))
+        rows[dim] = left[_matching(labels.values[left], selection, nearest)]
+    return _Choice(cube, variable, shown, coordinates, rows)
+
+
+def _matching(values: NDArray[Any], selection: Selection, nearest: bool) -> NDArray[np.bool_]:
+    """Which labels a selection takes."""
     if values.dtype.kind not in "fiub":
-        keep = np.isin(values.astype(str), [str(wanted) for wanted in selection.values])
-    elif not selection.values:
+        return np.isin(values.astype(str), [str(wanted) for wanted in selection.values])
+    if not selection.values:
         slack = _MATCH * np.abs(values)  # linspace's 0.30000000000000004 lies in 0.1:0.3
-        keep = (values >= selection.low - slack) & (values <= selection.high + slack)
-    else:
-        keep = _matching(values.astype(float), selection, nearest)
-    return chosen.isel({str(labels.dims[0]): np.flatnonzero(keep)})
-
-
-def _matching(values: NDArray[np.float64], selection: Selection, nearest: bool) -> NDArray[np.bool_]:
+        return np.asarray((values >= selection.low - slack) & (values <= selection.high + slack))
+    values = values.astype(float)
     keep = np.zeros(values.size, bool)
     for wanted in selection.values:
         if isinstance(wanted, str):
@@ -141,23 +227,9 @@ def _matching(values: NDArray[np.float64], selection: Selection, nearest: bool) 
     return keep
 
 
-def _condition(where: str, chosen: xr.Dataset, data: xr.Dataset, variable: str) -> xr.DataArray:
-    """Cells that meet the condition, over the dimensions of the variable."""
-    target = chosen[variable]
-    usable = {str(name): chosen[name] for name in (*chosen.coords, *chosen.data_vars)}
-    for name, values in data.data_vars.items():
-        if str(name) not in usable and set(values.dims) <= set(target.dims):
-            usable[str(name)] = values.reindex_like(target) if values.sizes != target.sizes else values
-    if "outcome" in usable:
-        usable["outcome"] = _labels(usable["outcome"])
-    expression = Expression(where, usable)
-    columns = {name: xr.broadcast(target, usable[name])[1].transpose(*target.dims).values for name in usable}
-    return xr.DataArray(expression(columns), dims=target.dims)
-
-
-def _labels(outcome: xr.DataArray) -> xr.DataArray:
-    words = np.array([kind.label for kind in Outcome], dtype=object)
-    return xr.DataArray(words[outcome.values.astype(int)], dims=outcome.dims)
+def _labels(outcome: NDArray[Any]) -> NDArray[Any]:
+    words: NDArray[Any] = np.array([kind.label for kind in Outcome], dtype=object)
+    return words[outcome.astype(int)]
 
 
 def narrowed(answer: xr.Dataset) -> xr.Dataset:
@@ -169,38 +241,29 @@ def narrowed(answer: xr.Dataset) -> xr.Dataset:
     return answer.drop_vars("selected").assign({variable: kept})
 
 
-def to_frame(answer: xr.Dataset) -> pd.DataFrame:
-    """Records of an answer: the coordinates by name, the variable, and the outcome by its label."""
-    if "outcome" in answer:
-        answer = answer.assign(outcome=_labels(answer["outcome"]))
-    variable = str(next(iter(answer.data_vars)))
-    dims = answer[variable].dims
-    frame = (
-        answer.to_dataframe(dim_order=list(dims)).reset_index()
-        if dims
-        else pd.DataFrame({n: [answer[n].item()] for n in answer.data_vars})
-    )
-    if "selected" in frame:
-        frame = frame[frame["selected"]].drop(columns="selected")
-    others = [name for name in frame.columns if name not in answer.data_vars]
-    tail = [variable] + (["outcome"] if "outcome" in frame and variable != "outcome" else [])
-    return frame[others + tail]
-
-
-def frame_text(answer: xr.Dataset, form: str) -> str:
-    """An answer as text: ``table``, ``csv`` or ``json`` (a list of records, NaN as null)."""
-    frame = to_frame(answer)
+def records_text(columns: Columns, form: str) -> str:
+    """Records as text: ``table``, ``csv`` or ``json`` (a list of objects, NaN as null)."""
+    names = list(columns)
+    rows = list(zip(*(column.tolist() for column in columns.values()), strict=True))
     if form == "json":
-        records = [{key: _json_value(value) for key, value in row.items()} for row in frame.to_dict("records")]
-        return json.dumps(records)
+        return json.dumps([dict(zip(names, map(_json_value, row), strict=True)) for row in rows])
     if form == "csv":
         buffer = io.StringIO()
-        frame.to_csv(buffer, index=False)
+        writer = csv.writer(buffer, lineterminator="\n")
+        writer.writerow(names)
+        writer.writerows([["" if value != value else value for value in row] for row in rows])
         return buffer.getvalue().rstrip("\n")
-    return frame.to_string(index=False, float_format=lambda value: f"{value:.6g}") if len(frame) else "no cell matches"
+    lines = [names, *([_table_word(value) for value in row] for row in rows)]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    aligned = [" ".join(word.rjust(width) for word, width in zip(line, widths, strict=True)) for line in lines]
+    return "\n".join(aligned) if rows else "no cell matches"
 
 
 def _json_value(value: Any) -> Any:
-    if isinstance(value, np.generic):
-        value = value.item()
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _table_word(value: Any) -> str:
+    if isinstance(value, float):
+        return "NaN" if math.isnan(value) else f"{value:.6g}"
+    return str(value)

@@ -2,15 +2,83 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
-import xarray as xr
+import numpy as np
+from numpy.typing import NDArray
 
-from tripod_doe.simulator import DETAIL_ATTRIBUTES, OUTCOME_ATTRIBUTES, Outcome, Value, check_parameters
+from tripod_doe.simulator import (
+    DETAIL_ATTRIBUTES,
+    OUTCOME_ATTRIBUTES,
+    Outcome,
+    Simulator,
+    Value,
+    Values,
+    check_parameters,
+)
 from tripod_doe.study.scenes import load_simulator
 from tripod_doe.study.task import Task, run_task
 
-__all__ = ["simulate"]
+if TYPE_CHECKING:  # the command line answers without xarray
+    import xarray as xr
+
+__all__ = ["SimulatedPoint", "simulate", "simulate_point"]
+
+
+@dataclass(frozen=True)
+class SimulatedPoint:
+    """One point with its answer.
+
+    Attributes
+    ----------
+    simulator
+        What simulated it.
+    parameters
+        All values that were used.
+    outputs
+        Every output of the model but those on request; missing where the point did not finish.
+    coordinates
+        Labels along the dimensions of the outputs.
+    outcome, detail
+        How the point ended, and the reason for failure or a note.
+    cost
+        CPU and wall seconds without compilation, steps, force evaluations.
+    """
+
+    simulator: Simulator
+    parameters: Mapping[str, Value]
+    outputs: Mapping[str, Values]
+    coordinates: Mapping[str, NDArray[Any]]
+    outcome: Outcome
+    detail: str
+    cost: Mapping[str, float]
+
+
+def simulate_point(scene: str = "joint", **parameters: Any) -> SimulatedPoint:
+    """Simulate one point, as plain arrays; see `simulate`."""
+    simulator = load_simulator(scene)
+    values: dict[str, Value] = {
+        n: v for n, v in check_parameters(simulator.parameters, parameters).items() if v is not None
+    }
+    keep = tuple(name for name, output in simulator.outputs.items() if not output.on_request)
+    simulator.check(values, {}, keep)
+    result, cpu, wall = run_task(Task(scene, None, "", simulator.source_hash, values, {}, 1, keep))
+    return SimulatedPoint(
+        simulator,
+        simulator.effective(values),
+        {name: Values(output.dims, output.data[0]) for name, output in result.outputs.items()},
+        result.coordinates,
+        Outcome(int(result.outcome[0])),
+        result.detail[0],
+        {
+            "cpu_seconds": cpu,
+            "wall_seconds": wall,
+            "steps": int(result.steps[0]),
+            "force_evaluations": int(result.force_evaluations[0]),
+        },
+    )
 
 
 def simulate(scene: str = "joint", **parameters: Any) -> xr.Dataset:
@@ -42,31 +110,24 @@ def simulate(scene: str = "joint", **parameters: Any) -> xr.Dataset:
     >>> round(float(result["thrust_amplitude"].sel(order=3)), 1)
     14.1
     """
-    simulator = load_simulator(scene)
-    values: dict[str, Value] = {
-        n: v for n, v in check_parameters(simulator.parameters, parameters).items() if v is not None
-    }
-    keep = tuple(name for name, output in simulator.outputs.items() if not output.on_request)
-    simulator.check(values, {}, keep)
-    result, cpu, wall = run_task(Task(scene, None, "", simulator.source_hash, values, {}, 1, keep))
+    import xarray as xr
+
+    point = simulate_point(scene, **parameters)
     variables: dict[str, Any] = {}
-    for name, output in result.outputs.items():
-        meta = simulator.outputs[name]
-        variables[name] = (output.dims, output.data[0], {"units": meta.unit, "long_name": meta.meaning})
-    variables["outcome"] = ((), result.outcome[0], OUTCOME_ATTRIBUTES)
-    variables["outcome_detail"] = ((), result.detail[0], DETAIL_ATTRIBUTES)
-    cost = {
-        "cpu_seconds": cpu,
-        "wall_seconds": wall,
-        "steps": int(result.steps[0]),
-        "force_evaluations": int(result.force_evaluations[0]),
-    }
-    attrs = {
-        "parameters": simulator.effective(values),
-        "cost": cost,
-        "finished": int(result.outcome[0]) == Outcome.FINISHED,
-    }
-    coordinates = {
-        name: (name, labels, simulator.dimension_attributes(name)) for name, labels in result.coordinates.items()
-    }
-    return xr.Dataset(variables, coords=coordinates, attrs=attrs)
+    for name, values in point.outputs.items():
+        meta = point.simulator.outputs[name]
+        variables[name] = (values.dims, values.data, {"units": meta.unit, "long_name": meta.meaning})
+    variables["outcome"] = ((), np.int8(point.outcome), OUTCOME_ATTRIBUTES)
+    variables["outcome_detail"] = ((), point.detail, DETAIL_ATTRIBUTES)
+    return xr.Dataset(
+        variables,
+        coords={
+            name: (name, labels, point.simulator.dimension_attributes(name))
+            for name, labels in point.coordinates.items()
+        },
+        attrs={
+            "parameters": dict(point.parameters),
+            "cost": dict(point.cost),
+            "finished": point.outcome is Outcome.FINISHED,
+        },
+    )

@@ -1,0 +1,121 @@
+"""A cube as plain arrays with named dimensions: enough for a query, and read without importing xarray and pandas."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.study.netcdf import cube_files, reading
+
+if TYPE_CHECKING:
+    import netCDF4
+    import xarray as xr
+
+__all__ = ["CubeArrays", "Variable", "cube_arrays", "opened_arrays"]
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable of a cube, read when its values are first asked for.
+
+    Attributes
+    ----------
+    dims
+        Its dimensions.
+    read
+        Gives its values, of one axis per dimension.
+    """
+
+    dims: tuple[str, ...]
+    read: Callable[[], NDArray[Any]]
+
+    @cached_property
+    def values(self) -> NDArray[Any]:
+        """Its values, one axis per dimension."""
+        return self.read()
+
+
+@dataclass(frozen=True)
+class CubeArrays:
+    """A cube without its attributes.
+
+    Attributes
+    ----------
+    sizes
+        Length of each dimension.
+    coordinates
+        Labels along the dimensions, and other coordinates such as the factors of a list of points.
+    variables
+        Everything else.
+    """
+
+    sizes: Mapping[str, int]
+    coordinates: Mapping[str, Variable]
+    variables: Mapping[str, Variable]
+
+
+def cube_arrays(cube: xr.Dataset) -> CubeArrays:
+    """The arrays of an open cube."""
+
+    def variable(array: xr.DataArray) -> Variable:
+        return Variable(tuple(map(str, array.dims)), lambda: np.asarray(array.values))
+
+    return CubeArrays(
+        {str(dim): int(size) for dim, size in cube.sizes.items()},
+        {str(name): variable(array) for name, array in cube.coords.items()},
+        {str(name): variable(array) for name, array in cube.data_vars.items()},
+    )
+
+
+@contextmanager
+def opened_arrays(path: str | Path) -> Iterator[CubeArrays]:
+    """Open a result directory (cube and costs) or a netCDF file; its variables are read while it is open.
+
+    Raises
+    ------
+    CubeError
+        If there is no cube, or it is damaged.
+    """
+    import netCDF4
+
+    sizes: dict[str, int] = {}
+    coordinates: dict[str, Variable] = {}
+    variables: dict[str, Variable] = {}
+    stored: list[netCDF4.Dataset] = []
+    try:
+        for file in cube_files(Path(path)):
+            with reading(file):
+                stored.append(netCDF4.Dataset(file))
+                labels = _coordinate_names(stored[-1])
+                sizes |= {name: dimension.size for name, dimension in stored[-1].dimensions.items()}
+            for name, array in stored[-1].variables.items():
+                (coordinates if name in labels else variables)[name] = _stored_variable(array, file)
+        yield CubeArrays(sizes, coordinates, variables)
+    finally:
+        for dataset in stored:
+            dataset.close()
+
+
+def _coordinate_names(stored: netCDF4.Dataset) -> set[str]:
+    """Names of the coordinates by the CF conventions: those of dimensions, and those that an attribute lists."""
+    listing = [stored, *stored.variables.values()]
+    named = " ".join(str(owner.getncattr("coordinates")) for owner in listing if "coordinates" in owner.ncattrs())
+    return {*stored.dimensions, *named.split()}
+
+
+def _stored_variable(array: netCDF4.Variable, file: Path) -> Variable:
+    def read() -> NDArray[Any]:
+        array.set_auto_mask(False)  # what is missing in a cube is NaN, or a flag of its own
+        with reading(file):
+            values = np.asarray(array[...])
+        is_switch = "dtype" in array.ncattrs() and array.getncattr("dtype") == "bool"  # xarray's way: netCDF has none
+        return values.astype(bool) if is_switch else values
+
+    return Variable(tuple(array.dimensions), read)
