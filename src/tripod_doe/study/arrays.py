@@ -105,12 +105,12 @@ def opened_arrays(path: str | Path) -> Iterator[CubeArrays]:
 
 def _coordinate_names(stored: netCDF4.Dataset) -> set[str]:
     """Names of the coordinates by the CF conventions: those of dimensions, and those that an attribute lists."""
-    listing = [stored, *stored.variables.values()]
+    listing: list[Any] = [stored, *stored.variables.values()]
     named = " ".join(str(owner.getncattr("coordinates")) for owner in listing if "coordinates" in owner.ncattrs())
     return {*stored.dimensions, *named.split()}
 
 
-def _stored_variable(array: netCDF4.Variable, file: Path) -> Variable:
+def _stored_variable(array: netCDF4.Variable[Any], file: Path) -> Variable:
     def read() -> NDArray[Any]:
         array.set_auto_mask(False)  # what is missing in a cube is NaN, or a flag of its own
         with reading(file):

@@ -229,7 +229,7 @@ def _matching(values: NDArray[Any], selection: Selection, nearest: bool) -> NDAr
 
 def _labels(outcome: NDArray[Any]) -> NDArray[Any]:
     words: NDArray[Any] = np.array([kind.label for kind in Outcome], dtype=object)
-    return words[outcome.astype(int)]
+    return np.take(words, outcome.astype(int))
 
 
 def narrowed(answer: xr.Dataset) -> xr.Dataset:
