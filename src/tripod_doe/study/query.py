@@ -158,10 +158,12 @@ class _Choice:
 
     @property
     def target(self) -> Variable:
+        """The variable that is asked for."""
         return self.variables[self.variable]
 
     @property
     def shape(self) -> tuple[int, ...]:
+        """Number of chosen cells along each dimension of the variable."""
         return tuple(self.rows[dim].size if dim in self.rows else self.cube.sizes[dim] for dim in self.target.dims)
 
     def spread(self, other: Variable) -> NDArray[Any]:
