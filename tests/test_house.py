@@ -87,33 +87,3 @@ def test_every_flag_has_help():
     for command, parser in parsers.items():
         for action in parser._actions:
             assert action.help, f"{command} {action.option_strings or action.dest}"
-
-
-def test_readme_names_every_command():
-    readme = (ROOT / "README.md").read_text()
-    for command in _parser(["simulate"])._subparsers._group_actions[0].choices:
-        assert f"tripod-doe {command}" in readme, command
-
-
-def readme_table(mark):
-    """Cells of the table below a mark of the README, row by row, without its head."""
-    lines = (ROOT / "README.md").read_text().partition(f"<!-- {mark} -->\n")[2].partition("\n\n")[0].splitlines()
-    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
-
-
-def test_readme_tells_what_each_model_is_and_ignores():
-    assert [row[0] for row in readme_table("models")] == [f"`{name}`" for name in MODELS]
-    for name, ignored in readme_table("ignored parameters"):
-        assert set(re.findall(r"`(\w+)`", ignored)) == MODELS[name.strip("`")].ignores
-
-
-def test_readme_tells_which_model_gives_what():
-    thrust = {name for name in scene.outputs if "thrust" in name} - {
-        "thrust_amplitude_scatter",
-        "thrust_amplitude_error",
-    }
-    told = {name: set(thrust) for name in MODELS}
-    for outputs, _, *gives in readme_table("outputs"):
-        for model, given in zip(MODELS, gives, strict=True):
-            told[model] |= set(re.findall(r"`(\w+)`", outputs)) if given == "yes" else set()
-    assert told == {name: model.outputs for name, model in MODELS.items()}

@@ -108,7 +108,7 @@ def test_the_split_does_not_know_which_groove_is_the_first():
 def test_needles_split_the_thrust_as_their_lumped_bearing_does():
     """Limit: the third order of all parts but the needles' sliding, which lacks neighbours in a lumped bearing.
 
-    Within 2 % of the third order: the models differ by 1.6 % there (README), and in the clearance's effect on the load.
+    Within 2 % of the third order: the models differ by 1.6 % there, and in the clearance's effect on the load.
     """
     needles, rollers = (_orders(td.simulate(model=model, cycles=3, **FEW), 3) for model in ("needles", "rollers"))
     gaps = np.abs(needles[0] - rollers[0]) / abs(rollers[1])

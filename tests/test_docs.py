@@ -1,0 +1,94 @@
+"""The documentation is true: tables match the code, links and named files exist, every command is shown."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+from tripod_doe.cli import _parser
+from tripod_doe.joint.models import MODELS
+from tripod_doe.joint.scene import scene
+from tripod_doe.mechanics.integrators.registry import METHODS
+from tripod_doe.simulator import Outcome
+from tripod_doe.study.file import DesignKind
+from tripod_doe.study.scenes import SCENES, load_simulator
+
+ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def table(page, mark):
+    """Cells of the table below a mark of a page, row by row, without its head."""
+    text = (ROOT / "docs" / page).read_text()
+    assert f"<!-- {mark} -->\n" in text
+    lines = text.partition(f"<!-- {mark} -->\n")[2].partition("\n\n")[0].splitlines()
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+
+
+def names(cell):
+    return re.findall(r"`([^`]+)`", cell)
+
+
+def test_the_readme_is_short_and_names_every_command():
+    readme = (ROOT / "README.md").read_text()
+    assert len(readme.split()) <= 1000
+    for command in _parser(["simulate"])._subparsers._group_actions[0].choices:
+        assert f"tripod-doe {command}" in readme, command
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_links_and_named_files_exist(page):
+    """Links, and the study and workflow files and folders of this repository that commands name."""
+    text = page.read_text()
+    for target in re.findall(r"\]\((?!http)([^)#]+)", text):
+        assert (page.parent / target).exists(), target
+    for target in re.findall(r"\b(?:studies|workflows|benchmarks|docs)/[\w/]+\.\w+", text):
+        assert (ROOT / target).exists(), target
+    if page.parent == ROOT:
+        assert {f"docs/{other.name}" for other in PAGES[1:]} <= set(re.findall(r"\]\(([^)]+)", text))
+
+
+def test_models_and_what_they_ignore():
+    assert [row[0] for row in table("models.md", "models")] == [f"`{name}`" for name in MODELS]
+    for name, ignored in table("models.md", "ignored parameters"):
+        assert set(names(ignored)) == MODELS[name.strip("`")].ignores
+
+
+def test_which_model_computes_which_output():
+    thrust = {name for name in scene.outputs if "thrust" in name} - {
+        "thrust_amplitude_scatter",
+        "thrust_amplitude_error",
+    }
+    computed = {name: set(thrust) for name in MODELS}
+    for outputs, _, *cells in table("outputs.md", "outputs"):
+        for model, cell in zip(MODELS, cells, strict=True):
+            computed[model] |= set(names(outputs)) if cell == "yes" else set()
+    assert computed == {name: model.outputs for name, model in MODELS.items()}
+
+
+def test_outcomes_and_designs_are_listed():
+    assert [names(row[0])[0] for row in table("outputs.md", "outcomes")] == [outcome.label for outcome in Outcome]
+    assert {name for row in table("studies.md", "designs") for name in names(row[0])} == set(get_args(DesignKind))
+
+
+def test_the_glossary_has_every_name_once():
+    """Names of the code stand in its second column: none is missing, none is stale, none has two senses."""
+    rows = [line.split("|") for line in (ROOT / "docs" / "glossary.md").read_text().splitlines() if line[:2] == "| "]
+    listed = [name for row in rows for name in names(row[2])]
+    simulators = [load_simulator(name) for name in SCENES]
+    known = {*SCENES, *MODELS, "newton", *METHODS, *(outcome.label for outcome in Outcome), *get_args(DesignKind)}
+    for simulator in simulators:
+        known |= {*simulator.parameters, *simulator.outputs}
+        known |= {dimension.name for output in simulator.outputs.values() for dimension in output.dimensions}
+    assert sorted(listed) == sorted({*known, "point"})
+    terms = [row[1].strip() for row in rows]
+    assert len(set(terms) - {"term", "---"}) == len([term for term in terms if term not in ("term", "---")])
+
+
+def test_the_glossary_has_every_statistic():
+    text = (ROOT / "docs" / "glossary.md").read_text()
+    for statistic in scene.labels(["needle_skew_summary_deg"], {"cycles": 4})["statistic"]:
+        assert f"`{statistic}`" in text
