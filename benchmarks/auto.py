@@ -2,7 +2,7 @@
 
     python benchmarks/auto.py OUT [STUDY...]        # studies/auto_map.toml, auto_mixed.toml, auto_skew.toml
 
-Runs each study, then the reference rung of its pilot at all its points, or at a random part of them (`CHECKED`), and
+Runs each study, then the reference candidate of its pilot at all its points, or at a random part of them (`CHECKED`), and
 tells in how many of these points the accuracy is met and what both cost. OUT keeps everything: run again, and only
 what is missing runs. One worker, so that CPU seconds are those of a core; 40 minutes in all.
 """
@@ -26,12 +26,12 @@ CHECKED = 64  # points of a study that are compared: none of so many off is belo
 
 
 def reference_study(study: td.Study, choice: xr.Dataset, chosen: np.ndarray) -> td.Study:
-    """The last rung of the pilot at some points of the study."""
+    """The last candidate of the pilot at some points of the study."""
     points = make_points(study)
-    last = int(choice.sizes["rung_number"]) - 1
-    rung = next(r for r in study.accuracy.rungs if r.label == str(choice["rung_label"].values[last]))
+    last = int(choice.sizes["candidate_number"]) - 1
+    candidate = next(r for r in study.accuracy.candidates if r.label == str(choice["candidate_label"].values[last]))
     table = {name: ("point", column[chosen]) for name, column in points.columns.items()}
-    table |= {name: ("point", np.array([value] * chosen.size)) for name, value in rung.values.items()}
+    table |= {name: ("point", np.array([value] * chosen.size)) for name, value in candidate.values.items()}
     return fed_study(study, xr.Dataset(table), "reference")
 
 
@@ -58,14 +58,14 @@ def compare(name: str, out: Path) -> dict[str, object]:
             "compared": int(known.sum()), "median_error": float(np.median(error[known])),
             "largest_error": float(error[known].max()), "estimate_covers": float((error <= estimate)[known].mean()),
         }  # fmt: skip
-    result["rungs"] = {
+    result["candidates"] = {
         str(label): int(n)
-        for label, n in zip(choice["rung_label"].values, choice["points_of_rung"].values, strict=True)
+        for label, n in zip(choice["candidate_label"].values, choice["points_of_candidate"].values, strict=True)
     }
     result["expected_not_met"] = int((choice["accuracy_met"] == 0).sum())
     result |= {key: float(choice.attrs[key]) for key in ("limit", "misses")}
     own = auto["cpu_seconds"].where(auto["from_pilot"] == 0, 0)
-    every_point = float(choice["price"].values[choice["rung"].values].sum())
+    every_point = float(choice["price"].values[choice["candidate"].values].sum())
     result["points_from_pilot"] = int(auto["from_pilot"].sum())
     result["cpu_seconds"] = spent(
         float(auto["cpu_seconds"].sum()), float(own.sum()), float(pilot["cpu_seconds"].sum()),

@@ -1,11 +1,11 @@
 """Where the time of a step of the full joint goes, and what needles and spheres cost and do to the orders.
 
-    python benchmarks/joint_cost.py             # 2 minutes; parts and runs, then the prices of the rungs
+    python benchmarks/joint_cost.py             # 2 minutes; parts and runs, then the prices of the candidates
     python benchmarks/joint_cost.py --record    # a minute; the prices only, into joint/prices.toml: on a quiet machine
 
 Parts are microseconds a step at the start of the reference joint. Runs are those of `tripod-doe simulate --model
 needles` at skews of (0.4, -0.4, 0.4) deg and a tolerance of 1e-3, with their error estimates. Prices are
-CPU microseconds a force evaluation of every rung that model = "auto" may choose, the least of three runs.
+CPU microseconds a force evaluation of every candidate that model = "auto" may choose, the least of three runs.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import tomlkit
 from engine_cost import PARTS, part_costs
 
 import tripod_doe as td
-from tripod_doe.joint.ladder import PRICES
+from tripod_doe.joint.candidates import PRICES
 from tripod_doe.joint.multibody import build_joint
 from tripod_doe.joint.parameters import point_values
 from tripod_doe.joint.scene import scene
@@ -28,23 +28,23 @@ from tripod_doe.study.task import Task, run_task
 SKEW = {"initial_skew_1_deg": 0.4, "initial_skew_2_deg": -0.4, "initial_skew_3_deg": 0.4}
 
 
-def rung_cost(rung: Candidate) -> tuple[float, float]:
+def candidate_cost(candidate: Candidate) -> tuple[float, float]:
     """CPU seconds a force evaluation, and evaluations a run, in a block as studies run it."""
-    count = 500 if rung.values["model"] in ("equilibrium", "kinetostatic") else 1
+    count = 500 if candidate.values["model"] in ("equilibrium", "kinetostatic") else 1
     columns = {"replicate": np.arange(count, dtype=float)}
-    task = Task("joint", None, "", scene.source_hash, dict(rung.values), columns, count, ("thrust_amplitude",))
+    task = Task("joint", None, "", scene.source_hash, dict(candidate.values), columns, count, ("thrust_amplitude",))
     runs = [run_task(task) for _ in range(4)][1:]  # the first one warms up; other work on the machine only adds
     evaluations = runs[0][0].force_evaluations
     return min(cpu for _, cpu, _ in runs) / evaluations.sum(), evaluations.mean()
 
 
-def rung_prices(record: bool) -> None:
-    """Print the price of every rung beside the recorded one, and record it."""
+def candidate_prices(record: bool) -> None:
+    """Print the price of every candidate beside the recorded one, and record it."""
     prices = tomlkit.parse(PRICES.read_text())
-    for table, rung in zip(prices.values(), scene.candidates, strict=True):
-        seconds, evaluations = rung_cost(rung)
-        print(f"{rung.label}: {1e6 * seconds:.1f} us an evaluation (recorded {1e6 * rung.evaluation_seconds:.1f}), "
-              f"{evaluations:.0f} a run (recorded {rung.evaluations:.0f})", flush=True)  # fmt: skip
+    for table, candidate in zip(prices.values(), scene.candidates, strict=True):
+        seconds, evaluations = candidate_cost(candidate)
+        print(f"{candidate.label}: {1e6 * seconds:.1f} us an evaluation (recorded {1e6 * candidate.evaluation_seconds:.1f}), "
+              f"{evaluations:.0f} a run (recorded {candidate.evaluations:.0f})", flush=True)  # fmt: skip
         table["evaluation_seconds"], table["evaluations"] = float(f"{seconds:.3g}"), round(evaluations)
     if record:
         PRICES.write_text(tomlkit.dumps(prices))
@@ -69,4 +69,4 @@ def main() -> None:
 if __name__ == "__main__":
     if sys.argv[1:] != ["--record"]:
         main()
-    rung_prices(record=sys.argv[1:] == ["--record"])
+    candidate_prices(record=sys.argv[1:] == ["--record"])

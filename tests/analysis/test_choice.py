@@ -14,32 +14,41 @@ from tripod_doe.analysis.pilot_evidence import evidence
 from tripod_doe.simulator import Candidate
 from tripod_doe.study.accuracy import Accuracy, Demand
 
-RUNGS = (
+CANDIDATES = (
     Candidate({"model": "cheap"}, 1e-6, 10),
     Candidate({"model": "middle"}, 1e-3, 10),
     Candidate({"model": "full"}, 1.0, 10, full=True),
 )
 
 
-def accuracy(allowed=0.03, confidence=0.9, floor=0.01, rungs=RUNGS):
-    return Accuracy((Demand("a_3", "a", 3, allowed),), confidence, floor, None, rungs)
+def accuracy(allowed=0.03, confidence=0.9, floor=0.01, candidates=CANDIDATES):
+    return Accuracy((Demand("a_3", "a", 3, allowed),), confidence, floor, None, candidates)
 
 
 def pilot(x, misses, numerical=0.0, outcome=None, evaluations=None):
-    """A cube of rungs at points x: order 3 is 10 N, off by `misses` (rung, point) of that; order 1 is 100 N."""
+    """A cube of candidates at points x: order 3 is 10 N, off by `misses` (candidate, point) of that; order 1 is 100 N."""
     misses = np.asarray(misses, float)
-    rung, point = (index.ravel() for index in np.indices(misses.shape))
+    candidate, point = (index.ravel() for index in np.indices(misses.shape))
     orders = np.stack(
-        [np.full(rung.size, 500.0), np.full(rung.size, 100.0), np.zeros(rung.size), 10 * (1 + misses.ravel())], 1
+        [
+            np.full(candidate.size, 500.0),
+            np.full(candidate.size, 100.0),
+            np.zeros(candidate.size),
+            10 * (1 + misses.ravel()),
+        ],
+        1,
     )
     variables = {
         "a": (("point", "order"), orders),
         "a_error": (("point", "order"), np.full(orders.shape, 10 * numerical)),
-        "outcome": ("point", np.zeros(rung.size, np.int8) if outcome is None else np.ravel(outcome).astype(np.int8)),
+        "outcome": (
+            "point",
+            np.zeros(candidate.size, np.int8) if outcome is None else np.ravel(outcome).astype(np.int8),
+        ),
     }
     if evaluations is not None:
         variables["force_evaluations"] = ("point", np.ravel(evaluations).astype(float))
-    labels = np.array([RUNGS[i].values["model"] for i in rung], dtype=object)
+    labels = np.array([CANDIDATES[i].values["model"] for i in candidate], dtype=object)
     coords = {"x": ("point", np.asarray(x, float)[point]), "model": ("point", labels), "order": np.arange(4)}
     return xr.Dataset(variables, coords)
 
@@ -51,7 +60,7 @@ def models_at(choice):
     return choice["model"].values.astype(str).tolist()
 
 
-def test_the_cheapest_rung_that_is_enough_is_taken_at_every_point():
+def test_the_cheapest_candidate_that_is_enough_is_taken_at_every_point():
     """Cheap is off by 1 % on the left and 8 % on the right, middle by 1 % everywhere."""
     found = evidence(pilot(X, [np.where(X > 0.55, 0.08, 0.01), 0 * X + 0.01, 0 * X]), ["x"], accuracy())
     choice = choose(found, {"x": np.array([0.1, 0.3, 0.45, 0.7, 0.9])}, accuracy())
@@ -62,7 +71,7 @@ def test_the_cheapest_rung_that_is_enough_is_taken_at_every_point():
     assert choice["accuracy_met"].values.tolist() == [1] * 5
 
 
-def test_a_tighter_accuracy_takes_finer_rungs():
+def test_a_tighter_accuracy_takes_finer_candidates():
     cube = pilot(X, [0 * X + 0.02, 0 * X + 0.01, 0 * X])
     taken = []
     for allowed in (0.03, 0.015, 0.005):
@@ -71,8 +80,8 @@ def test_a_tighter_accuracy_takes_finer_rungs():
     assert taken == ["cheap", "middle", "full"]
 
 
-def test_rungs_that_cannot_be_predicted_are_not_trusted():
-    """Every second point of the cheap rung is wrong: its neighbours, left out in turn, foretell nothing."""
+def test_candidates_that_cannot_be_predicted_are_not_trusted():
+    """Every second point of the cheap candidate is wrong: its neighbours, left out in turn, foretell nothing."""
     found = evidence(pilot(X, [np.where(np.arange(9) % 2, 0.05, 0.001), 0 * X + 0.01, 0 * X]), ["x"], accuracy())
     choice = choose(found, {"x": X}, accuracy())
     missed = [m == "cheap" for m in np.array(models_at(choice))[1::2]]
@@ -99,7 +108,7 @@ def test_the_stated_share_of_points_is_met_on_random_errors():
 
         found = evidence(pilot(places, [miss(places), 0 * places + 0.029, 0 * places]), ["x"], accuracy())
         choice = choose(found, {"x": new}, accuracy())
-        error = np.where(choice["rung"].values == 0, miss(new), 0.0)
+        error = np.where(choice["candidate"].values == 0, miss(new), 0.0)
         met.append((error <= 0.03).mean())
     assert np.mean(met) >= 0.9 - 2 * np.std(met) / np.sqrt(len(met))
     assert np.mean(met) < 1  # else the limit would be stricter than it says
@@ -114,7 +123,7 @@ def test_the_numerical_error_of_the_reference_counts():
 
 
 @pytest.mark.parametrize(("middle", "taken"), [(0.01, "middle"), (0.03, "full")])
-def test_where_not_even_the_reference_is_enough_a_rung_as_good_does_as_well(middle, taken):
+def test_where_not_even_the_reference_is_enough_a_candidate_as_good_does_as_well(middle, taken):
     """The full model is known to 4 % where 3 % are asked for: with 1 % more it is 4.1 %, with 3 % it is 5 %."""
     found = evidence(pilot(X, [0 * X + 0.05, 0 * X + middle, 0 * X], 0.04), ["x"], accuracy())
     choice = choose(found, {"x": np.array([0.5])}, accuracy())
@@ -131,7 +140,7 @@ def test_a_small_order_is_measured_against_a_share_of_the_largest():
     assert error == pytest.approx({0.01: 0.03, 0.4: 0.0075})
 
 
-def test_a_rung_that_fails_somewhere_is_not_taken_there():
+def test_a_candidate_that_fails_somewhere_is_not_taken_there():
     outcome = np.zeros((3, 9))
     outcome[0, 6:] = td.Outcome.DIVERGED
     found = evidence(pilot(X, [0 * X, 0 * X + 0.01, 0 * X], outcome=outcome), ["x"], accuracy())
@@ -165,12 +174,12 @@ def test_what_all_pilot_runs_share_is_read_from_its_attributes():
 
 def test_a_pilot_that_cannot_serve_is_refused():
     cube = pilot(X, np.zeros((3, 9)))
-    with pytest.raises(td.InputError, match="less than two rungs"):
+    with pytest.raises(td.InputError, match="fewer than two candidates"):
         evidence(cube.isel(point=slice(0, 9)), ["x"], accuracy())
     with pytest.raises(td.InputError, match="no output b"):
-        evidence(cube, ["x"], Accuracy((Demand("b_3", "b", 3, 0.1),), 0.9, 0.01, None, RUNGS))
+        evidence(cube, ["x"], Accuracy((Demand("b_3", "b", 3, 0.1),), 0.9, 0.01, None, CANDIDATES))
     with pytest.raises(td.InputError, match="a goes from 0 to 3"):
-        evidence(cube, ["x"], Accuracy((Demand("a_7", "a", 7, 0.1),), 0.9, 0.01, None, RUNGS))
+        evidence(cube, ["x"], Accuracy((Demand("a_7", "a", 7, 0.1),), 0.9, 0.01, None, CANDIDATES))
     failed = pilot(X, np.zeros((3, 9)), outcome=np.repeat([[0], [0], [1]], 9, axis=1))
     with pytest.raises(td.InputError, match="finished at no point"):
         evidence(failed, ["x"], accuracy())

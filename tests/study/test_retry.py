@@ -1,4 +1,4 @@
-"""The retry ladder: followed in order, recorded per point, its work counted, the same however the study runs."""
+"""Retries: followed in order, recorded per point, its work counted, the same however the study runs."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ def test_a_lower_rung_takes_its_own_numerics_and_leaves_what_it_cannot_give_open
         ("[3]", r"\[run\.retry\].*3"),
     ],
 )  # fmt: skip
-def test_a_bad_ladder_is_refused_before_anything_runs(entries, told):
+def test_a_bad_retry_is_refused_before_anything_runs(entries, told):
     with pytest.raises(td.InputError, match=told):
         parse_study(JOINT.partition("retry")[0] + f"retry = {entries}\n")
 
@@ -159,13 +159,13 @@ def test_a_smaller_step_needs_something_to_halve(tmp_path, monkeypatch):
         parse_study(text, folder=tmp_path)
 
 
-def test_a_changed_ladder_is_another_study(fragile, write_study):
+def test_a_changed_retry_is_another_study(fragile, write_study):
     assert td.run(write_study(STUDY), fragile / "out", progress=False).good
     with pytest.raises(td.InputError, match=r"run\.retry: .* -> "):
         td.run(write_study(STUDY.replace(", { method = 1 }", "")), fragile / "out", progress=False)
 
 
-def test_failed_points_run_again_with_their_ladder_when_asked(fragile, write_study):
+def test_failed_points_run_again_with_their_retries_when_asked(fragile, write_study):
     study = write_study(STUDY.replace(", { method = 1 }", ""))
     assert td.run(study, fragile / "out", progress=False).failed == {"error": 1}
     again = td.run(study, fragile / "out", retry_failed=True, progress=False)

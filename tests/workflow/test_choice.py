@@ -22,7 +22,7 @@ from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.execution import local_workers
 from tripod_doe.study.journal import PILOT, FinishedBlock, Journal
 from tripod_doe.study.pilot import pilot_points, pilot_study
-from tripod_doe.workflow.choice import describe_choice, first_rungs
+from tripod_doe.workflow.choice import describe_choice, first_candidates
 from tripod_doe.workflow.pilot_results import pilot_results
 
 WAVE = """
@@ -67,7 +67,7 @@ confidence = 0.75
 
 
 class Bench:
-    """A folder with a function of four rungs, which logs its calls, and studies of it."""
+    """A folder with a function of four candidates, which logs its calls, and studies of it."""
 
     def __init__(self, folder: Path, scheduler: str) -> None:
         self.folder, self.scheduler = folder, scheduler
@@ -99,27 +99,27 @@ def wave(tmp_path, monkeypatch, scheduler):
     return Bench(tmp_path, scheduler)
 
 
-def test_a_study_runs_on_the_rungs_that_its_pilot_chose(wave):
+def test_a_study_runs_on_the_candidates_that_its_pilot_chose(wave):
     first = wave.run(STUDY)
     assert first.good
     cube, choice = td.open_cube(wave.folder / "out"), xr.open_dataset(wave.folder / "out" / "choice.nc").load()
     assert cube["y"].dims == ("x", "z")
     exact = 10 + cube["x"]
     assert float((abs(cube["y"] - exact) <= 0.03 * exact).mean()) >= 0.9
-    assert set(np.unique(cube["model_used"])) == {0, 1}  # the spare rung paid, the full model was not needed
+    assert set(np.unique(cube["model_used"])) == {0, 1}  # the substitute paid, the full model was not needed
     assert np.array_equal(cube["model_used"].values.ravel(), choice["model"].values)
     assert (cube["accuracy_met"] == 1).all()
     assert (cube["y_error_estimate"] <= 0.03).all()
     assert "model" not in cube.attrs["fixed_parameters"]
     log = wave.calls()
-    assert len(log) == 33 + 9 * 2  # three rungs at nine pilot points, one of which the study takes over
+    assert len(log) == 33 + 9 * 2  # three candidates at nine pilot points, one of which the study takes over
     assert len(set(log)) == len(log)  # nothing ran twice
     assert (first.computed, first.reused) == (24, 9)
     assert int(cube["from_pilot"].sum()) == choice.attrs["points_from_pilot"] == 9
     alone = cube["y"] / exact - 1  # what the function says of every point with the model that the cube says it used
     steep = 0.002 + 0.2 * (cube["x"] > 0.5)
     np.testing.assert_allclose(alone, xr.where(cube["model_used"] == 0, steep, 0.01), atol=1e-12)
-    own = choice["price"].values[choice["rung"].values][cube["from_pilot"].values.ravel() == 0]
+    own = choice["price"].values[choice["candidate"].values][cube["from_pilot"].values.ravel() == 0]
     assert choice.attrs["price_study_s"] == pytest.approx(own.sum())
 
     again = wave.run(STUDY)
@@ -145,10 +145,13 @@ def test_a_study_runs_on_the_rungs_that_its_pilot_chose(wave):
 def test_the_pilot_takes_a_finer_tolerance_where_the_full_model_is_not_accurate_enough(wave):
     """Model 2 is 2 % off by its own estimate: not enough for 1 %, so model 3 is the reference."""
     text = STUDY.replace("y = 0.03", "y = 0.012")
-    assert [rung.values["model"] for rung in first_rungs(td.load_study(wave.write(text)).accuracy)] == [0, 2]
+    assert [candidate.values["model"] for candidate in first_candidates(td.load_study(wave.write(text)).accuracy)] == [
+        0,
+        2,
+    ]
     assert wave.run(text).good
     choice = xr.open_dataset(wave.folder / "out" / "choice.nc").load()
-    assert choice["rung_label"].values[-1] == "model = 3"
+    assert choice["candidate_label"].values[-1] == "model = 3"
     assert (choice["accuracy_met"] == 1).all()
 
 
@@ -162,7 +165,7 @@ def test_a_finer_tolerance_is_tried_only_where_the_full_model_is_not_accurate_en
     assert 0 < len(finest) == sum(x > 0.5 for x in piloted) < len(piloted)
     assert min(finest) > 0.5
     choice = xr.open_dataset(wave.folder / "out" / "choice.nc").load()
-    assert choice["rung_label"].values[-1] == "model = 3"
+    assert choice["candidate_label"].values[-1] == "model = 3"
     assert choice.attrs["price_pilot_s"] == pytest.approx(len(piloted) * (1 + 1e-3 + 1e-6) + 3 * len(finest), rel=1e-3)
     cube = td.open_cube(wave.folder / "out")
     exact = 10 + cube["x"]
@@ -244,8 +247,8 @@ def test_pilot_points_are_the_same_each_time_and_reach_the_edges(wave):
     assert np.array_equal(chosen, pilot_points(study, points))
     places = {(float(points.columns["x"][i]), float(points.columns["z"][i])) for i in chosen}
     assert {(0, 0), (0, 2), (1, 0), (1, 2), (0.5, 1)} <= places
-    cheap, spare, *_ = study.accuracy.rungs
-    pilot = pilot_study(study, points, [(cheap, chosen), (spare, chosen[:2])])
+    cheap, substitute, *_ = study.accuracy.candidates
+    pilot = pilot_study(study, points, [(cheap, chosen), (substitute, chosen[:2])])
     assert make_points(pilot).count == chosen.size + 2
 
 
@@ -253,14 +256,14 @@ def test_plan_tells_the_price_before_and_the_choice_after(wave, capsys):
     study = wave.write(STUDY)
     assert main(["plan", str(study), "--out", str(wave.folder / "out")]) == 0
     before = capsys.readouterr().out
-    assert "9 points on 2 rungs, about 9 CPU s" in before
+    assert "9 points on 2 candidates, about 9 CPU s" in before
     assert "price        follows from the choice" in before
     wave.run(STUDY)
     assert main(["plan", str(study), "--out", str(wave.folder / "out")]) == 0
     after = capsys.readouterr().out
     assert "from 9 pilot points" in after
     assert "model = 1" in after
-    assert "99 with the last rung" not in before
+    assert "99 with the last candidate" not in before
     assert describe_choice(td.load_study(study), wave.folder / "out") in after
 
 
@@ -286,10 +289,10 @@ def test_what_a_study_sets_itself_is_not_chosen(write_study):
         write_study(JOINT.replace("[factors]", "needle_count = 19\nrelative_tolerance = 1e-3\n[factors]"))
     )
     assert own.accuracy.parameters == ("model",)
-    assert [rung.label for rung in own.accuracy.rungs] == [
+    assert [candidate.label for candidate in own.accuracy.candidates] == [
         f"model = {name}" for name in ("equilibrium", "kinetostatic", "rollers", "needles")
     ]
-    assert own.accuracy.rungs[-1].full
+    assert own.accuracy.candidates[-1].full
 
 
 def test_the_joint_chooses_its_cheapest_model_where_that_is_enough(write_study, tmp_path, scheduler):

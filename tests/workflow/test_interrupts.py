@@ -108,7 +108,11 @@ def go_on(folder: Path, name: str) -> None:
     ("name", "dropped_in", "most"),
     [
         ("named", "tripod_doe.study.journal Journal.commit 5", 40),
-        ("auto", "tripod_doe.study.journal Journal.commit 5", 18 + 40),  # in the pilot, of nine points on two rungs
+        (
+            "auto",
+            "tripod_doe.study.journal Journal.commit 5",
+            18 + 40,
+        ),  # in the pilot, of nine points on two candidates
         ("chain", "tripod_doe.analysis.choice choose 1", 24 + 40),
     ],
 )

@@ -1,23 +1,24 @@
-"""Choice of model: from a pilot that ran several rungs at a few points to the cheapest rung that is enough at each.
+"""Choice of model: from a pilot that ran several candidates to the cheapest one that is accurate enough at each point.
 
-The pilot tells at each of its points how far each rung is from the finest one there, the reference, relative to the
-accuracy asked for. Between pilot points that difference is interpolated, with its sign (cubic radial functions and a
-linear trend, over the design scaled to its ranges). Added as squares are the numerical error of the reference, and what
-the interpolation missed at the pilot points around, each left out in turn; these two are means weighted by the inverse
-squares of the distances. The worst of all quantities counts. At any point the cheapest rung is taken whose error so
-estimated stays below a limit, else the reference; never a rung that failed at one of the nearest pilot points, of which
-one more count than there are dimensions. Where not even the reference is expected to meet the accuracy, a rung whose
-error is at most a tenth above the reference's does as well.
+The pilot tells at each of its points how far each candidate is from the finest one there, the reference, relative to
+the accuracy asked for. Between pilot points that difference is interpolated, with its sign (cubic radial functions and
+a linear trend, over the design scaled to its ranges). Added as squares are the numerical error of the reference, and
+what the interpolation missed at the pilot points around, each left out in turn; these two are means weighted by the
+inverse squares of the distances. The worst of all quantities counts. At any point the cheapest candidate is taken whose
+error so estimated stays below a limit, else the reference; never a candidate that failed at one of the nearest pilot
+points, of which one more count than there are dimensions. Where not even the reference is expected to meet the
+accuracy, a candidate whose error is at most a tenth above the reference's does as well.
 
-How strict the limit must be is tried on the pilot itself: every pilot point is left out in turn, its rung chosen from
-the others, and counted as a miss where that rung's own error there is above the accuracy, and by more than that tenth
-above the reference's. The limit is the loosest at
-which, and below which, (misses + 1) / (points + 1) is at most 1 - confidence. This is conformal risk control
-(Angelopoulos et al., "Conformal risk control", ICLR 2024): if the points of the study were drawn like those of the
-pilot, the accuracy would be met in the stated share of them. They are not quite: the pilot reaches to the edges of the
-design, where leaving a point out means extrapolating, so that its misses are rather more than those of the study.
+How strict the limit must be is tried on the pilot itself: every pilot point is left out in turn, its candidate chosen
+from the others, and counted as a miss where that candidate's own error there is above the accuracy, and by more than
+that tenth above the reference's. The limit is the loosest at which, and below which, (misses + 1) / (points + 1) is at
+most 1 - confidence. This is conformal risk control (Angelopoulos et al., "Conformal risk control", ICLR 2024): if the
+points of the study were drawn like those of the pilot, the accuracy would be met in the stated share of them. They are
+not quite: the pilot reaches to the edges of the design, where leaving a point out means extrapolating, so that its
+misses are rather more than those of the study.
 
-A rung's price is its counted force evaluations, a mean over the pilot, times the recorded seconds of an evaluation.
+A candidate's price is its counted force evaluations, a mean over the pilot, times the recorded seconds of an
+evaluation.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ __all__ = ["ChooseSettings", "choose", "choose_for_study", "without_pilot"]
 FloatArray = NDArray[np.float64]
 
 _LIMITS = np.linspace(1.0, 0.0, 101)
-_AS_GOOD = 1.1  # errors over the reference's up to which a rung does as well where neither meets the accuracy
+_AS_GOOD = 1.1  # errors over the reference's up to which a candidate does as well where neither meets the accuracy
 
 
 class ChooseSettings(BaseModel):
@@ -58,7 +59,7 @@ class ChooseSettings(BaseModel):
 
 
 def choose(found: Evidence, columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr.Dataset:
-    """The rung of every point, and what it rests on.
+    """The candidate of every point, and what it rests on.
 
     Parameters
     ----------
@@ -72,30 +73,30 @@ def choose(found: Evidence, columns: Mapping[str, NDArray[Any]], accuracy: Accur
     Returns
     -------
     xarray.Dataset
-        Along ``point``: the factors, the chosen parameters, the number of the rung, the estimated relative error of
-        every quantity and whether it meets the accuracy. Along ``rung``: price and number of points. Along
+        Along ``point``: the factors, the chosen parameters, the number of the candidate, the estimated relative error
+        of every quantity and whether it meets the accuracy. Along ``candidate``: price and number of points. Along
         ``pilot_point``: the factors and the relative errors that were found.
     """
     foresight = _Foresight(found)
     limit, misses = foresight.limit(accuracy.confidence)
     expected = foresight.errors(normalised(columns, found.columns))
-    rung = _cheapest(expected.max(axis=2), found.prices, limit)
-    every = np.arange(rung.size)
-    choice = _labelled(found, columns, accuracy, rung, expected[every, rung])
-    study = float(found.prices[rung].sum())
+    candidate = _cheapest(expected.max(axis=2), found.prices, limit)
+    every = np.arange(candidate.size)
+    choice = _labelled(found, columns, accuracy, candidate, expected[every, candidate])
+    study = float(found.prices[candidate].sum())
     return choice.assign_attrs({
         "limit": max(limit, 0.0), "misses": misses, "price_study_s": study, "price_pilot_s": found.price,
-        "price_reference_s": float(found.prices[-1] * rung.size),
+        "price_reference_s": float(found.prices[-1] * candidate.size),
     })  # fmt: skip
 
 
 def choose_for_study(cubes: Mapping[str, xr.Dataset], settings: ChooseSettings, folder: Path) -> xr.Dataset:
-    """The rung of every point of a study file, from the cube of any pilot: a design table, see `choose`.
+    """The candidate of every point of a study file, from the cube of any pilot: a design table, see `choose`.
 
     Parameters
     ----------
     cubes
-        One cube: rungs of the scene's ladder at points that span those of the study.
+        One cube: candidates of the scene at points that span those of the study.
     settings
         The study.
     folder
@@ -119,25 +120,25 @@ def choose_for_study(cubes: Mapping[str, xr.Dataset], settings: ChooseSettings, 
 
 def without_pilot(columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr.Dataset:
     """The full model at every point of a study that is too small for a pilot; nothing is known of its errors."""
-    rungs = tuple(rung for rung in accuracy.rungs if rung.full)[:1] or accuracy.rungs[-1:]
+    candidates = tuple(candidate for candidate in accuracy.candidates if candidate.full)[:1] or accuracy.candidates[-1:]
     count = len(next(iter(columns.values())))
     found = Evidence(
         {name: column[:0] for name, column in columns.items()},
-        rungs,
+        candidates,
         np.zeros((0, 1, len(accuracy.demands))),
         np.zeros((0, len(accuracy.demands))),
-        np.array([rungs[0].price]),
+        np.array([candidates[0].price]),
         np.zeros(1, int),
     )
     choice = _labelled(found, columns, accuracy, np.zeros(count, int), np.full((count, len(accuracy.demands)), np.nan))
-    price = float(rungs[0].price * count)
+    price = float(candidates[0].price * count)
     return choice.assign_attrs({
         "limit": 0.0, "misses": 0, "price_study_s": price, "price_pilot_s": 0.0, "price_reference_s": price,
     })  # fmt: skip
 
 
 class _Foresight:
-    """Errors of all rungs at any place of the design, foretold from a pilot, and how far they may be trusted."""
+    """Errors of all candidates at any place of the design, foretold from a pilot, and how far they may be trusted."""
 
     def __init__(self, found: Evidence) -> None:
         self._found = found
@@ -148,16 +149,16 @@ class _Foresight:
         self._blind = np.stack([self._errors(every != i, self._places[i : i + 1], blind[i : i + 1])[0] for i in every])
 
     def errors(self, places: FloatArray) -> FloatArray:
-        """Estimated errors over the allowed ones at places, shape (place, rung, quantity)."""
+        """Estimated errors over the allowed ones at places, shape (place, candidate, quantity)."""
         every = np.ones(self._found.count, bool)
         return self._errors(every, places, self._differences(every, places))
 
     def _differences(self, known: NDArray[np.bool_], places: FloatArray) -> FloatArray:
-        """Differences to the reference, interpolated between the known points where each rung finished."""
+        """Differences to the reference, interpolated between the known points where each candidate finished."""
         found = np.stack([
-            _interpolate(self._places[usable], rung[usable], places)
-            for rung in np.moveaxis(self._found.differences, 1, 0)
-            for usable in [known & np.isfinite(rung).all(axis=1)]
+            _interpolate(self._places[usable], candidate[usable], places)
+            for candidate in np.moveaxis(self._found.differences, 1, 0)
+            for usable in [known & np.isfinite(candidate).all(axis=1)]
         ], axis=1)  # fmt: skip
         return np.clip(found, -HOPELESS, HOPELESS)
 
@@ -174,10 +175,10 @@ class _Foresight:
     def limit(self, confidence: float) -> tuple[float, int]:
         """How large an estimated error may be, over the allowed one, and how many pilot points are then missed."""
         found = self._found
-        rows, last, misses = np.arange(found.count), len(found.rungs) - 1, []
+        rows, last, misses = np.arange(found.count), len(found.candidates) - 1, []
         for limit in _LIMITS:
-            rung = _cheapest(self._blind.max(axis=2), found.prices, float(limit))
-            misses.append(int((found.worst[rows, rung] > np.maximum(1, _AS_GOOD * found.worst[:, last])).sum()))
+            candidate = _cheapest(self._blind.max(axis=2), found.prices, float(limit))
+            misses.append(int((found.worst[rows, candidate] > np.maximum(1, _AS_GOOD * found.worst[:, last])).sum()))
         most_below = np.maximum.accumulate(misses[::-1])[::-1]
         allowed = (most_below + 1) / (found.count + 1) <= 1 - confidence + 1e-12
         if not allowed.any():
@@ -212,7 +213,7 @@ def _distances(some: FloatArray, others: FloatArray) -> FloatArray:
 
 
 def _cheapest(expected: FloatArray, prices: FloatArray, limit: float) -> NDArray[np.int64]:
-    """The cheapest rung whose expected error, shape (point, rung), stays below a limit or does as well as the last."""
+    """The cheapest candidate whose expected error (point, candidate) is below a limit, or about that of the last."""
     order = np.argsort(prices, kind="stable")
     order = order[: int(np.flatnonzero(order == prices.size - 1)[0]) + 1]  # none dearer than the reference
     reference = expected[:, -1:]
@@ -223,16 +224,21 @@ def _cheapest(expected: FloatArray, prices: FloatArray, limit: float) -> NDArray
 
 
 def _labelled(
-    found: Evidence, columns: Mapping[str, NDArray[Any]], accuracy: Accuracy, rung: NDArray[np.int64], error: FloatArray
+    found: Evidence,
+    columns: Mapping[str, NDArray[Any]],
+    accuracy: Accuracy,
+    candidate: NDArray[np.int64],
+    error: FloatArray,
 ) -> xr.Dataset:
     allowed = np.array([demand.allowed for demand in accuracy.demands])
-    chosen = {name: np.array([way.values[name] for way in found.rungs])[rung] for name in accuracy.parameters}
+    numbers, labels = np.arange(len(found.candidates), dtype=np.int32), [way.label for way in found.candidates]
+    chosen = {name: np.array([way.values[name] for way in found.candidates])[candidate] for name in accuracy.parameters}
     met = np.where(np.isnan(error).any(axis=1), -1, (error <= 1).all(axis=1)).astype(np.int8)
     return xr.Dataset(
         {
             **{name: ("point", _text(column), {"long_name": f"factor {name}"}) for name, column in columns.items()},
             **{name: ("point", column, {"long_name": f"chosen {name}"}) for name, column in chosen.items()},
-            "rung": ("point", rung.astype(np.int32), {"long_name": "number of the chosen rung"}),
+            "candidate": ("point", candidate.astype(np.int32), {"long_name": "number of the chosen candidate"}),
             "error_estimate": (
                 ("point", "quantity"),
                 error * allowed,
@@ -242,14 +248,15 @@ def _labelled(
                 "long_name": "whether the estimated error is within the accuracy asked for",
                 "flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "unknown no yes",
             }),
-            "price": ("rung_number", found.prices, {"long_name": "CPU time of a run, from counted work", "units": "s"}),
-            "points_of_rung": (
-                "rung_number",
-                np.bincount(rung, minlength=len(found.rungs)).astype(np.int32),
-                {"long_name": "points that run with the rung", "units": "1"},
+            "price": ("candidate_number", found.prices,
+                      {"long_name": "CPU time of a run, from counted work", "units": "s"}),
+            "points_of_candidate": (
+                "candidate_number",
+                np.bincount(candidate, minlength=len(found.candidates)).astype(np.int32),
+                {"long_name": "points that run with the candidate", "units": "1"},
             ),
             "pilot_error": (
-                ("pilot_point", "rung_number", "quantity"),
+                ("pilot_point", "candidate_number", "quantity"),
                 found.errors * allowed,
                 {"long_name": "relative error found by the pilot, at most ten times the allowed one", "units": "1"},
             ),
@@ -259,8 +266,8 @@ def _labelled(
             },
         },
         coords={
-            "rung_number": ("rung_number", np.arange(len(found.rungs), dtype=np.int32), {"long_name": "rung"}),
-            "rung_label": ("rung_number", [way.label for way in found.rungs], {"long_name": "rung in words"}),
+            "candidate_number": ("candidate_number", numbers, {"long_name": "candidate"}),
+            "candidate_label": ("candidate_number", labels, {"long_name": "candidate in words"}),
             "quantity": ("quantity", [demand.name for demand in accuracy.demands], {"long_name": "quantity asked for"}),
         },
         attrs={

@@ -1,4 +1,4 @@
-"""What a pilot tells of the rungs of a ladder: how far each is from the finest one, how sure that is, what it costs."""
+"""What a pilot tells of the candidates: how far each is from the finest one, how sure that is, what it costs."""
 
 from __future__ import annotations
 
@@ -20,35 +20,35 @@ __all__ = ["HOPELESS", "Evidence", "evidence"]
 FloatArray = NDArray[np.float64]
 
 HOPELESS = 10.0
-"""Error over the allowed one that also stands for a rung that failed: how bad it is no longer matters, and a larger
-number would spoil the interpolation far around."""
+"""Error over the allowed one that also stands for a candidate that failed: how bad it is no longer matters, and a
+larger number would spoil the interpolation far around."""
 
 
 @dataclass(frozen=True)
 class Evidence:
     """What a pilot tells. All errors are relative, over the allowed ones.
 
-    The reference of a point is the finest full rung that finished there.
+    The reference of a point is the finest full candidate that finished there.
 
     Attributes
     ----------
     columns
         Factors of the pilot points, each of shape (pilot point,).
-    rungs
-        The rungs that it ran, from the cheapest to the finest.
+    candidates
+        The candidates that it ran, from the cheapest to the finest.
     differences
-        Of each rung to the reference, with sign, shape (pilot point, rung, quantity); NaN where the rung failed, 0 for
-        rungs finer than the reference, which did not run there.
+        Of each candidate to the reference, with sign, shape (pilot point, candidate, quantity); NaN where the candidate
+        failed, 0 for candidates finer than the reference, which did not run there.
     numerical
         Numerical error of the reference, shape (pilot point, quantity).
     prices
-        CPU seconds a run of each rung, shape (rung,).
+        CPU seconds a run of each candidate, shape (candidate,).
     runs
-        Points at which each rung ran, shape (rung,).
+        Points at which each candidate ran, shape (candidate,).
     """
 
     columns: dict[str, NDArray[Any]]
-    rungs: tuple[Candidate, ...]
+    candidates: tuple[Candidate, ...]
     differences: FloatArray
     numerical: FloatArray
     prices: FloatArray
@@ -67,7 +67,7 @@ class Evidence:
 
     @property
     def worst(self) -> FloatArray:
-        """Error of the worst quantity, shape (pilot point, rung)."""
+        """Error of the worst quantity, shape (pilot point, candidate)."""
         return np.asarray(self.errors.max(axis=2))
 
     @property
@@ -77,12 +77,12 @@ class Evidence:
 
 
 def evidence(pilot: xr.Dataset, names: list[str], accuracy: Accuracy) -> Evidence:
-    """Read off a pilot how much each rung misses, and what it costs.
+    """Read off a pilot how much each candidate misses, and what it costs.
 
     Parameters
     ----------
     pilot
-        A cube with its costs, of any design that runs some of the rungs of `accuracy` at some points.
+        A cube with its costs, of any design that runs some of the candidates of `accuracy` at some points.
     names
         The factors of the study that is to be run.
     accuracy
@@ -91,43 +91,47 @@ def evidence(pilot: xr.Dataset, names: list[str], accuracy: Accuracy) -> Evidenc
     Raises
     ------
     InputError
-        If the cube lacks a factor, a quantity or a rung, or the reference finished nowhere.
+        If the cube lacks a factor, a quantity or a candidate, or the reference finished nowhere.
     """
     cells = {name: _column(pilot, name) for name in [*names, *accuracy.parameters]}
-    rung_of = np.full(pilot["outcome"].size, -1)
-    for number, rung in enumerate(accuracy.rungs):
-        rung_of[np.all([_equal(cells[name], value) for name, value in rung.values.items()], axis=0)] = number
-    ran = [number for number in range(len(accuracy.rungs)) if (rung_of == number).any()]
+    candidate_of = np.full(pilot["outcome"].size, -1)
+    for number, candidate in enumerate(accuracy.candidates):
+        candidate_of[np.all([_equal(cells[name], value) for name, value in candidate.values.items()], axis=0)] = number
+    ran = [number for number in range(len(accuracy.candidates)) if (candidate_of == number).any()]
     if len(ran) < 2:
-        raise InputError("the pilot ran less than two rungs of the ladder: nothing can be compared")
+        raise InputError("the pilot ran fewer than two candidates: nothing can be compared")
     own = {name: cells[name] for name in names}
     _, first, point_of = np.unique(normalised(own, own).round(12), axis=0, return_index=True, return_inverse=True)
     table = np.full((first.size, len(ran)), -1)
     for position, number in enumerate(ran):
-        chosen = np.flatnonzero(rung_of == number)
+        chosen = np.flatnonzero(candidate_of == number)
         table[point_of[chosen], position] = chosen
-    rungs = tuple(accuracy.rungs[number] for number in ran)
-    reference = _references(pilot, table, rungs)
+    candidates = tuple(accuracy.candidates[number] for number in ran)
+    reference = _references(pilot, table, candidates)
     known = reference >= 0
     if not known.any():
-        raise InputError(f"the pilot's reference ({rungs[-1].label}) finished at no point: nothing can be compared")
+        raise InputError(
+            f"the pilot's reference ({candidates[-1].label}) finished at no point: nothing can be compared"
+        )
     found = [_errors(pilot, demand, table[known], reference[known], accuracy.floor) for demand in accuracy.demands]
     differences, numerical = (np.stack(parts, axis=-1) for parts in zip(*found, strict=True))
     columns = {name: column[first][known] for name, column in own.items()}
-    return Evidence(columns, rungs, differences, numerical, _prices(pilot, table, rungs), (table >= 0).sum(axis=0))
+    return Evidence(
+        columns, candidates, differences, numerical, _prices(pilot, table, candidates), (table >= 0).sum(axis=0)
+    )
 
 
 def _usable(pilot: xr.Dataset, table: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether a rung finished at a point, shape (pilot point, rung)."""
+    """Whether a candidate finished at a point, shape (pilot point, candidate)."""
     return np.asarray((table >= 0) & (pilot["outcome"].values.reshape(-1)[table] == Outcome.FINISHED))
 
 
-def _references(pilot: xr.Dataset, table: NDArray[np.int64], rungs: tuple[Candidate, ...]) -> NDArray[np.int64]:
-    """Position of the finest full rung that finished at each point, -1 where none did; with none full, the last."""
-    judges = np.array([rung.full for rung in rungs])
+def _references(pilot: xr.Dataset, table: NDArray[np.int64], candidates: tuple[Candidate, ...]) -> NDArray[np.int64]:
+    """Position of the finest full candidate (the last, if none is) that finished at each point, -1 where none did."""
+    judges = np.array([candidate.full for candidate in candidates])
     judges[-1] = True
     able = _usable(pilot, table) & judges
-    return np.where(able.any(axis=1), len(rungs) - 1 - able[:, ::-1].argmax(axis=1), -1)
+    return np.where(able.any(axis=1), len(candidates) - 1 - able[:, ::-1].argmax(axis=1), -1)
 
 
 def _column(pilot: xr.Dataset, name: str) -> NDArray[Any]:
@@ -150,7 +154,7 @@ def _equal(column: NDArray[Any], value: object) -> NDArray[np.bool_]:
 def _errors(
     pilot: xr.Dataset, demand: Demand, table: NDArray[np.int64], reference: NDArray[np.int64], floor: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Differences to the reference, shape (pilot point, rung), NaN where a run failed, and its numerical errors."""
+    """Differences to the reference, shape (pilot point, candidate), NaN where a run failed, and numerical errors."""
     values, largest = _cells(pilot, demand.output, demand)
     numerical = np.zeros_like(values)
     if demand.error in pilot:
@@ -179,9 +183,9 @@ def _cells(pilot: xr.Dataset, name: str, demand: Demand) -> tuple[FloatArray, Fl
     return rows[:, labels.index(demand.label)], np.abs(rows[:, rotating]).max(axis=1)
 
 
-def _prices(pilot: xr.Dataset, table: NDArray[np.int64], rungs: tuple[Candidate, ...]) -> FloatArray:
+def _prices(pilot: xr.Dataset, table: NDArray[np.int64], candidates: tuple[Candidate, ...]) -> FloatArray:
     """Counted force evaluations, a mean over the pilot, times the recorded seconds of an evaluation."""
     if "force_evaluations" not in pilot:
-        return np.array([rung.price for rung in rungs])
+        return np.array([candidate.price for candidate in candidates])
     counted = np.where(table >= 0, pilot["force_evaluations"].values.reshape(-1)[table], np.nan)
-    return np.asarray(np.nanmean(counted, axis=0) * [rung.evaluation_seconds for rung in rungs])
+    return np.asarray(np.nanmean(counted, axis=0) * [candidate.evaluation_seconds for candidate in candidates])

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint import models
+from tripod_doe.joint.candidates import JOINT_CANDIDATES
 from tripod_doe.joint.fit import misfits
-from tripod_doe.joint.ladder import JOINT_LADDER
 from tripod_doe.joint.outputs import JOINT_OUTPUTS
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values
 from tripod_doe.joint.values import JointValues
@@ -27,7 +27,7 @@ class JointScene(Simulator):
     parameters = JOINT_PARAMETERS
     outputs = JOINT_OUTPUTS
     source_hash = source_hashes().results
-    candidates = JOINT_LADDER
+    candidates = JOINT_CANDIDATES
     _prepared: ClassVar[set[tuple[str, str]]] = set()
 
     def methods(self, values: Mapping[str, Value]) -> Methods:

@@ -63,7 +63,7 @@ def find(cube: xr.Dataset) -> list[str]:
         for response in responses(shown):
             sentences.extend(_effects(response, shown))
     if "attempt" in cube and (changed := int(((cube["attempt"] > 0) & finished(cube)).sum())):
-        sentences.append(f"{changed:,} of {total:,} points finished only after a change of the retry ladder.")
+        sentences.append(f"{changed:,} of {total:,} points finished only after a retry.")
     if "accuracy_met" in cube:
         sentences.append(_chosen(cube))
     if good < total:

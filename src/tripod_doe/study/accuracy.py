@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Candidate, Simulator
 
-__all__ = ["AUTO", "Accuracy", "Demand", "check_accuracy", "own_rungs"]
+__all__ = ["AUTO", "Accuracy", "Demand", "check_accuracy", "own_candidates"]
 
 AUTO = "auto"
 """The word for a model that a pilot chooses, point by point."""
@@ -58,7 +58,7 @@ class Accuracy:
         share of it: relative to its own size, a vanishing order would ask for anything.
     budget_cpu_s
         Largest estimated price of pilot and study; None without.
-    rungs
+    candidates
         What may be chosen, from the cheapest to the finest.
     """
 
@@ -66,12 +66,12 @@ class Accuracy:
     confidence: float
     floor: float
     budget_cpu_s: float | None
-    rungs: tuple[Candidate, ...]
+    candidates: tuple[Candidate, ...]
 
     @property
     def parameters(self) -> tuple[str, ...]:
         """Names of the parameters that are chosen."""
-        return tuple(self.rungs[0].values)
+        return tuple(self.candidates[0].values)
 
     @property
     def least_points(self) -> int:
@@ -105,45 +105,45 @@ def check_accuracy(
     InputError
         If the simulator has one model only, nothing is asked for, or a quantity is unknown or has no size.
     """
-    rungs = own_rungs(simulator.candidates, taken)
-    if len(rungs) < 2:
-        told = ", ".join(sorted(set(taken) & {n for rung in simulator.candidates for n in rung.values}))
+    candidates = own_candidates(simulator.candidates, taken)
+    if len(candidates) < 2:
+        told = ", ".join(sorted(set(taken) & {n for candidate in simulator.candidates for n in candidate.values}))
         why = f"the study sets {told} itself, so nothing is left to choose" if told else "it has one model"
         raise InputError(f'[base]: model = "{AUTO}": {simulator.name}: {why}; name the model')
     if not demands:
         raise InputError("[accuracy]: name what must be accurate, for instance thrust_amplitude_3 = 0.03")
     found = tuple(_demand(simulator, name, allowed) for name, allowed in demands.items())
-    return Accuracy(found, confidence, floor, budget, rungs)
+    return Accuracy(found, confidence, floor, budget, candidates)
 
 
-def own_rungs(ladder: Sequence[Candidate], taken: Collection[str]) -> tuple[Candidate, ...]:
-    """The rungs that a study can choose from: only what differs between them, and nothing that it sets itself.
+def own_candidates(known: Sequence[Candidate], taken: Collection[str]) -> tuple[Candidate, ...]:
+    """The candidates that a study can choose from: only what differs between them, and nothing that it sets itself.
 
-    A substitute that would need another value of what the study sets is none for it; of rungs that then are alike, a
-    full one stays.
+    A substitute that would need another value of what the study sets is none for it; of candidates that then are alike,
+    a full one stays.
     """
-    full = next((rung for rung in ladder if rung.full), ladder[-1]) if ladder else None
+    full = next((candidate for candidate in known if candidate.full), known[-1]) if known else None
     kept: dict[str, Candidate] = {}
-    for rung in ladder:
-        own = {name: value for name, value in rung.values.items() if name not in taken}
+    for candidate in known:
+        own = {name: value for name, value in candidate.values.items() if name not in taken}
         if (
             full
-            and rung.substitute
-            and any(full.values[name] != rung.values[name] for name in rung.values.keys() - own)
+            and candidate.substitute
+            and any(full.values[name] != candidate.values[name] for name in candidate.values.keys() - own)
         ):
             continue
-        bare = replace(rung, values=own)
+        bare = replace(candidate, values=own)
         if bare.label not in kept or (bare.full and not kept[bare.label].full):
             kept[bare.label] = bare
-    differ = {name for rung in kept.values() for name in rung.values if _varies(name, kept.values())}
+    differ = {name for candidate in kept.values() for name in candidate.values if _varies(name, kept.values())}
     return tuple(
-        replace(rung, values={name: value for name, value in rung.values.items() if name in differ})
-        for rung in kept.values()
+        replace(candidate, values={name: value for name, value in candidate.values.items() if name in differ})
+        for candidate in kept.values()
     )
 
 
-def _varies(name: str, rungs: Collection[Candidate]) -> bool:
-    return len({rung.values[name] for rung in rungs}) > 1
+def _varies(name: str, candidates: Collection[Candidate]) -> bool:
+    return len({candidate.values[name] for candidate in candidates}) > 1
 
 
 def _demand(simulator: Simulator, name: str, allowed: float) -> Demand:

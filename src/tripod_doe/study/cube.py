@@ -208,7 +208,7 @@ def _retry_variables(study: Study, table: _Table, points: Points) -> dict[str, x
         return {}
     labels = ["not_run", "first", *(f"{i}_{_flag_word(c.label)}" for i, c in enumerate(study.retry.changes, 1))]
     flags: dict[str, Any] = {
-        "long_name": "last change of the retry ladder that was made",
+        "long_name": "last change that a retry made",
         "role": RECORD_ROLE,
         "flag_values": np.arange(_UNKNOWN, len(labels) - 1, dtype=np.int8),
         "flag_meanings": " ".join(labels),
@@ -219,13 +219,13 @@ def _retry_variables(study: Study, table: _Table, points: Points) -> dict[str, x
             points, (), table.first_outcome, OUTCOME_ATTRIBUTES | {"long_name": "how the first attempt ended"}
         ),
         "first_outcome_detail": _shaped(
-            points, (), table.first_detail, {"long_name": "why the first attempt failed, or what is to be known of it"}
+            points, (), table.first_detail, {"long_name": "why the first attempt failed, or a note on it"}
         ),
     }
 
 
 def _used_variables(study: Study, table: _Table, points: Points) -> dict[str, xr.Variable]:
-    """What each point used of the parameters that a pilot chose, or that the retry ladder may change."""
+    """What each point used of the parameters that a pilot chose, or that retries may change."""
     used = dict(points.chosen)
     for name, column in table.used.items():
         used[name] = np.where(table.attempt == _UNKNOWN, points.chosen.get(name, column), column)

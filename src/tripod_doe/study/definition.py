@@ -25,7 +25,7 @@ from tripod_doe.study.file import (
     parse_file,
     read_text,
 )
-from tripod_doe.study.retry import NO_LADDER, Ladder, check_ladder
+from tripod_doe.study.retry import NO_RETRIES, RetryPlan, check_retries
 from tripod_doe.study.scenes import load_simulator
 
 __all__ = ["Factor", "Study", "canonical", "load_study", "parse_study"]
@@ -92,7 +92,7 @@ class Study:
     origin: str
     folder: Path
     switches: tuple[str, ...] = ()
-    retry: Ladder = NO_LADDER
+    retry: RetryPlan = NO_RETRIES
     accuracy: Accuracy | None = None
 
     @property
@@ -141,15 +141,15 @@ def parse_study(text: str, origin: str = "study", folder: Path | None = None) ->
     _check_run(origin, file.run)
     levels = {name: factor.values or () for name, factor in factors.items()}
     accuracy = _accuracy(origin, simulator, file, {*base, *factors}) if auto or file.accuracy else None
-    if accuracy:  # all rungs are in play
-        levels |= {name: tuple(dict.fromkeys(rung.values[name] for rung in accuracy.rungs))
+    if accuracy:  # all candidates are in play
+        levels |= {name: tuple(dict.fromkeys(candidate.values[name] for candidate in accuracy.candidates))
                    for name in accuracy.parameters}  # fmt: skip
     run = file.run
     unknown = simulator.parameters.keys() - base if file.design.kind == "table" else ()
     retry = _at(
         origin,
         "[run]",
-        lambda: check_ladder(simulator, base, levels, keep, run.retry, run.expected_outcomes, unknown),
+        lambda: check_retries(simulator, base, levels, keep, run.retry, run.expected_outcomes, unknown),
     )
     study = Study(file, simulator, base, factors, keep, (), text, origin, folder, switches, retry, accuracy)
     warnings = _at(origin, "[base]", lambda: simulator.check(base, levels, keep))

@@ -1,4 +1,4 @@
-"""The pilot of a study with model = "auto": a few of its own points, each on several rungs, as a study of its own."""
+"""The pilot of a study with model = "auto": a few of its own points, each with several candidates, as a study."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _POINTS_A_FACTOR = 4
 
 
 def pilot_points(study: Study, points: Points) -> NDArray[np.int64]:
-    """Indices of the points on which the rungs are compared: the middle of the design, then always the farthest point.
+    """Indices of the points at which candidates are compared: the middle of the design, then always the farthest one.
 
     So the edges come early, and all other points lie between some. There are enough for the confidence that is asked
     for, and four a factor and one more; none where that would be half of the study or more.
@@ -64,24 +64,26 @@ def normalised(columns: Mapping[str, NDArray[Any]], over: Mapping[str, NDArray[A
 
 
 def pilot_study(study: Study, points: Points, runs: Sequence[tuple[Candidate, NDArray[np.int64]]]) -> Study:
-    """The pilot: each rung at some points, by their indices. With more runs it is the same study, grown."""
+    """The pilot: each candidate at some points, by their indices. With more runs it is the same study, grown."""
     accuracy = study.accuracy
     assert accuracy is not None
     chosen = np.concatenate([indices for _, indices in runs])
     places = {name: column[chosen].tolist() for name, column in points.columns.items()}
-    ways = {name: [rung.values[name] for rung, indices in runs for _ in indices] for name in accuracy.parameters}
+    ways = {
+        name: [candidate.values[name] for candidate, indices in runs for _ in indices] for name in accuracy.parameters
+    }
     head, policy = study.file.study, study.file.run
     content: dict[str, Any] = {
         "study": {
             "name": f"{head.name}: pilot",
-            "question": "How much does each rung of the ladder miss, and what does it cost?",
+            "question": "How much does each candidate miss, and what does it cost?",
             **({"function": head.function} if head.function else {"scene": head.scene}),
         },
         "base": dict(study.base),
         "factors": {name: {"values": values} for name, values in (places | ways).items()},
         "design": {"kind": "zip"},
         "keep": {"outputs": _kept(study, accuracy)},
-        # a rung that fails is an answer
+        # a candidate that fails is an answer
         "run": {
             "expected_outcomes": [outcome.label for outcome in Outcome if outcome is not Outcome.WORKER_LOST],
             "exclusive": policy.exclusive,

@@ -1,4 +1,4 @@
-"""The retry ladder of a study: changes that are tried in order on points that failed, inside their own task.
+"""Retries of a study: changes that are tried in order on points that failed, inside their own task.
 
 Every change is made on top of those before it, until the point finishes. A change of the model takes the model's own
 method, step and tolerance, a change of the method its own step and tolerance, unless the same change gives them: a
@@ -20,12 +20,12 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import WORK, BlockResult, Outcome, Retries, Simulator, Value, check_parameters
 
 __all__ = [
-    "NO_LADDER",
+    "NO_RETRIES",
     "SMALLER_STEP",
     "Change",
-    "Ladder",
+    "RetryPlan",
     "changed_parameters",
-    "check_ladder",
+    "check_retries",
     "simulate_with_retries",
     "untried",
 ]
@@ -40,7 +40,7 @@ _NEVER_RETRIED = (Outcome.FINISHED, Outcome.NOT_APPLICABLE)
 
 @dataclass(frozen=True)
 class Change:
-    """One change of the ladder.
+    """One change of the parameters of a point that failed.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Change:
 
     @property
     def label(self) -> str:
-        """The change as messages tell it."""
+        """The change in words."""
         told = (
             f"{name} = {value:g}" if isinstance(value, float) else f"{name} = {value}"
             for name, value in self.values.items()
@@ -61,7 +61,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Ladder:
+class RetryPlan:
     """The changes of a study, and which outcomes they are tried on.
 
     Attributes
@@ -76,11 +76,11 @@ class Ladder:
     accepted: frozenset[int] = frozenset(_NEVER_RETRIED)
 
 
-NO_LADDER = Ladder()
+NO_RETRIES = RetryPlan()
 """Of a study without retries."""
 
 
-def check_ladder(
+def check_retries(
     simulator: Simulator,
     base: Mapping[str, Value],
     factors: Mapping[str, Sequence[Value]],
@@ -88,8 +88,8 @@ def check_ladder(
     entries: Sequence[str | Mapping[str, Any]],
     expected: Collection[str],
     unknown: Collection[str] = (),
-) -> Ladder:
-    """Check a retry ladder before anything runs.
+) -> RetryPlan:
+    """Check the retries of a study before anything runs.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def check_ladder(
     factors
         Values that each factor takes; none where it is sampled.
     entries
-        The ladder as the study file gives it.
+        The changes as the study file gives them.
     expected
         Outcomes besides finished that do not count as failures.
     unknown
@@ -125,7 +125,7 @@ def check_ladder(
         points = [old if new is None else new for new, old in zip(after, points, strict=True)]
         _check_runnable(simulator, points, factors, keep, told)
     accepted = {*_NEVER_RETRIED, *(outcome for outcome in Outcome if outcome.label in expected)}
-    return Ladder(changes, frozenset(int(outcome) for outcome in accepted))
+    return RetryPlan(changes, frozenset(int(outcome) for outcome in accepted))
 
 
 def _change(simulator: Simulator, entry: str | Mapping[str, Any]) -> Change:
@@ -147,7 +147,7 @@ def _change(simulator: Simulator, entry: str | Mapping[str, Any]) -> Change:
 def _kinds_of_points(
     simulator: Simulator, base: Mapping[str, Value], factors: Mapping[str, Sequence[Value]], touched: Collection[str]
 ) -> Iterator[dict[str, Value]]:
-    """One set of values for each way in which a ladder can meet the points of a study."""
+    """One set of values for every combination of levels that a change can meet in a study."""
     varied = {
         name: levels
         for name, levels in factors.items()
@@ -199,34 +199,34 @@ def _is_numerics(simulator: Simulator, name: str) -> bool:
     return parameter is not None and parameter.group == "numerics"
 
 
-def changed_parameters(simulator: Simulator, ladder: Ladder) -> tuple[str, ...]:
-    """Names of the parameters that a ladder may change, in the order of the simulator's."""
-    touched = {name for change in ladder.changes for name in change.values}
+def changed_parameters(simulator: Simulator, retry: RetryPlan) -> tuple[str, ...]:
+    """Names of the parameters that the retries may change, in the order of the simulator's."""
+    touched = {name for change in retry.changes for name in change.values}
     for cause in touched & _FOLLOWERS.keys():
         touched = touched | {name for name in _FOLLOWERS[cause] if _is_numerics(simulator, name)}
-    if any(not change.values for change in ladder.changes):
+    if any(not change.values for change in retry.changes):
         touched = touched | set(_STEPS)
     return tuple(name for name in simulator.parameters if name in touched)
 
 
 def simulate_with_retries(
-    simulator: Simulator, points: Mapping[str, NDArray[Any]], keep: Collection[str], ladder: Ladder
+    simulator: Simulator, points: Mapping[str, NDArray[Any]], keep: Collection[str], retry: RetryPlan
 ) -> tuple[BlockResult, float, float]:
     """Simulate a block, and each of its points that failed again with one change more, until it finishes.
 
     Returns
     -------
     result : BlockResult
-        With `Retries` where there is a ladder. Steps and evaluations are those of all attempts. A point that no change
+        With `Retries` where the study has any. Steps and evaluations are those of all attempts. A point that no change
         helps keeps its first outcome; its detail tells the whole history.
     cpu_seconds, wall_seconds : float
         Of all attempts; compilation is not counted.
     """
     result, cpu, wall = _timed(simulator, points, keep)
-    if not ladder.changes:
+    if not retry.changes:
         return result, cpu, wall
-    history = _History(simulator, points, result, ladder)
-    for change in ladder.changes:
+    history = _History(simulator, points, result, retry)
+    for change in retry.changes:
         rows, columns = history.next_attempt(change)
         if rows.size:
             again, more_cpu, more_wall = _timed(simulator, columns, keep)
@@ -236,10 +236,10 @@ def simulate_with_retries(
 
 
 def untried(
-    simulator: Simulator, points: Mapping[str, NDArray[Any]], result: BlockResult, ladder: Ladder
+    simulator: Simulator, points: Mapping[str, NDArray[Any]], result: BlockResult, retry: RetryPlan
 ) -> BlockResult:
     """A block that needs no retry, as `simulate_with_retries` would answer it."""
-    return _History(simulator, points, result, ladder).outcome() if ladder.changes else result
+    return _History(simulator, points, result, retry).outcome() if retry.changes else result
 
 
 def _timed(
@@ -255,12 +255,12 @@ class _History:
     """What became of a block so far: its results, and the values that each point was last tried with."""
 
     def __init__(
-        self, simulator: Simulator, points: Mapping[str, NDArray[Any]], first: BlockResult, ladder: Ladder
+        self, simulator: Simulator, points: Mapping[str, NDArray[Any]], first: BlockResult, retry: RetryPlan
     ) -> None:
-        self._simulator, self._ladder = simulator, ladder
+        self._simulator, self._retry = simulator, retry
         self._first, self._points = first, points
         self._block = first.take(np.arange(first.count))
-        self._waiting = ~np.isin(first.outcome, list(ladder.accepted))
+        self._waiting = ~np.isin(first.outcome, list(retry.accepted))
         self._values = {row: self._given(row) for row in np.flatnonzero(self._waiting).tolist()}
         self._attempt = np.zeros(first.count, np.int8)
 
@@ -302,7 +302,7 @@ class _History:
 
     def outcome(self) -> BlockResult:
         """The block with all its attempts."""
-        names = changed_parameters(self._simulator, self._ladder)
+        names = changed_parameters(self._simulator, self._retry)
         used: dict[str, list[Value]] = {name: [] for name in names}
         for row in range(self._first.count):
             solved = row in self._values and not self._waiting[row]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import BlockResult, Simulator, Value
-from tripod_doe.study.retry import NO_LADDER, Ladder, simulate_with_retries
+from tripod_doe.study.retry import NO_RETRIES, RetryPlan, simulate_with_retries
 from tripod_doe.study.scenes import load_simulator
 
 if TYPE_CHECKING:  # for their names only: a single point needs no designs
@@ -33,7 +33,7 @@ class Task:
     columns: dict[str, NDArray[Any]]
     count: int
     keep: tuple[str, ...]
-    retry: Ladder = NO_LADDER
+    retry: RetryPlan = NO_RETRIES
 
 
 def matching_simulator(scene: str, function: str | None, folder: str, source_hash: str) -> Simulator:

@@ -1,9 +1,9 @@
 """The choice of model of a study with model = "auto": pilot, evidence, choice, frozen in the result directory.
 
-The pilot starts with the cheapest rung and the full model. It grows by a finer tolerance where the full model's own
-numerical error is above the accuracy at more points than the confidence allows, at these points only, and by a rung
-between where that could save more than it costs. Each time it is the same study, grown: nothing that ran is run again,
-nor is it by the study itself, see `pilot_results`.
+The pilot starts with the cheapest candidate and the full model. It grows by a finer tolerance where the full model's
+own numerical error is above the accuracy at more points than the confidence allows, at these points only, and by a
+candidate between where that could save more than it costs. Each time it is the same study, grown: nothing that ran is
+run again, nor is it by the study itself, see `pilot_results`.
 """
 
 from __future__ import annotations
@@ -100,40 +100,45 @@ def _piloted(
 ) -> xr.Dataset:
     """Run the pilot, and let it grow as long as that could pay."""
     accuracy = _accuracy(study)
-    runs = [(rung, places) for rung in first_rungs(accuracy)]
+    runs = [(candidate, places) for candidate in first_candidates(accuracy)]
     while True:
         run_pilot(pilot_study(study, points, runs), directory)
         found = evidence(open_cube(directory), list(usable), accuracy)
         choice = choose(found, usable, accuracy)
-        if finer := _finer_rung(found, accuracy):
+        if finer := _finer_candidate(found, accuracy):
             rows = np.flatnonzero(found.worst[:, -1] <= 1)
             sure = {_values(found.columns, int(row)) for row in rows}
             runs.append((finer, np.array([at for at in places if _values(points.columns, int(at)) not in sure])))
-        elif between := _rung_between(found, choice, accuracy, [rung for rung, _ in runs]):
+        elif between := _candidate_between(found, choice, accuracy, [candidate for candidate, _ in runs]):
             runs.append((between, places))
         else:
             return choice
 
 
-def first_rungs(accuracy: Accuracy) -> list[Candidate]:
-    """What a pilot starts with: the cheapest rung and the full model."""
-    return [accuracy.rungs[0], next((rung for rung in accuracy.rungs[1:] if rung.full), accuracy.rungs[-1])]
+def first_candidates(accuracy: Accuracy) -> list[Candidate]:
+    """What a pilot starts with: the cheapest candidate and the full model."""
+    return [
+        accuracy.candidates[0],
+        next((candidate for candidate in accuracy.candidates[1:] if candidate.full), accuracy.candidates[-1]),
+    ]
 
 
-def _finer_rung(found: Evidence, accuracy: Accuracy) -> Candidate | None:
-    """A finer rung than all that ran, None where those are accurate enough at enough points, or where there is none."""
+def _finer_candidate(found: Evidence, accuracy: Accuracy) -> Candidate | None:
+    """A finer candidate than all that ran; None where those are accurate at enough points, or where there is none."""
     unsure = (found.worst[:, -1] > 1).mean() > 1 - accuracy.confidence
-    finer = accuracy.rungs[accuracy.rungs.index(found.rungs[-1]) + 1 :]
+    finer = accuracy.candidates[accuracy.candidates.index(found.candidates[-1]) + 1 :]
     return finer[0] if unsure and finer else None
 
 
-def _rung_between(found: Evidence, choice: xr.Dataset, accuracy: Accuracy, tried: list[Candidate]) -> Candidate | None:
-    """A rung that the pilot should run besides, since it could save more than it costs; None if there is none."""
-    paid = found.prices[choice["rung"].values]
-    for rung in accuracy.rungs[: accuracy.rungs.index(found.rungs[-1])]:
-        saving = float(np.maximum(paid - rung.price, 0).sum())
-        if rung not in tried and saving > rung.price * found.count:
-            return rung
+def _candidate_between(
+    found: Evidence, choice: xr.Dataset, accuracy: Accuracy, tried: list[Candidate]
+) -> Candidate | None:
+    """A candidate that the pilot should run besides, since it could save more than it costs; None if there is none."""
+    paid = found.prices[choice["candidate"].values]
+    for candidate in accuracy.candidates[: accuracy.candidates.index(found.candidates[-1])]:
+        saving = float(np.maximum(paid - candidate.price, 0).sum())
+        if candidate not in tried and saving > candidate.price * found.count:
+            return candidate
     return None
 
 
@@ -157,7 +162,7 @@ def _without_pilot_points(study: Study, points: Points, choice: xr.Dataset, pilo
     """The choice with the price of the points that its pilot did not run."""
     chosen = chosen_points(study, points, choice)
     ran = np.isin(point_keys(study, chosen)[points.allowed], finished_in_pilot(pilot))
-    price = float(choice["price"].values[choice["rung"].values][~ran].sum())
+    price = float(choice["price"].values[choice["candidate"].values][~ran].sum())
     return choice.assign_attrs({"price_study_s": price, "points_from_pilot": int(ran.sum())})
 
 
@@ -214,7 +219,7 @@ def _key_texts(study: Study, points: Points) -> NDArray[np.str_]:
 
 def pilot_price(study: Study, count: int) -> float:
     """CPU seconds of the first stage of a pilot, from recorded work."""
-    return count * sum(rung.price for rung in first_rungs(_accuracy(study)))
+    return count * sum(candidate.price for candidate in first_candidates(_accuracy(study)))
 
 
 def _check_budget(study: Study, price: float, what: str) -> None:
@@ -234,38 +239,39 @@ def describe_choice(study: Study, directory: Path | None) -> str:
         count = pilot_points(study, points).size
         if not count:
             return "choice       too few points for a pilot: the full model everywhere"
-        rungs = first_rungs(accuracy)
-        usual = accuracy.rungs.index(rungs[-1])
+        candidates, price = first_candidates(accuracy), pilot_price(study, count)
+        usual = accuracy.candidates.index(candidates[-1])
         return "\n".join([
-            f"pilot        {count} points on {len(rungs)} rungs, about {pilot_price(study, count):.3g} CPU s; may grow",
-            f"study        at most {points.count * accuracy.rungs[usual].price:,.4g} CPU s, with {rungs[-1].label}",
-            *(f"rung         {rung.label}: {rung.price:.2g} CPU s a run" for rung in rungs),
+            f"pilot        {count} points on {len(candidates)} candidates, about {price:.3g} CPU s; may grow",
+            f"study        at most {points.count * accuracy.candidates[usual].price:,.4g} CPU s, "
+            f"with {candidates[-1].label}",
+            *(f"candidate    {candidate.label}: {candidate.price:.2g} CPU s per run" for candidate in candidates),
         ])  # fmt: skip
     return "\n".join(_told(choice))
 
 
 def _told(choice: xr.Dataset) -> list[str]:
-    """A choice in lines: what it takes, what each rung missed in the pilot, and what it costs."""
+    """A choice in lines: what it takes, what each candidate missed in the pilot, and what it costs."""
     attrs, pilot = choice.attrs, choice.sizes["pilot_point"]
     lines = [
         f"choice       from {pilot} pilot points; an interpolated error up to {attrs['limit']:.0%} of the allowed one "
         f"is trusted, which misses {attrs['misses']} of them left out in turn"
     ]
-    for number, label in enumerate(choice["rung_label"].values):
-        row = choice.isel(rung_number=number)
+    for number, label in enumerate(choice["candidate_label"].values):
+        row = choice.isel(candidate_number=number)
         found = row["pilot_error"].max("pilot_point") if pilot else row["pilot_error"].sum("pilot_point")
         errors = ", ".join(f"{name} up to {float(e):.2g}" for name, e in zip(
             choice["quantity"].values, found.values, strict=True))  # fmt: skip
         lines.append(
-            f"rung         {label}: {int(row['points_of_rung']):,} points, {float(row['price']):.2g} CPU s a run; "
-            f"missed {errors}"
+            f"candidate    {label}: {int(row['points_of_candidate']):,} points, {float(row['price']):.2g} CPU s "
+            f"per run; missed {errors}"
         )
     unmet = int((choice["accuracy_met"] == 0).sum())
     lines.append(f"price        {attrs['price_study_s']:.3g} CPU s, and {attrs['price_pilot_s']:.3g} for the pilot, "
                  f"which ran {attrs['points_from_pilot']} of the points; "
-                 f"{attrs['price_reference_s']:.4g} with the last rung everywhere")  # fmt: skip
+                 f"{attrs['price_reference_s']:.4g} with the last candidate everywhere")  # fmt: skip
     if unmet:
         lines.append(
-            f"warning      {unmet:,} points are not expected to meet the accuracy: its finest rung is not enough"
+            f"warning      {unmet:,} points are not expected to meet the accuracy: its finest candidate is not enough"
         )
     return lines

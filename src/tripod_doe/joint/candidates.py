@@ -1,4 +1,4 @@
-"""The rungs that a study with model = "auto" may choose from, from the cheapest to the finest, and what they cost.
+"""The candidates that a study with model = "auto" may choose from, from the cheapest to the finest, and what they cost.
 
 Between `rollers` and the full `needles` stand nine needles so thick that they fill the ring, of three spheres: a third
 of the price, and mostly within half a percent of the full third order above 6 deg; nine thin needles cost more and miss
@@ -16,29 +16,29 @@ from pathlib import Path
 
 from tripod_doe.simulator import Candidate, Value
 
-__all__ = ["JOINT_LADDER", "PRICES"]
+__all__ = ["JOINT_CANDIDATES", "PRICES"]
 
 PRICES = Path(__file__).with_name("prices.toml")
-"""File of the recorded prices: a table for each rung, in the order of the ladder."""
+"""File of the recorded prices: a table for each candidate, from the cheapest to the finest."""
 
 _RING: dict[str, Value] = {"needle_count": 27, "needle_diameter_mm": 2.0, "spheres_per_needle": 7}
 _THICK: dict[str, Value] = {"needle_count": 9, "needle_diameter_mm": 5.85, "spheres_per_needle": 3}
 _RECORDED: dict[str, dict[str, float]] = tomllib.loads(PRICES.read_text(encoding="utf-8"))
 
 
-def _rung(
+def _candidate(
     name: str, ring: dict[str, Value], model: str, tolerance: float, full: bool = False, substitute: bool = False
 ) -> Candidate:
     values: dict[str, Value] = {"model": model, **ring, "relative_tolerance": tolerance}
     return Candidate(values, _RECORDED[name]["evaluation_seconds"], _RECORDED[name]["evaluations"], full, substitute)
 
 
-JOINT_LADDER: tuple[Candidate, ...] = (
-    _rung("equilibrium", _RING, "equilibrium", 1e-9),
-    _rung("kinetostatic", _RING, "kinetostatic", 1e-6),
-    _rung("rollers", _RING, "rollers", 4e-3),
-    _rung("nine-needles", _THICK, "needles", 2e-3, substitute=True),
-    _rung("needles", _RING, "needles", 2e-3, full=True),
-    _rung("needles-1e-3", _RING, "needles", 1e-3, full=True),
-    _rung("needles-5e-4", _RING, "needles", 5e-4, full=True),
+JOINT_CANDIDATES: tuple[Candidate, ...] = (
+    _candidate("equilibrium", _RING, "equilibrium", 1e-9),
+    _candidate("kinetostatic", _RING, "kinetostatic", 1e-6),
+    _candidate("rollers", _RING, "rollers", 4e-3),
+    _candidate("nine-needles", _THICK, "needles", 2e-3, substitute=True),
+    _candidate("needles", _RING, "needles", 2e-3, full=True),
+    _candidate("needles-1e-3", _RING, "needles", 1e-3, full=True),
+    _candidate("needles-5e-4", _RING, "needles", 5e-4, full=True),
 )
