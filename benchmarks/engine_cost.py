@@ -28,11 +28,11 @@ from tripod_doe.mechanics.scenes.needle_ring import needle_ring
 
 FIRST_USE = """
 import time; begun = time.perf_counter()
-from tripod_doe.mechanics.scenes.needle_between_plates import scene
+from tripod_doe.mechanics.scenes.needle_between_plates import simulator
 import numpy as np
 imported = time.perf_counter()
-values = scene.effective({"method": "METHOD", "duration_s": 1e-3})
-scene.simulate({name: np.array([value], object) for name, value in values.items()}, ["axial_drift_mm"])
+values = simulator.effective({"method": "METHOD", "duration_s": 1e-3})
+simulator.simulate({name: np.array([value], object) for name, value in values.items()}, ["axial_drift_mm"])
 print(time.perf_counter() - imported)
 """
 

@@ -35,7 +35,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import beta
 
-from tripod_doe.joint.dynamics import JointRun, run_joint
+from tripod_doe.joint.multibody_run import JointRun, run_joint
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.parameters import point_values
 from tripod_doe.mechanics.assembly import assemble
@@ -117,8 +117,8 @@ def draw_needle(rng: np.random.Generator) -> dict[str, float]:
 def run_needle(values: Mapping[str, float], method: str, setting: float) -> tuple[Run, float]:
     duration = 0.01 if METHODS[method].controlled else min(0.02, setting * LARGEST_STEPS)
     values = {**values, "duration_s": duration}
-    result, numbers = simulator_run(needle_between_plates.scene, values, method, setting)
-    reference, _ = simulator_run(needle_between_plates.scene, values, "rosenbrock", 1e-7)
+    result, numbers = simulator_run(needle_between_plates.simulator, values, method, setting)
+    reference, _ = simulator_run(needle_between_plates.simulator, values, "rosenbrock", 1e-7)
     truth = reference.positions[-1, 1, 1]
     # short runs hold the start: settling takes some per cent of their drift, tilting the needle up to 0.1 um
     apart, formula = (
@@ -138,7 +138,7 @@ def draw_groove(rng: np.random.Generator) -> dict[str, float]:
 
 
 def run_groove(values: Mapping[str, float], method: str, setting: float) -> tuple[Run, float]:
-    full = roller_in_groove.scene.effective(dict(values))
+    full = roller_in_groove.simulator.effective(dict(values))
     numbers = {name: float(value) for name, value in full.items() if isinstance(value, int | float)}
     roller = roller_in_groove.build(numbers).bodies[0]
     spun_up = roller.inertia[1] * numbers["axial_speed_mm_s"] / (
@@ -161,7 +161,7 @@ def axial_force(result: Run, numbers: Mapping[str, float]) -> float:
         replace(result, positions=p[None], velocities=v[None])
         for p, v in zip(result.positions[1:], result.velocities[1:], strict=True)
     ]
-    return float(np.mean([roller_in_groove.scene.answer(numbers, state)["axial_force_n"] for state in states]))
+    return float(np.mean([roller_in_groove.simulator.answer(numbers, state)["axial_force_n"] for state in states]))
 
 
 def part_run(assembly, duration: float, samples: int, method: str, setting: float) -> Run:

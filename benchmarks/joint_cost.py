@@ -18,9 +18,9 @@ from engine_cost import PARTS, part_costs
 
 import tripod_doe as td
 from tripod_doe.joint.candidates import PRICES
-from tripod_doe.joint.multibody import build_joint
+from tripod_doe.joint.multibody_scene import build_joint
 from tripod_doe.joint.parameters import point_values
-from tripod_doe.joint.scene import scene
+from tripod_doe.joint.simulator import simulator
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.simulator import Candidate
 from tripod_doe.study.task import Task, run_task
@@ -32,7 +32,7 @@ def candidate_cost(candidate: Candidate) -> tuple[float, float]:
     """CPU seconds a force evaluation, and evaluations a run, in a block as studies run it."""
     count = 500 if candidate.values["model"] in ("equilibrium", "kinetostatic") else 1
     columns = {"replicate": np.arange(count, dtype=float)}
-    task = Task("joint", None, "", scene.source_hash, dict(candidate.values), columns, count, ("thrust_amplitude",))
+    task = Task("joint", None, "", simulator.source_hash, dict(candidate.values), columns, count, ("thrust_amplitude",))
     runs = [run_task(task) for _ in range(4)][1:]  # the first one warms up; other work on the machine only adds
     evaluations = runs[0][0].force_evaluations
     return min(cpu for _, cpu, _ in runs) / evaluations.sum(), evaluations.mean()
@@ -41,7 +41,7 @@ def candidate_cost(candidate: Candidate) -> tuple[float, float]:
 def candidate_prices(record: bool) -> None:
     """Print the price of every candidate beside the recorded one, and record it."""
     prices = tomlkit.parse(PRICES.read_text())
-    for table, candidate in zip(prices.values(), scene.candidates, strict=True):
+    for table, candidate in zip(prices.values(), simulator.candidates, strict=True):
         seconds, evaluations = candidate_cost(candidate)
         print(f"{candidate.label}: {1e6 * seconds:.1f} us an evaluation (recorded {1e6 * candidate.evaluation_seconds:.1f}), "
               f"{evaluations:.0f} a run (recorded {candidate.evaluations:.0f})", flush=True)  # fmt: skip

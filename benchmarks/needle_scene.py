@@ -70,7 +70,7 @@ METHOD_HAS_STEP = {name: name not in ("rosenbrock", "scipy-radau", "scipy-bdf", 
 
 
 def needle_rows() -> list[tuple[str, str, float, float, float, str]]:
-    values = numbers(needle_between_plates.scene)
+    values = numbers(needle_between_plates.simulator)
     scene, duration = needle_between_plates.build(values), values["duration_s"]
     reference = timed(scene, "rosenbrock", 1e-9, duration)[0].positions[-1, 1, 1]
     rate = needle_between_plates.closed_form(values)[1] / duration
@@ -100,13 +100,13 @@ def needle_rows() -> list[tuple[str, str, float, float, float, str]]:
 
 
 def roller_rows() -> list[tuple[str, str, float, float, float, str]]:
-    values = numbers(roller_in_groove.scene)
+    values = numbers(roller_in_groove.simulator)
     scene, true = roller_in_groove.build(values), roller_in_groove.closed_form(values)
     rows = []
     for method, sweep in SWEEP.items():
         for setting in (1e-6, 1e-7, 1e-8) if method in EXPLICIT else sweep:
             result, seconds = timed(scene, method, setting, values["duration_s"])
-            force = roller_in_groove.scene.answer(values, result)["axial_force_n"]
+            force = roller_in_groove.simulator.answer(values, result)["axial_force_n"]
             rows.append(("roller", method, setting, abs(force / true - 1), seconds, result.outcome.label))
     sharp = values["friction"] * values["load_n"] * abs(math.sin(math.radians(values["tilt_deg"])))
     peers = (

@@ -10,7 +10,7 @@ import pytest
 
 from tripod_doe.cli import _parser
 from tripod_doe.joint.models import MODELS
-from tripod_doe.joint.scene import scene
+from tripod_doe.joint.simulator import simulator as joint
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.file import DesignKind
@@ -58,7 +58,7 @@ def test_models_and_what_they_ignore():
 
 
 def test_which_model_computes_which_output():
-    thrust = {name for name in scene.outputs if "thrust" in name} - {
+    thrust = {name for name in joint.outputs if "thrust" in name} - {
         "thrust_amplitude_scatter",
         "thrust_amplitude_error",
     }
@@ -90,5 +90,5 @@ def test_the_glossary_has_every_name_once():
 
 def test_the_glossary_has_every_statistic():
     text = (ROOT / "docs" / "glossary.md").read_text()
-    for statistic in scene.labels(["needle_skew_summary_deg"], {"cycles": 4})["statistic"]:
+    for statistic in joint.labels(["needle_skew_summary_deg"], {"cycles": 4})["statistic"]:
         assert f"`{statistic}`" in text

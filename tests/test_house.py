@@ -13,7 +13,7 @@ import pytest
 import tripod_doe as td
 from tripod_doe.cli import _parser
 from tripod_doe.joint.models import MODELS
-from tripod_doe.joint.scene import scene
+from tripod_doe.joint.simulator import simulator
 from tripod_doe.study.file import StudyFile
 
 ROOT = Path(__file__).parent.parent
@@ -61,18 +61,18 @@ def test_every_public_function_has_a_docstring_of_numpy_style():
 
 
 def test_every_parameter_and_output_says_what_it_is():
-    for parameter in scene.parameters.values():
+    for parameter in simulator.parameters.values():
         assert parameter.meaning, parameter.name
         assert parameter.source, parameter.name
         assert re.search(r"paper|assumed|steel|numerics", parameter.source), parameter.name
         if parameter.default is not None:
             assert parameter.check(parameter.default) == parameter.default
-    for output in scene.outputs.values():
+    for output in simulator.outputs.values():
         assert output.meaning, output.name
         assert output.unit, output.name
     for model in MODELS.values():
-        assert model.ignores <= set(scene.parameters)
-        assert model.outputs <= set(scene.outputs)
+        assert model.ignores <= set(simulator.parameters)
+        assert model.outputs <= set(simulator.outputs)
 
 
 def test_every_key_of_a_study_file_is_described():

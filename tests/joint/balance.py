@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tripod_doe.joint.posture import GROOVE_ANGLES
+from tripod_doe.joint.initial_state import GROOVE_ANGLES
 from tripod_doe.mechanics.constraints import evaluate_constraints
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import tripod_doe as td
-from tripod_doe.joint.multibody import build_joint
+from tripod_doe.joint.multibody_scene import build_joint
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values
-from tripod_doe.joint.scene import scene
+from tripod_doe.joint.simulator import simulator
 from tripod_doe.mechanics.assembly import assemble
 
 
@@ -17,7 +17,7 @@ def internal_points():
     def make(**given):
         count = max((np.size(value) for value in given.values()), default=1)
         columns = {name: np.broadcast_to(np.asarray(value, float), (count,)) for name, value in given.items()}
-        full = scene.columns({"relative_tolerance": 1e-11}, columns, count)
+        full = simulator.columns({"relative_tolerance": 1e-11}, columns, count)
         return internal_values({n: c for n, c in full.items() if JOINT_PARAMETERS[n].kind != "choice"})
 
     return make

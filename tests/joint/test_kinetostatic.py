@@ -8,7 +8,7 @@ import pytest
 from tripod_doe.joint.equilibrium import point_constants, solve_balance, solve_equilibrium
 from tripod_doe.joint.kinetostatic import solve_kinetostatic
 from tripod_doe.joint.orders import complex_amplitudes
-from tripod_doe.joint.scene import scene
+from tripod_doe.joint.simulator import simulator
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.simulate import simulate
 
@@ -108,7 +108,7 @@ def test_powers_balance_but_for_what_the_spider_gives_way(points):
 
 def test_a_roller_that_would_lift_off_is_not_answered_for():
     """A failure is recognised: at 6000 rpm and 5 N m inertia is larger than the load."""
-    full = scene.effective({"model": "kinetostatic", "speed_rpm": 6000, "torque_n_m": 5, "joint_angle_deg": 15})
-    result = scene.simulate({name: np.array([value]) for name, value in full.items()}, ("thrust_amplitude",))
+    full = simulator.effective({"model": "kinetostatic", "speed_rpm": 6000, "torque_n_m": 5, "joint_angle_deg": 15})
+    result = simulator.simulate({name: np.array([value]) for name, value in full.items()}, ("thrust_amplitude",))
     assert Outcome(result.outcome[0]) in (Outcome.OUT_OF_RANGE, Outcome.DIVERGED)
     assert np.isnan(result.outputs["thrust_amplitude"].data).all()

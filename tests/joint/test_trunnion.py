@@ -9,9 +9,9 @@ from few import CALM, FEW
 
 import tripod_doe as td
 from tripod_doe.errors import InputError
-from tripod_doe.joint.multibody import build_joint, build_trunnion
+from tripod_doe.joint.multibody_scene import build_joint, build_trunnion
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
-from tripod_doe.joint.trunnion import scene
+from tripod_doe.joint.trunnion import simulator
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Limits, run
@@ -72,10 +72,10 @@ def test_thrust_of_the_groove_is_that_of_the_joint(simulated):
 
 def test_what_is_asked_of_the_joint_can_be_asked_of_a_trunnion():
     """The same parameters with the same defaults, but for those of the other trunnions, and the numerics of needles."""
-    for name, parameter in scene.parameters.items():
+    for name, parameter in simulator.parameters.items():
         assert parameter == JOINT_PARAMETERS[name] or name == "method"
-    assert scene.effective({})["method"] == "adaptive-euler"
-    assert scene.effective({})["relative_tolerance"] == 2e-3
+    assert simulator.effective({})["method"] == "adaptive-euler"
+    assert simulator.effective({})["relative_tolerance"] == 2e-3
     with pytest.raises(InputError, match="initial_skew_2_deg = 1: unknown parameter"):
         td.simulate("trunnion", initial_skew_2_deg=1)
 

@@ -11,7 +11,7 @@ import pytest
 from few import FEW
 
 import tripod_doe as td
-from tripod_doe.joint import dynamics
+from tripod_doe.joint import multibody_run
 from tripod_doe.joint.readings import groove_thrust
 from tripod_doe.joint.vibration import Vibration, vibration
 from tripod_doe.mechanics.monitor import Settings
@@ -92,7 +92,7 @@ def test_the_reference_joint_does_not_vibrate(joint_values, joint_assembly):
 @pytest.mark.parametrize("spoils", [True, False])
 @pytest.mark.parametrize("model", ["rollers", "needles"])
 def test_a_run_that_vibrates_says_so_and_is_refused_if_that_spoils_it(monkeypatch, model, spoils):
-    monkeypatch.setattr(dynamics, "vibration", lambda *_: Vibration(spoils, "the joint hums"))
+    monkeypatch.setattr(multibody_run, "vibration", lambda *_: Vibration(spoils, "the joint hums"))
     few = FEW if model == "needles" else {}
     result = td.simulate(model=model, cycles=2, **few)
     assert result.attrs["finished"] != spoils

@@ -15,19 +15,19 @@ from tripod_doe.mechanics.motion import linearise
 from tripod_doe.mechanics.rotations import move
 from tripod_doe.mechanics.run import run
 from tripod_doe.mechanics.scenes.examples import dropped_ball, pendulum, rolling_sphere
-from tripod_doe.mechanics.scenes.needle_between_plates import closed_form, scene
+from tripod_doe.mechanics.scenes.needle_between_plates import closed_form, simulator
 from tripod_doe.mechanics.scenes.needle_ring import needle_ring
 from tripod_doe.simulator import Outcome
 
 
 def numbers(**values):
-    return {k: float(v) for k, v in scene.effective(values).items() if isinstance(v, int | float)}
+    return {k: float(v) for k, v in simulator.effective(values).items() if isinstance(v, int | float)}
 
 
 def needle(method, settings, step):
     """A skewed needle between plates: the run, and how far its drift is off the closed form."""
     values = numbers(duration_s=2e-3)
-    result = scene.run(values, method, step, settings)
+    result = simulator.run(values, method, step, settings)
     return result, abs(result.positions[-1, 1, 1] / closed_form(values)[1] - 1)
 
 

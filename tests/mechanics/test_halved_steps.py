@@ -8,16 +8,16 @@ from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import run
 from tripod_doe.mechanics.scenes.examples import rolling_sphere
-from tripod_doe.mechanics.scenes.needle_between_plates import scene
+from tripod_doe.mechanics.scenes.needle_between_plates import simulator
 from tripod_doe.simulator import Outcome
 
 
 def needle(method, setting, **values):
     """A run of the needle between plates and its drift."""
-    numbers = {k: float(v) for k, v in scene.effective(values).items() if isinstance(v, int | float)}
+    numbers = {k: float(v) for k, v in simulator.effective(values).items() if isinstance(v, int | float)}
     controlled = METHODS[method].controlled
     settings = Settings(tolerance=setting if controlled else 1e-6)
-    result = scene.run(numbers, method, None if controlled else setting, settings)
+    result = simulator.run(numbers, method, None if controlled else setting, settings)
     return result, result.positions[-1, 1, 1]
 
 

@@ -14,13 +14,13 @@ from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.linearisation import RATE_OUTPUTS, fastest_rates, linear_matrices, rates_at
 from tripod_doe.mechanics.monitor import Settings, begin_watch
 from tripod_doe.mechanics.scenes.examples import pendulum
-from tripod_doe.mechanics.scenes.needle_between_plates import build, closed_form, scene, transition_velocity
+from tripod_doe.mechanics.scenes.needle_between_plates import build, closed_form, simulator, transition_velocity
 
 EXACT = 1e-9  # eigenvalues of small well-scaled matrices: rounding
 
 
 def _needle(**values):
-    full = {k: float(v) for k, v in scene.effective(values).items() if isinstance(v, int | float)}
+    full = {k: float(v) for k, v in simulator.effective(values).items() if isinstance(v, int | float)}
     assembly = assemble(build(full))
     state = assembly.initial_state()
     state.velocities[:] = 0.0  # no slip anywhere: friction is steepest
@@ -119,9 +119,9 @@ def test_explicit_methods_reach_as_far_as_they_say(name):
 
 def test_rates_are_outputs_on_request_only():
     rates = {output.name for output in RATE_OUTPUTS}
-    point = {name: np.array([value], object) for name, value in scene.effective({"duration_s": 0.1}).items()}
-    kept = scene.simulate(point, ["axial_drift_mm", *sorted(rates)]).outputs
-    values = {k: float(v) for k, v in scene.effective({"duration_s": 0.1}).items() if isinstance(v, int | float)}
+    point = {name: np.array([value], object) for name, value in simulator.effective({"duration_s": 0.1}).items()}
+    kept = simulator.simulate(point, ["axial_drift_mm", *sorted(rates)]).outputs
+    values = {k: float(v) for k, v in simulator.effective({"duration_s": 0.1}).items() if isinstance(v, int | float)}
     slip, v_st = closed_form(values)[0], transition_velocity(values)
     along = values["plate_speed_mm_s"] * math.sin(math.radians(values["skew_deg"]))
     mass = values["density_kg_m3"] * 1e-12 * math.pi * values["needle_length_mm"]
@@ -135,5 +135,5 @@ def test_rates_are_outputs_on_request_only():
     assert turning < coupled
     assert kept["friction_rate_per_s"].data[0] == pytest.approx(coupled, rel=1e-3)  # contact damping is in it, too
     assert kept["secant_lag_rate_per_s"].data[0] > 0
-    assert all(scene.outputs[name].on_request for name in rates)
+    assert all(simulator.outputs[name].on_request for name in rates)
     assert rates.isdisjoint(td.simulate("needle-between-plates", duration_s=1e-3).data_vars)

@@ -9,22 +9,22 @@ from tripod_doe.errors import InputError
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.motion import add_mass_blocks, linearise
-from tripod_doe.mechanics.scenes.needle_between_plates import build, closed_form, scene, transition_velocity
+from tripod_doe.mechanics.scenes.needle_between_plates import build, closed_form, simulator, transition_velocity
 from tripod_doe.simulator import Outcome
 
 
 def _points(count=1, **values):
-    full = scene.effective({name: value for name, value in values.items() if not isinstance(value, list)})
+    full = simulator.effective({name: value for name, value in values.items() if not isinstance(value, list)})
     points = {name: np.array([value] * count, object) for name, value in full.items()}
     return points | {name: np.array(value, object) for name, value in values.items() if isinstance(value, list)}
 
 
 def _simulate(keep=("axial_drift_mm", "travel_mm"), count=1, **values):
-    return scene.simulate(_points(count, **values), keep)
+    return simulator.simulate(_points(count, **values), keep)
 
 
 def _numbers(**values):
-    return {k: float(v) for k, v in scene.effective(values).items() if isinstance(v, int | float)}
+    return {k: float(v) for k, v in simulator.effective(values).items() if isinstance(v, int | float)}
 
 
 def test_closed_form_is_the_published_one():
@@ -121,7 +121,7 @@ def test_explicit_run_within_its_limit_is_right():
 def test_explicit_limit_is_that_of_the_friction_slope(method, reach):
     """h < reach / lambda with lambda the largest eigenvalue of M^-1 (-dQ/dv), far below 2 / omega of the contact."""
     values = _numbers(duration_s=1e-4)
-    settled = scene.run(values, "bdf2", 1e-6, Settings())
+    settled = simulator.run(values, "bdf2", 1e-6, Settings())
     assembly = assemble(build(values))
     work = assembly.work()
     state = (settled.positions[-1], settled.velocities[-1])
@@ -143,11 +143,11 @@ def test_explicit_limit_is_that_of_the_friction_slope(method, reach):
 
 def test_numerics_that_a_method_does_not_use():
     with pytest.raises(InputError, match="step_s = 1e-05: not used by rosenbrock"):
-        scene.check({"method": "rosenbrock", "step_s": 1e-5}, {}, [])
+        simulator.check({"method": "rosenbrock", "step_s": 1e-5}, {}, [])
     points = _points(
         2, duration_s=1e-3, method=["rosenbrock", "bdf2"], step_s=[1e-5, 1e-5], relative_tolerance=[None, None]
     )
-    result = scene.simulate(points, ["axial_drift_mm"])
+    result = simulator.simulate(points, ["axial_drift_mm"])
     assert list(result.outcome) == [Outcome.NOT_APPLICABLE, Outcome.FINISHED]
 
 
@@ -159,14 +159,14 @@ def test_values_do_not_depend_on_the_block():
 
 
 def test_an_error_of_one_point_stays_its_own(monkeypatch):
-    right = type(scene).run
+    right = type(simulator).run
 
     def run(self, values, *rest):
         if values["skew_deg"] == 2.0:
             raise ZeroDivisionError("no such needle")
         return right(self, values, *rest)
 
-    monkeypatch.setattr(type(scene), "run", run)
+    monkeypatch.setattr(type(simulator), "run", run)
     result = _simulate(count=3, skew_deg=[1.0, 2.0, 3.0], duration_s=1e-3)
     assert list(result.outcome) == [Outcome.FINISHED, Outcome.ERROR, Outcome.FINISHED]
     assert result.detail[1] == "ZeroDivisionError: no such needle"

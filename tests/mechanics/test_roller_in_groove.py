@@ -3,19 +3,19 @@
 import numpy as np
 import pytest
 
-from tripod_doe.mechanics.scenes.roller_in_groove import closed_form, scene
+from tripod_doe.mechanics.scenes.roller_in_groove import closed_form, simulator
 from tripod_doe.simulator import Outcome
 
 
 def _force(**values):
-    points = {name: np.array([value], object) for name, value in scene.effective(values).items()}
-    result = scene.simulate(points, ["axial_force_n"])
+    points = {name: np.array([value], object) for name, value in simulator.effective(values).items()}
+    result = simulator.simulate(points, ["axial_force_n"])
     assert result.outcome[0] == Outcome.FINISHED, result.detail
     return result.outputs["axial_force_n"].data[0]
 
 
 def test_closed_form_is_the_published_one():
-    values = {k: float(v) for k, v in scene.effective({}).items() if isinstance(v, int | float)}
+    values = {k: float(v) for k, v in simulator.effective({}).items() if isinstance(v, int | float)}
     assert closed_form(values) == pytest.approx(6.941268472, rel=1e-9)
     assert closed_form(values | {"transition_ratio": 0.01}) == pytest.approx(6.945927107, rel=1e-9)
 

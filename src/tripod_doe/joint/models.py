@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.joint.dynamics import Readings, prepare_joint, run_joint
 from tripod_doe.joint.equilibrium import Equilibrium, solve_equilibrium
 from tripod_doe.joint.kinetostatic import solve_kinetostatic
+from tripod_doe.joint.multibody_run import Readings, compile_joint, run_joint
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, PART_OUTPUTS, part_outputs, thrust_outputs
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.integrators.registry import METHODS
@@ -172,7 +172,7 @@ def _simulate_multibody(
 
 
 def _prepare_multibody(point: JointValues[FloatArray], method: str) -> None:
-    prepare_joint(point.point(0), method)
+    compile_joint(point.point(0), method)
 
 
 def _answer(result: Readings, keep: Collection[str]) -> dict[str, FloatArray]:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tripod_doe.joint.construction import JointBuild, moving_body, vector
-from tripod_doe.joint.posture import GROOVE_ANGLES, Pose
+from tripod_doe.joint.derived_constants import DerivedConstants, moving_body, vector
+from tripod_doe.joint.initial_state import GROOVE_ANGLES, Pose
 from tripod_doe.mechanics.scene import Body, Cylinder, Friction, NeedleBearing, Plane, SphereRow
 
 __all__ = ["lumped_bearing", "needle_body", "needle_contacts"]
@@ -18,19 +18,19 @@ _EXPONENT = 10 / 9
 _Z = np.array([0.0, 0.0, 1.0])
 
 
-def needle_body(build: JointBuild, k: int, j: int, roller: Body) -> Body:
+def needle_body(derived: DerivedConstants, k: int, j: int, roller: Body) -> Body:
     """Needle j of trunnion k, counted from the middle of the load zone about the outward trunnion axis."""
-    values, shaft = build.values, build.posture.shaft
-    pose = build.posture.rollers[k]
+    values, shaft = derived.values, derived.initial.shaft
+    pose = derived.initial.rollers[k]
     axis = pose.attitude.apply(_Z)
-    flank = -build.side * np.array([-math.sin(GROOVE_ANGLES[k]), math.cos(GROOVE_ANGLES[k]), 0.0])
+    flank = -derived.side * np.array([-math.sin(GROOVE_ANGLES[k]), math.cos(GROOVE_ANGLES[k]), 0.0])
     load = flank - axis * (flank @ axis)
     angle = 2 * math.pi * j / values.needle_count
     normal = Rotation.from_rotvec(angle * axis).apply(load / np.linalg.norm(load))
     # in the middle of the gap between trunnion and bore, which the load has shifted
-    shift = values.bearing_radial_clearance + 2 * build.needle_load
+    shift = values.bearing_radial_clearance + 2 * derived.needle_load
     middle = (values.trunnion_radius + values.bore_radius - shift * math.cos(angle)) / 2
-    arm = build.ring_distance * axis + middle * normal
+    arm = derived.ring_distance * axis + middle * normal
     skew = values.initial_skews[k]
     own = Rotation.from_rotvec(skew * normal).apply(axis)
     spin = (np.array(roller.angular_velocity) - shaft.rotation) @ axis
@@ -45,47 +45,47 @@ def needle_body(build: JointBuild, k: int, j: int, roller: Body) -> Body:
     return moving_body(f"needle {k + 1}.{j + 1}", mass, (across, across, mass * radius**2 / 2), place)
 
 
-def needle_contacts(build: JointBuild, k: int, j: int) -> list[SphereRow]:
+def needle_contacts(derived: DerivedConstants, k: int, j: int) -> list[SphereRow]:
     """Contacts of needle j with trunnion, bore and next needle, and of its ends with flange and retainer."""
-    values = build.values
+    values = derived.values
     count = int(values.needle_count)
     name, roller, radius = f"needle {k + 1}.{j + 1}", f"roller {k + 1}", values.needle_radius
-    axis, length = build.trunnion_axis(k), values.needle_length
+    axis, length = derived.trunnion_axis(k), values.needle_length
 
     def row(surface: Cylinder | Plane, friction: Friction, **shape: Any) -> SphereRow:
         return SphereRow(
-            name, surface, stiffness=build.sphere_stiffness, exponent=_EXPONENT,
+            name, surface, stiffness=derived.sphere_stiffness, exponent=_EXPONENT,
             damping=values.contact_damping, friction=friction, **shape,
         )  # fmt: skip
 
     line = {"radius": radius, "axis": (0.0, 0.0, 1.0), "length": length, "count": int(values.spheres_per_needle),
             "crown": values.needle_crown}  # fmt: skip
-    trunnion = Cylinder("shaft", values.trunnion_radius, vector(build.spider_in_shaft), vector(axis))
+    trunnion = Cylinder("shaft", values.trunnion_radius, vector(derived.spider_in_shaft), vector(axis))
     bore = Cylinder(roller, values.bore_radius, axis=(0.0, 0.0, 1.0), concave=True)
-    rows = [row(trunnion, build.needle[0], **line), row(bore, build.needle[1], **line)]
+    rows = [row(trunnion, derived.needle[0], **line), row(bore, derived.needle[1], **line)]
     if count > 1:
         after = Cylinder(f"needle {k + 1}.{(j + 1) % count + 1}", radius, axis=(0.0, 0.0, 1.0))
-        rows.append(row(after, build.needle_end, **line))
+        rows.append(row(after, derived.needle_end, **line))
     reach = (length + values.needle_axial_clearance) / 2
     for side in (-1.0, 1.0):
-        stop = build.spider_in_shaft + (build.ring_distance + side * reach) * axis
+        stop = derived.spider_in_shaft + (derived.ring_distance + side * reach) * axis
         plane = Plane("shaft", vector(stop), vector(-side * axis))
-        rows.append(row(plane, build.needle_end, radius=0.0, centre=(0.0, 0.0, side * length / 2)))
+        rows.append(row(plane, derived.needle_end, radius=0.0, centre=(0.0, 0.0, side * length / 2)))
     return rows
 
 
-def lumped_bearing(build: JointBuild, k: int) -> NeedleBearing:
+def lumped_bearing(derived: DerivedConstants, k: int) -> NeedleBearing:
     """All needles of trunnion k as one element, at their initial skew."""
-    values, axis = build.values, build.trunnion_axis(k)
-    middle = build.spider_in_shaft + build.ring_distance * axis
+    values, axis = derived.values, derived.trunnion_axis(k)
+    middle = derived.spider_in_shaft + derived.ring_distance * axis
     friction = Friction(
-        values.needle_sliding_friction, build.needle_end.sliding_transition, values.needle_rolling_friction,
-        rolling_transition=build.roller_spin_transition,
+        values.needle_sliding_friction, derived.needle_end.sliding_transition, values.needle_rolling_friction,
+        rolling_transition=derived.roller_spin_transition,
     )  # fmt: skip
     return NeedleBearing(
         Cylinder("shaft", values.trunnion_radius, vector(middle), vector(axis)),
         Cylinder(f"roller {k + 1}", values.bore_radius, axis=(0.0, 0.0, 1.0), concave=True),
-        values.needle_diameter, values.needle_length, int(values.needle_count), build.sphere_stiffness,
+        values.needle_diameter, values.needle_length, int(values.needle_count), derived.sphere_stiffness,
         _EXPONENT, int(values.spheres_per_needle), values.needle_crown, values.contact_damping,
         values.initial_skews[k], friction,
     )  # fmt: skip

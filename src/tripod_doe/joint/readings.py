@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.joint.posture import GROOVE_ANGLES
+from tripod_doe.joint.initial_state import GROOVE_ANGLES
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.assembly import Assembly
 from tripod_doe.mechanics.bearing import bearing_forces

@@ -1,7 +1,7 @@
 """One trunnion with its needles, its roller and its groove as a simulator: a third of the joint.
 
-The parts are the joint's own, and so is the motion: see `multibody.build_trunnion`. What is left out is the friction in
-the other two grooves, which turns and loads the spider a little.
+The parts are the joint's own, and so is the motion: see `multibody_scene.build_trunnion`. What is left out is the
+friction in the other two grooves, which turns and loads the spider a little.
 """
 
 from __future__ import annotations
@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.joint.dynamics import amplitude_error, finer_thrust, follow, judge, prepare_joint
-from tripod_doe.joint.fit import misfits
+from tripod_doe.joint.feasibility import misfits
 from tripod_doe.joint.models import MODELS
-from tripod_doe.joint.multibody import build_trunnion
+from tripod_doe.joint.multibody_run import compile_joint, follow
+from tripod_doe.joint.multibody_scene import build_trunnion
+from tripod_doe.joint.numerical_error import amplitude_error, finer_thrust, judge
 from tripod_doe.joint.orders import amplitude_and_phase, complex_amplitudes
 from tripod_doe.joint.outputs import ORDER, ROTATION, rotation_angles
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, point_values
@@ -27,7 +28,7 @@ from tripod_doe.mechanics.run import Run, method_named
 from tripod_doe.mechanics.scenes.simulator import RUN_OUTPUTS, SceneSimulator
 from tripod_doe.simulator import Output, Parameter, by_name
 
-__all__ = ["TrunnionScene", "scene"]
+__all__ = ["TrunnionSimulator", "simulator"]
 
 FloatArray = NDArray[np.float64]
 
@@ -65,7 +66,7 @@ def _numerics(name: str) -> Parameter:
     return parameter
 
 
-class TrunnionScene(SceneSimulator):
+class TrunnionSimulator(SceneSimulator):
     """One trunnion of the joint, its needles and its roller in the groove, as a simulator."""
 
     name = "trunnion"
@@ -80,7 +81,7 @@ class TrunnionScene(SceneSimulator):
 
     def compile(self, method: str) -> None:
         """Compile what a run needs, by a step of a joint without needle bodies."""
-        prepare_joint(point_values({}).point(0), method)
+        compile_joint(point_values({}).point(0), method)
 
     def run(self, values: Mapping[str, float], method: str, step: float | None, settings: Settings) -> Run:
         """Simulate one point; its last revolution is run again, and its third order judged by the difference."""
@@ -116,5 +117,5 @@ def _last_two(samples: FloatArray) -> FloatArray:
     return samples[-2 * _SAMPLES - 1 : -1].reshape(2, _SAMPLES)
 
 
-scene = TrunnionScene()
+simulator = TrunnionSimulator()
 """The scene that study files reach as ``trunnion``."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tripod_doe.joint.multibody import build_joint
+from tripod_doe.joint.multibody_scene import build_joint
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.readings import groove_thrust
 from tripod_doe.joint.values import JointValues

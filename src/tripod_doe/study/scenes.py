@@ -13,10 +13,10 @@ from tripod_doe.study.function import FunctionSimulator
 __all__ = ["SCENES", "load_simulator"]
 
 SCENES = {
-    "joint": "tripod_doe.joint.scene:scene",
-    "needle-between-plates": "tripod_doe.mechanics.scenes.needle_between_plates:scene",
-    "trunnion": "tripod_doe.joint.trunnion:scene",
-    "roller-in-groove": "tripod_doe.mechanics.scenes.roller_in_groove:scene",
+    "joint": "tripod_doe.joint.simulator:simulator",
+    "needle-between-plates": "tripod_doe.mechanics.scenes.needle_between_plates:simulator",
+    "trunnion": "tripod_doe.joint.trunnion:simulator",
+    "roller-in-groove": "tripod_doe.mechanics.scenes.roller_in_groove:simulator",
 }
 """Scenes by the name that study files and the command line use, each ``package.module:object``."""
 

@@ -27,7 +27,7 @@ from tripod_doe.mechanics.run import Run, run
 from tripod_doe.mechanics.scenes.simulator import PLACES, PROGRESS, RUN_OUTPUTS, SceneSimulator, numerics_parameters
 from tripod_doe.simulator import Methods, Output, Parameter, by_name
 
-__all__ = ["NeedleBetweenPlates", "build", "closed_form", "scene", "transition_velocity"]
+__all__ = ["NeedleBetweenPlates", "build", "closed_form", "simulator", "transition_velocity"]
 
 _PLATE_MASS = 1e-4
 """Mass of the loaded plate (0.1 kg, assumed): it moves only across its plane, and only while the load settles."""
@@ -208,5 +208,5 @@ class NeedleBetweenPlates(SceneSimulator):
         }
 
 
-scene = NeedleBetweenPlates()
+simulator = NeedleBetweenPlates()
 """The scene that study files reach as ``needle-between-plates``."""

@@ -22,7 +22,7 @@ from tripod_doe.mechanics.run import Run, run
 from tripod_doe.mechanics.scenes.simulator import RUN_OUTPUTS, SceneSimulator, numerics_parameters
 from tripod_doe.simulator import Methods, Output, Parameter, by_name
 
-__all__ = ["RollerInGroove", "build", "closed_form", "scene"]
+__all__ = ["RollerInGroove", "build", "closed_form", "simulator"]
 
 _MASS, _INERTIA = 7e-5, 1e-2
 """Mass (0.07 kg) and moment of inertia of the roller, assumed: they matter only while the load settles."""
@@ -137,5 +137,5 @@ class RollerInGroove(SceneSimulator):
         return {"axial_force_n": float(abs(work.force[0, :2] @ np.array([math.cos(tilt), math.sin(tilt)])))}
 
 
-scene = RollerInGroove()
+simulator = RollerInGroove()
 """The scene that study files reach as ``roller-in-groove``."""

@@ -10,9 +10,9 @@ from balance import degrees_of_freedom, groove_forces
 from few import FEW
 from scipy.spatial.transform import Rotation
 
-from tripod_doe.joint.multibody import build_joint
+from tripod_doe.joint.initial_state import GROOVE_ANGLES
+from tripod_doe.joint.multibody_scene import build_joint
 from tripod_doe.joint.orders import complex_amplitudes
-from tripod_doe.joint.posture import GROOVE_ANGLES
 from tripod_doe.joint.readings import groove_readings
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.monitor import Settings
@@ -22,7 +22,7 @@ from tripod_doe.mechanics.scene import GROUND, Body, Fixed
 from tripod_doe.simulator import Outcome
 
 UNCHECKED = Limits(energy=np.inf, reversals=1.0, windows=0)
-"""What is compared here are forces; the energy balance of a coarse run is `dynamics`' affair."""
+"""What is compared here are forces; the energy balance of a coarse run is `multibody_run`'s."""
 
 
 @pytest.mark.parametrize(("needles", "given", "expected"), [(False, {}, 21), (True, FEW, 183), (True, {}, 507)])

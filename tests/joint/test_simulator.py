@@ -9,7 +9,7 @@ import pytest
 
 from tripod_doe.errors import InputError
 from tripod_doe.joint.parameters import MECHANISMS
-from tripod_doe.joint.scene import scene
+from tripod_doe.joint.simulator import simulator
 from tripod_doe.simulator import Outcome
 
 KEEP = ["thrust_amplitude", "friction_power_w", "largest_penetration_um", "energy_residual"]
@@ -18,7 +18,7 @@ KEEP = ["thrust_amplitude", "friction_power_w", "largest_penetration_um", "energ
 def simulate(**given):
     count = max((np.size(value) for value in given.values()), default=1)
     columns = {name: np.broadcast_to(np.asarray(value, float), (count,)) for name, value in given.items()}
-    return scene.simulate(scene.columns({}, columns, count), KEEP)
+    return simulator.simulate(simulator.columns({}, columns, count), KEEP)
 
 
 def test_numerics_that_the_model_does_not_use_are_flagged_in_a_grid():
@@ -27,7 +27,7 @@ def test_numerics_that_the_model_does_not_use_are_flagged_in_a_grid():
     assert "step_s" in result.detail[0]
     assert np.isnan(result.outputs["thrust_amplitude"].data[0]).all()
     with pytest.raises(InputError, match="step_s"):
-        scene.check({"step_s": 1e-5}, {}, KEEP)
+        simulator.check({"step_s": 1e-5}, {}, KEEP)
 
 
 @pytest.mark.parametrize(
@@ -91,5 +91,5 @@ def test_random_joints_end_in_an_outcome():
 
 def test_waveforms_of_different_lengths_are_refused():
     with pytest.raises(InputError, match="different lengths"):
-        scene.check({}, {"samples_per_revolution": ()}, ["thrust"])
-    assert scene.check({}, {"samples_per_revolution": (60, 90)}, KEEP) == []
+        simulator.check({}, {"samples_per_revolution": ()}, ["thrust"])
+    assert simulator.check({}, {"samples_per_revolution": (60, 90)}, KEEP) == []

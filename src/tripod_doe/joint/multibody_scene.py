@@ -20,9 +20,9 @@ import math
 
 import numpy as np
 
-from tripod_doe.joint.construction import JointBuild, moving_body, prepare_joint, roller_inertia, vector
+from tripod_doe.joint.derived_constants import DerivedConstants, derive_constants, moving_body, roller_inertia, vector
+from tripod_doe.joint.initial_state import GROOVE_ANGLES, Pose
 from tripod_doe.joint.needle_bearing import lumped_bearing, needle_body, needle_contacts
-from tripod_doe.joint.posture import GROOVE_ANGLES, Pose
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.scene import (
     GROUND,
@@ -43,27 +43,27 @@ _GROOVE_EXPONENT = 1.5
 _Z = np.array([0.0, 0.0, 1.0])
 
 
-def _shafts(build: JointBuild) -> tuple[list[Body], list[Constraint]]:
+def _shafts(derived: DerivedConstants) -> tuple[list[Body], list[Constraint]]:
     """Intermediate shaft, output shaft, and what stands still in space; with their constraints."""
-    values, posture = build.values, build.posture
+    values, initial = derived.values, derived.initial
     mass, length, inertia = values.shaft_mass, values.shaft_length, values.output_inertia
     radius_squared = mass / (values.density * math.pi * length)
     across = mass * (length**2 / 12 + radius_squared / 4)
-    arm = posture.shaft.attitude.apply(-build.spider_in_shaft)
+    arm = initial.shaft.attitude.apply(-derived.spider_in_shaft)
     middle = Pose(
-        posture.shaft.position + arm, posture.shaft.attitude,
-        posture.shaft.velocity + np.cross(posture.shaft.rotation, arm), posture.shaft.rotation,
+        initial.shaft.position + arm, initial.shaft.attitude,
+        initial.shaft.velocity + np.cross(initial.shaft.rotation, arm), initial.shaft.rotation,
     )  # fmt: skip
-    end = posture.output.position
-    axis = posture.output.attitude.apply(_Z)
+    end = initial.output.position
+    axis = initial.output.attitude.apply(_Z)
     speed = values.speed
     bodies = [
         moving_body("shaft", mass, (across, across, mass * radius_squared / 2), middle),
-        moving_body("output", mass, (inertia, inertia, inertia), posture.output,
+        moving_body("output", mass, (inertia, inertia, inertia), initial.output,
                 own_moment=(0.0, 0.0, -values.torque)),
         Body("space", mass, (inertia, inertia, inertia), angular_velocity=(0.0, 0.0, -speed), locked=(True,) * 6),
     ]  # fmt: skip
-    half = vector(-build.spider_in_shaft)
+    half = vector(-derived.spider_in_shaft)
     constraints: list[Constraint] = [
         Revolute("space", "output", vector(end), axis_a=vector(axis)),
         Universal("output", "shaft", point_b=half, axis_a=(0.0, 1.0, 0.0), axis_b=(1.0, 0.0, 0.0)),
@@ -71,19 +71,19 @@ def _shafts(build: JointBuild) -> tuple[list[Body], list[Constraint]]:
     return bodies, constraints
 
 
-def _roller(build: JointBuild, k: int) -> tuple[Body, SphereRow]:
+def _roller(derived: DerivedConstants, k: int) -> tuple[Body, SphereRow]:
     """Roller k, rolling along its groove, and its contact with the groove."""
-    values, pose = build.values, build.posture.rollers[k]
+    values, pose = derived.values, derived.initial.rollers[k]
     radius = values.roller_radius
     mass, polar, across = (
         float(x) for x in roller_inertia(*np.array([radius, values.roller_width, values.bore_radius, values.density]))
     )  # fmt: skip
     trunnion = pose.attitude.apply(_Z)
-    flank = build.side * np.array([-math.sin(GROOVE_ANGLES[k]), math.cos(GROOVE_ANGLES[k]), 0.0])
+    flank = derived.side * np.array([-math.sin(GROOVE_ANGLES[k]), math.cos(GROOVE_ANGLES[k]), 0.0])
     # its spin on the trunnion takes the slip along the groove to zero
     slip = pose.velocity[2] - radius * np.cross(pose.rotation, flank)[2]
     spin = slip / (radius * np.cross(trunnion, flank)[2])
-    ahead = (values.bearing_radial_clearance + 2 * build.needle_load) * flank  # of its trunnion
+    ahead = (values.bearing_radial_clearance + 2 * derived.needle_load) * flank  # of its trunnion
     rolling = Pose(pose.position + ahead, pose.attitude, pose.velocity, pose.rotation + spin * trunnion)
     body = moving_body(f"roller {k + 1}", mass, (across, across, polar), rolling)
     pitch = values.pitch_radius
@@ -93,7 +93,7 @@ def _roller(build: JointBuild, k: int) -> tuple[Body, SphereRow]:
     )  # fmt: skip
     contact = SphereRow(
         body.name, groove, radius, values.groove_stiffness, _GROOVE_EXPONENT,
-        damping=values.contact_damping, friction=build.groove,
+        damping=values.contact_damping, friction=derived.groove,
     )  # fmt: skip
     return body, contact
 
@@ -113,13 +113,13 @@ def build_joint(values: JointValues[float], needles: bool) -> Scene:
     Scene
         Contacts of the rollers with grooves 1, 2, 3 are the last three.
     """
-    build = prepare_joint(values)
-    bodies, constraints = _shafts(build)
-    rollers = [_roller(build, k) for k in range(3)]
-    rings = [_ring(build, k, rollers[k][0]) for k in range(3)] if needles else []
+    derived = derive_constants(values)
+    bodies, constraints = _shafts(derived)
+    rollers = [_roller(derived, k) for k in range(3)]
+    rings = [_ring(derived, k, rollers[k][0]) for k in range(3)] if needles else []
     return _turning_scene(
         values, bodies, rollers, rings, constraints,
-        () if needles else tuple(lumped_bearing(build, k) for k in range(3)),
+        () if needles else tuple(lumped_bearing(derived, k) for k in range(3)),
     )  # fmt: skip
 
 
@@ -140,33 +140,33 @@ def build_trunnion(values: JointValues[float]) -> Scene:
     Scene
         The contact of the roller with its groove is the last one.
     """
-    build = prepare_joint(values)
-    bodies, constraints = _shafts(build)
-    roller = _roller(build, 0)
+    derived = derive_constants(values)
+    bodies, constraints = _shafts(derived)
+    roller = _roller(derived, 0)
     for k in (1, 2):
-        guide, planes = _guide(build, k, roller[0])
+        guide, planes = _guide(derived, k, roller[0])
         bodies.append(guide)
         constraints.extend(planes)
-    return _turning_scene(values, bodies, [roller], [_ring(build, 0, roller[0])], constraints)
+    return _turning_scene(values, bodies, [roller], [_ring(derived, 0, roller[0])], constraints)
 
 
-def _guide(build: JointBuild, k: int, roller: Body) -> tuple[Body, list[Constraint]]:
+def _guide(derived: DerivedConstants, k: int, roller: Body) -> tuple[Body, list[Constraint]]:
     """A slider along groove k and the planes of the shaft that keep it on trunnion k."""
-    pose, axis = build.posture.rollers[k], build.trunnion_axis(k)
+    pose, axis = derived.initial.rollers[k], derived.trunnion_axis(k)
     body = Body(
         f"guide {k + 1}", roller.mass, roller.inertia, vector(pose.position), velocity=vector(pose.velocity),
         locked=(True, True, False, True, True, True),
     )  # fmt: skip
-    spider = vector(build.spider_in_shaft)
+    spider = vector(derived.spider_in_shaft)
     normals = (_Z, np.cross(_Z, axis))
     return body, [PointInPlane("shaft", body.name, spider, normal_a=vector(normal)) for normal in normals]
 
 
-def _ring(build: JointBuild, k: int, roller: Body) -> tuple[list[Body], list[SphereRow]]:
+def _ring(derived: DerivedConstants, k: int, roller: Body) -> tuple[list[Body], list[SphereRow]]:
     """All needles of trunnion k, and their contacts."""
-    numbers = range(int(build.values.needle_count))
-    contacts = [contact for j in numbers for contact in needle_contacts(build, k, j)]
-    return [needle_body(build, k, j, roller) for j in numbers], contacts
+    numbers = range(int(derived.values.needle_count))
+    contacts = [contact for j in numbers for contact in needle_contacts(derived, k, j)]
+    return [needle_body(derived, k, j, roller) for j in numbers], contacts
 
 
 def _turning_scene(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tripod_doe.joint.dynamics import amplitude_error
+from tripod_doe.joint.numerical_error import amplitude_error
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
 from tripod_doe.mechanics.integrators.registry import METHODS
 

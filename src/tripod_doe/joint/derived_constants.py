@@ -1,4 +1,4 @@
-"""What every multibody model of the joint is made from: constants, radii and the posture at the start."""
+"""Constants of the multibody models that follow from the values of an operating point, and its initial state."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tripod_doe.joint.contact import bearing_load_zone
-from tripod_doe.joint.posture import GROOVE_ANGLES, Pose, Posture, joint_posture
+from tripod_doe.joint.initial_state import GROOVE_ANGLES, InitialState, Pose, initial_state
 from tripod_doe.joint.transition import transition_velocities
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.scene import Body, Friction, Vector
 
-__all__ = ["JointBuild", "moving_body", "prepare_joint", "roller_inertia", "vector"]
+__all__ = ["DerivedConstants", "derive_constants", "moving_body", "roller_inertia", "vector"]
 
 FloatArray = NDArray[np.float64]
 
@@ -34,14 +34,14 @@ def _quaternion(attitude: Rotation) -> tuple[float, float, float, float]:
 
 
 @dataclass(frozen=True)
-class JointBuild:
-    """What a scene of the joint is made from, at one operating point; lengths in mm, N, s, t, rad.
+class DerivedConstants:
+    """What a scene of the joint is made from, at one operating point; in mm, N, s, t, rad.
 
     Attributes
     ----------
     values
         The operating point.
-    posture
+    initial
         Where shaft, output shaft and rollers start.
     side
         Sign of the torque: which flank of the grooves is loaded.
@@ -56,7 +56,7 @@ class JointBuild:
     """
 
     values: JointValues[float]
-    posture: Posture
+    initial: InitialState
     side: float
     sphere_stiffness: float
     needle_load: float
@@ -81,14 +81,14 @@ class JointBuild:
         return -0.5 * self.values.shaft_length * _Z
 
 
-def prepare_joint(values: JointValues[float]) -> JointBuild:
-    """Constants and posture of one operating point."""
+def derive_constants(values: JointValues[float]) -> DerivedConstants:
+    """Derive the constants of one operating point."""
     transition = transition_velocities(values)
     side = -1.0 if values.torque < 0 else 1.0
     load, clearance = values.groove_load, values.bearing_radial_clearance
     needle_load = bearing_load_zone(load, clearance, values.needle_stiffness, values.needle_count)[1]
     in_groove = (load / values.groove_stiffness) ** (1 / _GROOVE_EXPONENT)
-    posture = joint_posture(
+    initial = initial_state(
         values.joint_angle, values.outboard_joint_angle, values.shaft_length, values.pitch_radius, values.speed,
         side * (values.groove_play + in_groove + clearance + 2 * needle_load),
     )  # fmt: skip
@@ -104,8 +104,8 @@ def prepare_joint(values: JointValues[float]) -> JointBuild:
                  spin * partner / (2 * values.needle_radius))
         for partner in (values.bore_radius, values.trunnion_radius)
     ]  # fmt: skip
-    return JointBuild(
-        values, posture, side, values.needle_stiffness / values.spheres_per_needle, needle_load,
+    return DerivedConstants(
+        values, initial, side, values.needle_stiffness / values.spheres_per_needle, needle_load,
         groove, (rolling[0], rolling[1]), Friction(values.needle_sliding_friction, slip),
         spin,
     )  # fmt: skip

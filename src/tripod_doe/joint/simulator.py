@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 
 from tripod_doe.joint import models
 from tripod_doe.joint.candidates import JOINT_CANDIDATES
-from tripod_doe.joint.fit import misfits
+from tripod_doe.joint.feasibility import misfits
 from tripod_doe.joint.outputs import JOINT_OUTPUTS
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.sources import source_hashes
 from tripod_doe.simulator import NUMERICS, BlockResult, Methods, Outcome, Simulator, Value
 
-__all__ = ["JointScene", "scene"]
+__all__ = ["JointSimulator", "simulator"]
 
 
-class JointScene(Simulator):
+class JointSimulator(Simulator):
     """The full tripod joint, simulated by the model that each point names."""
 
     name = "joint"
@@ -128,5 +128,5 @@ def _reject(
     return np.flatnonzero(usable)
 
 
-scene = JointScene()
+simulator = JointSimulator()
 """The scene that study files reach as ``joint``."""

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq, minimize
 from scipy.spatial.transform import Rotation
 
-from tripod_doe.joint.fit import misfits
+from tripod_doe.joint.feasibility import misfits
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Limits, run
 from tripod_doe.simulator import Outcome

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
-__all__ = ["GROOVE_ANGLES", "Pose", "Posture", "joint_posture"]
+__all__ = ["GROOVE_ANGLES", "InitialState", "Pose", "initial_state"]
 
 FloatArray = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class Pose:
 
 
 @dataclass(frozen=True)
-class Posture:
+class InitialState:
     """Places and motions of shaft, output shaft and rollers.
 
     Attributes
@@ -88,10 +88,10 @@ def _attitudes(
     return [end - length * shaft.apply(_Z), end, *centres], [shaft, output, *trunnions]
 
 
-def joint_posture(
+def initial_state(
     joint_angle: float, outboard_angle: float, shaft_length: float, pitch_radius: float, speed: float, lag: float
-) -> Posture:
-    """Posture at rotation angle 0.
+) -> InitialState:
+    """Initial state, at rotation angle 0.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def joint_posture(
     Raises
     ------
     ValueError
-        If there is no such posture.
+        If the trunnions cannot pass the groove axes so.
     """
     at, before, after = (
         _attitudes(angle, joint_angle, outboard_angle, shaft_length, pitch_radius, lag)
@@ -119,4 +119,4 @@ def joint_posture(
         velocity = (after[0][i] - before[0][i]) * (speed / (2 * _STEP))
         turn = (after[1][i] * before[1][i].inv()).as_rotvec() * (speed / (2 * _STEP))
         poses.append(Pose(at[0][i], at[1][i], velocity, turn))
-    return Posture(poses[0], poses[1], (poses[2], poses[3], poses[4]))
+    return InitialState(poses[0], poses[1], (poses[2], poses[3], poses[4]))

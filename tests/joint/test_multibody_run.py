@@ -9,7 +9,7 @@ from few import CALM, FEW
 import tripod_doe as td
 from tripod_doe.errors import InputError
 from tripod_doe.joint.models import MODELS
-from tripod_doe.joint.scene import scene
+from tripod_doe.joint.simulator import simulator
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.simulator import Outcome
 
@@ -244,8 +244,8 @@ def test_numerics_that_do_not_fit_are_refused(given, message):
 
 def test_cycles_as_a_factor_cannot_keep_what_has_one_entry_a_cycle():
     with pytest.raises(InputError, match="different lengths"):
-        scene.check({"model": "needles"}, {"cycles": (3, 4)}, ["needle_skew_summary_deg"])
-    assert scene.check({"model": "needles"}, {"cycles": (3, 4)}, ["thrust_amplitude"]) == []
+        simulator.check({"model": "needles"}, {"cycles": (3, 4)}, ["needle_skew_summary_deg"])
+    assert simulator.check({"model": "needles"}, {"cycles": (3, 4)}, ["thrust_amplitude"]) == []
 
 
 def test_every_method_is_offered_with_its_own_numerics():
