@@ -1,12 +1,12 @@
 """The candidates that a study with model = "auto" may choose from, from the cheapest to the finest, and what they cost.
 
 Between `rollers` and the full `needles` stand nine needles so thick that they fill the ring, of three spheres: a third
-of the price, and mostly within half a percent of the full third order above 6 deg; nine thin needles cost more and miss
-more. Left out: fewer spheres on 27 needles cost as much as seven, since eight share a vector register and three need
-more iterations; a tolerance of 4e-3 saves a third, but ends as inaccurate at every fifth point.
+of the cost, and mostly within half a percent of the full third order above 6 deg; nine thin needles cost more and are
+less accurate. Left out: fewer spheres on 27 needles cost as much as seven, since eight share a vector register and
+three need more iterations; a tolerance of 4e-3 saves a third, but every fifth point ends as inaccurate.
 
-The prices are data beside this module. They decide no result of a point, so measuring them again neither compiles the
-kernels again nor makes old results strange, as a change of any source would.
+The costs are data beside this module. They do not affect the result of a point, so measuring them again neither
+compiles the kernels again nor makes old results unusable, as a change of the source would.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Whether the parts of the joint go together and can move: what makes a point jammed before anything is solved.
+"""Feasibility of a point: whether the parts fit together and can move; if not, it is jammed before anything is solved.
 
 Needles on their pitch circle, all skewed by psi, are lines of a hyperboloid: the axes of neighbours are apart by
 
@@ -9,7 +9,7 @@ trunnion and bore by -c/2 each. It does not fit where that alone exceeds the con
 a lasting dent. It cannot move where that alone holds the roller on its trunnion by more, mu_s sum f, than the load
 |T| / (3 R_p) presses it into its groove: then the roller would have to climb its groove by more than 45 deg before it
 slides on its trunnion. tanh friction never sticks, so a run of such a joint ends, with forces that a real one would not
-live to show.
+survive.
 """
 
 from __future__ import annotations

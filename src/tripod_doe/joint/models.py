@@ -1,4 +1,4 @@
-"""The ladder of models by name: what each can represent, which numerics it uses, and how it simulates a block."""
+"""The four models by name: what each can represent, which numerics it uses, and how it simulates a block."""
 
 from __future__ import annotations
 
@@ -25,33 +25,33 @@ __all__ = ["MODELS", "Model"]
 FloatArray = NDArray[np.float64]
 
 _CHUNK = 64  # points whose waveforms are held at once
-_ROUNDING, _GIVING_WAY = 1e-5, 0.03
-"""What the balance of powers may miss over the friction power: nothing but rounding in the equilibrium; what the spider
-gives way to swinging and tilting rollers in the kinetostatic model."""
+_ROUNDING, _SPIDER_MOTION = 1e-5, 0.03
+"""Largest residual of the power balance over the friction power: rounding alone in the equilibrium; in the kinetostatic
+model the motion by which the spider follows swinging and tilting rollers, which is left out."""
 _PRELOADED = (
     "the balance does not hold for a preloaded bearing: it misses 10 % of the third order at -0.001 mm and half of it "
     "at -0.003 mm; use model rollers or needles"
 )
-_UNSETTLED = "the balance of the rollers did not settle; raise transition_ratio, or use model rollers"
+_UNSETTLED = "the balance of the rollers did not converge; raise transition_ratio, or use model rollers"
 _RATES = tuple(output.name for output in RATE_OUTPUTS)
 _SKEWS = ("needle_skew_deg", "needle_skew_summary_deg")
 
 
 @dataclass(frozen=True)
 class Model:
-    """One rung of the ladder.
+    """One model of the ladder.
 
     Attributes
     ----------
     name
         The value of the parameter ``model``.
     methods
-        How it can be solved, the default first, and the numerics parameters that each method uses, with the values it
-        takes where they are left open.
+        How it can be solved, the default first, and the numerics parameters that each method uses, with their default
+        values.
     ignores
         Parameters that it cannot represent.
     outputs
-        Names of the outputs that it gives.
+        Names of the outputs that it computes.
     simulate
         (block of points, method, samples per revolution, outputs to keep) -> results.
     prepare
@@ -148,13 +148,13 @@ _SETTLED = frozenset(
 )  # fmt: skip
 _MASSES = frozenset({"roller_width_mm", "shaft_mass_kg", "density_kg_m3"})
 _EQUILIBRIUM = _balance("equilibrium", solve_equilibrium, 1e-9, _ROUNDING, _SETTLED | _MASSES)
-_KINETOSTATIC = _balance("kinetostatic", solve_kinetostatic, 1e-6, _GIVING_WAY, _SETTLED)
+_KINETOSTATIC = _balance("kinetostatic", solve_kinetostatic, 1e-6, _SPIDER_MOTION, _SETTLED)
 
 
 def _simulate_multibody(
     needles: bool, points: JointValues[FloatArray], method: str, samples: int, keep: Collection[str]
 ) -> BlockResult:
-    """Simulate points one by one; a run of any of them costs more than all that could be shared."""
+    """Simulate points one by one: a run costs far more than what points could share."""
     block = BlockResult.blank(points.torque.size)
     split, rates = (not set(names).isdisjoint(keep) for names in (PART_OUTPUTS, _RATES))
     for i in range(block.count):

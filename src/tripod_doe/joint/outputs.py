@@ -75,7 +75,7 @@ _OUTPUTS = [
     Output("friction_power_w", "W", "P", "mean power lost to each friction mechanism", (_MECHANISM,)),
     Output("needle_skew_deg", "degree", "psi", "skew of the needle that carries the most at this rotation angle",
            (_TRUNNION, ROTATION), optional=True),
-    Output("needle_skew_summary_deg", "degree", "psi", "mean, least and greatest skew in a revolution of the needle "
+    Output("needle_skew_summary_deg", "degree", "psi", "mean, smallest and largest skew per revolution of the needle "
            "that carries the most", (_TRUNNION, _CYCLE, _STATISTIC), optional=True),
     Output("largest_penetration_um", "um", "delta", "largest penetration of any contact"),
     Output("energy_residual", "1", "", "input less output less friction power, over the friction power (or over a "

@@ -61,7 +61,7 @@ _PARAMETERS = [
     Parameter("groove_sliding_friction", 0.05, "1", "mu_s", "sliding friction coefficient, roller on groove",
               "paper 3.1", low=0, high=1, group=_FRICTION),
     Parameter("groove_spin_friction", None, "1", "mu_s", "friction coefficient of the spinning moment, roller on "
-              "groove; the value of groove_sliding_friction unless given", "paper Eq. 7",
+              "groove; by default that of groove_sliding_friction", "paper Eq. 7",
               low=0, high=1, group=_FRICTION, follows="groove_sliding_friction"),
     Parameter("needle_sliding_friction", 0.03, "1", "mu_s", "sliding friction coefficient, needle on other parts",
               "paper 3.1", low=0, high=1, group=_FRICTION),
@@ -72,10 +72,10 @@ _PARAMETERS = [
     Parameter("transition_ratio", 0.25, "1", "v_st/v_max", "transition velocity over the largest slip of ideal "
               "kinematics", "paper 3.1", low=0, high=10, low_open=True, group=_FRICTION),
     Parameter("groove_transition_velocity_mm_s", None, "mm s-1", "v_st", "transition velocity of sliding in the "
-              "groove; by transition_ratio unless given", "in place of the quarter rule of paper 3.1",
+              "groove; by default from transition_ratio", "in place of the quarter rule of paper 3.1",
               low=0, high=1e5, low_open=True, group=_FRICTION),
     Parameter("needle_transition_velocity_mm_s", None, "mm s-1", "v_st", "transition velocity of the needles' "
-              "sliding; by transition_ratio unless given", "in place of the quarter rule of paper 3.1",
+              "sliding; by default from transition_ratio", "in place of the quarter rule of paper 3.1",
               low=0, high=1e5, low_open=True, group=_FRICTION),
     Parameter("pitch_radius_mm", 21.0, "mm", "R_p", "distance of the groove axes from the input axis",
               "assumed", low=5, high=100, group=_GEOMETRY),
@@ -85,9 +85,9 @@ _PARAMETERS = [
               "assumed", low=1, high=80, group=_GEOMETRY),
     Parameter("groove_radius_ratio", 1.0086, "1", "R_g/R_s", "groove radius over roller radius; 1.0086 gives the "
               "contact ellipse of 20 to 1", "paper 2.3.1", low=1, high=2, low_open=True, group=_GEOMETRY),
-    Parameter("groove_rolling_lever_mm", None, "mm", "D/2", "lever of the rolling resistance in the groove; the "
-              "roller radius unless given", "assumed", low=0, high=100, group=_GEOMETRY, follows="roller_radius_mm"),
-    Parameter("needle_count", 27, "1", "N_n", "needles a trunnion", "paper 3.1",
+    Parameter("groove_rolling_lever_mm", None, "mm", "D/2", "lever of the rolling resistance in the groove; by "
+              "default the roller radius", "assumed", low=0, high=100, group=_GEOMETRY, follows="roller_radius_mm"),
+    Parameter("needle_count", 27, "1", "N_n", "needles per trunnion", "paper 3.1",
               low=1, high=100, kind="integer", group=_GEOMETRY),
     Parameter("spheres_per_needle", 7, "1", "N_s", "spheres that stand for a needle", "paper 3.1",
               low=1, high=51, kind="integer", group=_GEOMETRY),
@@ -130,19 +130,19 @@ _PARAMETERS = [
     _switch("needle_rolling", "rolling resistance of the needles"),
     Parameter("model", "equilibrium", "1", "", "model of the ladder", "numerics: model of the ladder",
               kind="choice", choices=("equilibrium", "kinetostatic", "rollers", "needles"), group=_NUMERICS),
-    Parameter("method", None, "1", "", "how the model is solved; by the model unless given", "numerics",
+    Parameter("method", None, "1", "", "how the model is solved; by default the model's own", "numerics",
               kind="choice", choices=("newton", *METHODS), group=_NUMERICS),
-    Parameter("relative_tolerance", None, "1", "", "relative tolerance of the method; by the method unless given",
+    Parameter("relative_tolerance", None, "1", "", "relative tolerance of the method; by default the method's own",
               "numerics", low=1e-13, high=0.1, group=_NUMERICS),
-    Parameter("step_s", None, "s", "h", "time step of a fixed-step method; by the method unless given",
+    Parameter("step_s", None, "s", "h", "time step of a fixed-step method; by default the method's own",
               "numerics", low=1e-10, high=1e-2, group=_NUMERICS),
     Parameter("cycles", 4, "1", "", "revolutions; the last two are sampled, in the cycles - 2 before them the swing of "
               "the start dies out", "paper 3.2", low=2, high=1000, kind="integer", group=_NUMERICS),
     Parameter("samples_per_revolution", 360, "1", "", "samples of the rotation angle per revolution", "numerics",
               low=30, high=36000, kind="integer", group=_NUMERICS),
-    Parameter("evaluation_budget", 20_000_000, "1", "", "largest number of force evaluations of a run: a minute or so "
+    Parameter("evaluation_budget", 20_000_000, "1", "", "largest number of force evaluations of a run: about a minute "
               "of rollers, half an hour of needles", "numerics", low=1, high=1e12, kind="integer", group=_NUMERICS),
-    Parameter("replicate", 0, "1", "", "number of the repetition; changes nothing but the timing", "numerics",
+    Parameter("replicate", 0, "1", "", "number of the repetition; has no effect on results", "numerics",
               low=0, high=1e6, kind="integer", group=_NUMERICS),
 ]  # fmt: skip
 

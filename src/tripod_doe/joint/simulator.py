@@ -12,7 +12,7 @@ from tripod_doe.joint import models
 from tripod_doe.joint.candidates import JOINT_CANDIDATES
 from tripod_doe.joint.feasibility import misfits
 from tripod_doe.joint.outputs import JOINT_OUTPUTS
-from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values
+from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values, point_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.sources import source_hashes
 from tripod_doe.simulator import NUMERICS, BlockResult, Methods, Outcome, Simulator, Value
@@ -48,12 +48,11 @@ class JointSimulator(Simulator):
         ]
 
     def prepare(self, points: Mapping[str, NDArray[Any]]) -> None:
-        """Compile the kernels that these points need, or load their machine code, by runs that cost nothing."""
+        """Compile the kernels that these points need, or load their machine code, by short runs."""
         for name, method in {(name, _method(name, method)) for name, method in _pairs(points)}:
             if (name, method) not in self._prepared and method in models.MODELS[name].methods:
                 full = self.effective({"model": name, "method": method, "samples_per_revolution": 30})
-                column = {key: np.array([value], float) for key, value in full.items() if not isinstance(value, str)}
-                models.MODELS[name].prepare(internal_values(column), method)
+                models.MODELS[name].prepare(point_values(full), method)
                 self._prepared.add((name, method))
 
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
@@ -66,11 +65,15 @@ class JointSimulator(Simulator):
             model = models.MODELS[name]
             chosen = np.flatnonzero([other == kind for other in kinds])
             columns = {key: np.asarray(column)[chosen] for key, column in points.items()}
-            usable = _reject(model, method, columns, chosen, block)
+            if method not in model.methods:
+                block.end(chosen, Outcome.NOT_APPLICABLE, f"method {method} is not one of {model.name}")
+                continue
+            values = _values(model, method, columns)
+            usable = _reject(model, method, columns, values, chosen, block)
             if usable.size:
                 wanted = [output for output in keep if output in model.outputs]
-                numbers = _numbers(model, method, columns, usable)
-                block.fill(chosen[usable], model.simulate(numbers, method, per_revolution, wanted))
+                result = model.simulate(values.take(usable), method, per_revolution, wanted)
+                block.fill(chosen[usable], result)
         first = {name: points[name][0] for name in ("samples_per_revolution", "cycles")}
         block.coordinates.update(self.labels(block.outputs, first))
         return block
@@ -89,17 +92,14 @@ def _method(model: str, method: object) -> str:
     return models.MODELS[model].default_method if _unset(method) else str(method)
 
 
-def _numbers(
-    model: models.Model, method: str, columns: Mapping[str, NDArray[Any]], usable: NDArray[np.int64]
-) -> JointValues[NDArray[np.float64]]:
-    """Values of the usable points, with the method's own numerics where unset."""
+def _values(model: models.Model, method: str, columns: Mapping[str, NDArray[Any]]) -> JointValues[NDArray[np.float64]]:
+    """Values of points in internal units, with the method's own numerics where they are not given."""
     numbers = {}
     for name, parameter in JOINT_PARAMETERS.items():
-        if parameter.kind == "choice":
-            continue
-        column = np.asarray(columns[name][usable], float)
-        fallback = model.methods[method].get(name)
-        numbers[name] = column if fallback is None else np.where(np.isnan(column), fallback, column)
+        if parameter.kind != "choice":
+            column = np.asarray(columns[name], float)
+            own = model.methods[method].get(name)
+            numbers[name] = column if own is None else np.where(np.isnan(column), own, column)
     return internal_values(numbers)
 
 
@@ -107,21 +107,18 @@ def _reject(
     model: models.Model,
     method: str,
     columns: Mapping[str, NDArray[Any]],
+    values: JointValues[NDArray[np.float64]],
     chosen: NDArray[np.int64],
     block: BlockResult,
 ) -> NDArray[np.int64]:
     """Mark the points that the model cannot run, and return the positions within `chosen` of all others."""
     usable = np.ones(chosen.size, bool)
-    if method not in model.methods:
-        block.end(chosen, Outcome.NOT_APPLICABLE, f"method {method} is not one of {model.name}")
-        return np.flatnonzero(~usable)
     for name in NUMERICS:
-        if name in model.methods[method]:
-            continue
-        is_set = np.array([not _unset(value) for value in columns[name]])
-        block.end(chosen[is_set], Outcome.NOT_APPLICABLE, f"{name} is not used by {model.name} with {method}")
-        usable &= ~is_set
-    for misfit, reason in misfits(_numbers(model, method, columns, np.arange(chosen.size))):
+        if name not in model.methods[method]:
+            is_set = np.array([not _unset(value) for value in columns[name]])
+            block.end(chosen[is_set], Outcome.NOT_APPLICABLE, f"{name} is not used by {model.name} with {method}")
+            usable &= ~is_set
+    for misfit, reason in misfits(values):
         if usable[misfit]:
             block.end(int(chosen[misfit]), Outcome.JAMMED, reason)
             usable[misfit] = False

@@ -7,7 +7,7 @@ against A and at V sin(skew) - u against B, and in steady motion both frictions 
     mu_A tanh(u / v_st) = mu_B tanh((V sin(skew) - u) / v_st),     drift = T cos(skew) (V/2 sin(skew) - u).
 
 Where the plate reverses, a pin on a crank that turns at the given frequency guides it: V cos(2 pi f t), and the slips
-pass through zero twice a turn.
+pass through zero twice per turn.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What small scenes share as simulators: the protocol of studies over one run a point."""
+"""Base of the small scenes as simulators: one model, one run per point."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ RUN_OUTPUTS = (
     Output("largest_penetration_um", "um", "delta", "largest penetration of all contacts"),
     Output("energy_residual", "1", "", "energy residual over the energy turned over"),
 )
-"""What every run reports about itself."""
+"""Outputs of every run."""
 
 _RATE_STATES = 10
 """States on the way at which a run is linearised."""
@@ -53,13 +53,13 @@ def numerics_parameters(methods: Methods, evaluation_budget: int) -> tuple[Param
     return (
         Parameter("method", next(iter(methods)), "1", "", "time integration method", "numerics", kind="choice",
                   choices=tuple(METHODS), group=_NUMERICS),
-        Parameter("relative_tolerance", None, "1", "", "relative tolerance of a method with step control; by the "
-                  "method unless given", "numerics", low=1e-13, high=0.1, group=_NUMERICS),
-        Parameter("step_s", None, "s", "h", "time step of a method without step control; by the method unless given",
+        Parameter("relative_tolerance", None, "1", "", "relative tolerance of a method with step control; by "
+                  "default the method's own", "numerics", low=1e-13, high=0.1, group=_NUMERICS),
+        Parameter("step_s", None, "s", "h", "time step of a method without step control; by default the method's own",
                   "numerics", low=1e-10, high=1.0, group=_NUMERICS),
         Parameter("evaluation_budget", evaluation_budget, "1", "", "largest number of force evaluations of a run",
                   "numerics", low=1, high=1e12, kind="integer", group=_NUMERICS),
-        Parameter("replicate", 0, "1", "", "number of the repetition; changes nothing but the timing", "numerics",
+        Parameter("replicate", 0, "1", "", "number of the repetition; has no effect on results", "numerics",
                   low=0, high=1e6, kind="integer", group=_NUMERICS),
     )  # fmt: skip
 
@@ -87,7 +87,7 @@ class SceneSimulator(Simulator):
 
     @abstractmethod
     def answer(self, values: Mapping[str, float], result: Run) -> dict[str, Any]:
-        """Make every output of the scene from a run, but those of `RUN_OUTPUTS` and `RATE_OUTPUTS`."""
+        """Compute every output of the scene from a run, except those of `RUN_OUTPUTS` and `RATE_OUTPUTS`."""
 
     def misfit(self, values: Mapping[str, float]) -> str:
         """Say why the parts do not fit, or nothing."""
@@ -164,7 +164,7 @@ class SceneSimulator(Simulator):
 
 
 def _rates(result: Run) -> dict[str, float]:
-    """What limited the step of a run that counts by its duration; its start is left out, for it lasts no time."""
+    """What limited the step of a run; its start is left out."""
     chosen = np.unique(np.linspace(1, len(result.times) - 1, _RATE_STATES).round().astype(int))
     states = [State(float(result.times[k]), result.positions[k], result.velocities[k]) for k in chosen]
     rates = fastest_rates(result.assembly, states, pace=1 / float(result.times[-1] - result.times[0]))
