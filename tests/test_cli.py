@@ -222,7 +222,7 @@ def test_schema_holds_every_parameter(capsys):
         (["run", "{study}"], "--out"),
         (["run", "{study}", "--out", "/proc/nowhere"], "cannot make this directory"),
         (["run", "{study}", "--out", "{file}"], "cannot make this directory"),
-        (["run", "{study}", "--out", "{out}", "--workers", "0"], "at least 1"),
+        (["run", "{study}", "--out", "{out}", "--workers", "-1"], "must be 0 (this process) or more"),
         (["run", "{study}", "--out", "{out}", "--workers", "many"], "--workers"),
         (["plan", "{bad}"], "did you mean 'torque_n_m'"),
         (["query", "{out}", "--variable", "y"], "there is no such file"),

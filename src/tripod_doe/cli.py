@@ -149,7 +149,9 @@ def _add_selection(parser: _Parser, text: str) -> None:
 def _add_run(parser: _Parser, arguments: Sequence[str]) -> None:
     _add_study(parser)
     _add_out(parser)
-    parser.add_argument("--workers", metavar="N", type=int, default=2, help="worker processes (default 2)")
+    parser.add_argument("--workers", metavar="N", type=int,
+                        help="worker processes; 0: compute in this process (default: 0 for studies of a few seconds, "
+                        "else 2)")  # fmt: skip
     parser.add_argument("--scheduler", metavar="ADDRESS", help="address of a running Dask scheduler to use")
     parser.add_argument("--retry-failed", action="store_true", help="run failed points again")
     parser.add_argument("--fail-fast", action="store_true", help="stop at the first point that fails unexpectedly")
@@ -193,8 +195,9 @@ def _add_workflow(parser: _Parser, arguments: Sequence[str]) -> None:
     _add_out(parser)
     parser.add_argument("--only", metavar="STEP", help="run only this step and the steps that it needs")
     parser.add_argument("--quick", action="store_true", help="apply the overrides of [quick]: smaller studies")
-    parser.add_argument("--workers", metavar="N", type=int, default=2,
-                        help="worker processes that all studies share (default 2)")  # fmt: skip
+    parser.add_argument("--workers", metavar="N", type=int,
+                        help="worker processes that all studies share; 0: compute in this process (default: 0 for "
+                        "studies of a few seconds, else 2)")  # fmt: skip
     parser.add_argument("--retry-failed", action="store_true", help="run failed points again")
 
 

@@ -160,15 +160,15 @@ def test_a_smaller_step_needs_something_to_halve(tmp_path, monkeypatch):
 
 
 def test_a_changed_retry_is_another_study(fragile, write_study):
-    assert td.run(write_study(STUDY), fragile / "out", progress=False).good
+    assert td.run(write_study(STUDY), fragile / "out", workers=0, progress=False).good
     with pytest.raises(td.InputError, match=r"run\.retry: .* -> "):
-        td.run(write_study(STUDY.replace(", { method = 1 }", "")), fragile / "out", progress=False)
+        td.run(write_study(STUDY.replace(", { method = 1 }", "")), fragile / "out", workers=0, progress=False)
 
 
 def test_failed_points_run_again_with_their_retries_when_asked(fragile, write_study):
     study = write_study(STUDY.replace(", { method = 1 }", ""))
-    assert td.run(study, fragile / "out", progress=False).failed == {"error": 1}
-    again = td.run(study, fragile / "out", retry_failed=True, progress=False)
+    assert td.run(study, fragile / "out", workers=0, progress=False).failed == {"error": 1}
+    again = td.run(study, fragile / "out", workers=0, retry_failed=True, progress=False)
     assert (again.computed, again.failed) == (1, {"error": 1})
     assert int(td.open_cube(fragile / "out")["attempt"][3]) == 2
 
@@ -185,10 +185,10 @@ def test_a_kill_in_a_retry_loses_nothing_and_changes_nothing(fragile, write_stud
         time.sleep(0.02)
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
-    resumed = td.run(study, fragile / "killed", progress=False)
+    resumed = td.run(study, fragile / "killed", workers=0, progress=False)
     assert resumed.good
     assert resumed.reused > 0
-    assert td.run(study, fragile / "whole", progress=False).good
+    assert td.run(study, fragile / "whole", workers=0, progress=False).good
     names = ["y", "attempt", "step_s_used", "first_outcome", "first_outcome_detail", "outcome"]
     killed, whole = (td.open_cube(fragile / name)[names] for name in ("killed", "whole"))
     xr.testing.assert_identical(killed.drop_attrs(deep=False), whole.drop_attrs(deep=False))

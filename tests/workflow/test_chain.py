@@ -88,7 +88,7 @@ class Bench:
         (self.folder / "chain.toml").write_text(text)
 
     def run(self, **options) -> dict[str, str]:
-        summary = td.run_workflow(self.folder / "chain.toml", self.out, workers=1, progress=False, **options)
+        summary = td.run_workflow(self.folder / "chain.toml", self.out, workers=0, progress=False, **options)
         self.steps = {step.name: step for step in summary.steps}
         self.summary = summary
         return {step.name: step.state for step in summary.steps}
@@ -322,7 +322,7 @@ def test_bad_calls_are_told(bench, capsys):
     chain = str(bench.folder / "chain.toml")
     for words, message in [
         (["nowhere.toml", "--out", "x"], "cannot read the workflow file"),
-        ([chain, "--out", str(bench.out), "--workers", "0"], "at least 1"),
+        ([chain, "--out", str(bench.out), "--workers", "-1"], "must be 0 (this process) or more"),
         ([chain, "--out", "/proc/nowhere"], "cannot make this directory"),
         ([chain], "--out"),
         ([chain, "--out", "x", "--quik"], "did you mean '--quick'"),

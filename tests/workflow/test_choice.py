@@ -18,10 +18,10 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.cli import main
 from tripod_doe.simulator import WORK, BlockResult, Values
-from tripod_doe.study.designs import make_points, point_keys
-from tripod_doe.study.execution import local_workers
+from tripod_doe.study.designs import make_points
 from tripod_doe.study.journal import PILOT, FinishedBlock, Journal
 from tripod_doe.study.pilot import pilot_points, pilot_study
+from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.workflow.choice import describe_choice, first_candidates
 from tripod_doe.workflow.pilot_results import pilot_results
 
@@ -69,9 +69,9 @@ confidence = 0.75
 class Bench:
     """A folder with a function of four candidates, which logs its calls, and studies of it."""
 
-    def __init__(self, folder: Path, scheduler: str) -> None:
-        self.folder, self.scheduler = folder, scheduler
-        self.module = f"wave_{uuid.uuid4().hex}"  # the workers of all tests are the same, and import a name once
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.module = f"wave_{uuid.uuid4().hex}"  # all tests run in one process, which imports a name once
         (folder / f"{self.module}.py").write_text(WAVE)
 
     def write(self, text: str, name: str = "study.toml") -> Path:
@@ -80,23 +80,17 @@ class Bench:
         return path
 
     def run(self, text: str, out: str = "out"):
-        return td.run(self.write(text), self.folder / out, scheduler=self.scheduler, progress=False)
+        return td.run(self.write(text), self.folder / out, workers=0, progress=False)
 
     def calls(self) -> list[str]:
         log = self.folder / "log"
         return log.read_text().splitlines() if log.exists() else []
 
 
-@pytest.fixture(scope="module")
-def scheduler():
-    with local_workers(1) as address:
-        yield address
-
-
 @pytest.fixture
-def wave(tmp_path, monkeypatch, scheduler):
+def wave(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "path", list(sys.path))
-    return Bench(tmp_path, scheduler)
+    return Bench(tmp_path)
 
 
 def test_a_study_runs_on_the_candidates_that_its_pilot_chose(wave):
@@ -209,8 +203,8 @@ def test_points_of_the_pilot_bring_their_retries_and_only_what_the_study_keeps(w
 def test_points_of_the_pilot_bring_their_own_counts(wave, tmp_path):
     """Exact: every array of a block is cut to the rows that the study lacks, in their order."""
     study = td.load_study(wave.write(STUDY))
-    points = replace(make_points(study), chosen={"model": np.zeros(33)})
-    keys = point_keys(study, points)
+    asked = StudyPoints(study, replace(make_points(study), chosen={"model": np.zeros(33)}))
+    keys = asked.keys
     counts = np.arange(5)
     outcome = np.array([0, 0, td.Outcome.ERROR, 0, 0], np.int8)
     names = [f"detail {i}" for i in counts]
@@ -218,7 +212,7 @@ def test_points_of_the_pilot_bring_their_own_counts(wave, tmp_path):
     result = BlockResult(outcome=outcome, detail=names, outputs=y, **dict.fromkeys(WORK, counts))
     with Journal(tmp_path) as journal:
         journal.commit(FinishedBlock(keys[counts], result, 5.0, 10.0, "0"))
-    (block,) = pilot_results(study, points, keys, np.array([7, 4, 2, 1]), tmp_path)
+    (block,) = pilot_results(asked, np.array([7, 4, 2, 1]), tmp_path)
     taken = [1, 4]  # 2 failed, and 7 is not in the pilot
     assert block.keys.tolist() == keys[taken].tolist()
     assert all(getattr(block.result, name).tolist() == taken for name in WORK)
@@ -295,9 +289,9 @@ def test_what_a_study_sets_itself_is_not_chosen(write_study):
     assert own.accuracy.candidates[-1].full
 
 
-def test_the_joint_chooses_its_cheapest_model_where_that_is_enough(write_study, tmp_path, scheduler):
+def test_the_joint_chooses_its_cheapest_model_where_that_is_enough(write_study, tmp_path):
     """4 % on the third order: the balance of forces is within 3 % of the full model from 5 to 15 deg."""
-    assert td.run(write_study(JOINT), tmp_path / "out", scheduler=scheduler, progress=False).good
+    assert td.run(write_study(JOINT), tmp_path / "out", progress=False).good
     cube = td.open_cube(tmp_path / "out")
     words = dict(zip(cube["model_used"].flag_values, cube["model_used"].flag_meanings.split(), strict=True))
     used = [words[flag] for flag in cube["model_used"].values]
@@ -368,17 +362,19 @@ def test_a_chain_chooses_from_a_pilot_of_its_own(wave):
     wave.write(STUDY)
     wave.write(PILOT_STUDY, "pilot.toml")
     chain = wave.write(CHAIN, "chain.toml")
-    done = td.run_workflow(chain, wave.folder / "out", progress=False)
+    done = td.run_workflow(chain, wave.folder / "out", workers=0, progress=False)
     assert done.good, done.steps
     cube = td.open_cube(wave.folder / "out" / "steps" / "map")
     assert set(np.unique(cube["model"])) == {0, 1}
     assert cube.sizes["point"] == 33
-    assert [step.state for step in td.run_workflow(chain, wave.folder / "out", progress=False).steps] == ["reused"] * 3
+    assert [step.state for step in td.run_workflow(chain, wave.folder / "out", workers=0, progress=False).steps] == [
+        "reused"
+    ] * 3
     with pytest.raises(td.InputError, match=r"\[steps\.map\]: table = 'pilots': not one of its inputs"):
         td.run_workflow(
             wave.write(CHAIN.replace('table = "choice"', 'table = "pilots"'), "bad.toml"), wave.folder / "out"
         )
     lame = CHAIN.replace('settings = { study = "study.toml" }', 'settings = { study = "pilot.toml" }')
-    bad = td.run_workflow(wave.write(lame, "lame.toml"), wave.folder / "lame", progress=False)
+    bad = td.run_workflow(wave.write(lame, "lame.toml"), wave.folder / "lame", workers=0, progress=False)
     assert [step.state for step in bad.steps] == ["finished", "failed", "blocked"]
     assert "it names its model" in bad.steps[1].detail

@@ -91,34 +91,31 @@ def calls(folder: Path) -> int:
     return len(log.read_text().splitlines()) if log.exists() else 0
 
 
-def command(folder: Path, name: str) -> list[str]:
+def command(folder: Path, name: str, workers: int) -> list[str]:
     kind = "workflow" if name == "chain" else "run"
-    return [kind, str(folder / f"{name}.toml"), "--out", str(folder / "out"), "--workers", "1"]
+    return [kind, str(folder / f"{name}.toml"), "--out", str(folder / "out"), "--workers", str(workers)]
 
 
 def go_on(folder: Path, name: str) -> None:
     """Run the rest in this process."""
     if name == "chain":
-        assert td.run_workflow(folder / "chain.toml", folder / "out", workers=1, progress=False).good
+        assert td.run_workflow(folder / "chain.toml", folder / "out", workers=0, progress=False).good
     else:
-        assert td.run(folder / f"{name}.toml", folder / "out", workers=1, progress=False).good
+        assert td.run(folder / f"{name}.toml", folder / "out", workers=0, progress=False).good
 
 
 @pytest.mark.parametrize(
-    ("name", "dropped_in", "most"),
+    ("name", "workers", "dropped_in", "most"),
     [
-        ("named", "tripod_doe.study.journal Journal.commit 5", 40),
-        (
-            "auto",
-            "tripod_doe.study.journal Journal.commit 5",
-            18 + 40,
-        ),  # in the pilot, of nine points on two candidates
-        ("chain", "tripod_doe.analysis.choice choose 1", 24 + 40),
+        ("named", 1, "tripod_doe.study.journal Journal.commit 5", 40),
+        ("named", 0, "tripod_doe.study.journal Journal.commit 5", 40),
+        ("auto", 0, "tripod_doe.study.journal Journal.commit 5", 18 + 40),  # in the pilot: nine points on two candidates
+        ("chain", 0, "tripod_doe.analysis.choice choose 1", 24 + 40),
     ],
 )
-def test_an_interrupt_that_python_drops_is_obeyed_all_the_same(folder, name, dropped_in, most):
+def test_an_interrupt_that_python_drops_is_obeyed_all_the_same(folder, name, workers, dropped_in, most):
     """Regression: one that met Dask's callback of the garbage collector was printed, and the study ran to its end."""
-    words = [sys.executable, str(folder / "dropping.py"), *dropped_in.split(), *command(folder, name)]
+    words = [sys.executable, str(folder / "dropping.py"), *dropped_in.split(), *command(folder, name, workers)]
     done = subprocess.run(words, stderr=subprocess.PIPE, text=True, timeout=60)
     assert "Exception ignored in" in done.stderr  # it was dropped
     assert done.returncode == 130, done.stderr
@@ -129,11 +126,11 @@ def test_an_interrupt_that_python_drops_is_obeyed_all_the_same(folder, name, dro
     assert calls(folder) <= most + 2  # lost: the block at work and the one that waited
 
 
-@pytest.mark.parametrize("presses", [1, 2])
-def test_a_background_command_is_interrupted_too_and_a_second_interrupt_ends_it_at_once(folder, presses):
+@pytest.mark.parametrize(("presses", "workers"), [(1, 1), (2, 1), (1, 0), (2, 0)])
+def test_a_background_command_is_interrupted_too_and_a_second_interrupt_ends_it_at_once(folder, presses, workers):
     """A shell without job control starts what stands before an & with interrupts ignored."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "tripod_doe.cli", *command(folder, "named")],
+        [sys.executable, "-m", "tripod_doe.cli", *command(folder, "named", workers)],
         stderr=subprocess.PIPE, text=True, start_new_session=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
     )  # fmt: skip
@@ -154,6 +151,39 @@ def test_a_background_command_is_interrupted_too_and_a_second_interrupt_ends_it_
     assert before < 40
     go_on(folder, "named")
     assert calls(folder) <= 40 + 2
+
+
+SPINNING = """
+import os
+from numba import njit
+@njit(nogil=True)
+def spin(turns):
+    x = 0.5
+    for _ in range(turns):
+        x = 3.9 * x * (1.0 - x)
+    return x
+def spinning(turns):
+    spin(10)
+    open(os.path.join(os.path.dirname(__file__), "log"), "w").write("compiled\\n")
+    return {"x": spin(int(turns))}
+"""
+
+
+def test_an_interrupt_does_not_wait_for_a_kernel_that_runs_in_the_process_of_the_command(folder):
+    """Python holds interrupts back until compiled code returns: this one would after some ten minutes."""
+    (folder / "spinning.py").write_text(SPINNING)
+    text = '[study]\nname = "s"\nfunction = "spinning:spinning"\n[base]\nturns = 300_000_000_000\n'
+    (folder / "spinning.toml").write_text(text)
+    words = [sys.executable, "-m", "tripod_doe.cli", *command(folder, "spinning", workers=0)]
+    process = subprocess.Popen(words, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 100
+    while not calls(folder) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert calls(folder), "the kernel was not reached"
+    process.send_signal(signal.SIGINT)
+    message = process.communicate(timeout=60)[1]
+    assert process.returncode == 130, message
+    assert "interrupted; finished points are kept" in message
 
 
 def _alive(session: int) -> bool:

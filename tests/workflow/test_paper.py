@@ -91,7 +91,7 @@ def test_the_papers_workflow_is_sound(quick):
 def test_a_tiny_workflow_decides_its_claims_and_shows_them(tmp_path):
     path = tmp_path / "tiny.toml"
     path.write_text(TINY.format(studies=(ROOT / "studies").as_posix()))
-    summary = td.run_workflow(path, tmp_path / "out", quick=True, workers=1, progress=False)
+    summary = td.run_workflow(path, tmp_path / "out", quick=True, workers=0, progress=False)
     assert {step.name: step.detail for step in summary.steps if step.state != "finished"} == {}
     table = tmp_path / "out" / "quick" / "claims.json"
     claims = {record["claim"]: record for record in json.loads(table.read_text())["claims"]}
@@ -116,7 +116,7 @@ def test_a_tiny_workflow_decides_its_claims_and_shows_them(tmp_path):
     assert "more evident than the fourth" in section  # the claim stands beside the figure that shows it
     assert "straight line" not in section
     table.unlink()  # a table that went missing is made again
-    again = td.run_workflow(path, tmp_path / "out", quick=True, workers=1, progress=False)
+    again = td.run_workflow(path, tmp_path / "out", quick=True, workers=0, progress=False)
     assert {step.name for step in again.steps if step.state == "finished"} >= {"claims"}
     assert table.exists()
     assert {step.state for step in again.steps if step.name == "cases"} == {"reused"}
@@ -154,7 +154,7 @@ def test_a_study_with_failed_points_leaves_its_claims_open_and_no_others(tmp_pat
     (tmp_path / "frictions.toml").write_text(CASE_2 + "groove_sliding_friction = { values = [0.025, 0.05, 0.1] }\n")
     torques = CASE_2 + "torque_n_m = { values = [25, 50, 100] }\n"
     (tmp_path / "torques.toml").write_text(torques.replace("[factors]", "needle_count = 29\n[factors]"))
-    summary = td.run_workflow(tmp_path / "halved.toml", tmp_path / "out", workers=1, progress=False)
+    summary = td.run_workflow(tmp_path / "halved.toml", tmp_path / "out", workers=0, progress=False)
     assert {step.name: step.state for step in summary.steps} == {
         "frictions": "finished", "torques": "failed", "claims": "finished",
     }  # fmt: skip
@@ -166,5 +166,5 @@ def test_a_study_with_failed_points_leaves_its_claims_open_and_no_others(tmp_pat
     assert claims["third_proportional_to_torque"]["holds"] is None
     assert "jammed" in claims["third_proportional_to_torque"]["reason"]
     (tmp_path / "torques.toml").write_text(torques.replace("[factors]", "needle_count = 30\n[factors]"))
-    again = td.run_workflow(tmp_path / "halved.toml", tmp_path / "out", workers=1, progress=False)
+    again = td.run_workflow(tmp_path / "halved.toml", tmp_path / "out", workers=0, progress=False)
     assert {step.name: step.state for step in again.steps}["claims"] == "blocked"  # that cube is of another study

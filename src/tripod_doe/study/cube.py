@@ -103,7 +103,7 @@ def build_cube(
             name: _shaped(points, (), data, {"units": COST_VARIABLES[name][0], "long_name": COST_VARIABLES[name][1]})
             for name, data in table.costs.items()
         }
-        | {"worker": _shaped(points, (), table.worker, {"long_name": "Dask worker that ran the point"})},
+        | {"worker": _shaped(points, (), table.worker, {"long_name": "process that computed the point"})},
         coords=_coordinates(study, points, {}),
         attrs=attributes | {"title": f"{study.file.study.name}: cost"},
     )

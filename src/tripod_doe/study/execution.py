@@ -1,226 +1,157 @@
-"""Execution of a study's points on Dask: blocks out, finished blocks into the journal, by one writer.
+"""Execution of a study's points: blocks out, finished blocks back, in this process or on worker processes.
 
-Policy (workers, block size, scheduler) decides when and where a point runs, never what it gives.
+Where a point runs, beside which others and in which order never changes what it gives.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Generator
+from typing import TYPE_CHECKING
 
-import dask
 import numpy as np
-from distributed import Client, Future, KilledWorker, LocalCluster, as_completed, get_worker
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.simulator import BlockResult, Outcome
+from tripod_doe.study.block_queue import BlockQueue
 from tripod_doe.study.definition import Study
-from tripod_doe.study.designs import Points
+from tripod_doe.study.executor import Answer, Executor, Lost
 from tripod_doe.study.journal import FinishedBlock
-from tripod_doe.study.task import Task, make_task, matching_simulator, run_task
+from tripod_doe.study.study_points import StudyPoints
+from tripod_doe.study.this_process import ThisProcess
 
-__all__ = ["Policy", "local_workers", "run_blocks"]
+if TYPE_CHECKING:  # Dask takes a second to import, and a small study does without
+    from tripod_doe.study.dask_workers import DaskWorkers
 
-_TARGET_SECONDS = 1.0
-_FIRST_BLOCK = 1  # a point may take seconds; cheap ones are told by the first answer
-_LARGEST_GROWTH = 32
-_SMALLEST_SHARE = 16  # the last blocks shrink to this part of the usual ones
-_IN_FLIGHT = 2  # blocks a worker: one at work, one waiting, so that no worker waits for this process
-_ALLOWED_FAILURES = 2
-_QUIET = {
-    "distributed.scheduler.allowed-failures": _ALLOWED_FAILURES,
-    "distributed.admin.tick.limit": "1h",
-    "distributed.worker.profile.enabled": False,
-    "distributed.comm.timeouts.connect": "30s",
-}
+__all__ = ["Execution"]
+
+_USUAL_WORKERS = 2
+_WORTH_WORKERS = 8.0  # seconds of work left: twice what two worker processes take to start
 
 
-@dataclass(frozen=True)
-class Policy:
-    """How a study runs.
+class Execution:
+    """Where the studies of one command run; its worker processes are started when a study first needs them.
+
+    Parameters
+    ----------
+    workers
+        Worker processes; 0 runs everything in this process; None takes this process where that is done sooner, and
+        two worker processes otherwise.
+    scheduler
+        Address of an existing Dask scheduler to use instead of own workers.
 
     Attributes
     ----------
-    workers
-        Worker processes of the local cluster, one thread each.
-    scheduler
-        Address of an existing Dask scheduler, used in place of a local cluster.
-    block
-        Points a task; sized for about a second of work unless given.
-    exclusive
-        One block at a time.
+    seconds
+        Wall time in which blocks of the latest study were at work: neither compilation nor the start of workers.
+
+    Raises
+    ------
+    InputError
+        If these cannot be used.
     """
 
-    workers: int = 2
-    scheduler: str | None = None
-    block: int | None = None
-    exclusive: bool = False
+    def __init__(self, workers: int | None = None, scheduler: str | None = None) -> None:
+        if workers is not None and workers < 0:
+            raise InputError(f"--workers {workers}: must be 0 (this process) or more")
+        if workers == 0 and scheduler:
+            raise InputError(f"--workers 0 runs in this process: leave out --scheduler {scheduler}")
+        self._wanted, self._scheduler = workers, scheduler
+        self._dask: DaskWorkers | None = None
+        self.seconds = 0.0
 
+    def __enter__(self) -> Execution:
+        return self
 
-def _get_ready(*what: Any) -> None:
-    """Import and compile on a worker before its first block."""
-    matching_simulator(*what)
+    def __exit__(self, *exception: object) -> None:
+        if self._dask:
+            self._dask.close()
 
+    def run(
+        self, asked: StudyPoints, missing: NDArray[np.int64], careful: bool = False
+    ) -> Generator[FinishedBlock, None, None]:
+        """Run points in blocks and give each finished block, in the order in which they finish.
 
-def _on_worker(task: Task) -> tuple[BlockResult, float, float, str]:
-    """Run a task on a worker; its name goes with the results."""
-    return *run_task(task), str(get_worker().name)
+        Parameters
+        ----------
+        asked
+            The study and its points.
+        missing
+            Indices of the points to run.
+        careful
+            Run nothing in this process, unless that is asked for: some point may take it down.
 
+        Notes
+        -----
+        Kernels are compiled once, in this process, while the workers import what they need; workers then load them.
+        A block that takes down its process (three times, for a worker) is halved until the point that does it stands
+        alone; that point is worker_lost. In this process that only holds for a point that asks Python to exit: a
+        crash ends the command, and the next run of the study is careful.
+        """
+        self.seconds = 0.0
+        study = asked.study
+        queue = BlockQueue(missing, study.file.run.block)
+        here = self._starts_here(careful or study.file.study.function is not None)
+        if not here:
+            self._workers.start(study)
+        study.simulator.prepare(asked.columns(missing))
+        if here:
+            yield from self._empty(queue, asked, ThisProcess(), lambda: self._goes_on_here(study, queue))
+        if len(queue):
+            yield from self._empty(queue, asked, self._workers.executor(study))
 
-@contextmanager
-def local_workers(count: int) -> Iterator[str]:
-    """A local cluster of single-threaded processes, gone at the end; gives its scheduler's address.
+    def _starts_here(self, risky: bool) -> bool:
+        """Whether the first points of a study run in this process."""
+        if self._wanted is None and not self._scheduler:
+            return not risky
+        return self._wanted == 0
 
-    Parameters
-    ----------
-    count
-        Worker processes.
-    """
-    with (
-        dask.config.set(_QUIET),
-        LocalCluster(
-            n_workers=count,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address="127.0.0.1:0",  # another run may have the default port
-            silence_logs=50,
-            memory_limit=0,
-            preload=["tripod_doe.study.worker"],
-        ) as cluster,
-    ):
-        yield str(cluster.scheduler_address)
+    def _goes_on_here(self, study: Study, queue: BlockQueue) -> bool:
+        """Whether the next points run in this process: until the workers that are worth starting have started."""
+        if self._wanted == 0 or study.file.run.exclusive or queue.seconds_left < _WORTH_WORKERS:
+            return True
+        self._workers.start(study)
+        return not self._workers.ready
 
-
-@contextmanager
-def _client(policy: Policy) -> Iterator[Client]:
-    """A client of the existing scheduler, or of a local cluster of its own."""
-    with dask.config.set(_QUIET):
-        if policy.scheduler:
-            try:
-                client = Client(policy.scheduler, timeout=5)
-            except (OSError, ValueError) as error:
-                raise InputError(f"--scheduler {policy.scheduler}: no Dask scheduler answers there") from error
-            with client:
-                yield client
-            return
-        with local_workers(policy.workers) as address, Client(address) as client:
-            yield client
-
-
-def run_blocks(
-    study: Study,
-    points: Points,
-    keys: NDArray[np.void],
-    missing: NDArray[np.int64],
-    policy: Policy,
-    commit: Callable[[FinishedBlock], bool],
-) -> float:
-    """Run the missing points in blocks and hand every finished block to `commit`.
-
-    Parameters
-    ----------
-    study, points
-        What to run.
-    keys
-        Fingerprints of all points.
-    missing
-        Indices of the points to run.
-    policy
-        How to run them.
-    commit
-        Called in this thread for every finished block, in the order in which they finish; False stops the run.
-
-    Returns
-    -------
-    float
-        Wall seconds from the first block sent to the last one committed, the start of the workers not counted.
-
-    Notes
-    -----
-    A worker that dies is replaced and its block runs elsewhere. A block that takes down three workers is halved until
-    the point that does it stands alone; that point is recorded as worker_lost.
-    """
-    columns = {name: column[missing] for name, column in points.settings.items()}
-    study.simulator.prepare(study.simulator.columns(study.base, columns, missing.size))  # once for all workers
-    queue = _Queue(missing, policy.block)
-    with _client(policy) as client:
-        table = study.file.study
-        client.run(_get_ready, table.scene, table.function, str(study.folder), study.simulator.source_hash)
-        workers = max(len(client.nthreads()), 1)
-        slots = 1 if policy.exclusive else _IN_FLIGHT * workers
-        running: dict[Future, NDArray[np.int64]] = {}
-        completed = as_completed()
-
-        def submit() -> None:
-            while len(running) < slots and (chosen := queue.take(slots)) is not None:
-                future = client.submit(_on_worker, make_task(study, points, chosen), pure=False)
-                running[future] = chosen
-                completed.add(future)
-
-        started = time.perf_counter()
-        submit()
-        for future in completed:
-            chosen = running.pop(future)
-            block = _finished(future, keys[chosen])
-            future.release()
-            if block is None:
-                queue.halve(chosen)
-            else:
-                queue.learn(block.wall_seconds, chosen.size)
-                if not commit(block):
-                    client.cancel(list(running))
+    def _empty(
+        self, queue: BlockQueue, asked: StudyPoints, executor: Executor, go_on: Callable[[], bool] = lambda: True
+    ) -> Generator[FinishedBlock, None, None]:
+        """Run what waits in a queue on one executor, as long as it may go on there."""
+        busy, started = 0, time.perf_counter()
+        try:
+            while True:
+                while busy < executor.slots and go_on() and (block := queue.take(executor.slots)) is not None:
+                    executor.submit(block, asked.task(block))
+                    busy += 1
+                if not busy:
                     break
-            check_interrupt()
-            submit()
-        return time.perf_counter() - started
+                block, answer = executor.next_finished()
+                busy -= 1
+                if isinstance(answer, Lost) and block.size > 1:
+                    queue.halve(block)
+                    continue
+                finished = _finished_block(asked.keys[block], answer)
+                queue.learn(finished.wall_seconds, block.size)
+                yield finished
+                check_interrupt()
+        finally:
+            executor.close()
+            self.seconds += time.perf_counter() - started
+
+    @property
+    def _workers(self) -> DaskWorkers:
+        if self._dask is None:
+            from tripod_doe.study.dask_workers import DaskWorkers
+
+            self._dask = DaskWorkers(self._wanted or _USUAL_WORKERS, self._scheduler)
+        return self._dask
 
 
-def _finished(future: Future, keys: NDArray[np.void]) -> FinishedBlock | None:
-    """The block of a future; None where it killed its workers and should be halved."""
-    error = future.exception()
-    if error is None:
-        result, cpu, wall, worker = future.result()
-        return FinishedBlock(keys, result, cpu, wall, worker)
-    if isinstance(error, KilledWorker):
-        if keys.size > 1:
-            return None
-        detail = f"{_ALLOWED_FAILURES + 1} worker processes died on this point"
-        lost = BlockResult.blank(1, Outcome.WORKER_LOST, detail, simulated_seconds=np.nan)
-        return FinishedBlock(keys, lost, 0.0, 0.0, "")
-    raise error
-
-
-class _Queue:
-    """Points that wait, cut into blocks that last about a second each."""
-
-    def __init__(self, missing: NDArray[np.int64], block: int | None) -> None:
-        self._waiting = missing
-        self._returned: list[NDArray[np.int64]] = []
-        self._fixed = block
-        self._size = block or _FIRST_BLOCK
-
-    def take(self, slots: int) -> NDArray[np.int64] | None:
-        """The next block, None when nothing waits; the last blocks are small so that all workers end together."""
-        if self._returned:
-            return self._returned.pop()
-        if self._waiting.size == 0:
-            return None
-        share = -(-self._waiting.size // slots)
-        size = self._fixed or max(min(self._size, share), self._size // _SMALLEST_SHARE, 1)
-        block, self._waiting = self._waiting[:size], self._waiting[size:]
-        return block
-
-    def halve(self, chosen: NDArray[np.int64]) -> None:
-        """Put a block back as two halves."""
-        self._returned.extend(half for half in np.array_split(chosen, 2) if half.size)
-
-    def learn(self, seconds: float, count: int) -> None:
-        """Size the next blocks by what this one took."""
-        if self._fixed is None and count:
-            wanted = _TARGET_SECONDS * count / max(seconds, 1e-6)
-            self._size = int(min(max(wanted, 1), _LARGEST_GROWTH * max(self._size, count)))
+def _finished_block(keys: NDArray[np.void], answer: Answer | Lost) -> FinishedBlock:
+    """A block as the journal keeps it, with its one point flagged if that took down its process."""
+    if isinstance(answer, Answer):
+        return FinishedBlock(keys, answer.result, answer.cpu_seconds, answer.wall_seconds, answer.worker)
+    lost = BlockResult.blank(1, Outcome.WORKER_LOST, answer.reason, simulated_seconds=np.nan)
+    return FinishedBlock(keys, lost, 0.0, 0.0, "")

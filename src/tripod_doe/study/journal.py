@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import fcntl
 import io
 import json
-import os
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.errors import CubeError, InputError, StorageError
+from tripod_doe.errors import CubeError, StorageError
 from tripod_doe.simulator import WORK, BlockResult, Retries, Values
 
 __all__ = ["PILOT", "FinishedBlock", "Journal"]
@@ -50,7 +48,7 @@ class FinishedBlock:
     cpu_seconds, wall_seconds
         Of the whole block.
     worker
-        Where it ran, `PILOT` if before the study was chosen.
+        Name of the process in which it ran; `PILOT` for what the study's pilot ran.
     """
 
     keys: NDArray[np.void]
@@ -61,33 +59,21 @@ class FinishedBlock:
 
 
 class Journal:
-    """Finished blocks of one result directory. One process at a time may hold it open for writing.
+    """Finished blocks of one result directory, and notes about them.
 
     Parameters
     ----------
     directory
-        The result directory; it must exist.
+        The result directory; it must exist. Whoever writes must hold it, see `ResultDirectory`.
 
     Raises
     ------
-    InputError
-        If another run holds it, or it cannot be written.
     CubeError
         If the file is not a journal.
     """
 
     def __init__(self, directory: Path) -> None:
         self.path = directory / "journal.sqlite"
-        try:
-            self._lock = os.open(directory / ".lock", os.O_CREAT | os.O_RDWR)
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            os.close(self._lock)
-            raise InputError(
-                f"{directory}: another run is writing here; wait for it or choose another --out"
-            ) from error
-        except OSError as error:
-            raise InputError(f"{directory}: cannot write here: {error.strerror}; choose another --out") from error
         self._connection = sqlite3.connect(self.path)
         try:
             self._connection.execute("PRAGMA journal_mode = WAL")
@@ -100,9 +86,8 @@ class Journal:
             ) from error
 
     def close(self) -> None:
-        """Give the directory free."""
+        """Close the file."""
         self._connection.close()
-        os.close(self._lock)
 
     def __enter__(self) -> Journal:
         return self

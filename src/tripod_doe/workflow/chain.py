@@ -1,8 +1,9 @@
 """Run a workflow: one Dask graph of its steps, in the order of what they need; finished steps are not run again.
 
-The graph runs in this process, one step at a time, while the blocks of a study step run on one cluster of worker
-processes that all study steps share. So never more than `workers` processes work, whatever the chain looks like: while
-workers are busy this process waits for them, and while it analyses or draws they are idle.
+The graph runs in this process, one step at a time. The points of small studies are computed in it as well, those of
+larger ones on worker processes that all study steps share, see `tripod_doe.study.execution`. So never more than
+`workers` processes work, whatever the chain looks like: while workers are busy this process waits for them, and while
+it analyses or draws they are idle.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ import json
 import sys
 import time
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,11 +25,12 @@ from tripod_doe.interrupts import check_interrupt
 from tripod_doe.report.chain import chain_page, step_page, write_charts
 from tripod_doe.report.figures.chain import StepView
 from tripod_doe.report.figures.registry import FIGURES
-from tripod_doe.study.execution import local_workers
+from tripod_doe.study.directory import make_directory
+from tripod_doe.study.execution import Execution
 from tripod_doe.study.netcdf import open_cube, stamp_history, write_dataset
 from tripod_doe.workflow.definition import Step, Workflow, fed_study, load_workflow
 from tripod_doe.workflow.file import AnalysisStep, FigureStep, ReportStep, StudyStep
-from tripod_doe.workflow.run import run
+from tripod_doe.workflow.run import run_on
 
 __all__ = ["WorkflowSummary", "run_workflow"]
 
@@ -65,7 +66,7 @@ def run_workflow(
     out: str | Path,
     only: str | None = None,
     quick: bool = False,
-    workers: int = 2,
+    workers: int | None = None,
     retry_failed: bool = False,
     progress: bool = True,
 ) -> WorkflowSummary:
@@ -86,7 +87,7 @@ def run_workflow(
     quick
         Apply the overrides of [quick].
     workers
-        Worker processes that all study steps share.
+        Worker processes that all study steps share, started by the first that needs them; see `run`.
     retry_failed
         Run points again that failed before.
     progress
@@ -101,15 +102,9 @@ def run_workflow(
     """
     workflow = load_workflow(path, quick)
     wanted = list(workflow.steps) if only is None else workflow.needed_for(only)
-    if workers < 1:
-        raise InputError(f"--workers {workers}: at least 1 is needed")
-    directory = Path(out)
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--out {directory}: cannot make this directory: {error.strerror}") from error
-    with ExitStack() as stack:
-        chain = _Chain(workflow, directory, workers, retry_failed, progress, stack)
+    with Execution(workers) as execution:
+        directory = make_directory(out)
+        chain = _Chain(workflow, directory, execution, retry_failed, progress)
         views = chain.run(wanted)
     for name in workflow.steps.keys() - views.keys():
         views[name] = chain.recorded(workflow.steps[name]) or chain.view(workflow.steps[name], "not asked")
@@ -142,11 +137,11 @@ class _Chain:
     """One run of a workflow: where its steps lie, and the workers that its studies share."""
 
     def __init__(
-        self, workflow: Workflow, directory: Path, workers: int, retry_failed: bool, progress: bool, stack: ExitStack
+        self, workflow: Workflow, directory: Path, execution: Execution, retry_failed: bool, progress: bool
     ) -> None:
         self.workflow, self.directory = workflow, directory
         self.retry_failed, self.progress = retry_failed, progress
-        self._workers, self._stack, self._scheduler = workers, stack, ""
+        self._execution = execution
 
     def run(self, wanted: list[str]) -> dict[str, StepView]:
         """Run these steps as one Dask graph; each task gets the views of the steps that it needs."""
@@ -238,21 +233,12 @@ class _Chain:
         assert study is not None
         if source:
             study = fed_study(study, open_cube(self.folder(source)), source)
-        summary = run(
-            study, self.folder(step.name), self._workers, self._shared_workers(), self.retry_failed,
-            progress=self.progress,
-        )  # fmt: skip
+        summary = run_on(self._execution, study, self.folder(step.name), self.retry_failed, progress=self.progress)
         if not summary.good:
             reasons = [f"{count:,} points ended as {label}" for label, count in summary.failed.items()]
             reasons += [f"analysis {name}: {reason}" for name, reason in summary.analyses.items() if reason]
             raise InputError("; ".join(reasons) or "not all points were run")
         return f"{summary.computed + summary.reused:,} points"
-
-    def _shared_workers(self) -> str:
-        """Address of the cluster that all study steps share, started by the first that needs it."""
-        if not self._scheduler:
-            self._scheduler = self._stack.enter_context(local_workers(self._workers))
-        return self._scheduler
 
     def _analyse(self, step: Step) -> str:
         cubes = self._cubes(step)

@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.simulator import Outcome
-from tripod_doe.study.definition import Study
-from tripod_doe.study.designs import Points
 from tripod_doe.study.journal import PILOT, FinishedBlock, Journal
 from tripod_doe.study.retry import untried
+from tripod_doe.study.study_points import StudyPoints
 
 __all__ = ["finished_in_pilot", "pilot_results"]
 
@@ -33,23 +32,20 @@ def finished_in_pilot(directory: Path) -> NDArray[np.void]:
     return np.concatenate([np.array([], "V16"), *keys])
 
 
-def pilot_results(
-    study: Study, points: Points, keys: NDArray[np.void], missing: NDArray[np.int64], directory: Path
-) -> Iterator[FinishedBlock]:
+def pilot_results(asked: StudyPoints, missing: NDArray[np.int64], directory: Path) -> Iterator[FinishedBlock]:
     """Those of a study's missing points that its pilot finished, as blocks of the study.
 
     Parameters
     ----------
-    study, points
+    asked
         The study, with what was chosen for its points.
-    keys
-        Fingerprints of all points.
     missing
         Indices of the points that are to be run, each different one once.
     directory
         The pilot's result directory.
     """
-    waiting = {keys[index].tobytes(): int(index) for index in missing}
+    study = asked.study
+    waiting = {asked.keys[index].tobytes(): int(index) for index in missing}
     for block in _blocks(directory):
         found = [
             (row, waiting.pop(key.tobytes()))
@@ -58,9 +54,8 @@ def pilot_results(
         ]
         if found:
             rows, indices = np.array(found).T
-            columns = {name: column[indices] for name, column in points.settings.items()}
-            full = study.simulator.columns(study.base, columns, indices.size)
-            result = untried(study.simulator, full, block.result.take(rows, study.keep), study.retry)
+            part = block.result.take(rows, study.keep)
+            result = untried(study.simulator, asked.columns(indices), part, study.retry)
             share = rows.size / block.keys.size
             yield FinishedBlock(block.keys[rows], result, block.cpu_seconds * share, block.wall_seconds * share, PILOT)
 

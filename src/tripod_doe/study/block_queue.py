@@ -1,0 +1,64 @@
+"""The points of a study that wait to be computed, cut into blocks that last about a second each."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["BlockQueue"]
+
+_TARGET_SECONDS = 1.0
+_FIRST_BLOCK = 1  # a point may take seconds; how cheap points are is known from the first answer
+_LARGEST_GROWTH = 32
+_SMALLEST_SHARE = 16  # the last blocks shrink to this part of the usual ones
+_FAIR_SAMPLE_SECONDS = 0.2  # a shorter block is mostly overhead, and says little about the price of a point
+
+
+class BlockQueue:
+    """Points that wait.
+
+    Parameters
+    ----------
+    waiting
+        Indices of the points.
+    block
+        Points per block; None sizes the blocks by what the finished ones took.
+    """
+
+    def __init__(self, waiting: NDArray[np.int64], block: int | None = None) -> None:
+        self._waiting = waiting
+        self._returned: list[NDArray[np.int64]] = []
+        self._fixed = block
+        self._size = block or _FIRST_BLOCK
+        self._seconds_per_point: float | None = None
+
+    def __len__(self) -> int:
+        return self._waiting.size + sum(block.size for block in self._returned)
+
+    def take(self, slots: int) -> NDArray[np.int64] | None:
+        """The next block, None when nothing waits; the last ones are small, so that all slots become free together."""
+        if self._returned:
+            return self._returned.pop()
+        if self._waiting.size == 0:
+            return None
+        share = -(-self._waiting.size // slots)
+        size = self._fixed or max(min(self._size, share), self._size // _SMALLEST_SHARE, 1)
+        block, self._waiting = self._waiting[:size], self._waiting[size:]
+        return block
+
+    def halve(self, block: NDArray[np.int64]) -> None:
+        """Put a block back as two halves."""
+        self._returned.extend(half for half in np.array_split(block, 2) if half.size)
+
+    def learn(self, seconds: float, count: int) -> None:
+        """Size the next blocks by what one of so many points took."""
+        if seconds >= _FAIR_SAMPLE_SECONDS:
+            self._seconds_per_point = seconds / count
+        if self._fixed is None and seconds > 0:
+            wanted = _TARGET_SECONDS * count / seconds
+            self._size = int(min(max(wanted, 1), _LARGEST_GROWTH * max(self._size, count)))
+
+    @property
+    def seconds_left(self) -> float:
+        """Estimated time of the points that wait, in one process; 0 as long as no block was long enough to tell."""
+        return len(self) * (self._seconds_per_point or 0.0)

@@ -1,0 +1,205 @@
+"""The result directory of a study: held by one process, filled block by block, turned into cube and costs.
+
+``study.toml`` is the study whose results are here, ``journal.sqlite`` its finished blocks, ``cube.nc`` and ``cost.nc``
+what was made of them. Nothing else needs to be there to go on.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.atomic_files import replace_text
+from tripod_doe.errors import InputError
+from tripod_doe.study.cube import build_cube
+from tripod_doe.study.definition import Study, canonical, parse_study
+from tripod_doe.study.journal import FinishedBlock, Journal
+from tripod_doe.study.netcdf import stamp_history, write_dataset
+from tripod_doe.study.plan import cube_bytes
+from tripod_doe.study.study_points import StudyPoints
+
+__all__ = ["ResultDirectory", "make_directory"]
+
+_SPARE_BYTES = 20_000_000
+_KERNELS, _COMPUTING = "kernel_source_hash", "computing"  # notes in the journal
+
+
+def make_directory(path: str | Path) -> Path:
+    """Make a directory for results if it is not there.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made.
+    """
+    path = Path(path)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {path}: cannot make this directory: {error.strerror}") from error
+    return path
+
+
+class ResultDirectory:
+    """The results of one study, held by this process until it is closed.
+
+    Parameters
+    ----------
+    path
+        The directory; made if it is not there.
+
+    Raises
+    ------
+    InputError
+        If another process holds it, or it cannot be written.
+    CubeError
+        If its journal is damaged.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = make_directory(path)
+        self._lock = _lock(self.path)
+        try:
+            self._journal = Journal(self.path)
+        except BaseException:
+            os.close(self._lock)
+            raise
+
+    def __enter__(self) -> ResultDirectory:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Release the directory for other processes."""
+        self._journal.close()
+        os.close(self._lock)
+
+    def refuse_changes(self, study: Study, keys: NDArray[np.void], done: NDArray[np.void] | None = None) -> None:
+        """Refuse a study that is not the one whose results are here, unless it only grew.
+
+        Parameters
+        ----------
+        study, keys
+            The study, and fingerprints of its points.
+        done
+            Fingerprints of the points for which there are results; those in the journal if omitted.
+
+        Raises
+        ------
+        InputError
+            With every key that changed, its old and its new value.
+        """
+        stored, done = self.path / "study.toml", self._journal.keys() if done is None else done
+        if done.size == 0 or not stored.exists():
+            return
+        kernels = self._journal.recall(_KERNELS)
+        if kernels != study.simulator.source_hash:
+            raise InputError(
+                f"{self.path}: its points were computed by another version of the kernels ({kernels}, now "
+                f"{study.simulator.source_hash}); choose another --out"
+            )
+        old = canonical(parse_study(stored.read_text(encoding="utf-8"), str(stored), study.folder))
+        new = canonical(study)
+        grew = bool(np.isin(done, keys).all())
+        changed = sorted(key for key in old.keys() | new.keys() if old.get(key) != new.get(key))
+        if grew and not any(key.startswith(("keep", "run")) for key in changed):
+            return
+        listed = [f"  {key}: {old.get(key, 'not set')} -> {new.get(key, 'not set')}" for key in changed]
+        raise InputError(
+            f"{study.origin}: the study changed under the results in {self.path}; choose another --out, or take back\n"
+            + "\n".join(listed or ["  the points of the table"])
+        )
+
+    def check_space(self, asked: StudyPoints) -> None:
+        """Refuse (InputError) to start where journal and cube will not fit on the disk."""
+        needed = _SPARE_BYTES + 2 * (cube_bytes(asked.study, asked.points) or 0)
+        free = shutil.disk_usage(self.path).free
+        if free < needed:
+            raise InputError(
+                f"--out {self.path}: {free / 1e6:.1f} MB free, but journal and cube need {needed / 1e6:.1f} MB; "
+                "keep fewer outputs or choose another --out"
+            )
+
+    def adopt(self, study: Study) -> None:
+        """Make this the study whose results are here."""
+        self._journal.remember(_KERNELS, study.simulator.source_hash)
+        replace_text(self.path / "study.toml", study.text)
+
+    def missing(self, asked: StudyPoints, retry_failed: bool = False) -> NDArray[np.int64]:
+        """Indices of the points to compute, each different one once.
+
+        Parameters
+        ----------
+        asked
+            What is asked for.
+        retry_failed
+            Whether points whose last outcome is a failure are missing too.
+        """
+        if not retry_failed:
+            return asked.without(self._journal.keys())
+        last: dict[bytes, int] = {}
+        for block in self._journal.blocks():
+            last |= {key.tobytes(): int(o) for key, o in zip(block.keys, block.result.outcome, strict=True)}
+        good = [key for key, outcome in last.items() if outcome in asked.good_outcomes]
+        return asked.without(np.frombuffer(b"".join(good), dtype="V16"))
+
+    def commit(self, block: FinishedBlock) -> None:
+        """Store a finished block; when this returns, no kill can lose it."""
+        self._journal.commit(block)
+
+    @contextmanager
+    def computing(self) -> Iterator[bool]:
+        """Surround the computing of points; gives whether an earlier process died while it computed here.
+
+        So a point that takes down its process does not do so each time the study is run again.
+        """
+        died = self._journal.recall(_COMPUTING) == "yes"
+        self._journal.remember(_COMPUTING, "yes")
+        try:
+            yield died
+        finally:
+            self._journal.remember(_COMPUTING, "no")
+
+    def write_cube(self, asked: StudyPoints, action: str) -> xr.Dataset:
+        """Make cube and costs from all finished blocks, write them, and return the cube.
+
+        Parameters
+        ----------
+        asked
+            What the cube shows.
+        action
+            What was done, for the history of the files.
+
+        Raises
+        ------
+        StorageError
+            If they cannot be written; older ones stay.
+        """
+        cube, cost = build_cube(asked.study, asked.points, asked.keys, self._journal.blocks())
+        write_dataset(stamp_history(cost, action), self.path / "cost.nc")
+        write_dataset(stamp_history(cube, action), self.path / "cube.nc")
+        return cube
+
+
+def _lock(path: Path) -> int:
+    """Hold a directory for this process; the system ends it with the process, however that ends."""
+    try:
+        lock = os.open(path / ".lock", os.O_CREAT | os.O_RDWR)
+    except OSError as error:
+        raise InputError(f"{path}: cannot write here: {error.strerror}; choose another --out") from error
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        os.close(lock)
+        raise InputError(f"{path}: another run is writing here; wait for it or choose another --out") from error
+    return lock

@@ -1,0 +1,83 @@
+"""What is asked of a result directory: a study with all its points, each known by the fingerprint of its parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.simulator import Outcome
+from tripod_doe.study.definition import Study
+from tripod_doe.study.designs import Points, point_keys
+from tripod_doe.study.task import Task, make_task
+
+__all__ = ["StudyPoints"]
+
+
+@dataclass(frozen=True)
+class StudyPoints:
+    """A study and its points.
+
+    Attributes
+    ----------
+    study, points
+        The study and all points of its design.
+    """
+
+    study: Study
+    points: Points
+
+    @cached_property
+    def keys(self) -> NDArray[np.void]:
+        """Fingerprints of all points, shape (point,), 16 bytes each."""
+        return point_keys(self.study, self.points)
+
+    @property
+    def wanted_keys(self) -> NDArray[np.void]:
+        """Fingerprints of the points that no constraint excludes; a repeated point stands more than once."""
+        return self.keys[self.points.allowed]
+
+    @property
+    def different(self) -> int:
+        """Number of points to compute: a repeated one counts once, an excluded one not at all."""
+        return int(np.unique(self.wanted_keys).size)
+
+    @property
+    def good_outcomes(self) -> frozenset[int]:
+        """Outcomes that do not count as failures: finished, and those that the study expects."""
+        expected = self.study.file.run.expected_outcomes
+        return frozenset(int(o) for o in Outcome if o is Outcome.FINISHED or o.label in expected)
+
+    def without(self, done: NDArray[np.void]) -> NDArray[np.int64]:
+        """Indices of the points to compute, each different one once, without those whose fingerprints are done."""
+        _, first = np.unique(self.keys, return_index=True)
+        first = np.sort(first)
+        return first[self.points.allowed[first] & ~np.isin(self.keys[first], done)]
+
+    def columns(self, chosen: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
+        """All parameters of some points, each of shape (len(chosen),)."""
+        varied = {name: column[chosen] for name, column in self.points.settings.items()}
+        return self.study.simulator.columns(self.study.base, varied, chosen.size)
+
+    def task(self, chosen: NDArray[np.int64]) -> Task:
+        """The task that simulates some points."""
+        return make_task(self.study, self.points, chosen)
+
+    def failures(self, outcome: NDArray[np.int8]) -> Mapping[str, int]:
+        """Points of a cube whose outcome is not good, counted by its label.
+
+        Parameters
+        ----------
+        outcome
+            Outcomes over the dimensions of the cube.
+        """
+        found = outcome.ravel()[self.points.allowed]
+        return {
+            kind.label: int((found == kind).sum())
+            for kind in Outcome
+            if int(kind) not in self.good_outcomes and (found == kind).any()
+        }

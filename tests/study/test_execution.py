@@ -1,0 +1,175 @@
+"""Where points run: here, or on workers that start while this process goes on; never does it change what they give."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import tripod_doe as td
+from tripod_doe.study import dask_workers, execution
+from tripod_doe.study.block_queue import BlockQueue
+from tripod_doe.study.cube import build_cube
+from tripod_doe.study.definition import parse_study
+from tripod_doe.study.designs import make_points
+from tripod_doe.study.execution import Execution
+from tripod_doe.study.study_points import StudyPoints
+from tripod_doe.study.this_process import ThisProcess
+
+STUDY = """
+[study]
+name = "plates"
+scene = "needle-between-plates"
+[base]
+duration_s = 0.001
+[factors.friction_a]
+low = 0.01
+high = 0.05
+count = 12
+[run]
+block = 2
+"""
+
+
+class OtherProcess(ThisProcess):
+    """Stands for a worker process."""
+
+    def next_finished(self):
+        block, answer = super().next_finished()
+        return block, type(answer)(answer.result, answer.cpu_seconds, answer.wall_seconds, "worker")
+
+
+class SlowStart:
+    """Workers that are ready when they have been looked at so many times."""
+
+    looks = 2
+    started = 0
+
+    def __init__(self, count, scheduler):
+        self.count, self.scheduler, self.left = count, scheduler, self.looks
+        SlowStart.started += 1
+
+    def start(self, study):
+        pass
+
+    @property
+    def ready(self):
+        self.left -= 1
+        return self.left < 0
+
+    def executor(self, study):
+        return OtherProcess()
+
+    def close(self):
+        pass
+
+
+@pytest.fixture
+def workers(monkeypatch):
+    monkeypatch.setattr(dask_workers, "DaskWorkers", SlowStart)
+    monkeypatch.setattr(SlowStart, "started", 0)
+    return SlowStart
+
+
+def asked(text=STUDY):
+    study = parse_study(text)
+    return StudyPoints(study, make_points(study))
+
+
+def computed(points, **options):
+    """The cube, and which process computed each block."""
+    with Execution(**options) as place:
+        blocks = list(place.run(points, points.without(np.array([], "V16"))))
+    cube, _ = build_cube(points.study, points.points, points.keys, iter(blocks))
+    return cube, [block.worker for block in blocks]
+
+
+def test_a_small_study_starts_no_workers(workers):
+    assert set(computed(asked())[1]) == {"main process"}
+    assert workers.started == 0
+
+
+def test_a_longer_study_goes_on_here_until_its_workers_have_started(workers, monkeypatch):
+    alone, _ = computed(asked(), workers=0)
+    monkeypatch.setattr(execution, "_WORTH_WORKERS", 0.0)
+    cube, places = computed(asked())
+    assert places == ["main process"] * 2 + ["worker"] * 4
+    assert workers.started == 1
+    xr.testing.assert_identical(cube, alone)
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "place"),
+    [
+        (STUDY, {"workers": 0}, "main process"),
+        (STUDY + "exclusive = true\n", {}, "main process"),  # one block at a time: workers would not help
+        (STUDY, {"workers": 1}, "worker"),
+        (STUDY, {"scheduler": "tcp://somewhere:1"}, "worker"),
+    ],
+)
+def test_who_asks_for_a_place_gets_it(workers, monkeypatch, text, options, place):
+    monkeypatch.setattr(execution, "_WORTH_WORKERS", 0.0)
+    assert set(computed(asked(text), **options)[1]) == {place}
+
+
+def test_a_function_may_crash_so_it_runs_in_worker_processes(workers, tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "any_function.py").write_text("def f(x):\n    return {'y': x}\n")
+    text = '[study]\nname="f"\nfunction="any_function:f"\n[factors.x]\nvalues=[1, 2]\n'
+    assert set(computed(asked(text))[1]) == {"worker"}
+    assert set(computed(asked(text), workers=0)[1]) == {"main process"}
+
+
+def test_kernels_are_prepared_once_and_while_the_workers_start(workers, monkeypatch):
+    """One process compiles; what the workers import meanwhile is not waited for."""
+    points, events = asked(), []
+    kind = type(points.study.simulator)
+    prepare = kind.prepare
+    monkeypatch.setattr(SlowStart, "start", lambda self, study: events.append("start"))
+    monkeypatch.setattr(SlowStart, "executor", lambda self, study: events.append("wait") or OtherProcess())
+    monkeypatch.setattr(kind, "prepare", lambda self, columns: events.append("prepare") or prepare(self, columns))
+    computed(points, workers=2)
+    assert events[:3] == ["start", "prepare", "wait"]
+
+
+def test_places_that_cannot_be_used_are_refused():
+    with pytest.raises(td.InputError, match=r"--workers -1: must be 0 \(this process\) or more"):
+        Execution(-1)
+    with pytest.raises(td.InputError, match="leave out --scheduler tcp://somewhere:1"):
+        Execution(0, "tcp://somewhere:1")
+
+
+def test_what_a_simulator_raises_reaches_the_caller(monkeypatch):
+    points = asked()
+
+    def broken(self, columns, keep):
+        raise MemoryError("no room")
+
+    monkeypatch.setattr(type(points.study.simulator), "simulate", broken)
+    with pytest.raises(MemoryError, match="no room"):
+        computed(points, workers=0)
+
+
+def test_blocks_grow_towards_a_second_and_shrink_at_the_end():
+    queue = BlockQueue(np.arange(1000))
+    assert queue.take(4).tolist() == [0]
+    queue.learn(0.001, 1)
+    assert queue.seconds_left == 0  # one point of a millisecond is no measure of the others
+    assert queue.take(4).size == 32
+    queue.learn(0.32, 32)
+    assert queue.seconds_left == pytest.approx(9.67)
+    sizes = []
+    while (block := queue.take(4)) is not None:
+        sizes.append(block.size)
+    assert sizes[0] == 100
+    assert sizes[-1] < 10
+    assert sum(sizes) == 967
+
+
+def test_a_block_that_comes_back_is_run_in_halves():
+    queue = BlockQueue(np.arange(5), block=5)
+    queue.halve(queue.take(1))
+    assert len(queue) == 5
+    halves = [queue.take(1).tolist(), queue.take(1).tolist()]
+    assert sorted(halves) == [[0, 1, 2], [3, 4]]
+    assert queue.take(1) is None

@@ -1,0 +1,35 @@
+"""Files replaced as a whole: the old one or the new one, never half of one."""
+
+from __future__ import annotations
+
+import pytest
+
+import tripod_doe as td
+from tripod_doe.atomic_files import replace_file, replace_text
+
+
+def test_a_text_takes_the_place_of_the_old_one(tmp_path):
+    path = tmp_path / "new folder" / "file.txt"
+    replace_text(path, "one\n")
+    assert replace_text(path, "zwei ö\n").read_text(encoding="utf-8") == "zwei ö\n"
+    assert [entry.name for entry in path.parent.iterdir()] == ["file.txt"]
+
+
+def test_the_old_file_stays_until_the_new_one_is_whole(tmp_path):
+    path = replace_text(tmp_path / "file.txt", "old")
+
+    def fill_the_disk():
+        with replace_file(path) as fresh:
+            fresh.write_text("half of the n")
+            assert path.read_text() == "old"
+            raise OSError(28, "No space left on device")
+
+    with pytest.raises(td.StorageError, match=r"file\.txt: cannot write this file: No space left"):
+        fill_the_disk()
+    assert path.read_text() == "old"
+
+
+def test_a_file_that_cannot_be_made_is_told(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(td.StorageError, match="nothing that was finished is lost"):
+        replace_text(tmp_path / "file" / "below.txt", "text")
