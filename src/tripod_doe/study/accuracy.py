@@ -75,7 +75,7 @@ class Accuracy:
 
     @property
     def least_points(self) -> int:
-        """Pilot points below which no choice can be as sure as asked: one miss too few to tell."""
+        """Smallest number of pilot points that can show the confidence: with fewer, a single miss is too many."""
         return round(1 / (1 - self.confidence)) - 1
 
 

@@ -35,7 +35,7 @@ class _Table(BaseModel):
 
 
 class StudyTable(_Table):
-    """[study]: what is asked, of which scene or function."""
+    """[study]: the question, and the scene or function that answers it."""
 
     name: str = Field(min_length=1, description="short name of the study")
     question: str = Field("", description="the question it answers, as the report repeats it")
@@ -53,15 +53,17 @@ class FactorTable(_Table):
     scale: Literal["linear", "log"] = Field("linear", description="spacing of the values or samples from low to high")
     distribution: (
         Literal["uniform", "normal", "truncated-normal", "log-uniform", "triangular", "discrete"] | None
-    ) = Field(None, description="distribution of a sampled factor; uniform on its scale unless given")  # fmt: skip
+    ) = Field(None, description="distribution of a sampled factor; uniform on its scale if omitted")  # fmt: skip
     mean: float | None = Field(None, description="mean of a normal distribution")
     std: float | None = Field(None, gt=0, description="standard deviation of a normal distribution")
     mode: float | None = Field(None, description="peak of a triangular distribution")
-    weights: list[float] | None = Field(None, description="relative frequencies of the values of a discrete one")
+    weights: list[float] | None = Field(
+        None, description="relative frequencies of the values of a discrete distribution"
+    )
 
     @property
     def sampled_as(self) -> str:
-        """Its distribution where a design samples it: uniform unless given, on a logarithmic scale log-uniform."""
+        """Its distribution where a design samples it: uniform if omitted, log-uniform on a logarithmic scale."""
         return self.distribution or ("log-uniform" if self.scale == "log" else "uniform")
 
 
@@ -71,30 +73,30 @@ class DesignTable(_Table):
     kind: DesignKind = Field("grid", description="kind of design")
     samples: int | None = Field(None, ge=1, description="number of samples (saltelli: SALib's N; morris: trajectories)")
     seed: int = Field(0, ge=0, description="seed of the random numbers")
-    levels: int | None = Field(None, ge=2, description="levels of a morris design; 4 unless given")
+    levels: int | None = Field(None, ge=2, description="levels of a morris design; 4 if omitted")
     second_order: bool = Field(True, description="saltelli: whether the points for second-order indices are added")
-    table: str | None = Field(None, description="CSV file with a column a factor, relative to the study file")
+    table: str | None = Field(None, description="CSV file with one column per factor, relative to the study file")
     constraints: list[str] = Field([], description="conditions on the factors that every point must meet")
     combinations: Literal["all", "single"] = Field(
         "all", description="ablation: all combinations of the switches, or single: all on, none, each off, each alone"
     )  # fmt: skip
     of: list[str] = Field([], description="product: names of the sub-designs [design.NAME]")
     factors: list[str] | None = Field(
-        None, description="the factors that a sub-design varies; ablation: its switches, all of the scene unless given"
+        None, description="the factors that a sub-design varies; ablation: its switches, all of the scene if omitted"
     )
 
 
 class KeepTable(_Table):
     """[keep]: what goes into the cube."""
 
-    outputs: list[str] = Field([], description="names of the outputs; all but those on request unless given")
+    outputs: list[str] = Field([], description="names of the outputs; if omitted, all but those on request")
 
 
 class RunTable(_Table):
-    """[run]: policy that changes no value; but retry is a part of the question."""
+    """[run]: how the points are run, which changes no value; except retry, which is part of the question."""
 
-    block: int | None = Field(None, ge=1, description="points a task; sized by their cost unless given")
-    exclusive: bool = Field(False, description="run one block at a time, so that timings have no neighbour")
+    block: int | None = Field(None, ge=1, description="points per task; sized by their cost if omitted")
+    exclusive: bool = Field(False, description="run one block at a time, so that no other block disturbs its timing")
     expected_outcomes: list[str] = Field([], description="outcomes besides finished that do not count as failures")
     retry: list[str | dict[str, Scalar]] = Field(
         [],
@@ -104,7 +106,7 @@ class RunTable(_Table):
 
 
 class AccuracyTable(_Table):
-    """[accuracy]: what a study with model = "auto" must know how accurately; further keys are OUTPUT_ORDER."""
+    """[accuracy]: allowed errors of a study with model = "auto"; further keys are OUTPUT_ORDER = relative error."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
     __pydantic_extra__: dict[str, float]

@@ -88,7 +88,7 @@ def _duration(seconds: float) -> str:
 
 
 def plan(study: Study | str | Path, timing: bool = True) -> Plan:
-    """Count a study's points and, unless told not to, time a few of them for at most ten seconds.
+    """Count the points of a study and time a few of them, for at most ten seconds.
 
     Parameters
     ----------
