@@ -175,7 +175,7 @@ expected_outcomes = ["inaccurate", "diverged"]
 [analysis.stability]
 output = "axial_force_n"
 """)
-    td.run(tmp_path / "study.toml", out=tmp_path / "out", workers=1)
+    td.run(tmp_path / "study.toml", out=tmp_path / "out", workers=0)
     result = xr.open_dataset(tmp_path / "out" / "analysis" / "stability.nc")
     for method, ratio in (("symplectic-euler", 0.76), ("rk4", 0.95)):
         assert cell(result, "limited_by", method, 0) == Limit.CONTACT

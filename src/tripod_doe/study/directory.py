@@ -84,6 +84,18 @@ class ResultDirectory:
         self._journal.close()
         os.close(self._lock)
 
+    def accept(self, asked: StudyPoints) -> None:
+        """Make this the study of the directory.
+
+        Raises
+        ------
+        InputError
+            If the directory holds results of another study, or the disk is too small; nothing is changed.
+        """
+        self.refuse_changes(asked.study, asked.wanted_keys)
+        self._check_space(asked)
+        self.adopt(asked.study)
+
     def refuse_changes(self, study: Study, keys: NDArray[np.void], done: NDArray[np.void] | None = None) -> None:
         """Refuse a study that is not the one whose results are here, unless it only grew.
 
@@ -119,16 +131,6 @@ class ResultDirectory:
             f"{study.origin}: the study changed under the results in {self.path}; choose another --out, or take back\n"
             + "\n".join(listed or ["  the points of the table"])
         )
-
-    def check_space(self, asked: StudyPoints) -> None:
-        """Refuse (InputError) to start where journal and cube will not fit on the disk."""
-        needed = _SPARE_BYTES + 2 * (cube_bytes(asked.study, asked.points) or 0)
-        free = shutil.disk_usage(self.path).free
-        if free < needed:
-            raise InputError(
-                f"--out {self.path}: {free / 1e6:.1f} MB free, but journal and cube need {needed / 1e6:.1f} MB; "
-                "keep fewer outputs or choose another --out"
-            )
 
     def adopt(self, study: Study) -> None:
         """Make this the study whose results are here."""
@@ -189,6 +191,16 @@ class ResultDirectory:
         write_dataset(stamp_history(cost, action), self.path / "cost.nc")
         write_dataset(stamp_history(cube, action), self.path / "cube.nc")
         return cube
+
+    def _check_space(self, asked: StudyPoints) -> None:
+        """Refuse (InputError) to start where journal and cube will not fit on the disk."""
+        needed = _SPARE_BYTES + 2 * (cube_bytes(asked.study, asked.points) or 0)
+        free = shutil.disk_usage(self.path).free
+        if free < needed:
+            raise InputError(
+                f"--out {self.path}: {free / 1e6:.1f} MB free, but journal and cube need {needed / 1e6:.1f} MB; "
+                "keep fewer outputs or choose another --out"
+            )
 
 
 def _lock(path: Path) -> int:

@@ -114,16 +114,13 @@ def run_on(
     progress: bool = True,
 ) -> RunSummary:
     """`run` on an execution that several studies share, with its worker processes."""
-    if not isinstance(study, Study):
-        study = load_study(study)
+    study = study if isinstance(study, Study) else load_study(study)
     check_analyses(study)
     asked = StudyPoints(study, make_points(study))
     with ResultDirectory(out) as directory:
         if study.accuracy:
             asked = _choose_models(asked, directory, execution, progress)
-        directory.refuse_changes(study, asked.wanted_keys)
-        directory.check_space(asked)
-        directory.adopt(study)
+        directory.accept(asked)
         if study.accuracy:
             _take_over_pilot(asked, directory, retry_failed)
         missing = directory.missing(asked, retry_failed)
