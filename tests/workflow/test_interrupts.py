@@ -109,7 +109,12 @@ def go_on(folder: Path, name: str) -> None:
     [
         ("named", 1, "tripod_doe.study.journal Journal.commit 5", 40),
         ("named", 0, "tripod_doe.study.journal Journal.commit 5", 40),
-        ("auto", 0, "tripod_doe.study.journal Journal.commit 5", 18 + 40),  # in the pilot: nine points on two candidates
+        (
+            "auto",
+            0,
+            "tripod_doe.study.journal Journal.commit 5",
+            18 + 40,
+        ),  # in the pilot: nine points on two candidates
         ("chain", 0, "tripod_doe.analysis.choice choose 1", 24 + 40),
     ],
 )
