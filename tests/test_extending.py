@@ -1,0 +1,68 @@
+"""The worked examples of docs/extending.md, applied to a copy of the sources and run."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tripod_doe.mechanics.sources import cache_root, hash_sources, source_hashes
+
+ROOT = Path(__file__).parent.parent
+SECTIONS = (ROOT / "docs" / "extending.md").read_text().split("\n## ")[1:]
+
+
+def blocks(section):
+    """Code blocks of a section: language and text."""
+    return re.findall(r"```(python|diff)\n(.*?)```", section, re.DOTALL)
+
+
+def apply(section, folder):
+    """Write the new files and make the changes of a section; returns the files touched."""
+    touched = []
+    for language, text in blocks(section):
+        head, _, body = text.partition("\n")
+        if language == "python" and head.startswith("# src/"):
+            touched.append(head[2:])
+            (folder / head[2:]).write_text(body)
+        elif language == "diff":
+            touched.append(head.removeprefix("--- "))
+            path = folder / touched[-1]
+            source = path.read_text()
+            for hunk in body.split("@@\n"):
+                lines = hunk.splitlines(keepends=True)
+                before = "".join(line[1:] for line in lines if line[0] in " -")
+                after = "".join(line[1:] for line in lines if line[0] in " +")
+                assert source.count(before) == 1, f"{touched[-1]}: not once there:\n{before}"
+                source = source.replace(before, after)
+            path.write_text(source)
+    return touched
+
+
+@pytest.fixture(scope="module")
+def extended(tmp_path_factory):
+    """A copy of the sources with all examples, and the files that each touches."""
+    folder = tmp_path_factory.mktemp("extended")
+    shutil.copytree(ROOT / "src", folder / "src", ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
+    touched = {section: apply(section, folder) for section in SECTIONS}
+    ours, theirs = source_hashes().kernels, hash_sources(folder / "src" / "tripod_doe").kernels
+    if (compiled := cache_root() / f"kernels-{ours}").exists():  # the examples change no kernel that is there
+        shutil.copytree(compiled, folder / "cache" / f"kernels-{theirs}")
+    return folder, touched
+
+
+@pytest.mark.parametrize("section", SECTIONS, ids=lambda section: section.partition("\n")[0])
+def test_an_example_works_and_touches_as_many_files_as_it_says(extended, section):
+    """Its check runs in a fresh process, on the changed sources."""
+    folder, touched = extended
+    stated = re.search(r"^(\d+) files?:", section, re.MULTILINE)
+    assert int(stated[1]) == len(set(touched[section]))
+    check = next(text for language, text in blocks(section) if language == "python" and text.startswith("# check"))
+    environment = os.environ | {"PYTHONPATH": str(folder / "src"), "NUMBA_CACHE_DIR": str(folder / "cache")}
+    done = subprocess.run([sys.executable, "-c", check], cwd=folder, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
