@@ -92,3 +92,15 @@ def test_the_glossary_has_every_statistic():
     text = (ROOT / "docs" / "glossary.md").read_text()
     for statistic in joint.labels(["needle_skew_summary_deg"], {"cycles": 4})["statistic"]:
         assert f"`{statistic}`" in text
+
+
+def test_the_stops_of_the_walk_exist():
+    """Every row of the walk names a file and a function, class or table that it defines."""
+    text = (ROOT / "docs" / "walk.md").read_text()
+    stops = re.findall(r"^\|[^|`]*(?:`[^`]*`[^|`]*)*\| `([\w/]+\.py)` \| `(\w+)` \|$", text, re.MULTILINE)
+    assert len(stops) == len([line for line in text.splitlines() if line.startswith("| ")]) - 4  # two tables' heads
+    for file, name in stops:
+        source = (ROOT / "src" / "tripod_doe" / file).read_text()
+        assert re.search(rf"^\s*(?:def|class) {name}\b|^{name}\b.* = ", source, re.MULTILINE), f"{file}: {name}"
+    for file in re.findall(r"`([\w/]+\.py)`", text):
+        assert (ROOT / "src" / "tripod_doe" / file).exists(), file
