@@ -7,6 +7,7 @@ import pytest
 
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import BlockResult, Dimension, Output, Parameter, Simulator, by_name
+from tripod_doe.study.function import FunctionSimulator
 from tripod_doe.study.scenes import SCENES, load_simulator
 
 METHODS = {
@@ -121,3 +122,27 @@ def test_numerics_that_one_in_play_uses_are_allowed(base, factors):
 def test_a_dimension_says_what_it_is_even_where_no_output_declares_it():
     assert SPRING.dimension_attributes("turn") == {"long_name": "turn", "units": "1"}
     assert SPRING.dimension_attributes("some_axis") == {"long_name": "some axis", "units": "1"}
+
+
+def test_each_model_and_method_is_compiled_once(monkeypatch):
+    compiled = []
+    monkeypatch.setattr(Spring, "compile", lambda self, *solver: compiled.append(solver))
+    monkeypatch.setattr(Spring, "name", "another spring")
+    points = SPRING.columns(
+        {}, {"model": np.array(["plain", "fine", "plain", "plain"], object),
+             "method": np.array([None, np.nan, "controlled", None], object)}, 4,
+    )  # fmt: skip
+    assert SPRING.solvers(points) == [
+        ("plain", "explicit"), ("fine", "direct"), ("plain", "controlled"), ("plain", "explicit"),
+    ]  # fmt: skip
+    SPRING.prepare(points)
+    SPRING.prepare(points)
+    assert compiled == [("plain", "explicit"), ("fine", "direct"), ("plain", "controlled")]
+
+
+def test_a_function_has_no_methods_whatever_its_arguments_are_called():
+    function = FunctionSimulator("m:f", lambda model, method=1: {"y": model * method})
+    points = function.columns({}, {"model": np.array([1, 2])}, 2)
+    function.prepare(points)
+    assert function.solvers(points) == []
+    assert function.simulate(points, ()).outputs["y"].data.tolist() == [1, 2]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from tripod_doe.joint.outputs import JOINT_OUTPUTS
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values, point_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.sources import source_hashes
-from tripod_doe.simulator import NUMERICS, BlockResult, Methods, Outcome, Simulator, Value
+from tripod_doe.simulator import NUMERICS, BlockResult, Methods, Outcome, Simulator, Value, is_set
 
 __all__ = ["JointSimulator", "simulator"]
 
@@ -28,7 +28,6 @@ class JointSimulator(Simulator):
     outputs = JOINT_OUTPUTS
     source_hash = source_hashes().results
     candidates = JOINT_CANDIDATES
-    _prepared: ClassVar[set[tuple[str, str]]] = set()
 
     def methods(self, values: Mapping[str, Value]) -> Methods:
         """Methods of the model that these values name."""
@@ -47,21 +46,23 @@ class JointSimulator(Simulator):
             if all(name in model.ignores for model in in_play)
         ]
 
-    def prepare(self, points: Mapping[str, NDArray[Any]]) -> None:
-        """Compile the kernels that these points need, or load their machine code, by short runs."""
-        for name, method in {(name, _method(name, method)) for name, method in _pairs(points)}:
-            if (name, method) not in self._prepared and method in models.MODELS[name].methods:
-                full = self.effective({"model": name, "method": method, "samples_per_revolution": 30})
-                models.MODELS[name].prepare(point_values(full), method)
-                self._prepared.add((name, method))
+    def compile(self, model: str, method: str) -> None:
+        """Compile the kernels of a model and a method, or load their machine code, by a short run."""
+        if method in models.MODELS[model].methods:
+            full = self.effective({"model": model, "method": method, "samples_per_revolution": 30})
+            models.MODELS[model].prepare(point_values(full), method)
 
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
         """Simulate a block of points, those of one model, method and number of samples together."""
         block = BlockResult.blank(len(points["model"]), Outcome.NOT_APPLICABLE)
-        methods = np.array([_method(model, method) for model, method in _pairs(points)])
-        kinds = list(zip(points["model"], methods, points["samples_per_revolution"], points["cycles"], strict=True))
+        kinds = [
+            (*solver, int(samples), int(cycles))
+            for solver, samples, cycles in zip(
+                self.solvers(points), points["samples_per_revolution"], points["cycles"], strict=True
+            )
+        ]
         for kind in sorted(set(kinds)):
-            name, method, per_revolution = str(kind[0]), str(kind[1]), int(kind[2])
+            name, method, samples, _ = kind
             model = models.MODELS[name]
             chosen = np.flatnonzero([other == kind for other in kinds])
             columns = {key: np.asarray(column)[chosen] for key, column in points.items()}
@@ -72,24 +73,11 @@ class JointSimulator(Simulator):
             usable = _reject(model, method, columns, values, chosen, block)
             if usable.size:
                 wanted = [output for output in keep if output in model.outputs]
-                result = model.simulate(values.take(usable), method, per_revolution, wanted)
+                result = model.simulate(values.take(usable), method, samples, wanted)
                 block.fill(chosen[usable], result)
         first = {name: points[name][0] for name in ("samples_per_revolution", "cycles")}
         block.coordinates.update(self.labels(block.outputs, first))
         return block
-
-
-def _unset(value: object) -> bool:
-    return value is None or value != value
-
-
-def _pairs(points: Mapping[str, NDArray[Any]]) -> list[tuple[str, object]]:
-    return list(zip((str(model) for model in points["model"]), points["method"], strict=True))
-
-
-def _method(model: str, method: object) -> str:
-    """The method of a point: the model's own where none is named."""
-    return models.MODELS[model].default_method if _unset(method) else str(method)
 
 
 def _values(model: models.Model, method: str, columns: Mapping[str, NDArray[Any]]) -> JointValues[NDArray[np.float64]]:
@@ -115,9 +103,9 @@ def _reject(
     usable = np.ones(chosen.size, bool)
     for name in NUMERICS:
         if name not in model.methods[method]:
-            is_set = np.array([not _unset(value) for value in columns[name]])
-            block.end(chosen[is_set], Outcome.NOT_APPLICABLE, f"{name} is not used by {model.name} with {method}")
-            usable &= ~is_set
+            given = np.array([is_set(value) for value in columns[name]])
+            block.end(chosen[given], Outcome.NOT_APPLICABLE, f"{name} is not used by {model.name} with {method}")
+            usable &= ~given
     for misfit, reason in misfits(values):
         if usable[misfit]:
             block.end(int(chosen[misfit]), Outcome.JAMMED, reason)

@@ -79,7 +79,7 @@ class TrunnionSimulator(SceneSimulator):
         found = misfits(point_values(values))
         return found[0][1] if found else ""
 
-    def compile(self, method: str) -> None:
+    def compile(self, model: str, method: str) -> None:
         """Compile what a run needs, by a step of a joint without needle bodies."""
         compile_joint(point_values({}).point(0), method)
 

@@ -4,7 +4,7 @@ from tripod_doe.simulator.block import WORK, BlockResult, Retries, Values
 from tripod_doe.simulator.candidate import Candidate
 from tripod_doe.simulator.outcome import DETAIL_ATTRIBUTES, OUTCOME_ATTRIBUTES, OUTCOME_MEANINGS, Outcome
 from tripod_doe.simulator.output import Dimension, Output
-from tripod_doe.simulator.parameter import Parameter, Value, check_parameters
+from tripod_doe.simulator.parameter import Parameter, Value, check_parameters, is_set
 from tripod_doe.simulator.simulator import NUMERICS, Methods, Simulator, by_name
 
 __all__ = [
@@ -26,4 +26,5 @@ __all__ = [
     "Values",
     "by_name",
     "check_parameters",
+    "is_set",
 ]

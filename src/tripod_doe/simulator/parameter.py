@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, near_match
 
-__all__ = ["Parameter", "Value", "check_parameters"]
+__all__ = ["Parameter", "Value", "check_parameters", "is_set"]
 
 Value = float | int | str | None
 Kind = Literal["number", "integer", "switch", "choice", "argument"]
@@ -123,6 +123,11 @@ class Parameter:
         if self.kind == "choice" or any(isinstance(value, str) for value in values):
             return np.array(values, dtype=object)
         return np.array(values) if self.kind == "argument" else np.array(values, dtype=float)
+
+
+def is_set(value: object) -> bool:
+    """Whether a parameter has a value: None and NaN stand for none."""
+    return value is not None and value == value
 
 
 def check_parameters(parameters: Mapping[str, Parameter], values: Mapping[str, object]) -> dict[str, Value]:

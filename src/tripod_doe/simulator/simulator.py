@@ -14,7 +14,7 @@ from tripod_doe.errors import InputError
 from tripod_doe.simulator.block import BlockResult
 from tripod_doe.simulator.candidate import Candidate
 from tripod_doe.simulator.output import Dimension, Output
-from tripod_doe.simulator.parameter import Parameter, Value
+from tripod_doe.simulator.parameter import Parameter, Value, is_set
 
 __all__ = ["NUMERICS", "Methods", "Simulator", "by_name"]
 
@@ -25,6 +25,9 @@ are not given."""
 NUMERICS = ("relative_tolerance", "step_s")
 """Numerics parameters that a method uses or not; one that it does not use must not be set."""
 
+
+_COMPILED: set[tuple[str, str, str]] = set()
+"""Scenes, models and methods that this process has compiled."""
 
 Declared = TypeVar("Declared", Parameter, Output)
 
@@ -74,8 +77,27 @@ class Simulator(ABC):
             In the order of the points; no point's values depend on the others in the block.
         """
 
-    def prepare(self, points: Mapping[str, NDArray[Any]]) -> None:  # noqa: B027 - most functions compile nothing
-        """Compile what these points need, so that the first block is timed like any other."""
+    def prepare(self, points: Mapping[str, NDArray[Any]]) -> None:
+        """Compile what these points need, or load its machine code, so that the first block is timed like any other."""
+        for model, method in dict.fromkeys(self.solvers(points)):
+            if (self.name, model, method) not in _COMPILED:
+                self.compile(model, method)
+                _COMPILED.add((self.name, model, method))
+
+    def compile(self, model: str, method: str) -> None:  # noqa: B027 - a function has nothing to compile
+        """Compile the kernels of a model and a method, or load their machine code, by a short run."""
+
+    def solvers(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[str, str]]:
+        """Model (empty with one model) and method of every point; empty where there are no methods."""
+        models = [str(model) for model in points["model"]] if "model" in self.parameters else None
+        default = {model: next(iter(self.methods({"model": model})), "") for model in dict.fromkeys(models or [""])}
+        if not any(default.values()):
+            return []
+        own = models or [""] * len(points["method"])
+        return [
+            (model, str(method) if is_set(method) else default[model])
+            for model, method in zip(own, points["method"], strict=True)
+        ]
 
     def methods(self, values: Mapping[str, Value]) -> Methods:
         """Methods by which points with these values can be solved; empty where there is nothing to choose."""

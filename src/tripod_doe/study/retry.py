@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.simulator import WORK, BlockResult, Outcome, Retries, Simulator, Value, check_parameters
+from tripod_doe.simulator import WORK, BlockResult, Outcome, Retries, Simulator, Value, check_parameters, is_set
 
 __all__ = [
     "NO_RETRIES",
@@ -267,7 +267,7 @@ class _History:
     def _given(self, row: int) -> dict[str, Value]:
         """The values of a point that are set."""
         values = {name: column[row : row + 1].tolist()[0] for name, column in self._points.items()}
-        return {name: value for name, value in values.items() if value is not None and value == value}
+        return {name: value for name, value in values.items() if is_set(value)}
 
     def next_attempt(self, change: Change) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
         """Rows that a change is tried on, and all their parameters with it; a change that gives the same is no try."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Collection, Mapping
 from dataclasses import astuple
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from tripod_doe.simulator import (
     Parameter,
     Simulator,
     Value,
+    is_set,
 )
 
 __all__ = ["PLACES", "PROGRESS", "RUN_OUTPUTS", "SceneSimulator", "numerics_parameters"]
@@ -64,10 +65,6 @@ def numerics_parameters(methods: Methods, evaluation_budget: int) -> tuple[Param
     )  # fmt: skip
 
 
-def _unset(value: object) -> bool:
-    return value is None or (isinstance(value, float) and np.isnan(value))
-
-
 class SceneSimulator(Simulator):
     """A scene of mechanics as a simulator of studies: one model, one run per point.
 
@@ -79,7 +76,6 @@ class SceneSimulator(Simulator):
 
     numerics: Methods
     source_hash = source_hashes().results
-    _prepared: ClassVar[set[tuple[str, str]]] = set()
 
     @abstractmethod
     def run(self, values: Mapping[str, float], method: str, step: float | None, settings: Settings) -> Run:
@@ -97,14 +93,7 @@ class SceneSimulator(Simulator):
         """Methods of the scene, whatever the values."""
         return self.numerics
 
-    def prepare(self, points: Mapping[str, NDArray[Any]]) -> None:
-        """Compile the kernels of these points' methods, or load their machine code, by short runs."""
-        for method in {self.parameters["method"].default if _unset(m) else m for m in points["method"]}:
-            if (self.name, str(method)) not in self._prepared:
-                self.compile(str(method))
-                self._prepared.add((self.name, str(method)))
-
-    def compile(self, method: str) -> None:
+    def compile(self, model: str, method: str) -> None:
         """Compile the kernels of a method, or load their machine code, by a short run."""
         full = self.effective({"duration_s": 1e-6, "method": method})
         self.simulate({name: np.array([value], object) for name, value in full.items()}, ())
@@ -117,7 +106,7 @@ class SceneSimulator(Simulator):
             block.put(name, dims, slice(None), np.full((block.count, *shape), np.nan))
         block.coordinates.update(self.labels(keep, {}))
         for i in range(block.count):
-            given = {name: None if _unset(column[i]) else column[i] for name, column in points.items()}
+            given = {name: column[i] if is_set(column[i]) else None for name, column in points.items()}
             method = str(given["method"])
             unused = [n for n in NUMERICS if given[n] is not None and n not in self.numerics.get(method, {})]
             if unused:
