@@ -53,7 +53,7 @@ def asked(values, joint_assembly, **given):
 
 def told(values, result, method="adaptive-euler", **_):
     found = vibration(values, 0.05, result, SAMPLES, method, TOLERANCE)
-    return "" if found is None else found.told
+    return "" if found is None else found.note
 
 
 @pytest.mark.parametrize(("torque", "vibrates"), [(5, True), (20, False)])
@@ -80,8 +80,8 @@ def test_lumped_bearings_tell_what_needles_lose(joint_values, joint_assembly, gi
     Departures grow 6 and 5 times in a revolution. Of points that lost up to 13, lumped bearings were off by 2 at most.
     """
     found = asked(joint_values(**given), joint_assembly, **given)
-    assert float(re.search(r"lose (\S+) %", found.told)[1]) == pytest.approx(lost, abs=2)
-    assert found.spoils == (lost > 5)
+    assert float(re.search(r"lose (\S+) %", found.note)[1]) == pytest.approx(lost, abs=2)
+    assert found.invalidates == (lost > 5)
 
 
 def test_the_reference_joint_does_not_vibrate(joint_values, joint_assembly):

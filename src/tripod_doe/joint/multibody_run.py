@@ -4,7 +4,7 @@ A run follows `cycles` revolutions from the balanced start; the last two are sam
 finer steps, for the numerical error and the outcome (`numerical_error`).
 
 Halving steps cannot show what all affordable steps damp: at low torque and speed the joint vibrates by itself, at some
-hundred hertz. Runs that pass all else are therefore asked what a vibration would take (`joint.vibration`).
+hundred hertz. Runs that pass all other checks are therefore tested for vibration (`joint.vibration`).
 """
 
 from __future__ import annotations
@@ -38,14 +38,13 @@ _LIMITS = Limits(energy=math.inf, reversals=1.0, drift=1e-2, windows=0)
 tolerance. Constraints act only at the far end of the shaft, where a micrometre turns it by 3e-6 rad."""
 
 _EXPLICIT_ENERGY = 0.5
-"""Share of the friction's work that an explicit method may miss: it damps nothing by itself, so that what it misses is
-friction that chatters. An implicit method is there to damp what its steps do not resolve, rattling and the jolt of the
-start, and that says nothing of the thrust: of 252 runs (benchmarks/guards.py) 60 missed more than half; the 43 wrong
-ones were all refused for something else, too; of ten refused for this alone, all implicit, nine were good to 1 %."""
+"""Share of the friction's work that an explicit method may miss: it has no numerical damping, so that what it misses is
+friction that chatters. An implicit method damps what its steps do not resolve, rattling and the jolt of the start,
+which does not affect the thrust (benchmarks/guards.py)."""
 
 _TURNED_OVER = 1e-3
-"""Share of the transmitted energy that an energy balance counts against where friction takes less: a straight joint
-loses nothing, and nothing is not what its rounding should be measured by."""
+"""Share of the transmitted energy to which an energy balance is related where friction dissipates less: a straight
+joint dissipates nothing, and its rounding cannot be related to nothing."""
 
 _RATE_STATES = 12
 """States of a third of a revolution at which a run is linearised."""
@@ -60,20 +59,20 @@ class Readings:
     groove_thrust
         Axial force on the housing at each groove in the last two revolutions, shape (2, groove, sample).
     thrust_parts
-        What each mechanism adds to their sum, shape (2, part, sample); None where it was not asked for.
+        Part of each mechanism in their sum, shape (2, part, sample); None unless requested.
     friction_power
         Mean power lost to each mechanism over the last two revolutions, shape (mechanism,).
     amplitude_error
         Numerical error of every order of the thrust, shape (order,); NaN if the last revolution could not be run again.
     skew, skew_summary
-        Skew of the needle that carries the most, shape (trunnion, 2 x sample), and its mean, least and greatest value
+        Skew of the needle that carries the most, shape (trunnion, 2 x sample), and its mean, smallest and largest value
         in every revolution, shape (trunnion, cycle, 3); rad, None without needles.
     penetration
         See `mechanics.run.Run`.
     energy_residual
-        Energy that the balance misses over what friction takes, or over a thousandth of the transmitted energy.
+        Energy that the balance misses over what friction dissipates, or over a thousandth of the transmitted energy.
     rates
-        What limits the step on the way through the last third of a revolution; None unless asked for.
+        What limits the step in the last third of a revolution; None unless requested.
     """
 
     groove_thrust: FloatArray
@@ -94,9 +93,9 @@ class JointRun:
     Attributes
     ----------
     outcome, detail
-        How it ended, and why it failed or what is to be known of it besides.
+        How it ended, and why it failed or a note on it.
     readings
-        What it gives, whatever its outcome; None if it did not come to its end.
+        Its results, whatever its outcome; None if it stopped before its end.
     steps, force_evaluations, solves
         Counted work, with that of the error estimate.
     followed
@@ -127,11 +126,11 @@ def run_joint(
     method, step, tolerance
         Numerics; a method uses a step or a tolerance.
     samples
-        Samples a revolution.
+        Samples per revolution.
     rates
         Whether to find what limits the step.
     split
-        Whether the thrust is split into what each mechanism adds.
+        Whether the thrust is split into the parts of the mechanisms.
     """
     if reason := _out_of_range(values):
         return JointRun(Outcome.OUT_OF_RANGE, reason)
@@ -148,7 +147,7 @@ def run_joint(
         if outcome == Outcome.FINISHED and (
             found := vibration(values, ERROR_LIMIT, result, samples, method, settings.tolerance)
         ):
-            outcome, detail = (Outcome.INACCURATE if found.spoils else outcome), found.told
+            outcome, detail = (Outcome.INACCURATE if found.invalidates else outcome), found.note
         done = JointRun(outcome, detail, readings)
     parts = [part for part in (result, again) if part]
     return replace(
@@ -165,7 +164,7 @@ def follow(
     Returns
     -------
     result, again
-        `again` is None where the run did not come to its end.
+        `again` is None where the run stopped before its end.
     """
     cycles, revolution = int(values.cycles), 2 * math.pi / values.speed
     result = run(

@@ -29,12 +29,12 @@ ERROR_LIMIT, _ERROR_FLOOR = 0.05, 1e-4
 
 _UNREST_LIMIT = 1 / 3
 """Effective difference of the thrust's waveforms in the last two revolutions over the third order above which a run is
-inaccurate. A joint that rattles or swings slides to and fro at its grooves, which takes part of the friction away.
-Measured on 110 runs (benchmarks/guards.py): up to 0.2 where the third order is good to 1 %, 0.39 where 5 % are lost."""
+inaccurate. A joint that rattles or swings slides to and fro at its grooves, which reduces the friction. Measured with
+benchmarks/guards.py: up to 0.2 where the third order is right to 1 %, 0.39 where 5 % are lost."""
 
 LEAD = 6
-"""Part of a revolution by which the one that is run again begins earlier: other steps start with a jolt, multistep
-methods with another method's step, and that is no error of the run. Seen to ring for up to 60 deg."""
+"""The revolution that is run again begins earlier by this part of one: other steps start with a jolt, multistep methods
+with another method's step, which is no error of the run. It was seen to ring for up to 60 deg."""
 
 
 def finer_thrust(assembly: Assembly, again: Run, samples: int) -> FloatArray:
@@ -43,7 +43,7 @@ def finer_thrust(assembly: Assembly, again: Run, samples: int) -> FloatArray:
 
 
 def amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, method: Method) -> FloatArray:
-    """Numerical error of every order of the thrust, shape (order,): what half the steps change, and chance.
+    """Numerical error of every order of the thrust, shape (order,): the change with half the steps, and scatter.
 
     A method of order p that changes by d is off by d / (1 - 2^-p); p is 1 where a tolerance sets the step: half of it
     is half the error. Where parts rattle, revolutions differ by chance, at all orders alike: complex amplitudes of two
@@ -56,8 +56,8 @@ def amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, method:
     Parameters
     ----------
     thrust, finer
-        Thrust over the samples of a run, and over those of its last revolution run again in half the steps; NaN is
-        the answer where that did not come to its end.
+        Thrust over the samples of a run, and over those of its last revolution run again in half the steps; where that
+        stopped before its end, the error is NaN.
     samples
         Samples per revolution.
     method

@@ -1,11 +1,11 @@
-"""Whether the joint would vibrate by itself: smooth motions that the method holds up, and the equations would not.
+"""Self-excited vibration: whether the joint would vibrate where the method of a run damps it.
 
-Friction that follows the slip feeds a vibration of rollers and spider of some hundred hertz, which contact damping and
-friction across the slip take energy from. At low torque and low speed the feeding wins: at the reference joint below
-about 10 N m at 300 rpm, 7 N m at 600 rpm, and at more where the grooves rub more (0.09: 22 N m at 700 rpm). Nothing
-says how large the vibration grows but a run that does not damp it: growth of 1.2 to 40 a revolution takes 0 to 12 % off
-the third order. A run answers for as many revolutions as it follows. Slow growth may show after more of them: 1.2 took
-9 % after seven at one point and nothing in twenty at another, and 1.09, which is not told, 5 % after ten.
+Friction that depends on the slip excites a vibration of rollers and spider at some hundred hertz; contact damping, and
+friction across the slip, damp it. At low torque and low speed the excitation is stronger: at the reference joint below
+about 10 N m at 300 rpm and 7 N m at 600 rpm, and up to a higher torque with more groove friction (0.09: 22 N m at 700
+rpm). How large the vibration becomes is known only from a run that does not damp it: a growth by 1.2 to 40 per
+revolution reduces the third order by 0 to 12 %. The result holds for as many revolutions as the run follows; slow
+growth may show later (1.09 per revolution, which is not reported, reduced it by 5 % after ten).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from tripod_doe.mechanics.run import Limits, Run, run
 __all__ = ["Vibration", "vibration"]
 
 _METHOD = "adaptive-euler"
-"""The method whose motions are asked: it damps vibrations away. A method that damps little is on its way into them,
+"""The method whose motion is tested: it damps vibrations. A method that damps little is on its way into them,
 where departures grow otherwise, or by chance not at all (seen: 0.93 for 200, linearly implicit Euler at 7e-6 s)."""
 
 _FEW, _MANY = 24, 144
@@ -61,39 +61,35 @@ class Vibration:
 
     Attributes
     ----------
-    spoils
-        Whether it takes so much off the third order that the run is wrong.
-    told
-        What there is to say of it, for people.
+    invalidates
+        Whether it reduces the third order so much that the run is wrong.
+    note
+        Frequency, growth and loss, in words.
     """
 
-    spoils: bool
-    told: str
+    invalidates: bool
+    note: str
 
 
 def vibration(
     values: JointValues[float], limit: float, result: Run, samples: int, method: str, tolerance: float
 ) -> Vibration | None:
-    """Say what a vibration would take off the third order of a run; None where nothing vibrates.
+    """Estimate how much a vibration would reduce the third order of a run; None where nothing vibrates.
 
-    The joint is asked whether departures from its smooth motion grow, and if so, what it loses in as many revolutions
-    without damping. How fast they grow does not tell that: 1.5 times a revolution was seen to take 11 %, 1e10 times (at
-    3 kHz) half a percent. Needles rattle in runs of any method, so that they have no smooth motion whose departures
-    could be followed, and runs that do not damp them cost thirty times as much: they are asked with lumped bearings.
-
-    Of 20 points run undamped with needles (BDF2 at 1e-5 s, 4 to 9 revolutions), 7 lost more than 5 % of the third
-    order, 8 to 25 %, and lumped bearings lost 9 to 23 %. Of the 13 others, lumped bearings were wrong of one: 27
-    needles stay calm at 10 N m and 300 rpm, where they lose 7 %. Needles of 5 mm with crown vibrate and lose up to 4 %
-    though lumped bearings show no growth, or few states do not see it: of those nothing is said.
+    Departures from a smooth motion of the joint are tested for growth; where they grow, the same revolutions are run
+    without damping. The growth alone does not show the loss: 1.5 per revolution was seen to cost 11 %, 1e10 (at 3 kHz)
+    half a percent. Needles rattle with any method, so that they have no smooth motion whose departures could be
+    followed, and undamped runs of needles cost thirty times as much: they are tested with lumped bearings. Of 20
+    points that were also run undamped with needles, lumped bearings predicted a loss above 5 % wrongly at one.
 
     Parameters
     ----------
     values
         The operating point.
     limit
-        Share of the third order of which the loss makes a run wrong.
+        Largest loss, as a share of the third order, with which a run is right.
     result, samples, method, tolerance
-        The run, its samples a revolution, and what it was run with.
+        The run, its samples per revolution, and its numerics.
     """
     assembly = result.assembly
     lumped = bool(assembly.tables.bearings.size)
@@ -113,11 +109,11 @@ def vibration(
     least = _LEAST * abs(values.torque) / values.pitch_radius
     lost = (third - _third_order(free, many, 2)) / max(third, least)
     percent = round(100 * lost, 1) + 0.0  # no negative zero
-    told = f"{_told(growth)}; undamped, lumped bearings lose {percent:g} % of the third order"
-    return Vibration(True, f"{told}; {_ADVICE}") if abs(lost) > limit else Vibration(False, told)
+    note = f"{_described(growth)}; undamped, lumped bearings lose {percent:g} % of the third order"
+    return Vibration(True, f"{note}; {_ADVICE}") if abs(lost) > limit else Vibration(False, note)
 
 
-def _told(growth: Growth) -> str:
+def _described(growth: Growth) -> str:
     return (
         f"the joint vibrates by itself at about {growth.frequency / (2 * math.pi):.0f} Hz, growing {growth.factor:.2g} "
         "times in a revolution, which this run damps away"
