@@ -80,9 +80,25 @@ def hash_sources(package: Path) -> SourceHashes:
     package
         Folder of the package, ``.../tripod_doe``.
     """
-    trees = {path.relative_to(package): _bare(ast.parse(path.read_bytes())) for path in _modules(package)}
-    decide = [path for path in trees if path.parts[0] in _DECIDE_RESULTS]
-    return SourceHashes(*(_digest(_texts(paths, trees)) for paths in (decide, _kernel_modules(package.name, trees))))
+    trees = _Trees()
+    decide = [path for path in _modules(package) if path.relative_to(package).parts[0] in _DECIDE_RESULTS]
+    waiting = [path for path in decide if _has_kernels(trees[path])]
+    kernels: set[Path] = set()
+    while waiting:  # numba compiles the values of globals in, so all that a kernel's module imports counts
+        path = waiting.pop()
+        if path not in kernels:
+            kernels.add(path)
+            waiting += _imported(package, trees[path])
+    return SourceHashes(*(_digest(_codes(package, trees, paths)) for paths in (decide, sorted(kernels))))
+
+
+class _Trees(dict[Path, ast.Module]):
+    """Syntax trees without docstrings, made when they are asked for."""
+
+    def __missing__(self, path: Path) -> ast.Module:
+        self[path] = tree = ast.parse(path.read_bytes())
+        _drop_docstrings(tree)
+        return tree
 
 
 def _modules(package: Path) -> list[Path]:
@@ -96,48 +112,35 @@ def _digest(parts: Iterable[bytes]) -> str:
     return digest.hexdigest()[:16]
 
 
-def _texts(paths: Iterable[Path], trees: dict[Path, ast.Module]) -> Iterator[bytes]:
-    for path in sorted(paths):
-        yield path.as_posix().encode()
+def _codes(package: Path, trees: _Trees, paths: Iterable[Path]) -> Iterator[bytes]:
+    for path in paths:
+        yield path.relative_to(package).as_posix().encode()
         yield ast.dump(trees[path]).encode()
 
 
-def _bare(tree: ast.Module) -> ast.Module:
-    """A syntax tree without docstrings: without every text that stands alone."""
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if isinstance(body, list):
-            node.body = [line for line in body if not _is_text(line)]  # type: ignore[attr-defined]
-    return tree
+def _drop_docstrings(node: ast.Module | ast.ClassDef | ast.FunctionDef) -> None:
+    """Take every text that stands alone out of a module, its classes and their functions."""
+    node.body = [line for line in node.body if not _is_text(line)]
+    for inner in node.body:
+        if isinstance(inner, ast.ClassDef | ast.FunctionDef):
+            _drop_docstrings(inner)
 
 
 def _is_text(line: ast.stmt) -> bool:
     return isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant) and isinstance(line.value.value, str)
 
 
-def _kernel_modules(package: str, trees: dict[Path, ast.Module]) -> set[Path]:
-    """Modules that contain kernels, and all that they import: numba compiles the values of their globals in."""
-    waiting = [path for path, tree in trees.items() if _has_kernels(tree)]
-    found: set[Path] = set()
-    while waiting:
-        path = waiting.pop()
-        if path not in found:
-            found.add(path)
-            waiting += _imported(package, trees[path], trees)
-    return found
-
-
 def _has_kernels(tree: ast.Module) -> bool:
-    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
     names = {name.id for node in functions for name in node.decorator_list if isinstance(name, ast.Name)}
     return not names.isdisjoint(_KERNEL_DECORATORS)
 
 
-def _imported(package: str, tree: ast.Module, trees: dict[Path, ast.Module]) -> Iterator[Path]:
+def _imported(package: Path, tree: ast.Module) -> Iterator[Path]:
     """Modules of the package that a module imports from."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and node.module and node.module.partition(".")[0] == package:
-            place = Path(*node.module.split(".")[1:])
-            named = [place.parent / f"{place.name}.py", place / "__init__.py"] if place.name else []
-            named += [place / f"{name.name}.py" for name in node.names]
-            yield from (path for path in named if path in trees)
+    for node in tree.body:
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.partition(".")[0] == package.name:
+            place = package.joinpath(*node.module.split(".")[1:])
+            candidates = [place.with_name(f"{place.name}.py"), place / "__init__.py"]
+            candidates += [place / f"{name.name}.py" for name in node.names]
+            yield from (path for path in candidates if path.exists())
