@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-# plain modules beside the tests (joint/reference.py, analysis/measured.py) are imported by name
+# plain modules beside the tests (equal_cubes.py, joint/reference.py) are imported by name
+sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parent / "joint"))
 sys.path.insert(0, str(Path(__file__).parent / "analysis"))
 
