@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import xarray as xr
 
 from tripod_doe.study.netcdf import write_dataset
 
+STUDY = Path(__file__).parent.parent / "studies" / "thrust_map.toml"
 LIBRARIES = {"dask", "distributed", "matplotlib", "netCDF4", "numba", "numpy", "pandas", "pydantic", "SALib", "scipy",
              "xarray"}  # fmt: skip
 
@@ -28,12 +30,14 @@ def cube(tmp_path_factory):
     [
         ("--help", set()),
         ("run --help", set()),
+        ("plan {study} --no-timing", {"numpy", "pydantic"}),
+        ("simulate --model equilibrium", {"numba", "numpy", "scipy"}),
         ("query {cube} --variable y --where 'x > 1'", {"numpy", "netCDF4"}),
     ],
 )
 def test_a_command_imports_only_what_it_needs(cube, command, needs):
     """Run in a fresh process, which says what it imported."""
-    words = [word.strip("'").format(cube=cube) for word in command.split(" ", 5)]
+    words = [word.strip("'").format(cube=cube, study=STUDY) for word in command.split(" ", 5)]
     script = (
         "import json, sys; from tripod_doe.cli import main; "
         f"code = main({words!r}); print('\\n' + json.dumps([code, sorted(sys.modules)]))"

@@ -11,8 +11,9 @@ import tripod_doe as td
 from tripod_doe.mechanics import scene as parts
 from tripod_doe.mechanics.assembly import State, assemble
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.mechanics.linearisation import RATE_OUTPUTS, fastest_rates, linear_matrices, rates_at
+from tripod_doe.mechanics.linearisation import fastest_rates, linear_matrices, rates_at
 from tripod_doe.mechanics.monitor import Settings, begin_watch
+from tripod_doe.mechanics.rates import RATE_OUTPUTS
 from tripod_doe.mechanics.scenes.examples import pendulum
 from tripod_doe.mechanics.scenes.needle_between_plates import build, closed_form, simulator, transition_velocity
 

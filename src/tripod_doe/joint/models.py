@@ -6,19 +6,20 @@ import math
 from collections.abc import Callable, Collection
 from dataclasses import astuple, dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.joint.equilibrium import Equilibrium, solve_equilibrium
-from tripod_doe.joint.kinetostatic import solve_kinetostatic
-from tripod_doe.joint.multibody_run import Readings, compile_joint, run_joint
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, PART_OUTPUTS, part_outputs, thrust_outputs
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.mechanics.linearisation import RATE_OUTPUTS
+from tripod_doe.mechanics.rates import RATE_OUTPUTS
 from tripod_doe.simulator import BlockResult, Methods, Outcome
+
+if TYPE_CHECKING:  # a model imports its kernels when it is first used
+    from tripod_doe.joint.equilibrium import Equilibrium
+    from tripod_doe.joint.multibody_run import Readings
 
 __all__ = ["MODELS", "Model"]
 
@@ -147,14 +148,30 @@ _SETTLED = frozenset(
     }
 )  # fmt: skip
 _MASSES = frozenset({"roller_width_mm", "shaft_mass_kg", "density_kg_m3"})
-_EQUILIBRIUM = _balance("equilibrium", solve_equilibrium, 1e-9, _ROUNDING, _SETTLED | _MASSES)
-_KINETOSTATIC = _balance("kinetostatic", solve_kinetostatic, 1e-6, _SPIDER_MOTION, _SETTLED)
+
+
+def _solve_equilibrium(points: JointValues[FloatArray], samples: int) -> Equilibrium:
+    from tripod_doe.joint.equilibrium import solve_equilibrium
+
+    return solve_equilibrium(points, samples)
+
+
+def _solve_kinetostatic(points: JointValues[FloatArray], samples: int) -> Equilibrium:
+    from tripod_doe.joint.kinetostatic import solve_kinetostatic
+
+    return solve_kinetostatic(points, samples)
+
+
+_EQUILIBRIUM = _balance("equilibrium", _solve_equilibrium, 1e-9, _ROUNDING, _SETTLED | _MASSES)
+_KINETOSTATIC = _balance("kinetostatic", _solve_kinetostatic, 1e-6, _SPIDER_MOTION, _SETTLED)
 
 
 def _simulate_multibody(
     needles: bool, points: JointValues[FloatArray], method: str, samples: int, keep: Collection[str]
 ) -> BlockResult:
     """Simulate points one by one: a run costs far more than what points could share."""
+    from tripod_doe.joint.multibody_run import run_joint
+
     block = BlockResult.blank(points.torque.size)
     split, rates = (not set(names).isdisjoint(keep) for names in (PART_OUTPUTS, _RATES))
     for i in range(block.count):
@@ -172,6 +189,8 @@ def _simulate_multibody(
 
 
 def _prepare_multibody(point: JointValues[FloatArray], method: str) -> None:
+    from tripod_doe.joint.multibody_run import compile_joint
+
     compile_joint(point.point(0), method)
 
 

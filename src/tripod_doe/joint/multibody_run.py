@@ -24,8 +24,9 @@ from tripod_doe.joint.vibration import vibration
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
 from tripod_doe.mechanics.floquet import fastest_growth
 from tripod_doe.mechanics.integrators.contract import Method
-from tripod_doe.mechanics.linearisation import Rates, fastest_rates
+from tripod_doe.mechanics.linearisation import fastest_rates
 from tripod_doe.mechanics.monitor import Settings
+from tripod_doe.mechanics.rates import Rates
 from tripod_doe.mechanics.run import Limits, Run, method_named, run
 from tripod_doe.simulator import Outcome
 

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.joint.contact import contact_constants, elastic_factor
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.simulator import Parameter, Value, by_name
@@ -183,6 +182,8 @@ def internal_values(columns: Mapping[str, NDArray[Any]]) -> JointValues[FloatArr
         inside[name.removesuffix(ending)] = column * factor
     for switch, coefficient in _SWITCHED.items():
         inside[coefficient] = inside[coefficient] * inside[switch]
+    from tripod_doe.joint.contact import contact_constants, elastic_factor  # compiles, and needs scipy
+
     elastic = elastic_factor(inside["youngs_modulus"], inside["poissons_ratio"]) * inside["contact_stiffness_factor"]
     inside |= contact_constants(
         elastic, inside["roller_radius"], inside["groove_radius_ratio"], inside["needle_length"]

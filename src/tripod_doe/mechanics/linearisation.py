@@ -27,22 +27,11 @@ from scipy.linalg import eigvals, null_space, solve
 from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.constraints import evaluate_constraints
 from tripod_doe.mechanics.motion import add_inertia_matrices, add_mass_blocks, linearise_elements
-from tripod_doe.simulator import Output
+from tripod_doe.mechanics.rates import Rates
 
-__all__ = ["RATE_OUTPUTS", "Matrices", "Rates", "fastest_rates", "linear_matrices", "rates_at"]
+__all__ = ["Matrices", "fastest_rates", "linear_matrices", "rates_at"]
 
 FloatArray = NDArray[np.float64]
-
-RATE_OUTPUTS = tuple(
-    Output(name, "s-1", symbol, meaning, optional=True, on_request=True)
-    for name, symbol, meaning in (
-        ("contact_rate_per_s", "omega", "angular frequency of the stiffest contact mode on the way"),
-        ("friction_rate_per_s", "lambda", "fastest relaxation by friction and damping on the way"),
-        ("secant_lag_rate_per_s", "", "relative error by the secant slope of friction in a linearly implicit step, "
-         "over the step"),
-    )
-)  # fmt: skip
-"""What limits a run's step, as outputs in the order of `Rates`."""
 
 
 @dataclass(frozen=True)
@@ -61,25 +50,6 @@ class Matrices:
     stiffness: FloatArray
     tangent: FloatArray
     secant: FloatArray
-
-
-@dataclass(frozen=True)
-class Rates:
-    """What limits a step, each per unit of time.
-
-    Attributes
-    ----------
-    contact
-        Angular frequency of the stiffest mode.
-    friction
-        Fastest relaxation by friction and damping.
-    lag
-        Relative error of a linearly implicit step with the secant slope, over the step.
-    """
-
-    contact: float
-    friction: float
-    lag: float
 
 
 def linear_matrices(assembly: Assembly, state: State | None = None) -> Matrices:

@@ -13,9 +13,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from SALib.sample import morris as salib_morris
-from SALib.sample import sobol as salib_sobol
-from scipy.stats import qmc
 
 from tripod_doe.errors import InputError, closest, near_match
 from tripod_doe.simulator import Parameter, Value
@@ -309,6 +306,11 @@ def unit_sample(design: DesignTable, names: Collection[str]) -> NDArray[np.float
     """
     if design.samples is None:
         raise InputError(f"a {design.kind} design needs samples")
+    # slow to import, and most studies sample nothing
+    from SALib.sample import morris as salib_morris
+    from SALib.sample import sobol as salib_sobol
+    from scipy.stats import qmc
+
     width, count = len(names), design.samples
     makers: dict[str, Callable[[], NDArray[np.float64]]] = {
         "latin-hypercube": lambda: qmc.LatinHypercube(width, rng=design.seed).random(count),

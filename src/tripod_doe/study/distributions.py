@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition import Factor
@@ -71,6 +70,8 @@ def quantile(factor: Factor, unit: NDArray[np.float64]) -> NDArray[Any]:
 
 def _frozen(factor: Factor) -> Any:
     """The scipy distribution of a continuous factor."""
+    from scipy import stats  # slow to import, and most studies sample nothing
+
     table = factor.table
     low, high, mean, std = table.low or 0.0, table.high or 0.0, table.mean or 0.0, table.std or 1.0
     match table.sampled_as:

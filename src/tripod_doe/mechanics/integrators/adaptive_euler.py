@@ -12,11 +12,10 @@ import math
 
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.implicit import solve_stage
-from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import EVALUATION_LIMIT, FINISHED, STEP_LIMIT, accept
 from tripod_doe.mechanics.motion import add_momenta, clear, copy_vectors
 
-__all__ = ["METHOD"]
+__all__ = ["integrate"]
 
 _SLACK = 50.0
 """Measured on the joint (benchmarks/joint_methods.py): looser solves fail more often, tighter ones gain nothing."""
@@ -60,9 +59,3 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
             if work.counters[0] > settings.budget:
                 return EVALUATION_LIMIT
     return FINISHED
-
-
-METHOD = Method(
-    "adaptive-euler", 1, "implicit Euler at the pace of the scene, with smaller steps where one does not converge",
-    integrate, controlled=True,
-)  # fmt: skip

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.implicit import solve_stage
-from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
 from tripod_doe.mechanics.motion import add_momenta, clear, copy_vectors
 from tripod_doe.mechanics.rotations import load_attitude, rotation_vector
 
-__all__ = ["METHOD"]
+__all__ = ["integrate"]
 
 
 @kernel
@@ -50,6 +49,3 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         if status != FINISHED:
             return status
     return FINISHED
-
-
-METHOD = Method("bdf2", 2, "two-step backward differentiation with secant iterations", integrate)

@@ -15,6 +15,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
+from importlib import import_module
 from typing import Any
 
 __all__ = ["Method"]
@@ -32,8 +34,8 @@ class Method:
         Declared order of convergence; for methods that run with step control, that of their fixed-step form.
     meaning
         One phrase.
-    integrate
-        The compiled time loop, or for SciPy's methods a Python function of the same signature.
+    loop
+        Where its time loop is: ``module:function`` of this package.
     controlled
         Whether it chooses its own steps from `relative_tolerance`; else it takes steps of `step_s`.
     reach
@@ -48,11 +50,18 @@ class Method:
     name: str
     order: int
     meaning: str
-    integrate: Callable[..., Any]
+    loop: str
     controlled: bool = False
     reach: tuple[float, float] = (math.inf, math.inf)
     lagged: bool = False
     compiled: bool = True
+
+    @cached_property
+    def integrate(self) -> Callable[..., Any]:
+        """The compiled time loop, or for SciPy's methods a Python function of the same signature."""
+        module, _, name = self.loop.partition(":")
+        found: Callable[..., Any] = getattr(import_module(f"{__package__}.{module}"), name)
+        return found
 
     @property
     def explicit(self) -> bool:

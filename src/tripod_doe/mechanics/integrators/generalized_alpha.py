@@ -12,11 +12,10 @@ from __future__ import annotations
 
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.implicit import solve_stage
-from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
 from tripod_doe.mechanics.motion import copy_vectors
 
-__all__ = ["METHOD"]
+__all__ = ["integrate"]
 
 _RADIUS = 0.8
 _AM = (2.0 * _RADIUS - 1.0) / (_RADIUS + 1.0)
@@ -63,6 +62,3 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         if status != FINISHED:
             return status
     return FINISHED
-
-
-METHOD = Method("generalized-alpha", 2, "generalized-alpha, spectral radius 0.8", integrate)

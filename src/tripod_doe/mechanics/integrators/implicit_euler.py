@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.implicit import solve_stage
-from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
 from tripod_doe.mechanics.motion import add_momenta, clear, copy_vectors
 
-__all__ = ["METHOD"]
+__all__ = ["integrate"]
 
 
 @kernel
@@ -31,6 +30,3 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         if status != FINISHED:
             return status
     return FINISHED
-
-
-METHOD = Method("implicit-euler", 1, "implicit Euler with secant iterations", integrate)

@@ -10,12 +10,11 @@ from __future__ import annotations
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints
 from tripod_doe.mechanics.implicit import factorise_system, gather, solve_system
-from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
 from tripod_doe.mechanics.motion import clear, evaluate, linearise
 from tripod_doe.mechanics.rotations import move
 
-__all__ = ["METHOD"]
+__all__ = ["integrate"]
 
 
 @kernel
@@ -54,6 +53,3 @@ def _move_all(tables, positions, velocities, step, change, moved):
         for d in range(6):
             change[i, d] = step * velocities[i, d]
         move(positions[i], change[i], moved[i])
-
-
-METHOD = Method("linearly-implicit-euler", 1, "linearly implicit Euler with secant friction", integrate, lagged=True)

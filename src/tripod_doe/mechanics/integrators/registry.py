@@ -1,34 +1,29 @@
-"""All time integration methods by name."""
+"""All time integration methods by name. Their kernels are imported when they are first used."""
 
 from __future__ import annotations
 
-from tripod_doe.mechanics.integrators import (
-    adaptive_euler,
-    bdf2,
-    generalized_alpha,
-    implicit_euler,
-    linearly_implicit_euler,
-    rk4,
-    rosenbrock,
-    scipy_oracle,
-    symplectic_euler,
-)  # fmt: skip
 from tripod_doe.mechanics.integrators.contract import Method
 
 __all__ = ["METHODS"]
 
-METHODS: dict[str, Method] = {
-    method.name: method
-    for method in (
-        symplectic_euler.METHOD,
-        rk4.METHOD,
-        linearly_implicit_euler.METHOD,
-        implicit_euler.METHOD,
-        adaptive_euler.METHOD,
-        bdf2.METHOD,
-        rosenbrock.METHOD,
-        generalized_alpha.METHOD,
-        *scipy_oracle.METHODS,
-    )
-}
+_METHODS = (
+    Method("symplectic-euler", 1, "symplectic Euler, explicit, for comparison", "symplectic_euler:integrate",
+           reach=(2.0, 2.0)),
+    Method("rk4", 4, "classical Runge-Kutta, explicit, for comparison", "rk4:integrate", reach=(2.785, 2.828)),
+    Method("linearly-implicit-euler", 1, "linearly implicit Euler with secant friction",
+           "linearly_implicit_euler:integrate", lagged=True),
+    Method("implicit-euler", 1, "implicit Euler with secant iterations", "implicit_euler:integrate"),
+    Method("adaptive-euler", 1, "implicit Euler at the pace of the scene, with smaller steps where one does not "
+           "converge", "adaptive_euler:integrate", controlled=True),
+    Method("bdf2", 2, "two-step backward differentiation with secant iterations", "bdf2:integrate"),
+    Method("rosenbrock", 3, "Rosenbrock-W method of order 3(2) with step control", "rosenbrock:integrate",
+           controlled=True),
+    Method("generalized-alpha", 2, "generalized-alpha, spectral radius 0.8", "generalized_alpha:integrate"),
+    Method("scipy-radau", 5, "SciPy's Radau, an oracle", "scipy_oracle:radau", controlled=True, compiled=False),
+    Method("scipy-bdf", 5, "SciPy's BDF, an oracle", "scipy_oracle:bdf", controlled=True, compiled=False),
+    Method("scipy-lsoda", 5, "SciPy's LSODA, an oracle", "scipy_oracle:lsoda", controlled=True, compiled=False),
+    Method("scipy-dop853", 8, "SciPy's DOP853, an oracle", "scipy_oracle:dop853", controlled=True, compiled=False),
+)  # fmt: skip
+
+METHODS: dict[str, Method] = {method.name: method for method in _METHODS}
 """Methods by the name that study files use."""

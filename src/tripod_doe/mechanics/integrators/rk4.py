@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from tripod_doe.mechanics.compilation import kernel
-from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import FINISHED, accept
 from tripod_doe.mechanics.motion import clear, copy_vectors, evaluate, settle
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
 
-__all__ = ["METHOD"]
+__all__ = ["integrate"]
 
 
 @kernel
@@ -51,6 +50,3 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         if status != FINISHED:
             return status
     return FINISHED
-
-
-METHOD = Method("rk4", 4, "classical Runge-Kutta, explicit, for what it shows", integrate, reach=(2.785, 2.828))

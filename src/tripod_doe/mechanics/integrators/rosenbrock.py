@@ -15,7 +15,6 @@ import numpy as np
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.elimination import multiply
 from tripod_doe.mechanics.implicit import factorise_system, gather, solve_unconstrained
-from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, STEP_LIMIT, accept
 from tripod_doe.mechanics.motion import (
     add_mass_product,
@@ -28,7 +27,7 @@ from tripod_doe.mechanics.motion import (
 )  # fmt: skip
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
 
-__all__ = ["METHOD"]
+__all__ = ["integrate"]
 
 _GAMMA = 4.3586652150845900e-01
 _A = np.array(
@@ -181,6 +180,3 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         copy_vectors(work.acceleration, work.stages[14])
         _linearise(tables, work, positions, velocities)
     return FINISHED
-
-
-METHOD = Method("rosenbrock", 3, "Rosenbrock-W method of order 3(2) with step control", integrate, controlled=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,15 +10,13 @@ import scipy.integrate
 from numpy.typing import NDArray
 
 from tripod_doe.mechanics.compilation import kernel
-from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, Settings, accept
 from tripod_doe.mechanics.motion import evaluate
 from tripod_doe.mechanics.tables import Tables, Work
 
-__all__ = ["METHODS"]
+__all__ = ["bdf", "dop853", "lsoda", "radau"]
 
 FloatArray = NDArray[np.float64]
-_ORDERS = {"Radau": 5, "BDF": 5, "LSODA": 5, "DOP853": 8}
 
 
 class _BudgetSpentError(Exception):
@@ -107,12 +106,7 @@ def _integrate(
     return FINISHED
 
 
-def _method(solver: str) -> Method:
-    def integrate(*arguments: Any) -> int:
-        return _integrate(solver, *arguments)
-
-    name = f"scipy-{solver.lower()}"
-    return Method(name, _ORDERS[solver], f"SciPy's {solver}, an oracle", integrate, controlled=True, compiled=False)
-
-
-METHODS = tuple(_method(solver) for solver in _ORDERS)
+radau = partial(_integrate, "Radau")
+bdf = partial(_integrate, "BDF")
+lsoda = partial(_integrate, "LSODA")
+dop853 = partial(_integrate, "DOP853")

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from tripod_doe.mechanics.compilation import kernel
-from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import FINISHED, accept
 from tripod_doe.mechanics.motion import evaluate, settle
 from tripod_doe.mechanics.rotations import move
 
-__all__ = ["METHOD"]
+__all__ = ["integrate"]
 
 
 @kernel
@@ -29,6 +28,3 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         if status != FINISHED:
             return status
     return FINISHED
-
-
-METHOD = Method("symplectic-euler", 1, "symplectic Euler, explicit, for what it shows", integrate, reach=(2.0, 2.0))

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from tripod_doe.mechanics.assembly import State
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.mechanics.linearisation import RATE_OUTPUTS, fastest_rates
+from tripod_doe.mechanics.linearisation import fastest_rates
 from tripod_doe.mechanics.monitor import Settings
+from tripod_doe.mechanics.rates import RATE_OUTPUTS
 from tripod_doe.mechanics.run import Run
 from tripod_doe.mechanics.sources import source_hashes
 from tripod_doe.simulator import (
