@@ -47,11 +47,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint import contact
-from tripod_doe.joint.relaxation import solve_block
+from tripod_doe.joint.moving_relaxation import solve_moving
+from tripod_doe.joint.relaxation import solve_still
+from tripod_doe.joint.revolution import Memory, Solution
 from tripod_doe.joint.roller_balance import PointConstants
 from tripod_doe.joint.transition import transition_velocities
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.compilation import kernel
+from tripod_doe.mechanics.lanes import WIDTH
 
 __all__ = ["Equilibrium", "point_constants", "solve_balance", "solve_equilibrium"]
 
@@ -102,9 +105,10 @@ def _load_zones(loads, clearances, stiffnesses, counts, kappa, penetration):
 
 
 def _groove_angles(samples: int) -> tuple[FloatArray, FloatArray]:
-    """Cosine and sine of the rotation angle of every groove, shape (groove, sample)."""
-    angle = 2 * np.pi * (np.arange(samples) / samples + np.arange(3)[:, None] / 3)
-    return np.cos(angle), np.sin(angle)
+    """Cosine and sine of the rotation angle of every groove, shape (groove, eights, 8); the first samples fill up."""
+    sample = np.arange(-(-samples // WIDTH) * WIDTH) % samples
+    angle = 2 * np.pi * (sample / samples + np.arange(3)[:, None] / 3)
+    return np.cos(angle).reshape(3, -1, WIDTH), np.sin(angle).reshape(3, -1, WIDTH)
 
 
 def point_constants(points: JointValues[FloatArray]) -> tuple[dict[str, FloatArray], FloatArray]:
@@ -187,9 +191,15 @@ def solve_balance(
     table = np.stack([columns[name] for name in PointConstants._fields], axis=1)
     skews = np.stack(points.initial_skews, axis=1)
     cosines, sines = _groove_angles(samples)
-    count = table.shape[0]
-    thrust, parts = np.empty((count, 3, samples)), np.empty((count, 6, samples))
-    power, residual = np.empty((count, 5)), np.zeros(count)
-    extremes, sweeps, settled = np.empty((count, 2)), np.zeros(count, np.int64), np.zeros(count, np.bool_)
-    solve_block(table, skews, cosines, sines, thrust, parts, power, residual, extremes, sweeps, settled)
-    return Equilibrium(thrust, parts, power, residual, extremes[:, 0], extremes[:, 1], penetration, sweeps, settled)
+    memory, solution = Memory.for_samples(samples), Solution.of_nothing(table.shape[0], samples)
+    loaded, moving = columns["torque"] != 0.0, columns["pace"] > 0.0
+    for solve, chosen in ((solve_still, loaded & ~moving), (solve_moving, loaded & moving)):
+        if chosen.any():
+            solve(np.flatnonzero(chosen), table, skews, cosines, sines, samples, memory, solution)
+    solution.settled[~loaded] = True
+    thrust, parts = (sums.reshape(*sums.shape[:2], -1)[..., :samples] for sums in (solution.thrust, solution.parts))
+    largest, smallest = solution.extremes.T
+    return Equilibrium(
+        thrust, parts, solution.power, solution.residual, largest, smallest, penetration, solution.sweeps,
+        solution.settled,
+    )  # fmt: skip

@@ -1,24 +1,26 @@
-"""Forces of one roller between its groove and its trunnion, over the normal force.
+"""Forces of one roller between its groove and its trunnion, over the normal force: derived in `equilibrium`.
 
-Derived in `equilibrium`, and in `kinetostatic` what mass and motion between samples add.
+What mass and motion between samples add is in `moving_roller`. All formulas take eight samples at a time (`lanes`).
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
-import numpy as np
-
-from tripod_doe.joint.kinematics import ideal_motion
 from tripod_doe.mechanics.compilation import inlined_kernel
 from tripod_doe.mechanics.laws import hyperbolic_tangent
 
 __all__ = [
+    "AddedMotion",
+    "Contact",
     "GrooveForces",
     "PointConstants",
+    "Skew",
+    "flank",
     "groove_forces",
-    "inertial_force",
-    "spider_load",
+    "leaning_contact",
+    "point_constants_of",
     "spider_wrench",
     "thrust_of_each",
 ]
@@ -145,66 +147,112 @@ class GrooveForces(NamedTuple):
     swing_gain: float
 
 
-@inlined_kernel
-def inertial_force(p, cos_phi):
-    """Inertial force of a roller in N, radially outward and along the groove."""
-    centrifugal = p.roller_mass * p.pitch_radius * p.omega * p.omega
-    return centrifugal, -centrifugal * p.sin_theta / p.cos_theta * cos_phi
+class Skew(NamedTuple):
+    """Skew of the needles of one trunnion: its cosine and sine."""
+
+    cosine: float
+    sine: float
 
 
-@inlined_kernel
-def spider_load(p, cos_phi, sin_phi):
-    """What the inertia of one roller and a third of the shaft does to the spider.
+class Contact(NamedTuple):
+    """Where a roller touches its groove.
 
-    Two forces across the shaft in N, and the moment about the shaft in N mm.
+    Attributes
+    ----------
+    sin_a, cos_a
+        Of the contact angle.
+    t_tau, t_n
+        The trunnion's direction across the groove and along the normal.
+    steepness
+        Derivative of the normal's part along the trunnion for the contact angle, but for its sign.
     """
-    m = ideal_motion(cos_phi, sin_phi, p.cos_theta, p.sin_theta, p.pitch_radius, p.omega)
-    outward, along = inertial_force(p, cos_phi)
-    about_r = m.distance * m.t_t * along
-    about_t = m.distance * (m.t_z * outward - m.t_r * along)
-    about_z = -m.distance * m.t_t * outward
-    eccentricity = 0.5 * p.pitch_radius * (1.0 - p.cos_theta) / p.cos_theta
-    orbit = -3.0 * p.shaft_mass * p.omega * p.omega * eccentricity
-    cos_three_phi, sin_three_phi = (4.0 * cos_phi**2 - 3.0) * cos_phi, (3.0 - 4.0 * sin_phi**2) * sin_phi
-    return (
-        outward * cos_phi * p.cos_theta - along * p.sin_theta + orbit * cos_three_phi,
-        outward * sin_phi + orbit * sin_three_phi,
-        (about_r * cos_phi - about_t * sin_phi) * p.sin_theta + about_z * p.cos_theta,
+
+    sin_a: float
+    cos_a: float
+    t_tau: float
+    t_n: float
+    steepness: float
+
+
+class AddedMotion(NamedTuple):
+    """What a roller's mass, and its motion between samples, add to the balance; zero in `equilibrium`.
+
+    Attributes
+    ----------
+    plunge
+        Velocity along the trunnion in mm/s.
+    swing, swing_gain
+        Slip across the groove in mm/s, and its derivative for the force that the contact angle was made from.
+    inertia
+        Moment about the trunnion over N and the change of the spin, mm s/rad.
+    past_spin
+        What earlier samples add to the backward difference of the spin, rad/s.
+    trunnion_force
+        Inertial force along the trunnion, over N.
+    """
+
+    plunge: float
+    swing: float
+    swing_gain: float
+    inertia: float
+    past_spin: float
+    trunnion_force: float
+
+
+@inlined_kernel
+def point_constants_of(row):
+    """The constants in a row of their table."""
+    return PointConstants(
+        row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10], row[11], row[12],
+        row[13], row[14], row[15], row[16], row[17], row[18], row[19], row[20], row[21], row[22], row[23], row[24],
+        row[25], row[26], row[27],
+    )  # fmt: skip
+
+
+@inlined_kernel
+def flank(p):
+    """Sign of the torque: which flank of the grooves is loaded."""
+    return 1.0 if p.torque >= 0.0 else -1.0
+
+
+@inlined_kernel
+def leaning_contact(p, m, lean):
+    """Where the roller touches its groove, if the normal must carry the force `lean` (over N) along the trunnion."""
+    length = math.sqrt(m.t_r * m.t_r + m.t_t * m.t_t)
+    sin_sum = min(max(-flank(p) * lean / length, -0.999), 0.999)
+    cos_sum = math.sqrt(1.0 - sin_sum * sin_sum)
+    sin_a = (sin_sum * m.t_r - cos_sum * m.t_t) / length
+    cos_a = (cos_sum * m.t_r + sin_sum * m.t_t) / length
+    return Contact(
+        sin_a, cos_a, cos_a * m.t_r - sin_a * m.t_t, sin_a * m.t_r + cos_a * m.t_t, cos_sum * length
     )
 
 
 @inlined_kernel
-def groove_forces(p, cos_phi, sin_phi, cos_psi, sin_psi, slip, lean, load_root, past_tilt, past_spin, newton):
-    """Forces of one roller for a trial slip along the rolling direction and a trial force along the trunnion.
+def groove_forces(p, m, skew, contact, slip, root, added, newton):
+    """Forces of one roller for a trial slip along the rolling direction and a trial contact.
 
-    `slip` is v along dv/ds in mm/s, `lean` the trial of (f t + P) / N, `load_root` the a_H that goes with N.
-    `past_tilt` and `past_spin` are what earlier samples add to the backward differences of sin a and of the spin.
-    Slopes of friction are tangents with `newton` = 1, secants with 0.
+    Parameters
+    ----------
+    p, m, skew, contact, added
+        `PointConstants`, `IdealMotion`, `Skew`, `Contact`, `AddedMotion`.
+    slip
+        v along dv/ds in mm/s.
+    root
+        The semi-major axis a_H of the contact ellipse that goes with N, in mm.
+    newton
+        Slopes of friction are tangents with 1, secants with 0.
     """
-    m = ideal_motion(cos_phi, sin_phi, p.cos_theta, p.sin_theta, p.pitch_radius, p.omega)
-    sigma = 1.0 if p.torque >= 0.0 else -1.0
-    arm = sigma * p.roller_radius
-    # contact angle: the normal carries what friction leaves along the trunnion
-    length = np.sqrt(m.t_r * m.t_r + m.t_t * m.t_t)
-    sin_sum = min(max(-sigma * lean / length, -0.999), 0.999)
-    cos_sum = np.sqrt(1.0 - sin_sum * sin_sum)
-    sin_a = (sin_sum * m.t_r - cos_sum * m.t_t) / length
-    cos_a = (cos_sum * m.t_r + sin_sum * m.t_t) / length
-    t_tau = cos_a * m.t_r - sin_a * m.t_t
-    t_n = sin_a * m.t_r + cos_a * m.t_t
-    # as its contact wanders round the groove the roller swings, and so slides on its trunnion, and tilts on it
-    leaning = -sigma * p.pace * (1.5 * sin_a + past_tilt) / cos_a
-    plunge = p.play * leaning / t_tau
-    swing = (p.play + p.tilt * p.roller_radius) * leaning + p.tilt * m.along_trunnion
-    swinging = (p.play + p.tilt * p.roller_radius) * p.pace / (cos_sum * length)
+    arm = flank(p) * p.roller_radius
+    sin_a, cos_a, t_tau, t_n, steepness = contact
     # slip is linear in the roller's spin s: v = v_0 + s v_1
-    tau_0 = arm * m.w_z + swing
-    z_0 = m.along_groove - arm * (cos_a * m.w_r - sin_a * m.w_t) + plunge * m.t_z
+    tau_0 = arm * m.w_z + added.swing
+    z_0 = m.along_groove - arm * (cos_a * m.w_r - sin_a * m.w_t) + added.plunge * m.t_z
     tau_1, z_1 = arm * m.t_z, -arm * t_tau
-    rate = np.sqrt(tau_1 * tau_1 + z_1 * z_1)
+    rate = math.sqrt(tau_1 * tau_1 + z_1 * z_1)
     spin = (slip - (tau_0 * tau_1 + z_0 * z_1) / rate) / rate
     v_tau, v_z = tau_0 + spin * tau_1, z_0 + spin * z_1
-    speed = np.sqrt(v_tau * v_tau + v_z * v_z) + 1e-290
+    speed = math.sqrt(v_tau * v_tau + v_z * v_z) + 1e-290
     sliding = hyperbolic_tangent(speed / p.slip_transition)
     drag = p.groove_sliding * sliding / speed
     drag_slope = p.groove_sliding * (1.0 - sliding * sliding) / p.slip_transition - drag
@@ -213,35 +261,35 @@ def groove_forces(p, cos_phi, sin_phi, cos_psi, sin_psi, slip, lean, load_root, 
     w_tau = cos_a * m.w_r - sin_a * m.w_t + spin * t_tau
     w_n = sin_a * m.w_r + cos_a * m.w_t + spin * t_n
     w_z = m.w_z + spin * m.t_z
-    roll = np.sqrt(w_tau * w_tau + w_z * w_z) + 1e-290
+    roll = math.sqrt(w_tau * w_tau + w_z * w_z) + 1e-290
     rolling = p.groove_rolling * p.rolling_lever * hyperbolic_tangent(roll / p.roll_transition) / roll
-    spinning = p.groove_spinning * load_root * hyperbolic_tangent(w_n / p.normal_spin_transition)
+    spinning = p.groove_spinning * root * hyperbolic_tangent(w_n / p.normal_spin_transition)
     # needles: friction along their axes, rolling resistance about the trunnion
-    needle_slip = (m.along_trunnion + plunge) * cos_psi - spin * p.needle_lever * sin_psi
+    needle_slip = (m.along_trunnion + added.plunge) * skew.cosine - spin * p.needle_lever * skew.sine
     needle_sliding = hyperbolic_tangent(0.5 * needle_slip / p.needle_transition)
     needle_rolling = hyperbolic_tangent(spin / p.spin_transition)
-    needle_moment = p.needle_sliding * p.needle_lever * sin_psi * needle_sliding
+    needle_moment = p.needle_sliding * p.needle_lever * skew.sine * needle_sliding
     bearing_moment = p.needle_rolling * p.bearing_radius * needle_rolling
     along = w_tau * t_tau + w_z * m.t_z
-    load = (load_root / p.axis_factor) ** 3
-    inertia = p.roller_inertia * p.pace / load
     moment = -drag * slip * rate - spinning * t_n - rolling * along + needle_moment - bearing_moment
-    moment -= inertia * (1.5 * spin + past_spin)
-    slope = -drag * rate * rate - newton * drag_slope * (slip * rate / speed) ** 2
-    slope -= rolling * (t_tau * t_tau + m.t_z * m.t_z)
-    slope -= p.needle_rolling * p.bearing_radius * (1.0 - needle_rolling * needle_rolling) / p.spin_transition
+    moment = moment - added.inertia * (1.5 * spin + added.past_spin)
+    across = slip * rate / speed
+    slope = -drag * rate * rate - newton * drag_slope * (across * across)
+    slope = slope - rolling * (t_tau * t_tau + m.t_z * m.t_z)
+    slope = slope - p.needle_rolling * p.bearing_radius * (1.0 - needle_rolling * needle_rolling) / p.spin_transition
     needle_slope = 0.5 * p.needle_sliding * (1.0 - needle_sliding * needle_sliding) / p.needle_transition
-    slope -= needle_slope * (p.needle_lever * sin_psi) ** 2 + 1.5 * inertia
+    lever = p.needle_lever * skew.sine
+    slope = slope - (needle_slope * (lever * lever) + 1.5 * added.inertia)
     # the contact angle shifts the spin, and with it the slip across the groove
-    stiffness = drag + drag_slope * (v_tau / speed) ** 2
+    share = v_tau / speed
+    stiffness = drag + drag_slope * (share * share)
     gripping = (drag + newton * (stiffness - drag)) * (t_tau * t_tau + m.t_z * m.t_z)
-    swing_gain = -(gripping + needle_slope * cos_psi * cos_psi) * swinging
-    outward, along_groove = inertial_force(p, cos_phi)
-    along_trunnion = f_tau * t_tau + f_z * m.t_z - p.needle_sliding * cos_psi * needle_sliding
+    swing_gain = -(gripping + needle_slope * skew.cosine * skew.cosine) * added.swing_gain
+    along_trunnion = f_tau * t_tau + f_z * m.t_z - p.needle_sliding * skew.cosine * needle_sliding
     return GrooveForces(
         moment,
         slope / rate,
-        along_trunnion + (outward * m.t_r + along_groove * m.t_z) / load,
+        along_trunnion + added.trunnion_force,
         stiffness * p.roller_radius * m.t_z * m.w_t / m.t_r + 1.5 * swing_gain,
         sin_a,
         cos_a,
@@ -259,17 +307,16 @@ def groove_forces(p, cos_phi, sin_phi, cos_psi, sin_psi, slip, lean, load_root, 
         -bearing_moment,
         spin,
         1.0 / rate,
-        inertia,
-        -sigma * cos_a / (cos_sum * length),
+        added.inertia,
+        -flank(p) * cos_a / steepness,
         swing_gain,
     )
 
 
 @inlined_kernel
-def thrust_of_each(p, g, cos_phi, sin_phi):
+def thrust_of_each(p, m, g):
     """Parts of the thrust of one groove over N, in the order of `outputs.PARTS`, defined in `thrust_parts`."""
-    m = ideal_motion(cos_phi, sin_phi, p.cos_theta, p.sin_theta, p.pitch_radius, p.omega)
-    arm = (1.0 if p.torque >= 0.0 else -1.0) * p.roller_radius
+    arm = flank(p) * p.roller_radius
     t_tau = g.cos_a * m.t_r - g.sin_a * m.t_t
     t_n = g.sin_a * m.t_r + g.cos_a * m.t_t
     # the point of contact moves by (lever_tau, lever_z) while the roller turns on its trunnion at unit rate
@@ -283,10 +330,9 @@ def thrust_of_each(p, g, cos_phi, sin_phi):
 
 
 @inlined_kernel
-def spider_wrench(p, g, cos_phi, sin_phi):
+def spider_wrench(p, m, g, cos_phi, sin_phi):
     """What one groove does to the spider over N: two forces across the shaft, moments about shaft and input axis."""
-    m = ideal_motion(cos_phi, sin_phi, p.cos_theta, p.sin_theta, p.pitch_radius, p.omega)
-    sigma = 1.0 if p.torque >= 0.0 else -1.0
+    sigma = flank(p)
     arm = sigma * p.roller_radius
     force_r = sigma * g.sin_a + g.friction_tau * g.cos_a
     force_t = sigma * g.cos_a - g.friction_tau * g.sin_a

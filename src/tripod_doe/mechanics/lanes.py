@@ -16,7 +16,7 @@ from numba.core import cgutils, types
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
-__all__ = ["WIDTH", "load", "pick", "ramp", "replace", "root_guess", "row", "row_of_sums", "select", "store"]
+__all__ = ["WIDTH", "load", "pick", "ramp", "replace", "root_guess", "row", "row_of_sums", "select", "spread", "store"]
 
 WIDTH = 8
 _DOUBLE, _INTEGER, _INDEX = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
@@ -94,7 +94,7 @@ def _comparison(sign: str) -> Any:
 for _function, _name in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul"),
                          (operator.truediv, "fdiv")):  # fmt: skip
     _define(_function, 2, LANES, _pairwise(_name))
-for _function, _sign in ((operator.gt, ">"), (operator.lt, "<")):
+for _function, _sign in ((operator.gt, ">"), (operator.lt, "<"), (operator.le, "<=")):
     _define(_function, 2, _MASK, _comparison(_sign))
 _define(max, 2, LANES, lambda builder, a, b: builder.select(builder.fcmp_ordered(">", b, a), b, a))
 _define(min, 2, LANES, lambda builder, a, b: builder.select(builder.fcmp_ordered("<", b, a), b, a))
@@ -134,6 +134,16 @@ def root_guess(_, x, order, offset):
         return builder.bitcast(builder.fptosi(scaled, whole), kind)
 
     return x(x, types.float64, types.float64), lower
+
+
+@intrinsic
+def spread(_, number):
+    """Lanes that all hold the same number."""
+
+    def lower(_, builder, sign, values):
+        return _spread(builder, sign.args[0], values[0])
+
+    return LANES(types.float64), lower
 
 
 @intrinsic

@@ -1,0 +1,183 @@
+"""The balance of a point whose samples follow each other, by relaxation: the kernels behind `kinetostatic`.
+
+A sample follows the two before it, by backward differences of second order around the whole revolution: what a sweep
+changes at one sample is carried on to the next ones by a recursion, two laps of it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from tripod_doe.joint.moving_roller import added_motion, spider_load
+from tripod_doe.joint.revolution import (
+    account,
+    balance_spider,
+    follow_root,
+    force_scale,
+    largest_of,
+    motion_at,
+    skew_of,
+    start,
+    store_wrench,
+    sum_of,
+    summarise,
+)
+from tripod_doe.joint.roller_balance import groove_forces, leaning_contact, point_constants_of
+from tripod_doe.mechanics.compilation import inlined_kernel, kernel
+from tripod_doe.mechanics.lanes import WIDTH, load, select, spread, store
+
+__all__ = ["solve_moving"]
+
+_SWEEPS, _NEWTON_SWEEPS, _NEAR = 300, 60, 0.03
+"""Tangent slopes overshoot far from the solution, and secant slopes crawl near it: the tangent is taken once no sample
+changes by more than `_NEAR`, unless that still has not settled after so many sweeps."""
+
+
+@inlined_kernel
+def _forces(p, m, e, skew, newton):
+    """Forces of a roller at eight samples, with what mass and motion add; slopes as for `groove_forces`."""
+    root, contact = load(e.root, 0), leaning_contact(p, m, load(e.lean, 0))
+    added = added_motion(p, m, contact, load(e.cosine, 0), root, load(e.past_tilt, 0), load(e.past_spin, 0))
+    return groove_forces(p, m, skew, contact, load(e.slip, 0), root, added, newton)
+
+
+@kernel
+def _seek(p, eights, turns, newton):
+    """Find what every sample wants to change, and how the changes before it add to that."""
+    for k in range(3):
+        skew = skew_of(turns, k)
+        for b in range(eights.shape[1]):
+            e = eights[k, b]
+            cos_phi, sin_phi = load(e.cosine, 0), load(e.sine, 0)
+            m = motion_at(p, cos_phi, sin_phi)
+            g = _forces(p, m, e, skew, newton)
+            slip_slope, lean_slope = min(g.moment_slope, -1e-30), max(1.0 - g.feedback, 0.5)
+            store(e.slip_step, 0, -g.moment / slip_slope)
+            store(e.slip_carry, 0, g.inertia_gain * g.spin_gain / slip_slope)
+            store(e.lean_step, 0, (g.trunnion_force - load(e.lean, 0)) / lean_slope)
+            store(e.lean_carry, 0, g.swing_gain / lean_slope)
+            store(e.tilt, 0, g.sin_a)
+            store(e.tilt_gain, 0, g.tilt_gain)
+            store(e.spin, 0, g.spin)
+            store(e.spin_gain, 0, g.spin_gain)
+            store_wrench(p, m, g, e, cos_phi, sin_phi)
+
+
+@kernel
+def _follow_on(eights, samples):
+    """Turn what the samples of each groove want to change into changes that follow those before them."""
+    for k in range(3):
+        slip_1, slip_2, lean_1, lean_2 = 0.0, 0.0, 0.0, 0.0
+        for j in range(2 * samples):  # a lap to know what reaches the first samples
+            place = j if j < samples else j - samples
+            e, i = eights[k, place // WIDTH], place % WIDTH
+            slip_1, slip_2 = e.slip_step[0, i] + e.slip_carry[0, i] * (0.5 * slip_2 - 2.0 * slip_1), slip_1
+            lean_1, lean_2 = e.lean_step[0, i] + e.lean_carry[0, i] * (0.5 * lean_2 - 2.0 * lean_1), lean_1
+            if j >= samples:
+                e.slip_step[0, i], e.lean_step[0, i] = slip_1, lean_1
+        for j in range(samples, WIDTH * eights.shape[1]):
+            place = j - samples
+            first, e, i = eights[k, place // WIDTH], eights[k, j // WIDTH], j % WIDTH
+            e.slip_step[0, i], e.lean_step[0, i] = first.slip_step[0, place % WIDTH], first.lean_step[0, place % WIDTH]
+
+
+@inlined_kernel
+def _change(p, e):
+    """Change the unknowns of eight samples; the size of the change."""
+    slip, slip_step, lean, lean_step = load(e.slip, 0), load(e.slip_step, 0), load(e.lean, 0), load(e.lean_step, 0)
+    new_slip, new_lean = slip + slip_step, lean + lean_step
+    store(e.slip, 0, new_slip)
+    store(e.lean, 0, new_lean)
+    store(e.tilt, 0, load(e.tilt, 0) + load(e.tilt_gain, 0) * lean_step)
+    store(e.spin, 0, load(e.spin, 0) + load(e.spin_gain, 0) * slip_step)
+    return max(abs(new_slip - slip) / p.slip_transition, abs(new_lean - lean) / (force_scale(p) + 1e-12))
+
+
+@kernel
+def _remember(eights, samples, before):
+    """Note what tilts and spins add to the backward differences of later samples.
+
+    Before the first samples come the last ones, or with `before` = 0 a roller upright and at rest.
+    """
+    for k in range(3):
+        last, previous = eights[k, (samples - 1) // WIDTH], eights[k, (samples - 2) // WIDTH]
+        tilt_1, spin_1 = before * last.tilt[0, (samples - 1) % WIDTH], before * last.spin[0, (samples - 1) % WIDTH]
+        tilt_2, spin_2 = before * previous.tilt[0, (samples - 2) % WIDTH], before * previous.spin[0, (samples - 2) % WIDTH]
+        for j in range(samples):
+            e, i = eights[k, j // WIDTH], j % WIDTH
+            e.past_tilt[0, i], e.past_spin[0, i] = 0.5 * tilt_2 - 2.0 * tilt_1, 0.5 * spin_2 - 2.0 * spin_1
+            tilt_1, tilt_2, spin_1, spin_2 = e.tilt[0, i], tilt_1, e.spin[0, i], spin_1
+        for j in range(samples, WIDTH * eights.shape[1]):
+            place = j - samples
+            first, e, i = eights[k, place // WIDTH], eights[k, j // WIDTH], j % WIDTH
+            e.past_tilt[0, i], e.past_spin[0, i] = first.past_tilt[0, place % WIDTH], first.past_spin[0, place % WIDTH]
+
+
+@kernel
+def _sweep(p, eights, turns, samples, newton):
+    """Relax all samples once; how many changed by more than the tolerance, and the largest change."""
+    _seek(p, eights, turns, newton)
+    _follow_on(eights, samples)
+    moved, largest = spread(0.0), spread(0.0)
+    for b in range(eights.shape[1]):
+        for k in range(3):
+            store(eights[k, b].change, 0, _change(p, eights[k, b]))
+        balance_spider(p, eights[0, b], eights[1, b], eights[2, b])
+        for k in range(3):
+            change = max(load(eights[k, b].change, 0), follow_root(p, eights[k, b]))
+            moved, largest = moved + select(change <= p.tolerance, 0.0, 1.0), max(largest, change)
+    _remember(eights, samples, 1.0)
+    return sum_of(moved), largest_of(largest)
+
+
+@kernel
+def _start_moving(p, eights, turns, samples):
+    """Find what inertia does to the spider, and what the start leaves behind for later samples."""
+    for k in range(3):
+        for b in range(eights.shape[1]):
+            e = eights[k, b]
+            cos_phi, sin_phi = load(e.cosine, 0), load(e.sine, 0)
+            across_1, across_2, about_shaft = spider_load(p, motion_at(p, cos_phi, sin_phi), cos_phi, sin_phi)
+            store(e.load_1, 0, across_1)
+            store(e.load_2, 0, across_2)
+            store(e.load_about, 0, about_shaft)
+    for _ in range(2):  # tilts first, then the spins that go with them
+        _seek(p, eights, turns, 1.0)
+        _remember(eights, samples, 0.0)
+
+
+@kernel
+def _settle(p, eights, turns, samples):
+    """Solve a point; whether it settled, and sweeps."""
+    _start_moving(p, eights, turns, samples)
+    largest = math.inf
+    for sweep in range(_SWEEPS):
+        newton = 1.0 if largest < _NEAR and sweep < _NEWTON_SWEEPS else 0.0
+        moved, change = _sweep(p, eights, turns, samples, newton)
+        if sweep > 0:  # the first change is none: nothing was known before
+            largest = change
+            if moved == 0.0:
+                return True, sweep + 1
+    return False, _SWEEPS
+
+
+@kernel
+def _account(p, eights, turns, thrust, parts, powers):
+    """Thrust of each groove, and at each sample its parts and the powers."""
+    for b in range(eights.shape[1]):
+        for k in range(3):
+            e = eights[k, b]
+            m = motion_at(p, load(e.cosine, 0), load(e.sine, 0))
+            account(p, m, _forces(p, m, e, skew_of(turns, k), 1.0), e, k, b, thrust, parts, powers)
+
+
+@kernel
+def solve_moving(rows, table, skews, cosines, sines, samples, memory, solution):
+    """Solve points in which every sample follows those before it; parameters as for `relaxation.solve_still`."""
+    eights, turns, powers = memory.eights, memory.turns, memory.powers
+    for i in rows:
+        p = point_constants_of(table[i])
+        start(p, eights, turns, skews[i], cosines, sines)
+        solution.settled[i], solution.sweeps[i] = _settle(p, eights, turns, samples)
+        _account(p, eights, turns, solution.thrust[i], solution.parts[i], powers)
+        summarise(p, eights, powers, samples, solution.power[i], solution.residual[i : i + 1], solution.extremes[i])
