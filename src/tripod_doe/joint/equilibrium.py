@@ -47,10 +47,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint import contact
+from tripod_doe.joint.balance_constants import PointConstants
 from tripod_doe.joint.moving_relaxation import solve_moving
 from tripod_doe.joint.relaxation import solve_still
 from tripod_doe.joint.revolution import Memory, Solution
-from tripod_doe.joint.roller_balance import PointConstants
 from tripod_doe.joint.transition import transition_velocities
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.compilation import kernel

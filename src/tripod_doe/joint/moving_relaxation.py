@@ -6,15 +6,14 @@ changes at one sample is carried on to the next ones by a recursion, two laps of
 
 from __future__ import annotations
 
-import math
-
+from tripod_doe.joint.balance_constants import point_constants_of
 from tripod_doe.joint.moving_roller import added_motion, spider_load
 from tripod_doe.joint.revolution import (
     account,
     balance_spider,
+    changed,
     follow_root,
     force_scale,
-    largest_of,
     motion_at,
     skew_of,
     start,
@@ -22,9 +21,9 @@ from tripod_doe.joint.revolution import (
     sum_of,
     summarise,
 )
-from tripod_doe.joint.roller_balance import groove_forces, leaning_contact, point_constants_of
+from tripod_doe.joint.roller_balance import groove_forces, leaning_contact
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
-from tripod_doe.mechanics.lanes import WIDTH, load, select, spread, store
+from tripod_doe.mechanics.lanes import WIDTH, load, spread, store
 
 __all__ = ["solve_moving"]
 
@@ -83,14 +82,17 @@ def _follow_on(eights, samples):
 
 @inlined_kernel
 def _change(p, e):
-    """Change the unknowns of eight samples; the size of the change."""
+    """Change the unknowns of eight samples."""
     slip, slip_step, lean, lean_step = load(e.slip, 0), load(e.slip_step, 0), load(e.lean, 0), load(e.lean_step, 0)
     new_slip, new_lean = slip + slip_step, lean + lean_step
     store(e.slip, 0, new_slip)
     store(e.lean, 0, new_lean)
     store(e.tilt, 0, load(e.tilt, 0) + load(e.tilt_gain, 0) * lean_step)
     store(e.spin, 0, load(e.spin, 0) + load(e.spin_gain, 0) * slip_step)
-    return max(abs(new_slip - slip) / p.slip_transition, abs(new_lean - lean) / (force_scale(p) + 1e-12))
+    by_slip, by_lean, lean_scale = abs(new_slip - slip), abs(new_lean - lean), force_scale(p) + 1e-12
+    moved = changed(by_slip, p.tolerance * p.slip_transition) + changed(by_lean, p.tolerance * lean_scale)
+    store(e.moved, 0, moved)
+    store(e.far, 0, changed(by_slip, _NEAR * p.slip_transition) + changed(by_lean, _NEAR * lean_scale))
 
 
 @kernel
@@ -100,9 +102,10 @@ def _remember(eights, samples, before):
     Before the first samples come the last ones, or with `before` = 0 a roller upright and at rest.
     """
     for k in range(3):
-        last, previous = eights[k, (samples - 1) // WIDTH], eights[k, (samples - 2) // WIDTH]
-        tilt_1, spin_1 = before * last.tilt[0, (samples - 1) % WIDTH], before * last.spin[0, (samples - 1) % WIDTH]
-        tilt_2, spin_2 = before * previous.tilt[0, (samples - 2) % WIDTH], before * previous.spin[0, (samples - 2) % WIDTH]
+        e, i = eights[k, (samples - 1) // WIDTH], (samples - 1) % WIDTH
+        tilt_1, spin_1 = before * e.tilt[0, i], before * e.spin[0, i]
+        e, i = eights[k, (samples - 2) // WIDTH], (samples - 2) % WIDTH
+        tilt_2, spin_2 = before * e.tilt[0, i], before * e.spin[0, i]
         for j in range(samples):
             e, i = eights[k, j // WIDTH], j % WIDTH
             e.past_tilt[0, i], e.past_spin[0, i] = 0.5 * tilt_2 - 2.0 * tilt_1, 0.5 * spin_2 - 2.0 * spin_1
@@ -115,19 +118,21 @@ def _remember(eights, samples, before):
 
 @kernel
 def _sweep(p, eights, turns, samples, newton):
-    """Relax all samples once; how many changed by more than the tolerance, and the largest change."""
+    """Relax all samples once; how many changes exceed the tolerance, and how many exceed `_NEAR`."""
     _seek(p, eights, turns, newton)
     _follow_on(eights, samples)
-    moved, largest = spread(0.0), spread(0.0)
+    moved, far = spread(0.0), spread(0.0)
     for b in range(eights.shape[1]):
         for k in range(3):
-            store(eights[k, b].change, 0, _change(p, eights[k, b]))
+            _change(p, eights[k, b])
         balance_spider(p, eights[0, b], eights[1, b], eights[2, b])
         for k in range(3):
-            change = max(load(eights[k, b].change, 0), follow_root(p, eights[k, b]))
-            moved, largest = moved + select(change <= p.tolerance, 0.0, 1.0), max(largest, change)
+            e = eights[k, b]
+            of_root, root = follow_root(p, e)
+            moved = moved + load(e.moved, 0) + changed(of_root, p.tolerance * root)
+            far = far + load(e.far, 0) + changed(of_root, _NEAR * root)
     _remember(eights, samples, 1.0)
-    return sum_of(moved), largest_of(largest)
+    return sum_of(moved), sum_of(far)
 
 
 @kernel
@@ -150,14 +155,12 @@ def _start_moving(p, eights, turns, samples):
 def _settle(p, eights, turns, samples):
     """Solve a point; whether it settled, and sweeps."""
     _start_moving(p, eights, turns, samples)
-    largest = math.inf
+    newton = 0.0
     for sweep in range(_SWEEPS):
-        newton = 1.0 if largest < _NEAR and sweep < _NEWTON_SWEEPS else 0.0
-        moved, change = _sweep(p, eights, turns, samples, newton)
-        if sweep > 0:  # the first change is none: nothing was known before
-            largest = change
-            if moved == 0.0:
-                return True, sweep + 1
+        moved, far = _sweep(p, eights, turns, samples, newton)
+        if sweep > 0 and moved == 0.0:
+            return True, sweep + 1
+        newton = 1.0 if far == 0.0 and 0 < sweep < _NEWTON_SWEEPS - 1 else 0.0
     return False, _SWEEPS
 
 

@@ -5,7 +5,8 @@ All formulas take eight samples at a time (`lanes`).
 
 from __future__ import annotations
 
-from tripod_doe.joint.roller_balance import AddedMotion, flank
+from tripod_doe.joint.balance_constants import flank
+from tripod_doe.joint.roller_balance import AddedMotion
 from tripod_doe.mechanics.compilation import inlined_kernel
 
 __all__ = ["added_motion", "inertial_force", "spider_load"]

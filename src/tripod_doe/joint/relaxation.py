@@ -7,19 +7,21 @@ has jumps) are solved by nested bisection.
 
 from __future__ import annotations
 
+from tripod_doe.joint.balance_constants import point_constants_of
 from tripod_doe.joint.revolution import (
     account,
     balance_spider,
+    changed,
     follow_root,
     force_scale,
-    sum_of,
     motion_at,
     skew_of,
     start,
     store_wrench,
+    sum_of,
     summarise,
 )
-from tripod_doe.joint.roller_balance import AddedMotion, groove_forces, leaning_contact, point_constants_of
+from tripod_doe.joint.roller_balance import AddedMotion, groove_forces, leaning_contact
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.lanes import WIDTH, load, select, spread, store
 
@@ -40,7 +42,7 @@ def _forces(p, m, skew, slip, lean, root):
 
 @inlined_kernel
 def _relax(p, e, skew, kept):
-    """Change the unknowns of eight samples, but for the share `kept` of stubborn ones; the size of the change."""
+    """Change the unknowns of eight samples, but with `kept` = 1 not those of stubborn ones."""
     cos_phi, sin_phi = load(e.cosine, 0), load(e.sine, 0)
     m = motion_at(p, cos_phi, sin_phi)
     slip, lean = load(e.slip, 0), load(e.lean, 0)
@@ -52,7 +54,8 @@ def _relax(p, e, skew, kept):
     store(e.slip, 0, new_slip)
     store(e.lean, 0, new_lean)
     store_wrench(p, m, g, e, cos_phi, sin_phi)
-    return max(abs(new_slip - slip) / p.slip_transition, abs(new_lean - lean) / (force_scale(p) + 1e-12))
+    by_slip = changed(abs(new_slip - slip), p.tolerance * p.slip_transition)
+    store(e.moved, 0, by_slip + changed(abs(new_lean - lean), p.tolerance * (force_scale(p) + 1e-12)))
 
 
 @kernel
@@ -65,17 +68,16 @@ def _sweep(p, eights, turns, kept):
     limit = 1e3 * p.tolerance * abs(p.torque) / p.pitch_radius
     for b in range(eights.shape[1]):
         for k in range(3):
-            change = _relax(p, eights[k, b], skew_of(turns, k), kept)
-            store(eights[k, b].change, 0, change)
+            _relax(p, eights[k, b], skew_of(turns, k), kept)
             store(eights[k, b].normal_before, 0, load(eights[k, b].normal, 0))
         balance_spider(p, eights[0, b], eights[1, b], eights[2, b])
         for k in range(3):
             e = eights[k, b]
-            change = max(load(e.change, 0), follow_root(p, e))
-            stubborn = select(change <= p.tolerance, 0.0, 1.0)
+            of_root, root = follow_root(p, e)
+            stubborn = min(load(e.moved, 0) + changed(of_root, p.tolerance * root), 1.0)
             store(e.stubborn, 0, kept * load(e.stubborn, 0) + (1.0 - kept) * stubborn)
             moved = moved + stubborn
-            loaded = loaded + select(abs(load(e.normal, 0) - load(e.normal_before, 0)) <= limit, 0.0, 1.0)
+            loaded = loaded + changed(abs(load(e.normal, 0) - load(e.normal_before, 0)), limit)
     return sum_of(moved), sum_of(loaded)
 
 

@@ -16,11 +16,11 @@ from tripod_doe.joint.kinematics import ideal_motion
 from tripod_doe.joint.moving_roller import inertial_force
 from tripod_doe.joint.roller_balance import Skew, spider_wrench, thrust_of_each
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
-from tripod_doe.mechanics.lanes import WIDTH, load, pick, spread, store
+from tripod_doe.mechanics.lanes import WIDTH, load, pick, select, spread, store
 
 __all__ = [
-    "EIGHT_SAMPLES", "Memory", "Solution", "account", "balance_spider", "follow_root", "force_scale", "largest_of", "motion_at",
-    "skew_of", "start", "store_wrench", "sum_of", "summarise",
+    "EIGHT_SAMPLES", "Memory", "Solution", "account", "balance_spider", "changed", "follow_root", "force_scale",
+    "motion_at", "skew_of", "start", "store_wrench", "sum_of", "summarise",
 ]  # fmt: skip
 
 FloatArray = NDArray[np.float64]
@@ -33,7 +33,7 @@ EIGHT_SAMPLES = np.dtype([
         "lean",                                           # force along the trunnion over N
         "root",                                           # a_H of the contact ellipse, mm
         "normal",                                         # N
-        "change", "normal_before",                        # how much a sweep changed the unknowns; N before it
+        "moved", "far", "normal_before",                  # whether a sweep changed slip or lean, and by much; N before
         "stubborn",                                       # 1 where the last sweep changed an unknown
         "across_1", "across_2", "about_shaft",            # what the groove does to the spider over N
         "load_1", "load_2", "load_about",                 # what inertia does to the spider
@@ -187,13 +187,19 @@ def balance_spider(p, first, second, third):
 
 @inlined_kernel
 def follow_root(p, e):
-    """Take the contact ellipse along with its normal force, one Newton step; the size of the change."""
+    """Take the contact ellipse along with its normal force, one Newton step; change and new value of a_H."""
     floor = 1e-3 * abs(p.torque) / p.pitch_radius
     before = load(e.root, 0)
     radius = before / p.axis_factor
     root = p.axis_factor / 3.0 * (2.0 * radius + max(load(e.normal, 0), floor) / (radius * radius))
     store(e.root, 0, root)
-    return abs(root - before) / root
+    return abs(root - before), root
+
+
+@inlined_kernel
+def changed(change, limit):
+    """1 where a change is larger than its limit, or no number."""
+    return select(change <= limit, 0.0, 1.0)
 
 
 @inlined_kernel
@@ -206,7 +212,7 @@ def sum_of(lanes):
 
 
 @inlined_kernel
-def largest_of(lanes):
+def _largest_of(lanes):
     """Largest of eight numbers."""
     largest = pick(lanes, 0)
     for place in range(1, WIDTH):
@@ -267,4 +273,4 @@ def summarise(p, eights, powers, samples, power, residual, extremes):
         for b in range(eights.shape[1]):
             normal = load(eights[k, b].normal, 0)
             largest, smallest = max(largest, normal), min(smallest, normal)
-    extremes[0], extremes[1] = largest_of(largest), -largest_of(-smallest)
+    extremes[0], extremes[1] = _largest_of(largest), -_largest_of(-smallest)
