@@ -140,9 +140,7 @@ def leaning_contact(p, m, lean):
     cos_sum = math.sqrt(1.0 - sin_sum * sin_sum)
     sin_a = (sin_sum * m.t_r - cos_sum * m.t_t) / length
     cos_a = (cos_sum * m.t_r + sin_sum * m.t_t) / length
-    return Contact(
-        sin_a, cos_a, cos_a * m.t_r - sin_a * m.t_t, sin_a * m.t_r + cos_a * m.t_t, cos_sum * length
-    )
+    return Contact(sin_a, cos_a, cos_a * m.t_r - sin_a * m.t_t, sin_a * m.t_r + cos_a * m.t_t, cos_sum * length)
 
 
 @inlined_kernel
