@@ -99,7 +99,7 @@ def main() -> None:
 
         out = Path(folder) / "out"
         began = time.perf_counter()
-        run = subprocess.run([sys.executable, "-m", "tripod_doe.cli", "run", str(path), "--out", str(out)], check=True,
+        run = subprocess.run([sys.executable, "-m", "tripod_doe.cli", "run", str(path), "--workers", "2", "--out", str(out)], check=True,
                              stderr=subprocess.PIPE, text=True)  # fmt: skip
         whole = count / (time.perf_counter() - began)
         memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
