@@ -231,6 +231,7 @@ def test_a_worker_killed_in_mid_block_loses_nothing(write_study, tmp_path):
     study, log, out = write_study(SLOW), tmp_path / "log", tmp_path / "out"
     process = start(study, out, log)
     while not log.exists():
+        assert process.poll() is None, process.stderr.read()
         time.sleep(0.05)
     children = psutil.Process(process.pid).children(recursive=True)
     workers = [child.pid for child in children if any("spawn_main" in word for word in child.cmdline())]
