@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import threading
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -36,7 +39,7 @@ class OtherProcess(ThisProcess):
 
     def next_finished(self):
         block, answer = super().next_finished()
-        return block, type(answer)(answer.result, answer.cpu_seconds, answer.wall_seconds, "worker")
+        return block, replace(answer, worker="worker")
 
 
 class SlowStart:
@@ -95,6 +98,28 @@ def test_a_longer_study_goes_on_here_until_its_workers_have_started(workers, mon
     cube, places = computed(asked())
     assert places == ["main process"] * 2 + ["worker"] * 4
     assert workers.started == 1
+    xr.testing.assert_identical(cube, alone)
+
+
+def test_a_long_first_block_does_not_keep_the_others_waiting(workers, monkeypatch):
+    """It is finished here while workers run the rest, and comes last."""
+    points, kind = asked(), type(asked().study.simulator)
+    alone, _ = computed(points, workers=0)
+    simulate, others_done, calls = kind.simulate, threading.Event(), []
+
+    def first_waits_for_the_others(self, columns, keep):
+        calls.append(1)
+        if len(calls) == 1:
+            assert others_done.wait(60)
+        elif len(calls) == 6:
+            others_done.set()
+        return simulate(self, columns, keep)
+
+    monkeypatch.setattr(kind, "simulate", first_waits_for_the_others)
+    monkeypatch.setattr(execution, "_PATIENCE", 0.01)
+    monkeypatch.setattr(execution, "_WORTH_WORKERS", 0.05)
+    cube, places = computed(points)
+    assert places == ["worker"] * 5 + ["main process"]
     xr.testing.assert_identical(cube, alone)
 
 

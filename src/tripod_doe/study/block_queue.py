@@ -58,6 +58,10 @@ class BlockQueue:
             wanted = _TARGET_SECONDS * count / seconds
             self._size = int(min(max(wanted, 1), _LARGEST_GROWTH * max(self._size, count)))
 
+    def expect(self, seconds: float, count: int) -> None:
+        """Note that a block of so many points has been at work for so long and is not finished."""
+        self._seconds_per_point = max(self._seconds_per_point or 0.0, seconds / count)
+
     @property
     def seconds_left(self) -> float:
         """Estimated time of the points that wait, in one process; 0 as long as no block was long enough to tell."""

@@ -129,6 +129,11 @@ class OnDask:
         self._blocks: dict[DaskFuture, NDArray[np.int64]] = {}
         self._finished = as_completed(loop=client.loop)
 
+    @property
+    def busy(self) -> int:
+        """Blocks that were sent and are not finished."""
+        return len(self._blocks)
+
     def submit(self, block: NDArray[np.int64], task: Task) -> None:
         """Send a block."""
         future = self._dask.submit(_on_worker, task, pure=False)

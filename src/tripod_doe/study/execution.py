@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Generator
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +18,7 @@ from tripod_doe.interrupts import check_interrupt
 from tripod_doe.simulator import BlockResult, Outcome
 from tripod_doe.study.block_queue import BlockQueue
 from tripod_doe.study.definition import Study
-from tripod_doe.study.executor import Answer, Executor, Lost
+from tripod_doe.study.executor import Answer, AtWork, Executor, Lost
 from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.study.this_process import ThisProcess
@@ -29,6 +30,7 @@ __all__ = ["Execution"]
 
 _USUAL_WORKERS = 2
 _WORTH_WORKERS = 8.0  # seconds of work left: twice what two worker processes take to start
+_PATIENCE = 2.0  # seconds after which a block that is at work here is looked at: its points may be long ones
 
 
 class Execution:
@@ -93,14 +95,17 @@ class Execution:
         self.seconds = 0.0
         study = asked.study
         queue = BlockQueue(missing, study.file.run.block)
-        here = self._starts_here(careful or study.file.study.function is not None)
-        if not here:
+        starts_here = self._starts_here(careful or study.file.study.function is not None)
+        if not starts_here:
             self._workers.start(study)
         study.simulator.prepare(asked.columns(missing))
-        if here:
-            yield from self._empty(queue, asked, ThisProcess(), lambda: self._goes_on_here(study, queue))
-        if len(queue):
-            yield from self._empty(queue, asked, self._workers.executor(study))
+        with closing(ThisProcess(_PATIENCE)) as here:
+            if starts_here:
+                yield from self._empty(queue, asked, here, lambda: self._goes_on_here(study, queue))
+            if len(queue):
+                with closing(self._workers.executor(study)) as there:
+                    yield from self._empty(queue, asked, there)
+            yield from self._empty(queue, asked, here)  # a long block that was at work here all the time
 
     def _starts_here(self, risky: bool) -> bool:
         """Whether the first points of a study run in this process."""
@@ -118,17 +123,25 @@ class Execution:
     def _empty(
         self, queue: BlockQueue, asked: StudyPoints, executor: Executor, go_on: Callable[[], bool] = lambda: True
     ) -> Generator[FinishedBlock, None, None]:
-        """Run what waits in a queue on one executor, as long as it may go on there."""
-        busy, started = 0, time.perf_counter()
+        """Run what waits in a queue on one executor, as long as it may go on there.
+
+        Every block that was sent is waited for, except a long one when the others may go on elsewhere: it stays
+        at work until the next call.
+        """
+        started = time.perf_counter()
         try:
             while True:
-                while busy < executor.slots and go_on() and (block := queue.take(executor.slots)) is not None:
+                while executor.busy < executor.slots and go_on() and (block := queue.take(executor.slots)) is not None:
                     executor.submit(block, asked.task(block))
-                    busy += 1
-                if not busy:
+                if not executor.busy:
                     break
                 block, answer = executor.next_finished()
-                busy -= 1
+                if isinstance(answer, AtWork):
+                    queue.expect(answer.seconds, block.size)
+                    if not go_on():
+                        break
+                    check_interrupt()
+                    continue
                 if isinstance(answer, Lost) and block.size > 1:
                     queue.halve(block)
                     continue
@@ -137,7 +150,6 @@ class Execution:
                 yield finished
                 check_interrupt()
         finally:
-            executor.close()
             self.seconds += time.perf_counter() - started
 
     @property

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tripod_doe.simulator import BlockResult
 from tripod_doe.study.task import Task
 
-__all__ = ["Answer", "Executor", "Lost"]
+__all__ = ["Answer", "AtWork", "Executor", "Lost"]
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,26 @@ class Lost:
     reason: str
 
 
+@dataclass(frozen=True)
+class AtWork:
+    """A block that is not finished yet.
+
+    Attributes
+    ----------
+    seconds
+        Time since it was taken.
+    """
+
+    seconds: float
+
+
 class Executor(Protocol):
     """Something that runs blocks of points."""
+
+    @property
+    def busy(self) -> int:
+        """Blocks at work."""
+        ...
 
     @property
     def slots(self) -> int:
@@ -59,8 +77,8 @@ class Executor(Protocol):
         """Take a block to run."""
         ...
 
-    def next_finished(self) -> tuple[NDArray[np.int64], Answer | Lost]:
-        """Wait for one of the blocks at work; an interrupt ends the waiting."""
+    def next_finished(self) -> tuple[NDArray[np.int64], Answer | Lost | AtWork]:
+        """Wait for one of the blocks at work, or until it lasts long; an interrupt ends the waiting."""
         ...
 
     def close(self) -> None:

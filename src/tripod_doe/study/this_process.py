@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import queue
 import threading
+import time
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.study.executor import Answer, Lost
+from tripod_doe.study.executor import Answer, AtWork, Lost
 from tripod_doe.study.task import Task, run_task
 
 __all__ = ["ThisProcess"]
@@ -22,22 +23,42 @@ class ThisProcess:
 
     The thread that waits for them stays free for interrupts, which Python would otherwise hold back until a compiled
     kernel returns.
+
+    Parameters
+    ----------
+    patience
+        Seconds after which a block counts as long, again and again; None waits for its end.
     """
 
     slots = 1
 
-    def __init__(self) -> None:
-        self._tasks: queue.SimpleQueue[tuple[NDArray[np.int64], Task] | None] = queue.SimpleQueue()
-        self._finished: queue.SimpleQueue[tuple[NDArray[np.int64], Answer | Lost | Exception]] = queue.SimpleQueue()
+    def __init__(self, patience: float | None = None) -> None:
+        self._patience = patience
+        self._block: NDArray[np.int64] | None = None
+        self._taken = 0.0
+        self._tasks: queue.SimpleQueue[Task | None] = queue.SimpleQueue()
+        self._finished: queue.SimpleQueue[Answer | Lost | Exception] = queue.SimpleQueue()
         threading.Thread(target=self._work, name="points", daemon=True).start()
+
+    @property
+    def busy(self) -> int:
+        """Blocks at work."""
+        return int(self._block is not None)
 
     def submit(self, block: NDArray[np.int64], task: Task) -> None:
         """Take a block to run."""
-        self._tasks.put((block, task))
+        self._block, self._taken = block, time.perf_counter()
+        self._tasks.put(task)
 
-    def next_finished(self) -> tuple[NDArray[np.int64], Answer | Lost]:
-        """Wait for the block at work, and raise what its simulator raised."""
-        block, answer = self._finished.get()
+    def next_finished(self) -> tuple[NDArray[np.int64], Answer | Lost | AtWork]:
+        """Wait for the block at work, or as long as there is patience, and raise what its simulator raised."""
+        assert self._block is not None
+        block = self._block
+        try:
+            answer = self._finished.get(timeout=self._patience)
+        except queue.Empty:
+            return block, AtWork(time.perf_counter() - self._taken)
+        self._block = None
         if isinstance(answer, Exception):
             raise answer
         return block, answer
@@ -47,9 +68,8 @@ class ThisProcess:
         self._tasks.put(None)
 
     def _work(self) -> None:
-        while (taken := self._tasks.get()) is not None:
-            block, task = taken
-            self._finished.put((block, _run(task)))
+        while (task := self._tasks.get()) is not None:
+            self._finished.put(_run(task))
 
 
 def _run(task: Task) -> Answer | Lost | Exception:
