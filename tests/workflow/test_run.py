@@ -163,8 +163,8 @@ def test_a_study_whose_process_died_goes_on_with_worker_processes(write_study, t
 
 
 def test_an_error_in_a_function_is_a_flagged_cell(write_study, tmp_path):
-    (tmp_path / "fragile.py").write_text("def g(x):\n    return {'y': 1 / x, 'z': [x, x]}\n")
-    study = write_study('[study]\nname = "fragile"\nfunction = "fragile:g"\n[factors.x]\nvalues = [0, 4]\n')
+    (tmp_path / "dividing.py").write_text("def g(x):\n    return {'y': 1 / x, 'z': [x, x]}\n")
+    study = write_study('[study]\nname = "fragile"\nfunction = "dividing:g"\n[factors.x]\nvalues = [0, 4]\n')
     summary = run(study, tmp_path / "out", workers=0)
     assert summary.failed == {"error": 1}
     cube = td.open_cube(tmp_path / "out")
@@ -276,4 +276,4 @@ def test_keys_are_the_journals(write_study, tmp_path):
     with Journal(tmp_path / "out") as journal:
         assert sorted(keys.tolist()) == sorted(journal.keys().tolist())
     cube = td.open_cube(tmp_path / "out")
-    assert json.loads(cube.attrs["fixed_parameters"])["speed_rpm"] == 300
+    assert json.loads(cube.attrs["fixed_parameters"])["speed_rpm"] == 600
