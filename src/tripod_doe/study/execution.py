@@ -29,7 +29,7 @@ if TYPE_CHECKING:  # Dask takes a second to import, and a small study does witho
 __all__ = ["Execution"]
 
 _USUAL_WORKERS = 2
-_WORTH_WORKERS = 8.0  # seconds of work left: twice what two worker processes take to start
+_WORTH_WORKERS = 15.0  # seconds of work left: two workers take about 8 s of CPU time to start, and some to end
 _PATIENCE = 2.0  # seconds after which a block that is at work here is looked at: its points may be long ones
 
 
