@@ -38,6 +38,7 @@ from scipy.stats import beta
 from tripod_doe.joint.multibody_run import JointRun, run_joint
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.parameters import point_values
+from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.monitor import Settings
@@ -252,11 +253,10 @@ def draw_point(rng: np.random.Generator, needles: bool) -> dict[str, float]:
     }  # fmt: skip
 
 
-def joint_run(values: Mapping[str, float], needles: bool, method: str, setting: float):
+def joint_run(values: JointValues[float], needles: bool, method: str, setting: float):
     """A run and its amplitudes of orders 2 and 3, NaN if it stopped on its way."""
-    controlled = METHODS[method].controlled
-    step, tolerance = (None, setting) if controlled else (setting, None)
-    result = run_joint(values, needles, method, SAMPLES, step, tolerance)
+    step, tolerance = (np.nan, setting) if METHODS[method].controlled else (setting, np.nan)
+    result = run_joint(replace(values, step=step, relative_tolerance=tolerance), needles, method, SAMPLES)
     if result.readings is None:
         return result, np.full(2, np.nan)
     return result, np.abs(complex_amplitudes(result.readings.groove_thrust.sum(1)).mean(0))[2:4]
@@ -267,7 +267,7 @@ def reported_error(result: JointRun, found: np.ndarray) -> np.ndarray:
     return np.full(2, np.nan) if result.readings is None else result.readings.amplitude_error[2:4] / found
 
 
-def joint_truth(values: Mapping[str, float], needles: bool) -> tuple[np.ndarray, np.ndarray, str]:
+def joint_truth(values: JointValues[float], needles: bool) -> tuple[np.ndarray, np.ndarray, str]:
     """Amplitudes of orders 2 and 3 of a point, whether they are known, and what its rows are to be called besides."""
     result, truth = joint_run(values, needles, "adaptive-euler", 2.5e-4)
     error, besides = reported_error(result, truth), ""

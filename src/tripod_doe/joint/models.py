@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection
 from dataclasses import astuple, dataclass
 from functools import partial
@@ -175,9 +174,7 @@ def _simulate_multibody(
     block = BlockResult.blank(points.torque.size)
     split, rates = (not set(names).isdisjoint(keep) for names in (PART_OUTPUTS, _RATES))
     for i in range(block.count):
-        point = points.point(i)
-        step, tolerance = (None if math.isnan(given) else given for given in (point.step, point.relative_tolerance))
-        result = run_joint(point, needles, method, samples, step, tolerance, rates, split)
+        result = run_joint(points.point(i), needles, method, samples, rates, split)
         block.end(i, result.outcome, result.detail)
         block.steps[i], block.force_evaluations[i], block.solves[i], block.simulated_seconds[i] = (
             result.steps, result.force_evaluations, result.solves, result.followed

@@ -113,8 +113,7 @@ class JointRun:
 
 
 def run_joint(
-    values: JointValues[float], needles: bool, method: str, samples: int, step: float | None,
-    tolerance: float | None, rates: bool = False, split: bool = False,
+    values: JointValues[float], needles: bool, method: str, samples: int, rates: bool = False, split: bool = False
 ) -> JointRun:  # fmt: skip
     """Simulate one operating point.
 
@@ -124,8 +123,8 @@ def run_joint(
         The operating point.
     needles
         Model ``needles`` (True) or ``rollers``.
-    method, step, tolerance
-        Numerics; a method uses a step or a tolerance.
+    method
+        How it is integrated, with the step or the tolerance among the values.
     samples
         Samples per revolution.
     rates
@@ -136,6 +135,7 @@ def run_joint(
     if reason := _out_of_range(values):
         return JointRun(Outcome.OUT_OF_RANGE, reason)
     assembly = assemble(build_joint(values, needles))
+    step, tolerance = (None if math.isnan(given) else given for given in (values.step, values.relative_tolerance))
     settings = Settings(budget=int(values.evaluation_budget), tolerance=tolerance or Settings().tolerance)
     result, again = follow(assembly, values, method, samples, step, settings)
     if again is None:
