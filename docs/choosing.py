@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 import tripod_doe as td
-from tripod_doe.report.choosing import choosing_page
+from tripod_doe.report.choosing_page import choosing_page
 
 
 def main(speed: Path, stability: Path) -> None:

@@ -280,7 +280,7 @@ def _plan(options: argparse.Namespace) -> int:
 
     study = load_study(options.study)
     if study.file.analysis:
-        from tripod_doe.analysis.registry import check_analyses
+        from tripod_doe.workflow.analyses import check_analyses
 
         check_analyses(study)
     print(plan(study, timing=not options.no_timing).describe(max(options.workers, 1)))
@@ -398,7 +398,8 @@ def _workflow(options: argparse.Namespace) -> int:
 def _compare(options: argparse.Namespace) -> int:
     from tripod_doe.analysis.comparison import compare, model_point
     from tripod_doe.analysis.measurement import read_measurement
-    from tripod_doe.report.comparison import comparison_json, comparison_text, write_comparison
+    from tripod_doe.report.comparison import comparison_json, comparison_text
+    from tripod_doe.report.comparison_page import write_comparison
     from tripod_doe.study.netcdf import open_cube
 
     if options.reference_angle is not None and not math.isfinite(options.reference_angle):

@@ -9,7 +9,6 @@ import pytest
 import xarray as xr
 
 from tripod_doe.analysis.contribution import ContributionSettings, contribution_shares
-from tripod_doe.analysis.registry import check_analyses, run_analyses
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.arrays import opened_arrays
@@ -19,6 +18,7 @@ from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.query import records
 from tripod_doe.study.task import make_task, run_task
+from tripod_doe.workflow.analyses import check_analyses, run_analyses
 
 FUNCTIONS = """
 import numpy as np

@@ -11,13 +11,8 @@ from measured import Recorder
 import tripod_doe as td
 from tripod_doe.analysis.comparison import compare
 from tripod_doe.analysis.measurement import rotation_from_tachometer
-from tripod_doe.report.comparison import (
-    comparison_json,
-    comparison_page,
-    comparison_text,
-    find_in_comparison,
-    write_comparison,
-)
+from tripod_doe.report.comparison import comparison_json, comparison_text, find_in_comparison
+from tripod_doe.report.comparison_page import comparison_page, write_comparison
 from tripod_doe.report.figures.comparison import comparison_charts
 
 

@@ -112,16 +112,16 @@ def test_the_same_cube_gives_the_same_picture(grid_cube):
     assert spectrum_chart(grid_cube).svg() == spectrum_chart(grid_cube).svg()
 
 
-def indices(**variables: list[float]) -> xr.Dataset:
+def indices(kind: str, **variables: list[float]) -> xr.Dataset:
     return xr.Dataset(
         {key: ("factor", values) for key, values in variables.items()},
         coords={"factor": ["x", "z"]},
-        attrs={"outputs": "y", "confidence_level": 0.9},
+        attrs={"outputs": "y", "confidence_level": 0.9, "analysis_kind": kind},
     )
 
 
 def test_sobol_chart_shows_both_indices_with_their_intervals(data_of):
-    result = indices(S1=[0.1, 0.6], S1_conf=[0.01, 0.02], ST=[0.2, 0.7], ST_conf=[0.03, 0.04])
+    result = indices("sobol", S1=[0.1, 0.6], S1_conf=[0.01, 0.02], ST=[0.2, 0.7], ST_conf=[0.03, 0.04])
     (chart,) = index_charts({"sobol": result}, sampled(3))
     data = data_of(chart)
     assert data.to_numpy().tolist() == [["z", 0.7, 0.04, 0.6, 0.02], ["x", 0.2, 0.03, 0.1, 0.01]]
@@ -130,7 +130,7 @@ def test_sobol_chart_shows_both_indices_with_their_intervals(data_of):
 
 
 def test_morris_chart_shows_every_factor_in_the_unit_of_the_output(data_of):
-    result = indices(mu=[1.0, -2.0], mu_star=[1.0, 2.0], mu_star_conf=[0.1, 0.2], sigma=[0.5, 0.0])
+    result = indices("morris", mu=[1.0, -2.0], mu_star=[1.0, 2.0], mu_star_conf=[0.1, 0.2], sigma=[0.5, 0.0])
     (chart,) = index_charts({"morris": result}, sampled(3))
     assert data_of(chart)["mu_star"].tolist() == [2.0, 1.0]
     assert {"x", "z", "mean elementary effect μ* (N)"} <= set(texts_of(chart))

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tripod_doe.report.findings import find, find_in_analyses
+from tripod_doe.report.analyses import findings_of
+from tripod_doe.report.findings import find
 from tripod_doe.report.responses import main_effect, responses
 
 LINE = """
@@ -103,11 +104,12 @@ def sobol_result() -> xr.Dataset:
     return xr.Dataset(
         dict.fromkeys(("S1", "S1_conf", "ST", "ST_conf"), (("factor", "order"), index)),
         coords={"factor": ["torque_n_m", "joint_angle_deg"], "order": [3, 2]},
+        attrs={"analysis_kind": "sobol"},
     )
 
 
 def test_the_largest_index_is_named_and_orders_without_numbers_are_left_out():
-    sentences = find_in_analyses({"mine": sobol_result()})
+    sentences = findings_of("mine", sobol_result())
     assert len(sentences) == 1
     assert "third order comes first from joint angle (total Sobol' index 0.7 +- 0.7), then torque (0.1" in sentences[0]
     assert "80 % of it is the factors' own" in sentences[0]

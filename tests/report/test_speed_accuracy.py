@@ -11,10 +11,10 @@ import pytest
 from method_rows import EXACT, FINE, FIRST, JOINT, SECOND, STEPS, cube_of, fixed
 
 from tripod_doe.analysis.speed_accuracy import SpeedAccuracySettings, speed_accuracy
+from tripod_doe.report.analyses import findings_of
 from tripod_doe.report.figures.registry import FIGURES
 from tripod_doe.report.speed_accuracy import price_table
 from tripod_doe.report.tables import factor_rows
-from tripod_doe.report.telling import findings_of
 from tripod_doe.simulator import Outcome
 from tripod_doe.workflow.definition import load_workflow
 

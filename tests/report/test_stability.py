@@ -7,10 +7,10 @@ import pytest
 import xarray as xr
 
 from tripod_doe.analysis.stability import StabilitySettings, stability_borders
+from tripod_doe.report.analyses import findings_of
 from tripod_doe.report.figures.outcomes import outcome_charts
 from tripod_doe.report.figures.registry import FIGURES
-from tripod_doe.report.stability import is_stability, stability_table
-from tripod_doe.report.telling import findings_of
+from tripod_doe.report.stability import stability_table
 from tripod_doe.simulator import Outcome
 
 STEPS = np.array([1e-8, 2e-8, 4e-8, 8e-8])
@@ -41,7 +41,6 @@ def borders():
 
 
 def test_sentences(borders):
-    assert is_stability(borders)
     found = findings_of("borders", borders)
     assert found[0].startswith("3 of 4 borders agree with theory within a factor of 2")
     assert found[1] == "Of 6 runs that failed 3 were refused; 3 finished with a wrong number, the worst by 25 %."

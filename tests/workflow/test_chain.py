@@ -16,8 +16,9 @@ import xarray as xr
 from pydantic import BaseModel
 
 import tripod_doe as td
-from tripod_doe.analysis.registry import ANALYSES, CHAIN_ANALYSES, ChainAnalysis
+from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.cli import main
+from tripod_doe.report.analyses import ANALYSES, Analysis
 from tripod_doe.workflow.definition import load_workflow
 
 COUNTED = """
@@ -236,11 +237,12 @@ class Settings(BaseModel):
 
 
 def test_python_steps_come_through_the_registry(bench, monkeypatch):
+    @makes_kind("claims")
     def claims(cubes, settings, folder):
         worst = max(float(cube["y"].max()) for cube in cubes.values())
         return xr.Dataset({"holds": ("claim", [int(worst <= settings.most)])}, coords={"claim": ["small"]})
 
-    monkeypatch.setitem(CHAIN_ANALYSES, "claims", ChainAnalysis(Settings, claims))
+    monkeypatch.setitem(ANALYSES, "claims", Analysis(claims, Settings))
     step = '[steps.checks]\nkind = "claims"\ninputs = ["first", "other"]\nsettings = {most = 9}\n'
     bench.write(CHAIN + step)
     assert bench.run(only="checks")["checks"] == "finished"
@@ -346,4 +348,4 @@ def test_the_example_is_sound_and_the_schema_describes_every_key(capsys):
     for name, table in schema["$defs"].items():
         for key, entry in table["properties"].items():
             assert entry.get("description"), f"{name}.{key}"
-    assert set(schema["x-settings"]) == {*ANALYSES, *CHAIN_ANALYSES}
+    assert set(schema["x-settings"]) == set(ANALYSES)

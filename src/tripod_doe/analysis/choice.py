@@ -33,6 +33,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.pilot_evidence import HOPELESS, Evidence, evidence
 from tripod_doe.errors import InputError
 from tripod_doe.study.accuracy import AUTO, Accuracy
@@ -90,6 +91,7 @@ def choose(found: Evidence, columns: Mapping[str, NDArray[Any]], accuracy: Accur
     })  # fmt: skip
 
 
+@makes_kind("choose")
 def choose_for_study(cubes: Mapping[str, xr.Dataset], settings: ChooseSettings, folder: Path) -> xr.Dataset:
     """The candidate of every point of a study file, from the cube of any pilot: a design table, see `choose`.
 

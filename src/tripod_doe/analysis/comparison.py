@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 from scipy.stats import t as student
 
+from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.measurement import Measurement, read_measurement
 from tripod_doe.analysis.order_tracking import CELLS, resample, track_orders
 from tripod_doe.errors import InputError
@@ -43,6 +44,7 @@ class ComparisonSettings(BaseModel):
     confidence: float = Field(0.95, gt=0, lt=1, description="level of the uncertainties")
 
 
+@makes_kind("comparison")
 def compare_file(cubes: Mapping[str, xr.Dataset], settings: ComparisonSettings, folder: Path) -> xr.Dataset:
     """Compare a measurement's file with a point of the one cube that is given; see `compare`.
 
@@ -109,6 +111,7 @@ def _levels(labels: xr.DataArray) -> str:
     return "|".join(shown) + ("|..." if labels.size > 6 else "")
 
 
+@makes_kind("comparison")
 def compare(
     measurement: Measurement,
     point: xr.Dataset,

@@ -19,6 +19,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import SWITCH_ROLE
@@ -138,6 +139,7 @@ def _largest(values: ComplexArray) -> FloatArray:
     return largest
 
 
+@makes_kind("contribution")
 def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None = None) -> xr.Dataset:
     r"""Shares of the mechanisms in an amplitude by four definitions, what does not add up, and the interactions.
 
@@ -204,9 +206,16 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
         | {"mechanism": ("mechanism", list(mechanisms), {"long_name": "mechanism that is switched"})}
         | ({"pair": _pair_labels(mechanisms)} if "interaction" in variables else {}),
         attrs={"outputs": settings.output, "operating_dims": " ".join(operating.dims)}
+        | _counts(cube)
         | ({"comment": comment} if comment else {})
         | ({"model": model} if (model := _model(cube)) else {}),
     )
+
+
+def _counts(cube: xr.Dataset) -> dict[str, int]:
+    """Points that finished, and points that did not: shares that need one of these are missing."""
+    used = int((cube["outcome"] == Outcome.FINISHED).sum())
+    return {"points_used": used, "points_dropped": cube.sizes["point"] - used}
 
 
 def _model(cube: xr.Dataset) -> str:

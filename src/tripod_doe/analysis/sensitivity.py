@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from SALib.analyze import morris as salib_morris
 from SALib.analyze import sobol as salib_sobol
 
+from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import COST_VARIABLES
@@ -43,6 +44,7 @@ class MorrisSettings(SobolSettings):
     """[analysis.NAME] of kind morris."""
 
 
+@makes_kind("sobol")
 def sobol_indices(cube: xr.Dataset, settings: SobolSettings | None = None) -> xr.Dataset:
     """First-order, total and second-order Sobol' indices with confidence intervals.
 
@@ -82,6 +84,7 @@ def sobol_indices(cube: xr.Dataset, settings: SobolSettings | None = None) -> xr
     return _analyse_outputs(cube, settings, names, rows, analyse, "Sobol' index")
 
 
+@makes_kind("morris")
 def morris_effects(cube: xr.Dataset, settings: MorrisSettings | None = None) -> xr.Dataset:
     """Morris' elementary effects: mean mu, mean of magnitudes mu_star with its interval, standard deviation sigma.
 
@@ -184,8 +187,9 @@ def _analyse_outputs(
         unit = {"units": "1"} if str(key).startswith("S") else {}
         result[key].attrs = {"long_name": f"{meaning} {key}"} | unit
     return result.assign_attrs(
-        outputs=", ".join(chosen), groups_used=groups, groups_dropped=dropped, confidence_level=settings.confidence
-    )
+        outputs=", ".join(chosen), groups_used=groups, groups_dropped=dropped, points_used=groups * rows,
+        points_dropped=dropped * rows, confidence_level=settings.confidence,
+    )  # fmt: skip
 
 
 def _analyse_output(variable: xr.DataArray, analyse: Callable[[FloatArray], dict[str, FloatArray]]) -> xr.Dataset:

@@ -13,7 +13,6 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.speed_runs import QUANTITIES, Case, TimedRun, read_cases
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
@@ -81,9 +81,8 @@ class _Price:
     known: Known
 
 
-def speed_accuracy(
-    cubes: Mapping[str, xr.Dataset], settings: SpeedAccuracySettings, folder: Path | None = None
-) -> xr.Dataset:
+@makes_kind("speed-accuracy")
+def speed_accuracy(cubes: Mapping[str, xr.Dataset], settings: SpeedAccuracySettings) -> xr.Dataset:
     """Compare methods and models by error and price.
 
     Parameters
@@ -92,8 +91,6 @@ def speed_accuracy(
         Cubes of method studies with their costs, one a scene.
     settings
         The target error.
-    folder
-        Not used: no files are read.
 
     Returns
     -------

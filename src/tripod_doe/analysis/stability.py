@@ -26,6 +26,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
@@ -139,6 +140,7 @@ def predicted_border(method: Method, rates: FloatArray, limit: float) -> tuple[f
     return borders[what], what
 
 
+@makes_kind("stability")
 def stability_borders(cube: xr.Dataset, settings: StabilitySettings) -> xr.Dataset:
     """Measured and predicted border of every method at every operating point.
 

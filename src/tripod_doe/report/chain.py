@@ -10,15 +10,15 @@ from pathlib import Path
 
 import xarray as xr
 
+from tripod_doe.analysis.kinds import is_study, of_kind
 from tripod_doe.atomic_files import replace_text
-from tripod_doe.report.claims import claims_of_figures, is_claims
+from tripod_doe.report.analyses import findings_of, table_of
+from tripod_doe.report.claims.verdicts import claims_of_figures
 from tripod_doe.report.figures import Chart
 from tripod_doe.report.figures.chain import StepView, chain_chart, step_time
 from tripod_doe.report.figures.chart import WIDE
-from tripod_doe.report.findings import find_in_analyses
 from tripod_doe.report.page import render
 from tripod_doe.report.side_by_side import find_side_by_side, of_one_ladder, side_by_side_table
-from tripod_doe.report.telling import findings_of, is_study, table_of
 
 __all__ = ["StoredChart", "chain_page", "read_charts", "step_page", "write_charts"]
 
@@ -118,7 +118,7 @@ def step_page(
     notice
         What the reader must know first; empty for nothing.
     """
-    claims = next((each for each in data.values() if is_claims(each)), None)
+    claims = next(iter(of_kind(data, "claims").values()), None)
     ladder = of_one_ladder(data)
     parts = []
     for name in order:
@@ -141,7 +141,7 @@ def _part(name: str, cube: xr.Dataset) -> PagePart:
 def _side_by_side(name: str, ladder: Mapping[str, xr.Dataset]) -> PagePart:
     """Contributions of several models in one table, then what the finest of them finds."""
     finest = list(ladder)[-1]
-    findings = find_side_by_side(ladder) + find_in_analyses({finest: ladder[finest]})
+    findings = find_side_by_side(ladder) + findings_of(finest, ladder[finest])
     return PagePart(name, "Contributions: the models side by side", findings, [], "", side_by_side_table(ladder))
 
 

@@ -1,27 +1,24 @@
-"""A comparison with a measurement, told in sentences, as a table, as JSON, and as a page."""
+"""A comparison with a measurement, in sentences, as a table and as JSON."""
 
 from __future__ import annotations
 
 import json
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
-from tripod_doe.atomic_files import replace_text
-from tripod_doe.report.figures.comparison import comparison_charts
-from tripod_doe.report.page import render
-from tripod_doe.report.responses import ORDINALS, number, spoken
-from tripod_doe.study.netcdf import stamp_history, write_dataset
+from tripod_doe.report.responses import ORDINALS, number
 
-__all__ = ["comparison_json", "comparison_page", "comparison_text", "find_in_comparison", "write_comparison"]
+__all__ = ["ORDER_HEADS", "comparison_json", "comparison_text", "find_in_comparison", "order_rows"]
 
-_HEADS = (
+ORDER_HEADS = (
     "order", "measured N", "+- N", "model N", "difference N", "measured deg", "+- deg", "model deg", "difference deg"
 )  # fmt: skip
+"""Heads of the table of orders."""
+
 _FORCES = ("measured_amplitude", "model_amplitude", "amplitude_difference")
 _PHASES = ("measured_phase_deg", "model_phase_deg", "phase_difference_deg")
 _MOST_DECIMALS = 6
@@ -93,12 +90,12 @@ def _cautions(comparison: xr.Dataset) -> list[str]:
 
 def comparison_text(comparison: xr.Dataset) -> str:
     """The orders as a table for people, with the sentences above it."""
-    rows = pd.DataFrame(_order_rows(comparison), columns=list(_HEADS))
+    rows = pd.DataFrame(order_rows(comparison), columns=list(ORDER_HEADS))
     table = rows.to_string(index=False)
     return "\n".join([*find_in_comparison(comparison), "", table])
 
 
-def _order_rows(comparison: xr.Dataset) -> list[list[str]]:
+def order_rows(comparison: xr.Dataset) -> list[list[str]]:
     """The orders as text, every number to the digits that its uncertainty leaves."""
     rows = []
     for order in comparison["order"].values.tolist():
@@ -139,33 +136,3 @@ def _plain(values: Any) -> Any:
     if isinstance(values, list):
         return [_plain(value) for value in values]
     return None if isinstance(values, float) and not math.isfinite(values) else values
-
-
-def comparison_page(comparison: xr.Dataset) -> str:
-    """The comparison as one HTML page that needs nothing else."""
-    point = json.loads(comparison.attrs["point"])
-    facts = [(spoken(name), number(value) if isinstance(value, float) else str(value)) for name, value in point.items()]
-    return render(
-        "comparison.html",
-        attrs=comparison.attrs,
-        facts=facts,
-        findings=find_in_comparison(comparison),
-        charts=comparison_charts(comparison),
-        heads=_HEADS,
-        rows=_order_rows(comparison),
-    )
-
-
-def write_comparison(comparison: xr.Dataset, output: Path) -> Path:
-    """Write the page: to a file that ends in .html, else as index.html into a directory, with comparison.nc beside it.
-
-    Raises
-    ------
-    StorageError
-        If it cannot be written.
-    """
-    if output.suffix.lower() in (".html", ".htm"):
-        return replace_text(output, comparison_page(comparison))
-    page = replace_text(output / "index.html", comparison_page(comparison))
-    write_dataset(stamp_history(comparison, "tripod-doe compare"), output / "comparison.nc")
-    return page

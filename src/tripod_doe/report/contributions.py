@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.analysis.contribution import PAPER_SHARES
+from tripod_doe.analysis.kinds import of_kind
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, MECHANISMS
 from tripod_doe.report.responses import ORDINALS, factor_label, factor_unit, number, spoken, unit_text, with_unit
 
@@ -20,7 +21,7 @@ __all__ = [
     "contribution_findings",
     "contribution_notes",
     "contributions",
-    "is_contribution",
+    "find_in_contribution",
     "share_rows",
     "span",
 ]
@@ -108,17 +109,11 @@ class Contribution:
         return {name: float(np.abs(values - self.paper[printed]).max()) for name, values in known.items()}
 
 
-def is_contribution(result: xr.Dataset) -> bool:
-    """Whether an analysis is of kind contribution."""
-    return "share_off" in result
-
-
 def contributions(analyses: Mapping[str, xr.Dataset]) -> list[Contribution]:
     """The third and the second order of every contribution analysis, or its output where that has no orders."""
     return [
         _contribution(name, result, order)
-        for name, result in analyses.items()
-        if is_contribution(result)
+        for name, result in of_kind(analyses, "contribution").items()
         for order in ((3, 2) if "order" in result.dims else (None,))
         if order is None or order in result["order"].values
     ]
@@ -238,6 +233,11 @@ def share_rows(part: Contribution) -> tuple[list[str], list[list[str]], list[lis
         )
         below = [[*row, "100" if row[0] == "sum" else ""] for row in below]
     return heads, rows, below
+
+
+def find_in_contribution(name: str, result: xr.Dataset) -> list[str]:
+    """Sentences on a contribution analysis: the shares of the third and the second order."""
+    return [sentence for part in contributions({name: result}) for sentence in contribution_findings(part)]
 
 
 def contribution_findings(part: Contribution) -> list[str]:

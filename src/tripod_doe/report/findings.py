@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from collections.abc import Iterator
 
 import numpy as np
 import xarray as xr
 
-from tripod_doe.report.contributions import contribution_findings, contributions
 from tripod_doe.report.responses import (
     ORDINALS,
     Effect,
@@ -20,17 +18,17 @@ from tripod_doe.report.responses import (
     factor_names,
     factor_unit,
     finished,
+    listed,
     main_effect,
     number,
     numeric_factors,
     responses,
-    spoken,
     with_all_on,
     with_unit,
 )
 from tripod_doe.simulator import Outcome
 
-__all__ = ["find", "find_in_analyses", "sensitivity_parts"]
+__all__ = ["find"]
 
 _FLAT = 1e-6  # relative change below which a response is the same everywhere
 _MINOR = 0.05  # change over the range of the response below which a factor shares one sentence with others
@@ -144,7 +142,7 @@ def _effects(response: Response, cube: xr.Dataset) -> Iterator[str]:
             weak.append(factor)
     if weak:
         part = 100 * max(effects[factor].rise for factor in weak) / (high - low)
-        labels = _listed([factor_label(cube, factor) for factor in weak])
+        labels = listed([factor_label(cube, factor) for factor in weak])
         yield f"{labels[0].upper() if start != name else labels[0]}{labels[1:]} " + (
             f"{'change' if len(weak) > 1 else 'changes'} {name} by at most {_rounded_up(part)} % of that range"
             f"{_others(cube, ', ', weak[0] if len(weak) == 1 else '')}."
@@ -195,72 +193,3 @@ def _sentence(name: str, start: str, unit: str, cube: xr.Dataset, factor: str, e
         for at in (int(np.argmin(curve)), int(np.argmax(curve)))
     )
     return f"With {label} {name} goes from {least} to {most}{_others(cube, ', ', factor)}."
-
-
-def find_in_analyses(analyses: Mapping[str, xr.Dataset]) -> list[str]:
-    """Sentences on what contributes most, and on the strongest factors of each sensitivity analysis."""
-    sentences = [sentence for part in contributions(analyses) for sentence in contribution_findings(part)]
-    for name, result in analyses.items():
-        for part in sensitivity_parts(result):
-            tell = _sobol_sentence if "ST" in part.indices else _morris_sentence
-            sentences.append(tell(name, part.what, part.indices))
-    return sentences
-
-
-class Part(NamedTuple):
-    """Indices over ``factor`` alone: of which output of the cube, and what that is in words."""
-
-    output: str
-    what: str
-    indices: xr.Dataset
-
-
-def sensitivity_parts(result: xr.Dataset) -> list[Part]:
-    """The parts of a sensitivity analysis that a reader asks for first.
-
-    The third and second order of the thrust; of a function, its first four outputs. Parts without numbers are left out.
-    """
-    key = next((key for key in ("ST", "mu_star") if key in result), None)
-    if key is None:
-        return []
-    outputs = [str(name) for name in result["output"].values] if "output" in result.dims else []
-    if "thrust_amplitude" in outputs:
-        outputs = ["thrust_amplitude"]
-    parts = []
-    for output in outputs[:4] or [str(result.attrs.get("outputs", "the output"))]:
-        of_output = result.sel(output=output) if outputs else result
-        for order in (3, 2) if "order" in result.dims else (None,):
-            indices = of_output if order is None else of_output.sel(order=order)
-            indices = indices.isel(dict.fromkeys((dim for dim in indices[key].dims if dim != "factor"), 0))
-            if indices[key].notnull().any():
-                parts.append(Part(output, output if order is None else f"the {ORDINALS[order]}", indices))
-    return parts
-
-
-def _sobol_sentence(name: str, what: str, part: xr.Dataset) -> str:
-    first, *others = _ranked(part, "ST")
-    then = _listed([f"{spoken(factor)} ({value:.3g} +- {half:.2g})" for factor, value, half in others[:2]])
-    own = 100 * min(max(float(part["S1"].sum()), 0), 1)
-    return (
-        f"The variance of {what} comes first from {spoken(first[0])} (total Sobol' index {first[1]:.3g} +- "
-        f"{first[2]:.2g}){f', then {then}' if then else ''}; {own:.0f} % of it is the factors' own, the rest their "
-        f"interactions (analysis {name})."
-    )
-
-
-def _morris_sentence(name: str, what: str, part: xr.Dataset) -> str:
-    told = [f"{spoken(factor)} {value:.3g} +- {half:.2g}" for factor, value, half in _ranked(part, "mu_star")[:3]]
-    return (
-        f"The largest mean elementary effects on {what}, in its unit over a factor's whole range: {_listed(told)} "
-        f"(analysis {name})."
-    )
-
-
-def _ranked(part: xr.Dataset, key: str) -> list[tuple[str, float, float]]:
-    """Factor, index and half width of its interval, the largest first."""
-    rows = zip(part["factor"].values, part[key].values, part[f"{key}_conf"].values, strict=True)
-    return sorted(((str(f), float(v), float(c)) for f, v, c in rows if np.isfinite(v)), key=lambda row: -row[1])
-
-
-def _listed(names: list[str]) -> str:
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

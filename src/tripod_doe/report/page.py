@@ -12,9 +12,11 @@ import xarray as xr
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from tripod_doe.analysis.kinds import of_kind
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError
-from tripod_doe.report.contributions import contribution_notes, contributions, is_contribution, share_rows
+from tripod_doe.report.analyses import findings_of
+from tripod_doe.report.contributions import contribution_notes, contributions, share_rows
 from tripod_doe.report.figures import (
     Chart,
     contribution_chart,
@@ -26,7 +28,7 @@ from tripod_doe.report.figures import (
     spectrum_chart,
     waveform_charts,
 )
-from tripod_doe.report.findings import find, find_in_analyses
+from tripod_doe.report.findings import find
 from tripod_doe.report.responses import asked, design_kind, factor_names, factor_unit, finished, spoken, with_all_on
 from tripod_doe.report.tables import (
     cost_rows,
@@ -92,7 +94,7 @@ def make_page(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset]) -> str:
         total=total,
         good=good,
         findings=find(cube),
-        answers=find_in_analyses(analyses),
+        answers=[sentence for name, result in analyses.items() for sentence in findings_of(name, result)],
         loci=locus_chart(shown),
         waveforms=waveform_charts(shown),
         spectrum=spectrum_chart(shown),
@@ -104,7 +106,7 @@ def make_page(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset]) -> str:
             for part in contributions(analyses)
         ],
         ablation=shown is not cube,
-        analyses=[name for name, result in analyses.items() if not is_contribution(result)],
+        analyses=of_kind(analyses, "sobol", "morris"),
         outcomes=outcome_counts(cube),
         factor_heads=[(spoken(name), factor_unit(cube, name)) for name in factor_names(cube)],
         failed=failed_points(cube, _MOST_FAILED),

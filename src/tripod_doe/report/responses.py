@@ -25,6 +25,7 @@ __all__ = [
     "factor_names",
     "factor_unit",
     "finished",
+    "listed",
     "main_effect",
     "number",
     "numeric_factors",
@@ -131,6 +132,11 @@ def number(value: float) -> str:
 def with_unit(value: str, unit: str) -> str:
     """Value and unit, without a trailing blank where there is no unit."""
     return f"{value} {unit}" if unit else value
+
+
+def listed(names: list[str]) -> str:
+    """Names as a sentence lists them: ``a, b and c``."""
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def factor_label(cube: xr.Dataset, name: str) -> str:

@@ -8,9 +8,9 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analysis.contribution import PAPER_SHARES
+from tripod_doe.analysis.kinds import of_kind
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.parameters import MECHANISMS
-from tripod_doe.report.contributions import is_contribution
 from tripod_doe.report.responses import ORDINALS, spoken
 
 __all__ = ["find_side_by_side", "of_one_ladder", "side_by_side_table"]
@@ -30,8 +30,8 @@ def of_one_ladder(data: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
     """
     found = {
         name: each
-        for name, each in data.items()
-        if is_contribution(each) and each.attrs.get("model") in MODELS and not each.attrs.get("operating_dims")
+        for name, each in of_kind(data, "contribution").items()
+        if each.attrs.get("model") in MODELS and not each.attrs.get("operating_dims")
         and set(each["mechanism"].values) == set(MECHANISMS) and set(_ORDERS) <= set(each["order"].values.tolist())
     }  # fmt: skip
     ranks = {name: list(MODELS).index(each.attrs["model"]) for name, each in found.items()}

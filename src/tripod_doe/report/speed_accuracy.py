@@ -13,7 +13,7 @@ from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.report.responses import number
 from tripod_doe.simulator import Outcome
 
-__all__ = ["find_in_speed_accuracy", "is_speed_accuracy", "price_table"]
+__all__ = ["find_in_speed_accuracy", "price_table"]
 
 _HOW = {
     Known.INTERPOLATED: "interpolated",
@@ -26,11 +26,6 @@ _MISS = 0.05
 
 _NEAR = 1.5
 """Factor within which a default counts as one of the best."""
-
-
-def is_speed_accuracy(data: xr.Dataset) -> bool:
-    """Whether this is an analysis of kind speed-accuracy."""
-    return "numerical_error" in data and "price_ratio" in data
 
 
 def find_in_speed_accuracy(data: xr.Dataset) -> list[str]:

@@ -12,7 +12,7 @@ from tripod_doe.report.figures.stability import map_of, maps
 from tripod_doe.report.responses import number, spoken, unit_text, with_unit
 from tripod_doe.simulator import Outcome
 
-__all__ = ["border_text", "find_in_stability", "is_stability", "measured_border", "stability_table"]
+__all__ = ["border_text", "find_in_stability", "measured_border", "stability_table"]
 
 _HEADS = [
     "Varied", "Method", "Measured border", "By theory", "Limited by", "Measured over theory", "Agree", "First failure",
@@ -31,11 +31,6 @@ _WHY = {
     Limit.TOLERANCE: "a step of this method ends at every sample, whatever the tolerance",
 }
 """What is known of a disagreement, by what limits the step."""
-
-
-def is_stability(data: xr.Dataset) -> bool:
-    """Whether this is a stability analysis."""
-    return "border_predicted" in data
 
 
 def find_in_stability(borders: xr.Dataset) -> list[str]:

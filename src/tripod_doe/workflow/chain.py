@@ -18,10 +18,10 @@ from pathlib import Path
 import dask
 import xarray as xr
 
-from tripod_doe.analysis.registry import ANALYSES, CHAIN_ANALYSES
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.interrupts import check_interrupt
+from tripod_doe.report.analyses import ANALYSES
 from tripod_doe.report.chain import chain_page, step_page, write_charts
 from tripod_doe.report.figures.chain import StepView
 from tripod_doe.report.figures.registry import FIGURES
@@ -203,8 +203,7 @@ class _Chain:
         return self._tell(self.view(step, "finished", seconds, detail))
 
     def _reads_failed(self, step: Step) -> bool:
-        chained = CHAIN_ANALYSES.get(step.analysis) if isinstance(step.table, AnalysisStep) else None
-        return chained is not None and chained.partial
+        return isinstance(step.table, AnalysisStep) and ANALYSES[step.analysis].partial
 
     def _has_points(self, view: StepView) -> bool:
         """Whether a study step left a cube of what it is now asked, if not of all its points."""
@@ -243,23 +242,20 @@ class _Chain:
     def _analyse(self, step: Step) -> str:
         cubes = self._cubes(step)
         name = step.analysis
-        if name in ANALYSES:
-            result = ANALYSES[name].function(next(iter(cubes.values())), step.settings)
-        else:
-            result = CHAIN_ANALYSES[name].function(cubes, step.settings, self.workflow.folder)
+        result = ANALYSES[name].function(cubes, step.settings, self.workflow.folder)
         result = result.assign_attrs({"title": f"{name} of {', '.join(cubes)}"} | result.attrs)
         write_dataset(stamp_history(result, f"tripod-doe workflow: {step.name}"), self.folder(step.name) / "cube.nc")
         for path in self._exported(step):
-            export = CHAIN_ANALYSES[name].export
+            export = ANALYSES[name].export
             assert export is not None
             replace_text(path, export[1](result))
         return name
 
     def _exported(self, step: Step) -> list[Path]:
         """Where an analysis that answers the workflow's question tells it to other programs."""
-        chained = CHAIN_ANALYSES.get(step.analysis) if isinstance(step.table, AnalysisStep) else None
+        export = ANALYSES[step.analysis].export if isinstance(step.table, AnalysisStep) else None
         folder = self.directory / "quick" if self.workflow.quick else self.directory
-        return [folder / chained.export[0]] if chained and chained.export else []
+        return [folder / export[0]] if export else []
 
     def answers(self, views: tuple[StepView, ...]) -> dict[str, xr.Dataset]:
         """The analyses that answer the workflow's question, as far as they are made."""

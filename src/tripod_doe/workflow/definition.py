@@ -14,11 +14,12 @@ import xarray as xr
 from pydantic import BaseModel
 
 import tripod_doe
-from tripod_doe.analysis.registry import ANALYSES, CHAIN_ANALYSES, check_analyses, checked_settings, settings_of
 from tripod_doe.errors import InputError, near_match
+from tripod_doe.report.analyses import ANALYSES
 from tripod_doe.study.definition import Study, parse_study
 from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.file import read_text
+from tripod_doe.workflow.analyses import check_analyses, checked_settings, settings_of
 from tripod_doe.workflow.file import (
     AnalysisStep,
     FigureStep,
@@ -183,17 +184,17 @@ def _settings(
     workflow: Workflow, where: str, name: str, table: AnalysisStep, before: Mapping[str, Step], digest: _Digest
 ) -> BaseModel:
     analysis = analysis_name(table)
-    if analysis in ANALYSES:
+    entry = ANALYSES[analysis]
+    if entry.designs:
         study = before[table.inputs[0]].study
         if len(table.inputs) != 1 or study is None:
             raise InputError(f"{where}: {analysis} needs one study step as its input")
         return settings_of(study, analysis, table.settings, f"[steps.{name}] of {workflow.origin}")[1]
-    chained = CHAIN_ANALYSES[analysis]
     try:
-        settings = checked_settings(chained.settings, table.settings)
+        settings = checked_settings(entry.settings, table.settings)
     except InputError as error:
         raise InputError(f"{where}: settings: {error}") from error
-    for key in chained.files:
+    for key in entry.files:
         path = workflow.folder / getattr(settings, key)
         try:
             digest.add_bytes(path.read_bytes())

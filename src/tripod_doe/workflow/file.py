@@ -8,8 +8,8 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from tripod_doe.analysis.registry import ANALYSES, CHAIN_ANALYSES
 from tripod_doe.errors import InputError, near_match
+from tripod_doe.report.analyses import ANALYSES
 from tripod_doe.report.figures.registry import FIGURES
 from tripod_doe.study.file import FactorTable, Scalar, complaints
 
@@ -136,7 +136,7 @@ def parse_step(origin: str, name: str, table: dict[str, Any]) -> StepTable:
     where = f"[steps.{name}]"
     if not name.replace("-", "").replace("_", "").isalnum():
         raise InputError(f"{origin}: {where}: a step's name is also that of a directory: use letters, digits, - and _")
-    kind, known = str(table.get("kind", "")), [*_KINDS, *ANALYSES, *CHAIN_ANALYSES]
+    kind, known = str(table.get("kind", "")), [*_KINDS, *ANALYSES]
     if kind not in known:
         told = f"kind = {kind!r}: unknown" if kind else "kind is missing"
         raise InputError(f"{origin}: {where}: {told}{near_match(kind, known)}")
@@ -158,7 +158,7 @@ def parse_step(origin: str, name: str, table: dict[str, Any]) -> StepTable:
 def _names(table: StepTable) -> list[tuple[list[str], str, str]]:
     """Allowed names, the given one, and its key, where a step names an analysis or a figure."""
     if isinstance(table, AnalysisStep):
-        return [([*ANALYSES, *CHAIN_ANALYSES], analysis_name(table), "analysis")]
+        return [([*ANALYSES], analysis_name(table), "analysis")]
     return [(list(FIGURES), table.figure, "figure")] if isinstance(table, FigureStep) else []
 
 
@@ -175,12 +175,12 @@ def workflow_schema() -> dict[str, Any]:
         own = model.model_json_schema(ref_template="#/$defs/{model}")
         definitions |= own.pop("$defs", {})
         definitions[model.__name__] = own
-    definitions["AnalysisStep"]["properties"]["analysis"]["enum"] = ["", *ANALYSES, *CHAIN_ANALYSES]
-    definitions["AnalysisStep"]["properties"]["kind"]["enum"] = ["analysis", *ANALYSES, *CHAIN_ANALYSES]
+    definitions["AnalysisStep"]["properties"]["analysis"]["enum"] = ["", *ANALYSES]
+    definitions["AnalysisStep"]["properties"]["kind"]["enum"] = ["analysis", *ANALYSES]
     definitions["FigureStep"]["properties"]["figure"]["enum"] = list(FIGURES)
     schema["properties"]["steps"]["additionalProperties"] = {
         "anyOf": [{"$ref": f"#/$defs/{model.__name__}"} for model in _KINDS.values()]
     }
-    settings = {name: entry.settings for name, entry in (ANALYSES | CHAIN_ANALYSES).items()}
+    settings = {name: entry.settings for name, entry in ANALYSES.items()}
     schema["x-settings"] = {name: model.model_json_schema() for name, model in settings.items()}
     return schema

@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
+import xarray as xr
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from tripod_doe.report.contributions import DEFINITIONS, Contribution
+from tripod_doe.report.contributions import DEFINITIONS, Contribution, contributions
 from tripod_doe.report.figures.chart import COLOURS, INK, MUTED, Chart, drawing, legend_above
 from tripod_doe.report.responses import spoken
 
-__all__ = ["contribution_chart"]
+__all__ = ["contribution_chart", "contribution_charts"]
 
 FloatArray = NDArray[np.float64]
 
 _MOST_BARS = 12
 _READABLE = 0.06  # part of the axis that a segment needs to hold its number
 _HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "")
+
+
+def contribution_charts(inputs: Mapping[str, xr.Dataset]) -> list[Chart]:
+    """A chart for every order of every contribution analysis that has shares."""
+    return [contribution_chart(part) for part in contributions(inputs) if not part.missing]
 
 
 def contribution_chart(part: Contribution) -> Chart:

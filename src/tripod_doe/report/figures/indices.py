@@ -8,21 +8,31 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from tripod_doe.analysis.kinds import is_study, kind_of, of_kind
+from tripod_doe.errors import InputError
 from tripod_doe.report.figures.chart import COLOURS, INK, MARKERS, MUTED, Chart, drawing, legend_above
-from tripod_doe.report.findings import sensitivity_parts
 from tripod_doe.report.responses import spoken, unit_text
+from tripod_doe.report.sensitivity import sensitivity_parts
 
-__all__ = ["index_charts"]
+__all__ = ["index_charts", "indices_of_study"]
+
+
+def indices_of_study(inputs: Mapping[str, xr.Dataset]) -> list[Chart]:
+    """The figure of a workflow: one study and its sensitivity analyses."""
+    cubes = [data for data in inputs.values() if is_study(data)]
+    if len(cubes) != 1:
+        raise InputError("the figure indices needs one study and its sensitivity analyses as inputs")
+    return index_charts(inputs, cubes[0])
 
 
 def index_charts(analyses: Mapping[str, xr.Dataset], cube: xr.Dataset) -> list[Chart]:
     """A chart for every sensitivity analysis and every response a reader asks for first."""
     charts = []
-    for name, result in analyses.items():
+    for name, result in of_kind(analyses, "sobol", "morris").items():
         level = 100 * float(result.attrs.get("confidence_level", 0.95))
         for position, part in enumerate(sensitivity_parts(result)):
             key, indices = f"{name}-{position + 1}", part.indices
-            if "ST" in indices:
+            if kind_of(result) == "sobol":
                 charts.append(_sobol_chart(key, name, part.what, indices, level))
             else:
                 attrs = cube[part.output].attrs if part.output in cube else {}

@@ -11,7 +11,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
 
-from tripod_doe.analysis.claim_rules import RULES
+from tripod_doe.analysis.claims.rules import RULES
 from tripod_doe.report.figures.chart import COLOURS, HATCHES, INK, LINES, MARKERS, MUTED, Chart, drawing, legend_above
 from tripod_doe.report.figures.paper import SKEWS, first_points
 from tripod_doe.report.responses import (

@@ -43,8 +43,6 @@ def map_of(borders: xr.Dataset, factor: str) -> xr.Dataset:
 
 def stability_charts(borders: xr.Dataset) -> list[Chart]:
     """A chart a factor: its panels are the methods, step or tolerance up, the factor's values along."""
-    if "run_kind" not in borders:
-        return []
     return [_chart(borders, factor) for factor in maps(borders)]
 
 

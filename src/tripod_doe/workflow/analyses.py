@@ -1,112 +1,28 @@
-"""All analyses by kind: what a study file may name, checked before anything runs."""
+"""Analyses that a study asks for: checked before anything runs, made from its cube."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import xarray as xr
 from pydantic import BaseModel, ValidationError
 
-from tripod_doe.analysis.choice import ChooseSettings, choose_for_study
-from tripod_doe.analysis.claims import ClaimsSettings, check_claims, claims_json
-from tripod_doe.analysis.claims_over_skew import ClaimsOverSkewSettings, claims_over_skew
-from tripod_doe.analysis.comparison import ComparisonSettings, compare_file
-from tripod_doe.analysis.contribution import ContributionSettings, contribution_shares
-from tripod_doe.analysis.sensitivity import MorrisSettings, SobolSettings, morris_effects, sobol_indices
-from tripod_doe.analysis.speed_accuracy import SpeedAccuracySettings, speed_accuracy
-from tripod_doe.analysis.stability import StabilitySettings, stability_borders
 from tripod_doe.errors import InputError, near_match
+from tripod_doe.report.analyses import ANALYSES, Analysis
 from tripod_doe.study.definition import Study
 from tripod_doe.study.netcdf import stamp_history, write_dataset
 
-__all__ = [
-    "ANALYSES",
-    "CHAIN_ANALYSES",
-    "Analysis",
-    "ChainAnalysis",
-    "check_analyses",
-    "checked_settings",
-    "run_analyses",
-    "settings_of",
-]
+__all__ = ["check_analyses", "checked_settings", "run_analyses", "settings_of"]
 
 
-@dataclass(frozen=True)
-class Analysis:
-    """An analysis that a study file can ask for.
-
-    Attributes
-    ----------
-    settings
-        Its settings in [analysis.NAME].
-    designs
-        Design kinds whose cubes it can read.
-    crossed
-        Whether such a design may also be a part of a product.
-    function
-        (cube, settings) -> result, both labelled.
-    """
-
-    settings: type[BaseModel]
-    designs: tuple[str, ...]
-    function: Callable[[xr.Dataset, Any], xr.Dataset]
-    crossed: bool = False
-
-
-ANALYSES: dict[str, Analysis] = {
-    "sobol": Analysis(SobolSettings, ("saltelli",), sobol_indices),
-    "morris": Analysis(MorrisSettings, ("morris",), morris_effects),
-    "contribution": Analysis(ContributionSettings, ("ablation",), contribution_shares, crossed=True),
-    "stability": Analysis(StabilitySettings, ("grid", "product"), stability_borders),
-}
-"""Analyses by the kind that study files use."""
-
-
-def _serves(study: Study, analysis: Analysis) -> bool:
-    """Whether the design of a study, or a part of a product, is one that the analysis can read."""
+def _reads(analysis: Analysis, study: Study) -> bool:
+    """Whether an analysis can read the design of a study, or a part of a product."""
     design, parts = study.file.design, study.file.designs
     if design.kind == "product" and analysis.crossed:
         return any(parts[name].kind in analysis.designs for name in design.of if name in parts)
     return design.kind in analysis.designs
-
-
-@dataclass(frozen=True)
-class ChainAnalysis:
-    """An analysis that only a workflow can ask for: of any number of cubes, or with files beside them.
-
-    Attributes
-    ----------
-    settings
-        Its settings in [steps.NAME.settings].
-    function
-        (cubes by the names of their steps, settings, folder of the workflow file) -> result, labelled.
-    files
-        Settings that name files, relative to the workflow file; their contents are part of the step's inputs.
-    export
-        For the answer to a workflow's question: the file of the result directory that tells it to other programs, and
-        how its text is made of the result. The page of the workflow then tells it to people.
-    partial
-        Whether it can read the cubes of failed studies: it knows which points did not finish, and says so.
-    """
-
-    settings: type[BaseModel]
-    function: Callable[[Mapping[str, xr.Dataset], Any, Path], xr.Dataset]
-    files: tuple[str, ...] = ()
-    export: tuple[str, Callable[[xr.Dataset], str]] | None = None
-    partial: bool = False
-
-
-CHAIN_ANALYSES: dict[str, ChainAnalysis] = {
-    "comparison": ChainAnalysis(ComparisonSettings, compare_file, ("measurement",)),
-    "choose": ChainAnalysis(ChooseSettings, choose_for_study, ("study",)),
-    "speed-accuracy": ChainAnalysis(SpeedAccuracySettings, speed_accuracy),
-    "claims": ChainAnalysis(ClaimsSettings, check_claims, export=("claims.json", claims_json), partial=True),
-    "claims-over-skew": ChainAnalysis(ClaimsOverSkewSettings, claims_over_skew, partial=True),
-}
-"""Analyses that workflow files may name besides; an entry here is a kind of step."""
 
 
 def settings_of(study: Study, kind: str, table: Mapping[str, Any], where: str) -> tuple[Analysis, BaseModel]:
@@ -128,10 +44,12 @@ def settings_of(study: Study, kind: str, table: Mapping[str, Any], where: str) -
     InputError
         If the kind or a setting is unknown, or the study's design does not serve it.
     """
-    if kind not in ANALYSES:
-        raise study.fail(where, f"kind = {kind!r}: unknown analysis{near_match(str(kind), ANALYSES)}")
+    known = [name for name, entry in ANALYSES.items() if entry.designs]
+    if kind not in known:
+        reason = "only a workflow can ask for this analysis;" if kind in ANALYSES else "unknown analysis"
+        raise study.fail(where, f"kind = {kind!r}: {reason}{near_match(str(kind), known)}")
     analysis = ANALYSES[kind]
-    if not _serves(study, analysis):
+    if not _reads(analysis, study):
         wanted = (
             f"a design of kind {' or '.join(analysis.designs)}{', or a product with one' if analysis.crossed else ''}"
         )
@@ -198,7 +116,7 @@ def run_analyses(study: Study, cube: xr.Dataset, directory: Path) -> dict[str, s
     for name in study.file.analysis:
         analysis, settings = _settings(study, name)
         try:
-            result = analysis.function(cube, settings)
+            result = analysis.function({name: cube}, settings, study.folder)
         except InputError as error:
             reasons[name] = str(error)
             continue

@@ -8,18 +8,13 @@ import re
 import numpy as np
 import xarray as xr
 
-from tripod_doe.analysis.claims import Verdict
+from tripod_doe.analysis.claims.verdicts import Verdict
 from tripod_doe.report.responses import number, unit_text, with_unit
 
-__all__ = ["claim_limits", "claim_table", "claim_value", "claims_of_figures", "find_in_claims", "is_claims"]
+__all__ = ["claim_limits", "claim_table", "claim_value", "claims_of_figures", "find_in_claims"]
 
 _HEADS = ["Claim", "In the paper", "Holds", "Value", "Holds if", "Decided by"]
 _FIGURES = re.compile(r"\bFigs?\. (\d+(?:\([a-z]\))?(?:(?:,| and|, and| to) \d+(?:\([a-z]\))?)*)")
-
-
-def is_claims(data: xr.Dataset) -> bool:
-    """Whether this is a table of claims."""
-    return "verdict" in data and data["verdict"].dims == ("claim",)
 
 
 def find_in_claims(claims: xr.Dataset) -> list[str]:

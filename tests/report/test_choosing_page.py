@@ -13,7 +13,7 @@ from tripod_doe.analysis.speed_accuracy import SpeedAccuracySettings, speed_accu
 from tripod_doe.analysis.stability import StabilitySettings, stability_borders
 from tripod_doe.joint.models import MODELS
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.report.choosing import choosing_page
+from tripod_doe.report.choosing_page import choosing_page
 from tripod_doe.simulator import Outcome
 
 ROOT = Path(__file__).parents[2]

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tripod_doe.analysis.claim_points import ANY, Evidence, MissingPointError
-from tripod_doe.analysis.claims import ClaimsSettings, Verdict, check_claims, claims_json
-from tripod_doe.analysis.claims_over_skew import ClaimsOverSkewSettings, claims_over_skew
+from tripod_doe.analysis.claims.evidence import ANY, Evidence, MissingPointError
+from tripod_doe.analysis.claims.over_skew import ClaimsOverSkewSettings, claims_over_skew
+from tripod_doe.analysis.claims.verdicts import ClaimsSettings, Verdict, check_claims, claims_json
 from tripod_doe.errors import InputError
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.simulator import Outcome
@@ -121,7 +121,7 @@ def test_points_are_found_by_what_they_are():
     loose, tight = (points(rows, third, 0.2, relative_tolerance=tolerance)
                     for third, tolerance in ((14.0, 2e-3), (14.4, 5e-4)))  # fmt: skip
     other = points(rows, 99.0, 0.2, model="rollers", relative_tolerance=1e-5)
-    evidence = Evidence({"a": tight, "b": loose, "c": other, "analysis": xr.Dataset()})
+    evidence = Evidence({"a": tight, "b": loose, "c": other, "analysis": other.assign_attrs(analysis_kind="morris")})
     found = evidence.joint(model="needles", **skewed(2))
     assert [point.amplitude(3).value for point in found] == [14.4]
     with pytest.raises(MissingPointError, match="torque_n_m 25"):

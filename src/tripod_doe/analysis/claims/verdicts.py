@@ -6,15 +6,15 @@ import json
 import math
 from collections.abc import Mapping
 from enum import IntEnum
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from pydantic import BaseModel, ConfigDict, Field
 
-from tripod_doe.analysis.claim_points import Evidence, Measured, MissingPointError
-from tripod_doe.analysis.claim_rules import RULES, Cases, Rule
+from tripod_doe.analysis.claims.evidence import Evidence, Measured, MissingPointError
+from tripod_doe.analysis.claims.rules import RULES, Cases, Rule
+from tripod_doe.analysis.kinds import makes_kind
 
 __all__ = ["VERDICT_FLAGS", "ClaimsSettings", "Verdict", "check_claims", "claims_json"]
 
@@ -63,7 +63,8 @@ _VARIABLES = {
 }
 
 
-def check_claims(cubes: Mapping[str, xr.Dataset], settings: ClaimsSettings, folder: Path | None = None) -> xr.Dataset:
+@makes_kind("claims")
+def check_claims(cubes: Mapping[str, xr.Dataset], settings: ClaimsSettings) -> xr.Dataset:
     """Decide every claim by the points of these cubes, found by their parameters.
 
     Parameters
@@ -72,8 +73,6 @@ def check_claims(cubes: Mapping[str, xr.Dataset], settings: ClaimsSettings, fold
         Cubes of studies, whatever their names.
     settings
         Which model decides, and the skews of the cases.
-    folder
-        Not used: claims read no files.
 
     Returns
     -------

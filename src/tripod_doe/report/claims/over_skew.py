@@ -5,17 +5,12 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from tripod_doe.analysis.claims import Verdict
-from tripod_doe.report.claims import claim_limits, claim_value
+from tripod_doe.analysis.claims.verdicts import Verdict
+from tripod_doe.report.claims.verdicts import claim_limits, claim_value
 
-__all__ = ["find_over_skew", "is_over_skew", "over_skew_table"]
+__all__ = ["find_over_skew", "over_skew_table"]
 
 _WORDS = {Verdict.HOLDS: "yes", Verdict.DOES_NOT_HOLD: "no", Verdict.NOT_DECIDED: "not decided"}
-
-
-def is_over_skew(data: xr.Dataset) -> bool:
-    """Whether these are claims over the chosen skews."""
-    return "verdict" in data and "skew_deg" in data.dims
 
 
 def find_over_skew(claims: xr.Dataset) -> list[str]:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.analysis import claim_reasons as reasons
-from tripod_doe.analysis.claim_points import ANY, Evidence, Measured, MissingPointError, Point
+from tripod_doe.analysis.claims import reasons
+from tripod_doe.analysis.claims.evidence import ANY, Evidence, Measured, MissingPointError, Point
 from tripod_doe.analysis.contribution import PAPER_SHARES, contribution_shares
 from tripod_doe.joint.multibody_scene import build_joint
 from tripod_doe.joint.parameters import point_values

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tripod_doe.analysis.claims import ClaimsSettings, check_claims
-from tripod_doe.report.claims import claims_of_figures
+from tripod_doe.analysis.claims.verdicts import ClaimsSettings, check_claims
+from tripod_doe.report.claims.verdicts import claims_of_figures
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from tripod_doe.analysis.kinds import is_study
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, MECHANISMS
 from tripod_doe.simulator import Outcome
 
@@ -124,11 +125,11 @@ class Evidence:
     Parameters
     ----------
     cubes
-        Study cubes by any name; other datasets are passed over.
+        Cubes of studies by any name; results of analyses are passed over.
     """
 
     def __init__(self, cubes: Mapping[str, xr.Dataset]) -> None:
-        self.cubes = {name: cube for name, cube in cubes.items() if "outcome" in cube}
+        self.cubes = {name: cube for name, cube in cubes.items() if is_study(cube)}
         self._points = [point for cube in self.cubes.values() for point in _points_of(cube)]
 
     def joint(self, **wanted: Any) -> list[Point]:

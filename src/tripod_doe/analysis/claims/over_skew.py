@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
 from pydantic import BaseModel, ConfigDict, Field
 
-from tripod_doe.analysis.claims import VERDICT_FLAGS, ClaimsSettings, Verdict, check_claims
+from tripod_doe.analysis.claims.verdicts import VERDICT_FLAGS, ClaimsSettings, Verdict, check_claims
+from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.errors import InputError
 
 __all__ = ["ClaimsOverSkewSettings", "claims_over_skew"]
@@ -26,9 +26,8 @@ class ClaimsOverSkewSettings(BaseModel):
     )
 
 
-def claims_over_skew(
-    cubes: Mapping[str, xr.Dataset], settings: ClaimsOverSkewSettings, folder: Path | None = None
-) -> xr.Dataset:
+@makes_kind("claims-over-skew")
+def claims_over_skew(cubes: Mapping[str, xr.Dataset], settings: ClaimsOverSkewSettings) -> xr.Dataset:
     """Decide the claims once for every choice of the skews.
 
     Parameters
@@ -37,8 +36,6 @@ def claims_over_skew(
         Cubes of studies that hold the cases for these skews.
     settings
         Model and skews.
-    folder
-        Not used: claims read no files.
 
     Returns
     -------

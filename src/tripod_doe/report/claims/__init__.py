@@ -1,0 +1,1 @@
+"""The paper's claims in a report: sentences and tables."""

@@ -1,0 +1,47 @@
+"""The page of a comparison with a measurement."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import xarray as xr
+
+from tripod_doe.atomic_files import replace_text
+from tripod_doe.report.comparison import ORDER_HEADS, find_in_comparison, order_rows
+from tripod_doe.report.figures.comparison import comparison_charts
+from tripod_doe.report.page import render
+from tripod_doe.report.responses import number, spoken
+from tripod_doe.study.netcdf import stamp_history, write_dataset
+
+__all__ = ["comparison_page", "write_comparison"]
+
+
+def comparison_page(comparison: xr.Dataset) -> str:
+    """The comparison as one HTML page that needs nothing else."""
+    point = json.loads(comparison.attrs["point"])
+    facts = [(spoken(name), number(value) if isinstance(value, float) else str(value)) for name, value in point.items()]
+    return render(
+        "comparison.html",
+        attrs=comparison.attrs,
+        facts=facts,
+        findings=find_in_comparison(comparison),
+        charts=comparison_charts(comparison),
+        heads=ORDER_HEADS,
+        rows=order_rows(comparison),
+    )
+
+
+def write_comparison(comparison: xr.Dataset, output: Path) -> Path:
+    """Write the page: to a file that ends in .html, else as index.html into a directory, with comparison.nc beside it.
+
+    Raises
+    ------
+    StorageError
+        If it cannot be written.
+    """
+    if output.suffix.lower() in (".html", ".htm"):
+        return replace_text(output, comparison_page(comparison))
+    page = replace_text(output / "index.html", comparison_page(comparison))
+    write_dataset(stamp_history(comparison, "tripod-doe compare"), output / "comparison.nc")
+    return page
