@@ -285,7 +285,7 @@ def _plan(options: argparse.Namespace) -> int:
         check_analyses(study)
     print(plan(study, timing=not options.no_timing).describe(max(options.workers, 1)))
     if study.accuracy:
-        from tripod_doe.workflow.choice import describe_choice
+        from tripod_doe.analysis.model_choice.study_choice import describe_choice
 
         print(describe_choice(study, options.out))
     return DONE

@@ -15,12 +15,12 @@ from typing import Any
 import xarray as xr
 from pydantic import BaseModel
 
-from tripod_doe.analysis.choice import ChooseSettings, choose_for_study
 from tripod_doe.analysis.claims.over_skew import ClaimsOverSkewSettings, claims_over_skew
 from tripod_doe.analysis.claims.verdicts import ClaimsSettings, check_claims, claims_json
 from tripod_doe.analysis.comparison import ComparisonSettings, compare_file
 from tripod_doe.analysis.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analysis.kinds import is_study, kind_made_by, kind_of
+from tripod_doe.analysis.model_choice.selection import ChooseSettings, choose_for_study
 from tripod_doe.analysis.sensitivity import MorrisSettings, SobolSettings, morris_effects, sobol_indices
 from tripod_doe.analysis.speed_accuracy import SpeedAccuracySettings, speed_accuracy
 from tripod_doe.analysis.stability import StabilitySettings, stability_borders

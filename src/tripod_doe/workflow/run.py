@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from tripod_doe.analysis.model_choice.pilot_results import pilot_results
+from tripod_doe.analysis.model_choice.study_choice import chosen_keys, chosen_points, make_choice
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.report.findings import find
 from tripod_doe.report.page import write_report
@@ -22,8 +24,6 @@ from tripod_doe.study.execution import Execution
 from tripod_doe.study.journal import PILOT
 from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.workflow.analyses import check_analyses, run_analyses
-from tripod_doe.workflow.choice import chosen_keys, chosen_points, make_choice
-from tripod_doe.workflow.pilot_results import pilot_results
 
 __all__ = ["RunSummary", "run", "run_on"]
 

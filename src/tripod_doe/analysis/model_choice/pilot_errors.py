@@ -1,4 +1,4 @@
-"""What a pilot tells of the candidates: how far each is from the finest one, how sure that is, what it costs."""
+"""Errors of the candidates that a pilot ran, against the finest one that finished at each point, and their prices."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from tripod_doe.analysis.model_choice.pilot import normalised
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Candidate, Outcome
 from tripod_doe.study.accuracy import Accuracy, Demand
-from tripod_doe.study.pilot import normalised
 
-__all__ = ["HOPELESS", "Evidence", "evidence"]
+__all__ = ["HOPELESS", "PilotErrors", "pilot_errors"]
 
 FloatArray = NDArray[np.float64]
 
 HOPELESS = 10.0
-"""Error over the allowed one that also stands for a candidate that failed: how bad it is no longer matters, and a
-larger number would spoil the interpolation far around."""
+"""Error over the allowed one that also stands for a candidate that failed: a larger number
+would spoil the interpolation at distant points."""
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """What a pilot tells. All errors are relative, over the allowed ones.
+class PilotErrors:
+    """Errors and prices of the candidates that a pilot ran. All errors are relative, divided by the allowed ones.
 
     The reference of a point is the finest full candidate that finished there.
 
@@ -42,7 +42,7 @@ class Evidence:
     numerical
         Numerical error of the reference, shape (pilot point, quantity).
     prices
-        CPU seconds a run of each candidate, shape (candidate,).
+        CPU seconds per run of each candidate, shape (candidate,).
     runs
         Points at which each candidate ran, shape (candidate,).
     """
@@ -61,7 +61,7 @@ class Evidence:
 
     @property
     def errors(self) -> FloatArray:
-        """Difference and numerical error, which have nothing to do with each other, added as squares."""
+        """Difference and numerical error, which are independent, as the root of the sum of squares."""
         whole = np.hypot(self.differences, self.numerical[:, None])
         return np.asarray(np.minimum(np.nan_to_num(whole, nan=HOPELESS), HOPELESS))
 
@@ -76,8 +76,8 @@ class Evidence:
         return float(self.prices @ self.runs)
 
 
-def evidence(pilot: xr.Dataset, names: list[str], accuracy: Accuracy) -> Evidence:
-    """Read off a pilot how much each candidate misses, and what it costs.
+def pilot_errors(pilot: xr.Dataset, names: list[str], accuracy: Accuracy) -> PilotErrors:
+    """Errors of each candidate against the reference of each pilot point, and its price.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def evidence(pilot: xr.Dataset, names: list[str], accuracy: Accuracy) -> Evidenc
     found = [_errors(pilot, demand, table[known], reference[known], accuracy.floor) for demand in accuracy.demands]
     differences, numerical = (np.stack(parts, axis=-1) for parts in zip(*found, strict=True))
     columns = {name: column[first][known] for name, column in own.items()}
-    return Evidence(
+    return PilotErrors(
         columns, candidates, differences, numerical, _prices(pilot, table, candidates), (table >= 0).sum(axis=0)
     )
 
@@ -141,7 +141,7 @@ def _column(pilot: xr.Dataset, name: str) -> NDArray[Any]:
     fixed = json.loads(str(pilot.attrs.get("fixed_parameters", "{}")))
     if name not in fixed:
         known = near_match(name, [*(str(key) for key in pilot.coords), *fixed])
-        raise InputError(f"the pilot does not tell {name}, which the study varies or has chosen{known}")
+        raise InputError(f"the pilot has no {name}, which the study varies or chooses{known}")
     return np.full(pilot["outcome"].size, fixed[name])
 
 
@@ -184,7 +184,7 @@ def _cells(pilot: xr.Dataset, name: str, demand: Demand) -> tuple[FloatArray, Fl
 
 
 def _prices(pilot: xr.Dataset, table: NDArray[np.int64], candidates: tuple[Candidate, ...]) -> FloatArray:
-    """Counted force evaluations, a mean over the pilot, times the recorded seconds of an evaluation."""
+    """Counted force evaluations, averaged over the pilot, times the recorded seconds per evaluation."""
     if "force_evaluations" not in pilot:
         return np.array([candidate.price for candidate in candidates])
     counted = np.where(table >= 0, pilot["force_evaluations"].values.reshape(-1)[table], np.nan)

@@ -22,8 +22,8 @@ _POINTS_A_FACTOR = 4
 def pilot_points(study: Study, points: Points) -> NDArray[np.int64]:
     """Indices of the points at which candidates are compared: the middle of the design, then always the farthest one.
 
-    So the edges come early, and all other points lie between some. There are enough for the confidence that is asked
-    for, and four a factor and one more; none where that would be half of the study or more.
+    So the edges are included early, and all other points lie between pilot points. Their number is the larger of what
+    the confidence needs and four per factor plus one; none where that would be half of the study or more.
     """
     accuracy = study.accuracy
     assert accuracy is not None
@@ -43,7 +43,7 @@ def pilot_points(study: Study, points: Points) -> NDArray[np.int64]:
 
 
 def normalised(columns: Mapping[str, NDArray[Any]], over: Mapping[str, NDArray[Any]]) -> NDArray[np.float64]:
-    """Points as places in a unit cube, shape (point, coordinate); a choice has one coordinate for each of its words.
+    """Points as places in a unit cube, shape (point, coordinate); a parameter with words has one coordinate per word.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def pilot_study(study: Study, points: Points, runs: Sequence[tuple[Candidate, ND
     content: dict[str, Any] = {
         "study": {
             "name": f"{head.name}: pilot",
-            "question": "How much does each candidate miss, and what does it cost?",
+            "question": "How large is the error of each candidate, and what does it cost?",
             **({"function": head.function} if head.function else {"scene": head.scene}),
         },
         "base": dict(study.base),

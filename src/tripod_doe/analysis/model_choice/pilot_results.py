@@ -1,4 +1,4 @@
-"""What the pilot of a study ran already, taken over as results of the study, so that nothing is run twice.
+"""Points that the pilot of a study ran already, taken over as results of the study, so that no point runs twice.
 
 A point with the parameters that were chosen for it is the same point in pilot and study, so its results are the same
 numbers. Only points that finished are taken: one that failed is the study's to run, with its own retries.

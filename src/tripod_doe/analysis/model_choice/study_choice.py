@@ -1,9 +1,9 @@
-"""The choice of model of a study with model = "auto": pilot, evidence, choice, frozen in the result directory.
+"""The choice of model of a study with model = "auto": pilot, its errors, selection, stored in the result directory.
 
-The pilot starts with the cheapest candidate and the full model. It grows by a finer tolerance where the full model's
-own numerical error is above the accuracy at more points than the confidence allows, at these points only, and by a
-candidate between where that could save more than it costs. Each time it is the same study, grown: nothing that ran is
-run again, nor is it by the study itself, see `pilot_results`.
+The pilot starts with the cheapest candidate and the full model. Where the numerical error of the full model
+exceeds the accuracy at more points than the confidence allows, a finer tolerance is added at these points; a candidate
+between the two is added if it could save more than it costs. Each time the pilot is the same study with more points, so
+no point runs twice, neither in the pilot nor in the study (`pilot_results`).
 """
 
 from __future__ import annotations
@@ -18,8 +18,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from tripod_doe.analysis.choice import choose, without_pilot
-from tripod_doe.analysis.pilot_evidence import Evidence, evidence
+from tripod_doe.analysis.model_choice.pilot import pilot_points, pilot_study
+from tripod_doe.analysis.model_choice.pilot_errors import PilotErrors, pilot_errors
+from tripod_doe.analysis.model_choice.pilot_results import finished_in_pilot
+from tripod_doe.analysis.model_choice.selection import choose, without_pilot
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Candidate
 from tripod_doe.study.accuracy import Accuracy
@@ -27,8 +29,6 @@ from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points, make_points, point_keys
 from tripod_doe.study.journal import PILOT
 from tripod_doe.study.netcdf import open_cube, read_dataset, stamp_history, write_dataset
-from tripod_doe.study.pilot import pilot_points, pilot_study
-from tripod_doe.workflow.pilot_results import finished_in_pilot
 
 __all__ = ["chosen_keys", "chosen_points", "describe_choice", "frozen_choice", "make_choice", "pilot_price"]
 
@@ -65,7 +65,7 @@ def make_choice(
         _check_budget(study, pilot_price(study, places.size), "the pilot alone")
         choice = _piloted(study, points, places, usable, directory / PILOT, run_pilot)
     elif frozen is not None and (directory / PILOT / "cube.nc").exists():  # the study grew
-        choice = choose(evidence(open_cube(directory / PILOT), list(usable), accuracy), usable, accuracy)
+        choice = choose(pilot_errors(open_cube(directory / PILOT), list(usable), accuracy), usable, accuracy)
     else:
         choice = without_pilot(usable, accuracy)
     choice = choice.assign_coords(point_key=("point", keys, {"long_name": "fingerprint of the point"}))
@@ -98,12 +98,12 @@ def _piloted(
     directory: Path,
     run_pilot: Callable[[Study, Path], object],
 ) -> xr.Dataset:
-    """Run the pilot, and let it grow as long as that could pay."""
+    """Run the pilot, and extend it as long as that could pay."""
     accuracy = _accuracy(study)
     runs = [(candidate, places) for candidate in first_candidates(accuracy)]
     while True:
         run_pilot(pilot_study(study, points, runs), directory)
-        found = evidence(open_cube(directory), list(usable), accuracy)
+        found = pilot_errors(open_cube(directory), list(usable), accuracy)
         choice = choose(found, usable, accuracy)
         if finer := _finer_candidate(found, accuracy):
             rows = np.flatnonzero(found.worst[:, -1] <= 1)
@@ -123,7 +123,7 @@ def first_candidates(accuracy: Accuracy) -> list[Candidate]:
     ]
 
 
-def _finer_candidate(found: Evidence, accuracy: Accuracy) -> Candidate | None:
+def _finer_candidate(found: PilotErrors, accuracy: Accuracy) -> Candidate | None:
     """A finer candidate than all that ran; None where those are accurate at enough points, or where there is none."""
     unsure = (found.worst[:, -1] > 1).mean() > 1 - accuracy.confidence
     finer = accuracy.candidates[accuracy.candidates.index(found.candidates[-1]) + 1 :]
@@ -131,7 +131,7 @@ def _finer_candidate(found: Evidence, accuracy: Accuracy) -> Candidate | None:
 
 
 def _candidate_between(
-    found: Evidence, choice: xr.Dataset, accuracy: Accuracy, tried: list[Candidate]
+    found: PilotErrors, choice: xr.Dataset, accuracy: Accuracy, tried: list[Candidate]
 ) -> Candidate | None:
     """A candidate that the pilot should run besides, since it could save more than it costs; None if there is none."""
     paid = found.prices[choice["candidate"].values]
@@ -232,7 +232,7 @@ def _check_budget(study: Study, price: float, what: str) -> None:
 
 
 def describe_choice(study: Study, directory: Path | None) -> str:
-    """What is known of the choice, for `plan`: the price of the pilot, or the choice with its evidence and price."""
+    """What is known of the choice, for `plan`: the price of the pilot, or the choice with the errors it is based on and its price."""
     accuracy, points = _accuracy(study), make_points(study)
     choice = frozen_choice(study, directory) if directory else None
     if choice is None:
@@ -254,17 +254,17 @@ def _told(choice: xr.Dataset) -> list[str]:
     """A choice in lines: what it takes, what each candidate missed in the pilot, and what it costs."""
     attrs, pilot = choice.attrs, choice.sizes["pilot_point"]
     lines = [
-        f"choice       from {pilot} pilot points; an interpolated error up to {attrs['limit']:.0%} of the allowed one "
-        f"is trusted, which misses {attrs['misses']} of them left out in turn"
+        f"choice       from {pilot} pilot points; predicted errors up to {attrs['limit']:.0%} of the allowed one "
+        f"are accepted; left out in turn, {attrs['misses']} of the points would miss the accuracy"
     ]
     for number, label in enumerate(choice["candidate_label"].values):
         row = choice.isel(candidate_number=number)
         found = row["pilot_error"].max("pilot_point") if pilot else row["pilot_error"].sum("pilot_point")
-        errors = ", ".join(f"{name} up to {float(e):.2g}" for name, e in zip(
+        errors = ", ".join(f"{name} {float(e):.2g}" for name, e in zip(
             choice["quantity"].values, found.values, strict=True))  # fmt: skip
         lines.append(
             f"candidate    {label}: {int(row['points_of_candidate']):,} points, {float(row['price']):.2g} CPU s "
-            f"per run; missed {errors}"
+            f"per run; largest errors: {errors}"
         )
     unmet = int((choice["accuracy_met"] == 0).sum())
     lines.append(f"price        {attrs['price_study_s']:.3g} CPU s, and {attrs['price_pilot_s']:.3g} for the pilot, "
@@ -272,6 +272,6 @@ def _told(choice: xr.Dataset) -> list[str]:
                  f"{attrs['price_reference_s']:.4g} with the last candidate everywhere")  # fmt: skip
     if unmet:
         lines.append(
-            f"warning      {unmet:,} points are not expected to meet the accuracy: its finest candidate is not enough"
+            f"warning      {unmet:,} points are not expected to meet the accuracy, not even with the finest candidate"
         )
     return lines

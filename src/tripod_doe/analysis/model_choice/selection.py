@@ -1,23 +1,28 @@
-"""Choice of model: from a pilot that ran several candidates to the cheapest one that is accurate enough at each point.
+"""Selection of a candidate at every point: the cheapest one whose predicted error is small enough.
 
-The pilot tells at each of its points how far each candidate is from the finest one there, the reference, relative to
-the accuracy asked for. Between pilot points that difference is interpolated, with its sign (cubic radial functions and
-a linear trend, over the design scaled to its ranges). Added as squares are the numerical error of the reference, and
-what the interpolation missed at the pilot points around, each left out in turn; these two are means weighted by the
-inverse squares of the distances. The worst of all quantities counts. At any point the cheapest candidate is taken whose
-error so estimated stays below a limit, else the reference; never a candidate that failed at one of the nearest pilot
-points, of which one more count than there are dimensions. Where not even the reference is expected to meet the
-accuracy, a candidate whose error is at most a tenth above the reference's does as well.
+A pilot ran several candidates at a few points. Its results give the difference of each candidate to the reference (the
+finest candidate that finished there), relative to the allowed error. The error at any other point is predicted as the
+root of the sum of three squares:
 
-How strict the limit must be is tried on the pilot itself: every pilot point is left out in turn, its candidate chosen
-from the others, and counted as a miss where that candidate's own error there is above the accuracy, and by more than
-that tenth above the reference's. The limit is the loosest at which, and below which, (misses + 1) / (points + 1) is at
-most 1 - confidence. This is conformal risk control (Angelopoulos et al., "Conformal risk control", ICLR 2024): if the
-points of the study were drawn like those of the pilot, the accuracy would be met in the stated share of them. They are
-not quite: the pilot reaches to the edges of the design, where leaving a point out means extrapolating, so that its
-misses are rather more than those of the study.
+- the difference to the reference, interpolated with its sign (cubic radial functions and a linear trend, over the
+  design scaled to its ranges);
+- the numerical error of the reference, and
+- the interpolation error at the pilot points, each left out in turn; the last two are means over the pilot points,
+  weighted by the inverse squares of the distances.
 
-A candidate's price is its counted force evaluations, a mean over the pilot, times the recorded seconds of an
+The largest error of all quantities counts. A candidate is not taken where it failed at one of the nearest pilot points
+(as many as the design has dimensions, and one more). Where not even the reference is expected to meet the accuracy, a
+candidate is accepted whose error is at most 10 % larger than that of the reference.
+
+The limit of the predicted error is calibrated on the pilot: each of its points is left out in turn, its candidate is
+chosen from the others, and it counts as a miss if the error of that candidate exceeds the accuracy, and exceeds the
+error of the reference by more than 10 %. The limit is the largest one at and below which (misses + 1) / (points + 1)
+is at most 1 - confidence. This is conformal risk control (Angelopoulos et al., "Conformal risk control", ICLR 2024): if
+the points of the study were drawn from the distribution of the pilot's, the accuracy would be met in the stated share
+of them. They are not quite: the pilot includes the edges of the design, where leaving a point out means extrapolation,
+so it misses more often than the study.
+
+The price of a candidate is its counted force evaluations, averaged over the pilot, times the recorded seconds per
 evaluation.
 """
 
@@ -34,19 +39,19 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from tripod_doe.analysis.kinds import makes_kind
-from tripod_doe.analysis.pilot_evidence import HOPELESS, Evidence, evidence
+from tripod_doe.analysis.model_choice.pilot import normalised
+from tripod_doe.analysis.model_choice.pilot_errors import HOPELESS, PilotErrors, pilot_errors
 from tripod_doe.errors import InputError
 from tripod_doe.study.accuracy import AUTO, Accuracy
 from tripod_doe.study.definition import load_study
 from tripod_doe.study.designs import make_points
-from tripod_doe.study.pilot import normalised
 
 __all__ = ["ChooseSettings", "choose", "choose_for_study", "without_pilot"]
 
 FloatArray = NDArray[np.float64]
 
 _LIMITS = np.linspace(1.0, 0.0, 101)
-_AS_GOOD = 1.1  # errors over the reference's up to which a candidate does as well where neither meets the accuracy
+_AS_GOOD = 1.1  # error over that of the reference up to which a candidate is accepted where neither meets the accuracy
 
 
 class ChooseSettings(BaseModel):
@@ -59,13 +64,13 @@ class ChooseSettings(BaseModel):
     )
 
 
-def choose(found: Evidence, columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr.Dataset:
-    """The candidate of every point, and what it rests on.
+def choose(found: PilotErrors, columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr.Dataset:
+    """Choose a candidate for every point.
 
     Parameters
     ----------
     found
-        What a pilot told.
+        Errors and prices that a pilot found.
     columns
         Factors of the points, each of shape (point,).
     accuracy
@@ -78,9 +83,9 @@ def choose(found: Evidence, columns: Mapping[str, NDArray[Any]], accuracy: Accur
         of every quantity and whether it meets the accuracy. Along ``candidate``: price and number of points. Along
         ``pilot_point``: the factors and the relative errors that were found.
     """
-    foresight = _Foresight(found)
-    limit, misses = foresight.limit(accuracy.confidence)
-    expected = foresight.errors(normalised(columns, found.columns))
+    prediction = _Prediction(found)
+    limit, misses = prediction.limit(accuracy.confidence)
+    expected = prediction.errors(normalised(columns, found.columns))
     candidate = _cheapest(expected.max(axis=2), found.prices, limit)
     every = np.arange(candidate.size)
     choice = _labelled(found, columns, accuracy, candidate, expected[every, candidate])
@@ -113,18 +118,18 @@ def choose_for_study(cubes: Mapping[str, xr.Dataset], settings: ChooseSettings, 
         raise InputError(f"choose needs one pilot as its input, not {len(cubes)}")
     study = load_study(folder / settings.study)
     if study.accuracy is None:
-        raise InputError(f'{study.origin}: it names its model; set model = "{AUTO}" and [accuracy]')
+        raise InputError(f'{study.origin}: the study names its model; set model = "{AUTO}" and [accuracy]')
     points = make_points(study)
     columns = {name: column[points.allowed] for name, column in points.columns.items()}
-    found = evidence(next(iter(cubes.values())), list(columns), study.accuracy)
+    found = pilot_errors(next(iter(cubes.values())), list(columns), study.accuracy)
     return choose(found, columns, study.accuracy)
 
 
 def without_pilot(columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr.Dataset:
-    """The full model at every point of a study that is too small for a pilot; nothing is known of its errors."""
+    """The full model at every point of a study that is too small for a pilot; its errors are unknown."""
     candidates = tuple(candidate for candidate in accuracy.candidates if candidate.full)[:1] or accuracy.candidates[-1:]
     count = len(next(iter(columns.values())))
-    found = Evidence(
+    found = PilotErrors(
         {name: column[:0] for name, column in columns.items()},
         candidates,
         np.zeros((0, 1, len(accuracy.demands))),
@@ -139,10 +144,10 @@ def without_pilot(columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr
     })  # fmt: skip
 
 
-class _Foresight:
-    """Errors of all candidates at any place of the design, foretold from a pilot, and how far they may be trusted."""
+class _Prediction:
+    """Errors of all candidates at any place of the design, predicted from a pilot, and the limit up to which the predictions are used."""
 
-    def __init__(self, found: Evidence) -> None:
+    def __init__(self, found: PilotErrors) -> None:
         self._found = found
         self._places = normalised(found.columns, found.columns)
         every = np.arange(found.count)
@@ -175,7 +180,7 @@ class _Foresight:
         return np.where(near[:, :, None], HOPELESS, np.minimum(errors, HOPELESS))
 
     def limit(self, confidence: float) -> tuple[float, int]:
-        """How large an estimated error may be, over the allowed one, and how many pilot points are then missed."""
+        """Largest accepted predicted error, over the allowed one, and the number of pilot points that it misses."""
         found = self._found
         rows, last, misses = np.arange(found.count), len(found.candidates) - 1, []
         for limit in _LIMITS:
@@ -184,14 +189,14 @@ class _Foresight:
         most_below = np.maximum.accumulate(misses[::-1])[::-1]
         allowed = (most_below + 1) / (found.count + 1) <= 1 - confidence + 1e-12
         if not allowed.any():
-            return -1.0, 0  # too few pilot points for such a confidence: nothing is trusted
+            return -1.0, 0  # too few pilot points for such a confidence: only the reference is taken
         return float(_LIMITS[allowed.argmax()]), misses[int(allowed.argmax())]
 
 
 def _interpolate(known: FloatArray, values: FloatArray, places: FloatArray) -> FloatArray:
     """Values at known places, shape (known, column), interpolated at others, shape (place, column).
 
-    Cubic radial functions with a linear trend; the smallest solution where the places do not settle the trend.
+    Cubic radial functions with a linear trend; the solution of least norm where the places do not determine the trend.
     """
     if known.shape[0] == 0:
         return np.full((places.shape[0], values.shape[1]), HOPELESS)
@@ -226,7 +231,7 @@ def _cheapest(expected: FloatArray, prices: FloatArray, limit: float) -> NDArray
 
 
 def _labelled(
-    found: Evidence,
+    found: PilotErrors,
     columns: Mapping[str, NDArray[Any]],
     accuracy: Accuracy,
     candidate: NDArray[np.int64],
@@ -251,7 +256,7 @@ def _labelled(
                 "flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "unknown no yes",
             }),
             "price": ("candidate_number", found.prices,
-                      {"long_name": "CPU time of a run, from counted work", "units": "s"}),
+                      {"long_name": "CPU time per run, from counted work", "units": "s"}),
             "points_of_candidate": (
                 "candidate_number",
                 np.bincount(candidate, minlength=len(found.candidates)).astype(np.int32),

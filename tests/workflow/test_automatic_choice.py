@@ -16,14 +16,14 @@ import pytest
 import xarray as xr
 
 import tripod_doe as td
+from tripod_doe.analysis.model_choice.pilot import pilot_points, pilot_study
+from tripod_doe.analysis.model_choice.pilot_results import pilot_results
+from tripod_doe.analysis.model_choice.study_choice import describe_choice, first_candidates
 from tripod_doe.cli import main
 from tripod_doe.simulator import WORK, BlockResult, Values
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.journal import PILOT, FinishedBlock, Journal
-from tripod_doe.study.pilot import pilot_points, pilot_study
 from tripod_doe.study.study_points import StudyPoints
-from tripod_doe.workflow.choice import describe_choice, first_candidates
-from tripod_doe.workflow.pilot_results import pilot_results
 
 WAVE = """
 import os, time
@@ -377,4 +377,4 @@ def test_a_chain_chooses_from_a_pilot_of_its_own(wave):
     lame = CHAIN.replace('settings = { study = "study.toml" }', 'settings = { study = "pilot.toml" }')
     bad = td.run_workflow(wave.write(lame, "lame.toml"), wave.folder / "lame", workers=0, progress=False)
     assert [step.state for step in bad.steps] == ["finished", "failed", "blocked"]
-    assert "it names its model" in bad.steps[1].detail
+    assert "the study names its model" in bad.steps[1].detail
