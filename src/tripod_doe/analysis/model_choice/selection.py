@@ -145,7 +145,7 @@ def without_pilot(columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr
 
 
 class _Prediction:
-    """Errors of all candidates at any place of the design, predicted from a pilot, and the limit up to which the predictions are used."""
+    """Errors of all candidates, predicted from a pilot at any place of the design, and the largest accepted one."""
 
     def __init__(self, found: PilotErrors) -> None:
         self._found = found

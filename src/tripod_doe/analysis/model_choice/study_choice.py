@@ -232,7 +232,7 @@ def _check_budget(study: Study, price: float, what: str) -> None:
 
 
 def describe_choice(study: Study, directory: Path | None) -> str:
-    """What is known of the choice, for `plan`: the price of the pilot, or the choice with the errors it is based on and its price."""
+    """The choice in lines of text, for `plan`; before it is made, the price of the pilot."""
     accuracy, points = _accuracy(study), make_points(study)
     choice = frozen_choice(study, directory) if directory else None
     if choice is None:
