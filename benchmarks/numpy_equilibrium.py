@@ -32,7 +32,7 @@ def third_order(p, samples=360):
     w_bearing, w_normal = ratio * omega * np.hypot(travel / radius / omega, np.sin(theta)), ratio * theta * omega
     lever = p.bore_radius * p.trunnion_radius / p.bearing_radius
     kappa = bearing_load_zone(p.groove_load, p.bearing_radial_clearance, p.needle_stiffness, p.needle_count)[0]
-    psi = np.array([p[f"initial_skew_{k}_deg"] for k in (1, 2, 3)])[:, None]
+    psi = np.array(p.initial_skews)[:, None]
     grip_n, grip_r = p.needle_sliding_friction * kappa, p.needle_rolling_friction * kappa
 
     def state(spin, lean, normal):

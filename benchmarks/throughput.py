@@ -1,4 +1,4 @@
-"""Points a second of the equilibrium model, side by side in one run.
+"""Points per second of the equilibrium model, side by side in one run.
 
     python benchmarks/throughput.py [--points 200000]
 
@@ -26,9 +26,9 @@ from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values
 from tripod_doe.study.definition import load_study, parse_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.scenes import load_simulator
+from tripod_doe.study.task import make_task, run_task
 
 HERE = Path(__file__).parent
-KEEP = ("thrust_amplitude", "thrust_phase_deg")
 BLOCK = 5000
 
 
@@ -36,13 +36,10 @@ def simulate_range(text: str, start: int, stop: int) -> float:
     """What one independent process does: blocks of the same points, no journal, no cube; returns the wall time."""
     study = parse_study(text)
     points = make_points(study)
-    study.simulator.prepare()
+    run_task(make_task(study, points, np.arange(1)))  # compiles, or loads machine code
     began = time.perf_counter()
     for first in range(start, stop, BLOCK):
-        chosen = slice(first, min(first + BLOCK, stop))
-        columns = {name: column[chosen] for name, column in points.columns.items()}
-        block = study.simulator.columns(study.base, columns, chosen.stop - first)
-        study.simulator.simulate(block, KEEP)
+        run_task(make_task(study, points, np.arange(first, min(first + BLOCK, stop))))
     return time.perf_counter() - began
 
 

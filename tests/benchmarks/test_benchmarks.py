@@ -1,0 +1,115 @@
+"""Every benchmark in a tiny form: that it runs and that what it compares agrees. No test here measures a speed."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+
+
+@pytest.fixture
+def benchmark(monkeypatch):
+    """A benchmark as a module."""
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    yield importlib.import_module
+    for path in BENCHMARKS.glob("*.py"):
+        sys.modules.pop(path.stem, None)
+
+
+def test_throughput_and_its_peer_agree(benchmark):
+    """The plain NumPy peer finds the same third orders, to what its 45 bisections leave."""
+    throughput = benchmark("throughput")
+    text = (BENCHMARKS / "throughput.toml").read_text().replace("samples = 200000", "samples = 3")
+    study = throughput.parse_study(text)
+    points = throughput.make_points(study)
+    assert throughput.simulate_range(text, 0, 3) > 0
+    _, third = throughput.rate_of_numpy(study, points, 2)
+    ours = [throughput.one_point(**{name: float(column[i]) for name, column in points.columns.items()}) for i in (0, 1)]
+    assert third == pytest.approx(ours, rel=1e-7)
+
+
+@pytest.mark.parametrize("name", ["equilibrium", "kinetostatic"])
+def test_balances_of_the_regression_count_the_same_work_twice(benchmark, name):
+    workload = benchmark("workload")
+    first, second = (workload.solve_block(name, 3)["counted"] for _ in range(2))
+    assert first == second
+    assert first["finished"] == 3 < first["steps"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["rollers", "needles"])
+def test_multibody_workloads_of_the_regression_finish(benchmark, name):
+    counted = benchmark("workload").solve_block(name, 1)["counted"]
+    assert counted["steps"] > 100
+
+
+@pytest.mark.slow
+def test_recorded_work_is_that_of_today(benchmark):
+    """Regression: what the balances count at the points of regression.py."""
+    regression = benchmark("regression")
+    recorded = regression.tomlkit.parse(regression.COUNTED.read_text()).unwrap()
+    for name in ("equilibrium", "kinetostatic"):
+        counted = benchmark("workload").solve_block(name, regression.COUNTS[name])["counted"]
+        assert regression.differences(counted, recorded[name]) == []
+
+
+def test_regression_names_what_was_counted_otherwise(benchmark):
+    found = benchmark("regression").differences({"steps": 8, "points": 1}, {"steps": 7, "points": 1})
+    assert found == ["steps 8, recorded 7"]
+
+
+def test_price_of_a_candidate(benchmark):
+    joint_cost = benchmark("joint_cost")
+    seconds, evaluations = joint_cost.candidate_cost(joint_cost.simulator.candidates[0])
+    assert seconds > 0 < evaluations
+
+
+@pytest.mark.slow
+def test_parts_of_a_step(benchmark):
+    engine = benchmark("engine_cost")
+    assert set(engine.contact_cost(needles=3)) == {"apart", "forces", "forces and D, K"}
+    assert len(engine.part_costs(engine.assemble(engine.needle_ring(3)))) == len(engine.PARTS)
+
+
+@pytest.mark.slow
+def test_methods_on_the_joint(benchmark):
+    """The reference against itself has no error."""
+    methods = benchmark("joint_methods")
+    numerics = {"method": "adaptive-euler", "relative_tolerance": 2e-2}
+    _, amplitudes, _ = methods.simulate((10, 50), "rollers", **numerics)
+    row = methods.measured((10, 50), "rollers", amplitudes, **numerics)
+    assert row[5:7] == (0.0, 0.0)
+
+
+@pytest.mark.slow
+def test_methods_on_the_needle(benchmark):
+    scene = benchmark("needle_scene")
+    values = scene.numbers(scene.needle_between_plates.simulator, duration_s=1e-3)
+    result, seconds = scene.timed(scene.needle_between_plates.build(values), "rosenbrock", 1e-6, 1e-3)
+    assert result.outcome.label == "finished"
+    assert seconds > 0
+
+
+@pytest.mark.slow
+def test_guards_judge_runs(benchmark):
+    trials = list(benchmark("guards").cheap_trials(4, np.random.default_rng(1)))
+    assert {trial.scene for trial in trials} == {"needle", "groove", "thrown", "dropped"}
+
+
+def test_savings_of_a_choice(benchmark):
+    saved = benchmark("auto").spent(points=10.0, study=4.0, pilot=1.0, reference=100.0)
+    assert saved["cheaper_without_pilot"] == 10.0
+    assert saved["cheaper_with_pilot"] == 20.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("module", "package"), [("exudyn_needle", "exudyn"), ("roller_peers", "mujoco")])
+def test_peers_import(benchmark, module, package):
+    """Peers are no dependency: where they are installed, their scenes build on today's sources."""
+    pytest.importorskip(package)
+    assert benchmark(module).__all__
