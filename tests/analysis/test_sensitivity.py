@@ -47,6 +47,14 @@ def test_additive_function_has_its_exact_indices():
     assert (result["ST_conf"].sel(factor=["joint_angle_deg", "torque_n_m"]) > 0).all()
 
 
+def test_intervals_are_the_same_whenever_they_are_made():
+    """Exact: resampling is seeded, by default too; and another seed gives other intervals."""
+    data = cube("saltelli", 64, y=((), additive))
+    xr.testing.assert_identical(sobol_indices(data), sobol_indices(data))
+    other = sobol_indices(data, SobolSettings(seed=1))
+    assert (other["ST_conf"] != sobol_indices(data)["ST_conf"]).any()
+
+
 def test_every_component_and_output_gets_its_indices():
     def orders(x):
         return np.stack([x[:, 0], np.zeros(len(x)) + 5.0, x[:, 1]], axis=1)

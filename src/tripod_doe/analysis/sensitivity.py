@@ -76,7 +76,7 @@ def sobol_indices(cube: xr.Dataset, settings: SobolSettings | None = None) -> xr
     def analyse(output: FloatArray) -> dict[str, FloatArray]:
         answer = salib_sobol.analyze(
             salib_problem(names), output, calc_second_order=second, num_resamples=settings.resamples,
-            conf_level=settings.confidence, seed=settings.seed,
+            conf_level=settings.confidence, seed=settings.seed + 1,  # SALib takes 0 for no seed at all
         )  # fmt: skip
         keys = ("S1", "S1_conf", "ST", "ST_conf") + (("S2", "S2_conf") if second else ())
         return {key: np.asarray(answer[key], float) for key in keys}
