@@ -105,10 +105,8 @@ def compare(names: list[str], against: str | None, rounds: int) -> bool:
                     counted = counted_work(name, COUNTS[name])
                 found = differences(counted, recorded.get(name, {}))
                 well = well and not found
-                print(
-                    f"{name:13s} {text:36s} work {'; '.join(found) or ('as recorded' if name in recorded else 'not recorded')}",
-                    flush=True,
-                )
+                work = "; ".join(found) or ("as recorded" if name in recorded else "not recorded")
+                print(f"{name:13s} {text:36s} work {work}", flush=True)
         finally:
             if against:
                 subprocess.run(["git", "-C", HERE, "worktree", "remove", "--force", tree], check=True)
