@@ -147,8 +147,8 @@ def test_the_stiffer_of_friction_and_contact_decides():
     [
         (lambda c: c.rename(step_s="speed_rpm"), "factors method and either step_s"),
         (lambda c: c.rename(drift_mm="drift_um"), "drift_um"),
-        (lambda c: c.expand_dims(order=[1, 3]).assign(outcome=c["outcome"]), "a number for every order"),
-        (lambda c: c.assign_coords(needle_mass_factor=["a", "b"]), "maps numbers"),
+        (lambda c: c.expand_dims(order=[1, 3]).assign(outcome=c["outcome"]), "one value per order"),
+        (lambda c: c.assign_coords(needle_mass_factor=["a", "b"]), "needs numeric factors"),
     ],
 )
 def test_what_is_missing_is_told(change, told):

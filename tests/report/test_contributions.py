@@ -88,7 +88,7 @@ def test_the_paper_s_reading_is_the_definition_with_the_smallest_largest_differe
 def test_the_note_says_that_all_thrust_passes_by_groove_sliding(parts):
     third, second = parts
     assert contribution_notes(third)[0].startswith(
-        "All of the third order passes by groove sliding: without it nothing is left."
+        "All of the third order depends on groove sliding: without it the amplitude is zero."
     )
     assert contribution_notes(second)[0].startswith("The second order needs groove sliding and needle sliding together")
     assert "groove sliding and groove rolling" in contribution_notes(third)[1]
@@ -100,7 +100,7 @@ def test_closure_and_opponents_are_told(parts):
     assert below["closure: 100 - sum"][0] == f"{third.closure[0]:.1f}"
     assert float(below["closure: 100 - sum"][2]) == 0
     assert third.shares["share_off"][0, third.mechanisms.index("needle_sliding")] < 0
-    assert "against the sum works needle sliding (-0.5 %)" in contribution_findings(third)[0]
+    assert "needle sliding (-0.5 %) opposes the sum" in contribution_findings(third)[0]
 
 
 def test_the_csv_behind_the_chart_holds_the_shares(parts, read_table):

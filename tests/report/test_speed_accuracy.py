@@ -42,7 +42,7 @@ def test_sentences_tell_the_ratio_and_the_failures(roller):
     assert "the default bdf2 costs 1.41 times the cheapest, implicit-euler: on the front within a factor of 1.5" in told
     assert "Ratio to the default: explicit rk4 1.06e+04 (extrapolated, error not known)." in told
     assert (
-        "Called finished in roller, but off by more than 5 %: implicit-euler 0.01 (10 %), bdf2 0.01 (1e+02 %)" in told
+        "Finished in roller with an undetected error above 5 %: implicit-euler 0.01 (10 %), bdf2 0.01 (1e+02 %)" in told
     )
     assert "Failed in roller: symplectic-euler 1e-06, 1e-07 (inaccurate: it chatters)." in told
 

@@ -42,11 +42,14 @@ def borders():
 
 def test_sentences(borders):
     found = findings_of("borders", borders)
-    assert found[0].startswith("3 of 4 borders agree with theory within a factor of 2")
-    assert found[1] == "Of 6 runs that failed 3 were refused; 3 finished with a wrong number, the worst by 25 %."
+    assert found[0].startswith("3 of 4 measured borders agree with the predicted ones within a factor of 2")
+    assert (
+        found[1]
+        == "Of 6 runs that failed, 3 were rejected by their own checks; 3 finished with a wrong result, the worst by 25 %."
+    )
     assert found[2] == (
-        "symplectic-euler: needle mass factor 4 measured 10 ns to 20 ns, theory 40 ns. "
-        "At the needle mass factor 4 the first run beyond finished with a wrong number."
+        "symplectic-euler: needle mass factor 4 measured 10 ns to 20 ns, predicted 40 ns. "
+        "At the needle mass factor 4 the first run beyond it finished with a wrong result."
     )
 
 
@@ -56,10 +59,10 @@ def test_table(borders):
     told = dict(zip(heads, rows[0], strict=True))
     assert told["Varied"] == "needle mass factor 1 to 4"
     assert told["Measured border"] == "10 ns to 20 ns"
-    assert told["By theory"] == "10 ns to 40 ns"
+    assert told["Predicted border"] == "10 ns to 40 ns"
     assert told["Agree"] == "1 of 2"
     assert told["First failure"] == "finished 1, inaccurate 1"
-    assert told["Wrong and not noticed"] == "3"
+    assert told["Wrong, undetected"] == "3"
     assert rows[1][2:5] == ["none up to 80 ns", "none", "nothing"]
 
 
@@ -68,8 +71,8 @@ def test_map(borders):
     assert [axes.get_title(loc="left") for axes in chart.figure.axes] == ["symplectic-euler", "bdf2"]
     assert len(chart.data) == 4
     svg = chart.svg()
-    assert "finished with a wrong number" in svg
-    assert "theory: no border" in svg
+    assert "finished with a wrong result" in svg
+    assert "predicted: no border" in svg
     assert "no reference" not in svg
 
 

@@ -1,4 +1,4 @@
-"""A measured thrust force laid over the model's: orders, phase, beat, and how sure the difference is."""
+"""Comparison of a measured thrust force with one point of a cube: orders, phases, beat, and their uncertainties."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class ComparisonSettings(BaseModel):
     measurement: str = Field(description="CSV file of the measurement, relative to the workflow file")
     select: list[str] = Field([], description="name=value of each factor, so that one point is left")
     nearest: bool = Field(False, description="take the nearest value where none matches")
-    pulses_per_revolution: int = Field(1, ge=1, description="rising edges of tacho a revolution")
+    pulses_per_revolution: int = Field(1, ge=1, description="rising edges of tacho per revolution")
     reference_angle_deg: float | None = Field(None, description="housing's rotation angle at the measurement's zero")
     speeds_rpm: tuple[float, float] | None = Field(None, description="range of the speeds that are compared")
     confidence: float = Field(0.95, gt=0, lt=1, description="level of the uncertainties")
@@ -95,7 +95,7 @@ def model_point(cube: xr.Dataset, select: Sequence[str] = (), nearest: bool = Fa
     if counts:
         none = [dim for dim, count in counts.items() if count == 0]
         told = (
-            f"no point has this {none[0]}; --nearest takes the closest"
+            f"no point has this {none[0]}; --nearest takes the nearest value"
             if none
             else "choose one point: --select " + (" --select ".join(f"{dim}={_levels(chosen[dim])}" for dim in counts))
         )
@@ -119,11 +119,11 @@ def compare(
     speeds_rpm: tuple[float, float] | None = None,
     confidence: float = 0.95,
 ) -> xr.Dataset:
-    """Lay a measured thrust force over a model's point, with the uncertainty of the difference.
+    """Compare a measured thrust force with one point of a cube, with the uncertainty of the difference.
 
     The measured order is the mean of its complex amplitudes C_k over R revolutions. Its uncertainty is t s/sqrt(R)
     with s their deviation along the mean (amplitude) or across it (phase), and t Student's factor with R - 1 degrees
-    of freedom. A model that is not periodic adds the difference between its own last two revolutions,
+    of freedom. A model that is not periodic adds the difference between its last two revolutions,
     thrust_amplitude_scatter, to the uncertainty of the difference as the root of squares. The beat's envelope is
     |sum of C_k exp(i k phi)| over the orders 2, 3, 4 (paper 3.3).
 
@@ -135,9 +135,9 @@ def compare(
         One point of a cube, see `model_point`.
     reference_angle_deg
         Rotation angle phi of the housing (0 with roller 1 between both axes in their plane) at the zero of
-        the measurement. None where it is not known: then the third orders are put in phase, and of the three ways to
-        do so, 120 deg apart, that with the least difference over all orders is taken; the phases of all other orders
-        then compare with the third's only.
+        the measurement. If omitted, the measurement is aligned by the phase of its third order; of the three
+        possible angles, 120 deg apart, the one with the smallest difference over all orders is used. The phases of the
+        other orders are then relative to that of the third.
     speeds_rpm
         Only revolutions with a mean speed in this range are compared; the tracked orders keep all.
     confidence
@@ -150,12 +150,13 @@ def compare(
         measured_phase_deg, model_phase_deg, phase_difference_deg, their ``_uncertainty`` and ``agrees`` (1 where the
         amplitudes differ by no more than the uncertainty). Over ``rotation_deg``: measured_thrust, its deviation
         measured_thrust_scatter, model_thrust, measured_envelope with its uncertainty, model_envelope. Over
-        ``revolution``: the tracked orders. Phases of orders that cannot be told from zero are NaN.
+        ``revolution``: the tracked orders. Phases of orders that do not differ significantly from
+        zero are NaN.
 
     Raises
     ------
     InputError
-        If the record is too short or too gappy, or no two revolutions have such a speed.
+        If the record is too short or has too many gaps, or fewer than two revolutions have such a speed.
     """
     tracked = track_orders(measurement.rotation_deg, measurement.thrust_n, measurement.time_s)
     chosen = _of_speed(tracked, speeds_rpm)
@@ -199,7 +200,7 @@ def _of_speed(tracked: xr.Dataset, speeds: tuple[float, float] | None) -> xr.Dat
     if chosen.sizes["revolution"] < 2:
         raise InputError(
             f"--speeds {speeds[0]:g}:{speeds[1]:g}: {chosen.sizes['revolution']} revolutions have such a speed, two "
-            f"are needed; the record's lie between {speed.min():.4g} and {speed.max():.4g} rpm"
+            f"are needed; those of the record lie between {speed.min():.4g} and {speed.max():.4g} rpm"
         )
     return chosen
 
@@ -226,9 +227,9 @@ def _alignment(measured: ComplexArray, model: ComplexArray, reference: float | N
     residual = [np.abs(measured * np.exp(-1j * np.radians(shift) * ORDERS) - model).sum() for shift in candidates]
     shift = candidates[int(np.argmin(residual))]
     return shift, (
-        f"fitted: the reference angle is not known, so {zero} was put at {shift:.4g} deg, where the third orders are "
-        "in phase; of the three such angles the one with the least difference was taken, so phases other than the "
-        "third's compare with the third order only, and no phase of the third order is a finding"
+        f"fitted: no reference angle is given, so {zero} was set to {shift:.4g} deg, where the third orders are in "
+        "phase. Of the three such angles, the one with the smallest difference over all orders was used. Phases are "
+        "relative to the third order, and the phase of the third order itself is not a result"
     )
 
 
@@ -248,12 +249,12 @@ def _order_variables(each: ComplexArray, model: ComplexArray, scatter: FloatArra
     phase, sure = np.where(told, phase, np.nan), np.where(told, sure, np.nan)
     rows = {
         "measured_amplitude": (amplitude, "N", "amplitude of the measured mean over revolutions"),
-        "measured_amplitude_uncertainty": (along, "N", "its uncertainty from revolution to revolution"),
+        "measured_amplitude_uncertainty": (along, "N", "its uncertainty from the scatter between revolutions"),
         "model_amplitude": (model_amplitude, "N", "amplitude of the model"),
         "amplitude_difference": (amplitude - model_amplitude, "N", "measured less model amplitude"),
         "amplitude_difference_uncertainty": (both, "N", "uncertainty of the difference, the model's scatter with it"),
         "measured_phase_deg": (phase, "degree", "phase of the measured mean over revolutions"),
-        "measured_phase_uncertainty_deg": (sure, "degree", "its uncertainty from revolution to revolution"),
+        "measured_phase_uncertainty_deg": (sure, "degree", "its uncertainty from the scatter between revolutions"),
         "model_phase_deg": (np.where(model_told, model_phase, np.nan), "degree", "phase of the model"),
         "phase_difference_deg": (difference, "degree", "measured less model phase, -180 to 180"),
         "phase_difference_uncertainty_deg": (sure, "degree", "uncertainty of the phase difference"),
@@ -289,10 +290,10 @@ def _angle_variables(
     along = (beats * np.conj(beat) / np.maximum(envelope, 1e-300)).real.std(axis=0, ddof=1)
     rows = {
         "measured_thrust": (mean, "measured thrust force, mean over revolutions"),
-        "measured_thrust_scatter": (np.where(count > 1, spread, np.nan), "its deviation from revolution to revolution"),
+        "measured_thrust_scatter": (np.where(count > 1, spread, np.nan), "its standard deviation between revolutions"),
         "model_thrust": (_model_waveform(point, model, wave), "thrust force of the model"),
         "measured_envelope": (envelope, "envelope of the measured orders 2, 3 and 4"),
-        "measured_envelope_uncertainty": (along * factor, "its uncertainty from revolution to revolution"),
+        "measured_envelope_uncertainty": (along * factor, "its uncertainty from the scatter between revolutions"),
         "model_envelope": (np.abs(wave[:, list(_BEAT)] @ model[list(_BEAT)]), "envelope of the model's orders 2 to 4"),
     }
     return {name: ("rotation_deg", values, _attrs("N", meaning)) for name, (values, meaning) in rows.items()}

@@ -43,9 +43,11 @@ class ContributionSettings(BaseModel):
     """[analysis.NAME] of kind contribution."""
 
     model_config = ConfigDict(extra="forbid")
-    output: str = Field("thrust_amplitude", description="amplitude, effective value or real output to share out")
+    output: str = Field(
+        "thrust_amplitude", description="amplitude, effective value or real output to split into shares"
+    )
     phase: str | None = Field(
-        None, description='its phase in degrees; X_phase_deg of X_amplitude or X_rms unless given, "" for a real output'
+        None, description='its phase in degrees; if omitted, X_phase_deg for X_amplitude or X_rms; "" for a real output'
     )  # fmt: skip
 
     @property
@@ -144,7 +146,7 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
     r"""Shares of the mechanisms in an amplitude by four definitions, what does not add up, and the interactions.
 
     With A_S the complex amplitude with the mechanisms S on, P(S) = 100 Re(A_S conj(A_all)) / \|A_all\|^2 is the part
-    of the whole that S makes, in percent; a mechanism that opposes the others has negative shares.
+    of the whole that S produces, in percent; a mechanism that opposes the others has negative shares.
 
     - share_off(m) = 100 - P(all but m): what is lost when it is switched off.
     - share_on(m) = P({m}): what it makes alone.
@@ -163,7 +165,7 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
     ----------
     cube
         Cube of an ablation, alone or as a part of a product with operating points. Shapley values and interactions
-        need all 2^n combinations of n mechanisms; they take n^2 2^n sums an operating point.
+        need all 2^n combinations of n mechanisms; they take n^2 2^n sums per operating point.
     settings
         Which output.
 
@@ -172,7 +174,7 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
     xarray.Dataset
         share_off, share_on, share_shapley, share_direct (mechanism, dimensions of the output), closure,
         direct_remainder, share_none = P(none), amplitude = \|A_all\|, interaction (pair, ...), strongest_pair and
-        strongest_interaction, in percent. Dimensions of the operating points stand in front: one a factor where they
+        strongest_interaction, in percent. Dimensions of the operating points stand in front: one per factor where they
         fill a grid, else ``operating_point``.
         Every variable X has a flag variable X_flag: NaN is either zero_amplitude (\|A_all\| not above its error: the
         cube's scatter of it, at least 1e-6 of the largest amplitude there) or point_missing (a point that it needs did
@@ -240,7 +242,7 @@ def _roles(cube: xr.Dataset) -> tuple[list[str], _Operating]:
 
 
 def _operating(cube: xr.Dataset, factors: list[str]) -> _Operating:
-    """Operating points: a dimension a factor where they fill a grid, else one dimension for all."""
+    """Operating points: one dimension per factor where they fill a grid, else one dimension for all."""
     columns = [cube[name].values.tolist() for name in factors]
     levels = [list(dict.fromkeys(column)) for column in columns]
     shape = tuple(len(values) for values in levels)

@@ -28,7 +28,7 @@ __all__ = ["Measurement", "edge_times", "pulse_numbers", "read_measurement", "ro
 
 FloatArray = NDArray[np.float64]
 
-_MOST_LOST = 0.2  # of the samples; beyond it a record says more of its recorder than of the joint
+_MOST_LOST = 0.2  # of the samples; with more dropouts a record is refused
 _LOW, _HIGH = 0.35, 0.65  # thresholds of an edge within the range of the tachometer: noise between them makes no edge
 _NEIGHBOURS = 5  # intervals whose median is the local time between pulses
 _LOOSE = 1.5  # times the next interval, from which the first or last one may hide a pulse
@@ -52,7 +52,7 @@ class Measurement:
     lost_samples
         Rows without a value in any needed column.
     lost_pulses
-        Pulses that were missing among their neighbours, and were counted all the same.
+        Missing pulses, inferred from their neighbours and counted.
     name, digest
         The file and its SHA-256 (16 hex digits), for the record.
     """
@@ -73,9 +73,9 @@ def read_measurement(path: str | Path, pulses_per_revolution: int = 1) -> Measur
     Parameters
     ----------
     path
-        CSV file with one line of column names; lines that start with # are passed over.
+        CSV file with one line of column names; lines that start with # are ignored.
     pulses_per_revolution
-        Rising edges of the tachometer a turn of the housing.
+        Rising edges of the tachometer per revolution of the housing.
 
     Returns
     -------
@@ -181,7 +181,7 @@ def rotation_from_tachometer(
     time_s, tacho, thrust_n
         Time in s, tachometer in any unit, thrust force in N; shape (sample,) each.
     pulses_per_revolution
-        Edges a turn.
+        Edges per revolution.
     lost_samples
         Rows that were left out before, for the record.
 
@@ -201,7 +201,7 @@ def rotation_from_tachometer(
     if edges.size < 2:
         raise InputError(
             f"{edges.size or 'no'} rising edge{'s' if edges.size != 1 else ''} in tacho; give a pulse or square wave "
-            "with at least one rising edge a revolution, or a column rotation_deg"
+            "with at least one rising edge per revolution, or a column rotation_deg"
         )
     numbers = pulse_numbers(edges)
     between = (time_s >= edges[0]) & (time_s <= edges[-1])
@@ -209,7 +209,7 @@ def rotation_from_tachometer(
     rotation = angle(time_s[between])
     if np.any(np.diff(rotation) < 0):
         raise InputError(
-            "the angle between tachometer pulses runs backwards; the record needs more pulses a revolution"
+            "the angle between tachometer pulses runs backwards; the record needs more pulses per revolution"
         )
     lost_pulses = int(numbers[-1]) + 1 - edges.size
     zero = "the first rising edge of tacho"

@@ -1,7 +1,7 @@
 """Order tracking: the rotating orders and the waveform of every revolution of a measured signal.
 
-The orders of each revolution are fitted to its samples at their own angles, so nothing is interpolated, a dropout
-leaves a gap and no invention, and for evenly spaced samples the answer is that of the Fourier transform.
+The orders of each revolution are fitted to its samples at their own angles, so nothing is interpolated across
+dropouts. For evenly spaced samples the result equals the Fourier transform.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ CELLS = 360
 """Cells of a resampled revolution, 1 deg each."""
 
 _UNKNOWNS = 2 * ORDERS.size - 1
-_WIDEST_GAP = 360.0 / _UNKNOWNS  # deg: beyond the spacing that just resolves order 12 the fit would invent
-_FEWEST_SAMPLES = 32  # a revolution: 25 unknowns and some to spare
+_WIDEST_GAP = 360.0 / _UNKNOWNS  # deg: the spacing that just resolves order 12
+_FEWEST_SAMPLES = 32  # per revolution: more than the 25 unknowns
 _WRAPS = {"wraps_at": "+-180 degree"}
 
 
@@ -36,8 +36,7 @@ def track_orders(rotation_deg: FloatArray, thrust_n: FloatArray, time_s: FloatAr
     In each revolution f(phi_i) = sum_k Re(C_k exp(i k phi_i)) is solved for C_k by least squares over its samples.
     With N evenly spread samples and white noise of deviation sigma, the deviation of an amplitude is
     sigma sqrt(2/N), and that of a phase is this over the amplitude, in rad. A gap raises them: all revolutions with
-    a gap wider than 360/25 = 14.4 deg are left out. Cost: 2 N 25^2 operations a revolution, 0.3 ms
-    for N = 1000.
+    a gap wider than 360/25 = 14.4 deg are left out. Cost: 2 N 25^2 operations per revolution.
 
     Parameters
     ----------
@@ -74,7 +73,8 @@ def track_orders(rotation_deg: FloatArray, thrust_n: FloatArray, time_s: FloatAr
         samples = int(np.median(np.diff(first)))
         raise InputError(
             f"only {len(used)} of {bounds.size - 1} revolutions can be used: each needs {_FEWEST_SAMPLES} samples "
-            f"(the median is {samples}) and no gap wider than {_WIDEST_GAP:.1f} deg; sample faster, or cut dropouts out"
+            f"(the median is {samples}) and no gap wider than {_WIDEST_GAP:.1f} deg; sample faster, "
+            "or remove the dropouts"
         )
     amplitude, phase = amplitude_and_phase(np.array(rows))
     count = np.diff(first)[used].astype(np.int32)
@@ -107,8 +107,8 @@ def _revolutions(rotation_deg: FloatArray) -> FloatArray:
     count = int((span + max(float(np.median(steps)), steps[-1])) / 360 + 1e-6)
     if count < 2:
         raise InputError(
-            f"the record covers {span / 360:.2f} revolutions; at least two whole ones are needed to tell how far "
-            "revolutions differ: measure longer, or check --pulses-per-revolution"
+            f"the record covers {span / 360:.2f} revolutions; at least two whole ones are needed to compute "
+            "the scatter between revolutions: measure longer, or check --pulses-per-revolution"
         )
     bounds: FloatArray = rotation_deg[0] + 360.0 * np.arange(count + 1)
     return bounds

@@ -1,7 +1,7 @@
 """Global sensitivity: Sobol' indices and Morris' elementary effects of every kept output, by SALib.
 
-SALib answers NaN among its inputs with zeros and no error, so only finite outputs are handed over: where a point
-failed, its whole Saltelli block or trajectory is left out, and the result says how many were.
+With NaN among its inputs SALib returns zeros and no error, so only finite outputs are passed to it: where a point
+failed, its whole Saltelli block or trajectory is dropped, and the result states how many were.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class SobolSettings(BaseModel):
     """[analysis.NAME] of kind sobol."""
 
     model_config = ConfigDict(extra="forbid")
-    outputs: list[str] = Field([], description="outputs to analyse; all kept ones but waveforms unless given")
+    outputs: list[str] = Field([], description="outputs to analyse; if omitted, all kept ones except waveforms")
     confidence: float = Field(0.95, gt=0, lt=1, description="level of the confidence intervals")
     resamples: int = Field(100, ge=10, description="bootstrap resamples of the confidence intervals")
     seed: int = Field(0, ge=0, description="seed of the resampling")
@@ -156,7 +156,7 @@ def _chosen(cube: xr.Dataset, settings: SobolSettings) -> list[str]:
             raise InputError(f"outputs: {name!r} is not in the cube{near_match(name, outputs)}")
     chosen = settings.outputs or [name for name in outputs if "rotation_deg" not in cube[name].dims] or outputs
     if not chosen:
-        raise InputError("no point finished, so there is no output to analyse")
+        raise InputError("no point finished: there is no output to analyse")
     return chosen
 
 
@@ -173,7 +173,7 @@ def _analyse_outputs(
     whole = _complete(cube, rows, chosen)
     groups, dropped = int(whole.sum()) // rows, int((~whole).sum()) // rows
     if groups < 2:
-        raise InputError(f"only {groups} of {groups + dropped} groups of {rows} points finished; nothing to analyse")
+        raise InputError(f"only {groups} of {groups + dropped} groups of {rows} points finished: nothing to analyse")
     parts = [_analyse_output(cube[name].isel(point=whole), analyse) for name in chosen]
     result = parts[0]
     if len(parts) > 1:

@@ -2,7 +2,7 @@
 
 The study varies the method, the step (or the tolerance) and operating points. A run is *good* if it finished and its
 output lies within `limit` of the reference of its operating point, *refused* if it did not finish, and *wrong* if it
-finished with another number: a failure that nothing noticed. The reference is found in the same cube: the finest runs
+finished with another number: a failure that no check detected. The reference is found in the same cube: the finest runs
 of two methods that agree best (of one method, where it is alone, its two finest).
 
 Theory says, from the rates of the reference run (`mechanics.linearisation`):
@@ -76,9 +76,9 @@ class StabilitySettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
     output: str = Field(description="output whose error decides")
-    select: dict[str, float] = Field({}, description="which component of it, for instance order = 3")
+    select: dict[str, float] = Field({}, description="component of the output, for instance order = 3")
     limit: float = Field(
-        0.02, gt=0, lt=1, description="relative error up to which a run is good; what half the step promises"
+        0.02, gt=0, lt=1, description="relative error up to which a run is good"
     )  # fmt: skip
     factor: float = Field(2.0, gt=1, description="factor within which measured and predicted border agree")
 
@@ -196,7 +196,7 @@ def _runs(cube: xr.Dataset, settings: StabilitySettings) -> _Runs:
     others = [name for name in names if name not in ("method", numerics[0])]
     words = [name for name in others if cube[name].dtype.kind not in "fiu"]
     if words:
-        raise InputError(f"stability maps numbers, and {words[0]} is none; make it a base value")
+        raise InputError(f"a stability map needs numeric factors, and {words[0]} is not numeric; make it a base value")
     columns = {name: xr.broadcast(cube["outcome"], cube[name])[1].values.ravel() for name in names}
     methods, which = _labels(columns["method"].astype(str))
     steps, at = np.unique(np.round(np.log(columns[numerics[0]].astype(float)), 9), return_inverse=True)
@@ -239,7 +239,7 @@ def _output(cube: xr.Dataset, settings: StabilitySettings) -> FloatArray:
     values = values.sel(settings.select)
     if values.dims != cube["outcome"].dims:
         left = [str(dim) for dim in values.dims if dim not in cube["outcome"].dims]
-        raise InputError(f"{settings.output} has a number for every {left[0]}; choose one by select")
+        raise InputError(f"{settings.output} has one value per {left[0]}; choose one with select")
     column: FloatArray = values.values.ravel().astype(float)
     return column
 
@@ -300,7 +300,7 @@ def _agreement(low: float, high: float, predicted: float, factor: float) -> Agre
 _MEANINGS = {
     "border_low": "last step or tolerance up to which every run is good; missing where none is",
     "border_high": "first step or tolerance whose run is not good; infinite where all are",
-    "border_predicted": "border that theory says; infinite for none",
+    "border_predicted": "predicted border; infinite for none",
     "ratio": "measured border, the geometric middle of its bracket, over the predicted one",
     "first_detail": "why the first run that is not good failed",
     "wrong_runs": "runs that finished with a wrong number",

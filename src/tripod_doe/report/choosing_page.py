@@ -63,7 +63,7 @@ def choosing_page(accuracy: xr.Dataset, borders: Mapping[str, xr.Dataset]) -> st
         _table(["Asked", "Within", "Model", "Method and setting", "Off by", "Price", "Cheaper by"],
                _choices(accuracy.sel(run=accuracy["scene"] == _JOINT))),
         _PILOT,
-        "What a model cannot tell:\n",
+        "Outputs that a model lacks, and parameters that it ignores:\n",
         _table(["Model", "Has no", "Ignores"], [_blind_spots(name) for name in MODELS]),
         _VIBRATING,
         "\n## Which method\n\nA study that names none takes the default. Price at "
@@ -71,7 +71,7 @@ def choosing_page(accuracy: xr.Dataset, borders: Mapping[str, xr.Dataset]) -> st
         _table(*price_table(accuracy)),
         "\n## Where each breaks\n\nLargest step or tolerance up to which every run is right, in the base case of each "
         "study; what theory says; and what became of all runs beyond, over all that the study varies:\n",
-        _table(["Study", "Method", "Right up to", "Theory", "Refused", "Wrong and not noticed"],
+        _table(["Study", "Method", "Right up to", "Predicted", "Rejected", "Wrong, undetected"],
                [row for name, data in borders.items() for row in _breaks(name, data)]),
         "\nWhat the runs above showed besides:\n",
         *(f"- {sentence}\n" for sentence in find_in_speed_accuracy(accuracy)[1:]),

@@ -266,9 +266,10 @@ def _agreement(part: Contribution) -> list[str]:
     ]
     return [
         f"Direct decomposition of {part.what}: what each mechanism's force adds at the grooves while all are on. "
-        f"Within {_AGREE:.0f} percentage points {'; '.join(told)}. They need not agree: with a mechanism off the "
-        "motion answers and friction turns to where it is free; the decomposition takes the motion as it is. It leaves "
-        f"{span(100 - direct.sum(axis=1))} % to inertia, numerical error and mechanisms that are not switched here."
+        f"Within {_AGREE:.0f} percentage points {'; '.join(told)}. They need not agree: with a mechanism off, the "
+        "motion and the directions of the friction forces change; the decomposition takes the motion as it is. It "
+        f"leaves {span(100 - direct.sum(axis=1))} % to inertia, numerical error and mechanisms that are "
+        "not switched here."
     ]
 
 
@@ -292,7 +293,7 @@ def _strongest_interaction(part: Contribution) -> list[str]:
     pair = " and ".join(spoken(name) for name in part.pairs[strongest].split(" + "))
     size = float(part.interaction[strongest])
     at = f", at {part.labels[strongest]}" if part.labels[strongest] else ""
-    they = "make only together" if size > 0 else "each make alone, but not twice"
+    they = "produce only together" if size > 0 else "each produce alone, but not twice when both are on"
     return [
         f"The strongest interaction in {part.what} is of {pair}: {abs(size):.1f} % of it they {they} (Shapley "
         f"interaction index{at})."
@@ -309,7 +310,7 @@ def _who_makes_it(part: Contribution) -> str:
     ranked = np.argsort(-means, kind="stable")
     told = [f"{spoken(part.mechanisms[at])} {_percent(values[:, at])}" for at in ranked if means[at] >= -_PRINTED]
     against = [f"{spoken(part.mechanisms[at])} ({span(values[:, at])} %)" for at in ranked if means[at] < -_PRINTED]
-    opposed = f"; against the sum work{'s' if len(against) == 1 else ''} {', '.join(against)}" if against else ""
+    opposed = f"; {', '.join(against)} oppose{'s' if len(against) == 1 else ''} the sum" if against else ""
     closure = f"; the shares by switching off leave a closure of {span(part.closure)} %" if span(part.closure) else ""
     return (
         f"Of {part.what}{f' ({part.amplitude})' if part.amplitude else ''}, by {DEFINITIONS[part.fairest]}: "
@@ -339,8 +340,9 @@ def _all_passes(part: Contribution) -> list[str]:
     needed = [spoken(name) for name, is_whole in zip(part.mechanisms, whole, strict=True) if is_whole]
     if len(needed) == 1:
         return [
-            f"All of {part.what} passes by {needed[0]}: without it nothing is left. The Shapley value shares what "
-            "another mechanism adds equally with it, so that one gets about half of its share by switching off."
+            f"All of {part.what} depends on {needed[0]}: without it the amplitude is zero. The Shapley value divides "
+            "what another mechanism adds equally between the two, so that one gets about half of its share by "
+            "switching off."
         ]
     if needed:
         return [

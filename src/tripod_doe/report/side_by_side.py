@@ -106,12 +106,12 @@ def find_side_by_side(ladder: Mapping[str, xr.Dataset]) -> list[str]:
             )
     sentences = [
         f"Within {_RIGHT:g} % of an amplitude, or {_RIGHT_SHARE:g} percentage points of a share by switching off, "
-        f"{_said(models[:-1])} get right what {models[-1]} finds of: {'; '.join(right) or 'nothing'}."
+        f"{_said(models[:-1])} agree with {models[-1]} on: {'; '.join(right) or 'nothing'}."
     ]
     if wrong:
-        sentences.append(f"They miss: {'; '.join(wrong)}.")
+        sentences.append(f"They differ on: {'; '.join(wrong)}.")
     if not any("needle_skew_deg" in MODELS[model].outputs for model in models[:-1]):
-        sentences.append(f"They keep every needle at its initial skew: what becomes of it, only {models[-1]} sees.")
+        sentences.append(f"They keep every needle at its initial skew: only {models[-1]} computes how it changes.")
     return sentences
 
 

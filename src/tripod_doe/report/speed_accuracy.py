@@ -31,9 +31,9 @@ _NEAR = 1.5
 def find_in_speed_accuracy(data: xr.Dataset) -> list[str]:
     """What each case's default costs against the best method, what its model is off by, and what failed."""
     sentences = [
-        "Prices are CPU seconds per simulated second with all checks of a run (a multibody run of joint or trunnion "
-        "repeats its last revolution), the median of the repetitions; those of a run differ by a factor of "
-        f"{_spread(data):.2f} or less in nine of ten runs."
+        "Prices are CPU seconds per simulated second including all checks of a run (a multibody run of joint or "
+        "trunnion repeats its last revolution), median of the repetitions; in nine of ten runs the repetitions differ "
+        f"by at most a factor of {_spread(data):.2f}."
     ]
     for case in data["case"].values:
         row = data.sel(case=case)
@@ -47,7 +47,7 @@ def find_in_speed_accuracy(data: xr.Dataset) -> list[str]:
             sentences.append(f"Failed in {_spoken(str(case))}: {failed}.")
         if lead and (missed := _missed(mine.sel(quantity=lead))):
             sentences.append(
-                f"Called finished in {_spoken(str(case))}, but off by more than {100 * _MISS:g} %: {missed}."
+                f"Finished in {_spoken(str(case))} with an undetected error above {100 * _MISS:g} %: {missed}."
             )
     return sentences + _model_sentences(data)
 

@@ -15,8 +15,8 @@ from tripod_doe.simulator import Outcome
 __all__ = ["border_text", "find_in_stability", "measured_border", "stability_table"]
 
 _HEADS = [
-    "Varied", "Method", "Measured border", "By theory", "Limited by", "Measured over theory", "Agree", "First failure",
-    "Wrong and not noticed",
+    "Varied", "Method", "Measured border", "Predicted border", "Limited by", "Measured / predicted", "Agree",
+    "First failure", "Wrong, undetected",
 ]  # fmt: skip
 _TIMES = ((1.0, "s"), (1e-3, "ms"), (1e-6, "us"), (1e-9, "ns"))
 _LONG = 1e3  # seconds: a rate that small limits nothing
@@ -25,8 +25,8 @@ _WORDS = {
     Limit.LAG: "lag of the secant", Limit.TOLERANCE: "tolerance itself", Limit.UNKNOWN: "not known",
 }  # fmt: skip
 _WHY = {
-    Limit.NONE: "theory has no border for this method",
-    Limit.LAG: "the rate is the lag of velocities about a frozen state, which says little of the size of the error",
+    Limit.NONE: "no border is predicted for this method",
+    Limit.LAG: "the rate is the lag of velocities about a frozen state, which is a poor estimate of the error",
     Limit.CONTACT: "the mode is taken without the damping and friction that act on it, too",
     Limit.TOLERANCE: "a step of this method ends at every sample, whatever the tolerance",
 }
@@ -34,22 +34,27 @@ _WHY = {
 
 
 def find_in_stability(borders: xr.Dataset) -> list[str]:
-    """How many borders agree with theory, what failed without being noticed, and every disagreement with its reason."""
+    """How many borders agree with the predicted ones, undetected failures, and every disagreement with its reason."""
     agrees = borders["agrees"].values
     decided = agrees != Agreement.NOT_DECIDED
     ratio = borders["ratio"].values[np.isfinite(borders["ratio"].values)]
-    spread = f"; where both exist, measured over theory is {ratio.min():.2g} to {ratio.max():.2g}" if ratio.size else ""
+    spread = (
+        f"; where both exist, the ratio of measured to predicted is {ratio.min():.2g} to {ratio.max():.2g}"
+        if ratio.size
+        else ""
+    )
     sentences = [
-        f"{int((agrees == Agreement.YES).sum())} of {int(decided.sum())} borders agree with theory within a factor of "
-        f"{borders.attrs['factor']:g}{spread}. A run is right within {100 * borders.attrs['limit']:g} % of the "
-        "reference."
+        f"{int((agrees == Agreement.YES).sum())} of {int(decided.sum())} measured borders agree with the predicted "
+        f"ones within a factor of {borders.attrs['factor']:g}{spread}. A run counts as right if it lies within "
+        f"{100 * borders.attrs['limit']:g} % of the reference."
     ]
     kind = borders["run_kind"].values
     refused, wrong = (int((kind == which).sum()) for which in (RunKind.REFUSED, RunKind.WRONG))
     error = borders["error"].values[kind == RunKind.WRONG]
     worst = f", the worst by {100 * error.max():.3g} %" if wrong else ""
     sentences.append(
-        f"Of {refused + wrong} runs that failed {refused} were refused; {wrong} finished with a wrong number{worst}."
+        f"Of {refused + wrong} runs that failed, {refused} were rejected by their own checks; {wrong} finished with a "
+        f"wrong result{worst}."
     )
     unknown = int((kind == RunKind.UNKNOWN).any(axis=(0, 2)).sum())
     if unknown:
@@ -63,7 +68,7 @@ def _disagreements(borders: xr.Dataset, m: int, cases: np.ndarray) -> str:
     rows = [borders.isel(method=m, case=int(c)) for c in cases]
     pairs = [(measured_border(borders, row), border_text(borders, float(row["border_predicted"]))) for row in rows]
     seen = "; ".join(
-        f"{_place(row)} measured {found}, theory {said}" for row, (found, said) in zip(rows, pairs, strict=True)
+        f"{_place(row)} measured {found}, predicted {said}" for row, (found, said) in zip(rows, pairs, strict=True)
     )
     first = rows[0]
     limited, below = Limit(int(first["limited_by"])), not float(first["border_low"]) >= float(first["border_predicted"])
@@ -83,8 +88,8 @@ def _place(row: xr.Dataset) -> str:
 def _first_failure(row: xr.Dataset) -> str:
     """How the first run that is not good failed: refused, perhaps by a false alarm, or wrong and not noticed."""
     if int(row["first_failure"]) == Outcome.FINISHED:
-        return "the first run beyond finished with a wrong number"
-    return f"the first run beyond was refused, {row['first_detail'].item()}"
+        return "the first run beyond it finished with a wrong result"
+    return f"the first run beyond it was rejected: {row['first_detail'].item()}"
 
 
 def _level(row: xr.Dataset, factor: str) -> str:

@@ -112,22 +112,22 @@ def cost_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
     count, cpu, wall = int(run.sum()), float(cube["cpu_seconds"].sum()), cube["wall_seconds"].values[run]
     rows = [
         ("CPU time", _duration(cpu), "of all points, without compilation"),
-        ("CPU time a point", _duration(cpu / count), f"mean of {count:,} points that were run"),
+        ("CPU time per point", _duration(cpu / count), f"mean of {count:,} points that were run"),
     ]
     if cpu > 0:
-        rows.append(("Points a CPU second", _rate(count / cpu), "one core, inside the blocks"))
+        rows.append(("Points per CPU second", _rate(count / cpu), "one core, inside the blocks"))
     if "worker" in cube:
         workers, which = np.unique(cube["worker"].values[run].astype(str), return_inverse=True)
         busiest = float(np.bincount(which, wall).max())
         rows.append(("Workers", f"{workers.size}", ", ".join(workers[:12]) + (", ..." if workers.size > 12 else "")))
         rows.append(("Wall-clock time", _duration(busiest), "of the busiest worker, inside its blocks"))
         if busiest > 0:
-            rows.append(("Points a second", _rate(count / busiest), "all workers together, inside the blocks"))
+            rows.append(("Points per second", _rate(count / busiest), "all workers together, inside the blocks"))
     for name, label in (("steps", "Steps"), ("force_evaluations", "Force evaluations"), ("solves", "Solves")):
         if name in cube:
             total = float(cube[name].sum())
             rows.append(
-                (label, f"{total:,.0f}", f"{number(total / count)} a point; {cube[name].attrs.get('long_name', '')}")
+                (label, f"{total:,.0f}", f"{number(total / count)} per point; {cube[name].attrs.get('long_name', '')}")
             )
     return rows
 

@@ -1,4 +1,4 @@
-"""The paper's claims over the chosen skews, told in sentences and as a table."""
+"""The paper's claims over the chosen skews, in sentences and as a table."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def _listed(values: np.ndarray) -> str:
 
 
 def over_skew_table(claims: xr.Dataset) -> tuple[list[str], list[list[str]]]:
-    """Heads and a row a claim: whether it holds and its value, a column a choice of the skews."""
+    """Heads and one row per claim: whether it holds and its value, one column per choice of the skews."""
     rows = []
     for at in range(claims.sizes["claim"]):
         row = claims.isel(claim=at)

@@ -1,4 +1,4 @@
-"""The claims of the paper told in sentences and as a table."""
+"""The claims of the paper in sentences and as a table."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _start(text: str) -> str:
 
 
 def claim_table(claims: xr.Dataset) -> tuple[list[str], list[list[str]]]:
-    """Heads and a row a claim, in the order of the paper; reasons stand in the sentences and in claims.json."""
+    """Heads and one row per claim, in the order of the paper; reasons stand in the sentences and in claims.json."""
     words = {Verdict.HOLDS: "yes", Verdict.DOES_NOT_HOLD: "no", Verdict.NOT_DECIDED: "not decided"}
     rows = []
     for at in range(claims.sizes["claim"]):

@@ -23,9 +23,9 @@ _EXACT, _GOOD, _REFUSED, _DIVERGED, _WRONG, _UNKNOWN = range(6)
 _CLASSES = {
     _EXACT: ("#9cc3e6", "", "right to a tenth of the limit"),
     _GOOD: ("#d6e6f5", "", "right within the limit"),
-    _REFUSED: ("#cfd4da", "", "refused as inaccurate"),
-    _DIVERGED: ("#8b96a3", "", "refused: did not come to its end"),
-    _WRONG: ("#e58a5c", "////", "finished with a wrong number"),
+    _REFUSED: ("#cfd4da", "", "rejected as inaccurate"),
+    _DIVERGED: ("#8b96a3", "", "failed: did not reach its end"),
+    _WRONG: ("#e58a5c", "////", "finished with a wrong result"),
     _UNKNOWN: ("#ffffff", "....", "no reference"),
 }
 """Colour, hatch and meaning of each class of runs."""
@@ -61,7 +61,7 @@ def _chart(borders: xr.Dataset, factor: str) -> Chart:
         shown = np.unique(classes)
         handles = [Patch(fc=c, hatch=h, ec=INK, lw=0.4, label=t) for k, (c, h, t) in _CLASSES.items() if k in shown]
         lines = [Line2D([], [], color=INK, lw=2, label="measured border"),
-                 Line2D([], [], color=COLOURS[3], ls="--", marker="D", ms=4, label="border by theory")]  # fmt: skip
+                 Line2D([], [], color=COLOURS[3], ls="--", marker="D", ms=4, label="predicted border")]  # fmt: skip
         figure.legend(
             handles=handles + lines, loc="outside upper left", ncols=min(3, columns + 1), frameon=False, fontsize=8
         )
@@ -105,7 +105,7 @@ def _draw(panel: Axes, part: xr.Dataset, classes: NDArray[np.int64]) -> None:
     panel.plot(np.arange(shown.size), shown, color=COLOURS[3], lw=1.6, ls="--", marker="D", ms=4)
     if not np.isfinite(shown).any():
         beyond = "no border" if np.isinf(predicted).all() else "border beyond" if np.isfinite(predicted).any() else ""
-        told = f"theory: {beyond}" if beyond else "no theory"
+        told = f"predicted: {beyond}" if beyond else "no prediction"
         panel.text(0.97, 0.95, told, transform=panel.transAxes, ha="right", va="top", fontsize=7.5, color=COLOURS[3])
     panel.set_ylim(edges[0], edges[-1])
     panel.grid(visible=False)
@@ -123,7 +123,7 @@ def _caption(borders: xr.Dataset, factor: str) -> str:
     what = "tolerance" if borders.attrs["numerics"] != "step_s" else "step"
     return (
         f"Runs over {what} and {spoken(factor)}: right within {100 * borders.attrs['limit']:g} % of the reference, "
-        f"refused, or wrong and not noticed; the measured border, and that of the linearised scene."
+        f"rejected, or wrong and undetected; the measured border, and that of the linearised scene."
     )
 
 
