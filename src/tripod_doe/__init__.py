@@ -2,8 +2,8 @@
 
 >>> import tripod_doe as td
 >>> td.simulate(joint_angle_deg=10)                      # one point
->>> td.run("studies/thrust_map.toml", out="results")     # a study, on two processes
->>> td.open_cube("results")                              # what it found, labelled
+>>> td.run("studies/thrust_map.toml", out="results")     # a study
+>>> td.open_cube("results")                              # its results, labelled
 
 Names are imported when they are first used, so that workers and short commands load no plotting.
 """
