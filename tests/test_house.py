@@ -51,7 +51,7 @@ def test_public_names_are_where_they_say():
         assert getattr(td, name).__doc__, name
 
 
-def test_every_public_function_has_a_docstring_of_numpy_style():
+def test_every_public_function_has_a_docstring():
     for path in SOURCES:
         tree = ast.parse(path.read_text())
         places = [tree, *(node for node in tree.body if isinstance(node, ast.ClassDef))]

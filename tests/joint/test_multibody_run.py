@@ -183,11 +183,11 @@ def outcome(**given):
 @pytest.mark.parametrize(
     ("given", "expected", "reason"),
     [
-        ({"speed_rpm": 0}, "out_of_range", "use model equilibrium"),
-        ({"torque_n_m": 0}, "out_of_range", "nothing holds the rollers"),
-        ({"needle_diameter_mm": 6}, "jammed", "do not fit on the pitch circle"),
-        ({"roller_radius_mm": 9}, "jammed", "the bore is larger"),
-        ({"method": "linearly-implicit-euler", "step_s": 1e-3}, "inaccurate diverged", ""),
+        ({"speed_rpm": 0}, {"out_of_range"}, "use model equilibrium"),
+        ({"torque_n_m": 0}, {"out_of_range"}, "nothing holds the rollers"),
+        ({"needle_diameter_mm": 6}, {"jammed"}, "do not fit on the pitch circle"),
+        ({"roller_radius_mm": 9}, {"jammed"}, "the bore is larger"),
+        ({"method": "linearly-implicit-euler", "step_s": 1e-3}, {"inaccurate", "diverged"}, " at t = "),
     ],
 )
 def test_runs_that_cannot_go_well_say_why(model, given, expected, reason):

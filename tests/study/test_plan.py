@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import time
+import queue
 
 import numpy as np
 import pytest
 
 import tripod_doe as td
+from tripod_doe.study import plan as plan_module
 from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points, point_keys
@@ -72,20 +73,37 @@ def test_a_length_that_a_factor_sets_is_counted():
     assert td.plan(study, timing=False).cube_bytes == 2 * (3 * 7 * 3 * 8 + 1)
 
 
-def test_price_is_that_of_the_work():
-    """A factor of 3 on a noisy machine; the price itself is 0.3 s."""
-    study = parse_study(TEXT)
-    plan = td.plan(study)
-    low, mean, high = plan.cpu_hours
-    assert low <= mean * 1.5
-    assert high >= mean / 1.5
-    points = {name: np.full(1000, value) for name, value in study.simulator.effective({}).items() if name != "model"}
-    points["model"] = np.full(1000, "equilibrium", object)
-    study.simulator.prepare(points)
-    start = time.thread_time()
-    study.simulator.simulate(points, ["thrust_amplitude"])
-    seconds = 2 * (time.thread_time() - start)
-    assert seconds / 3 < mean * 3600 < seconds * 3
+def test_price_is_the_mean_of_the_timed_points_with_their_quartiles(monkeypatch):
+    """Exact: 2000 points; the clock is the test's."""
+    monkeypatch.setattr(plan_module, "_time_points", lambda study, points: [1.8, 3.6, 5.4, 7.2, 0.0])
+    plan = td.plan(parse_study(TEXT))
+    assert plan.cpu_hours == pytest.approx((1.0, 2.0, 3.0))
+    assert plan.blocks == 7200
+    assert plan.timed == 5
+
+
+def test_points_are_timed_in_batches_of_a_fifth_of_a_second(monkeypatch):
+    """Exact, with a worker that takes 2 ms per point, 1 s for its first call: that one is no measure."""
+    calls = []
+
+    def run(task):
+        calls.append(task.count)
+        return None, 1.0 if len(calls) == 1 else 0.002 * task.count, 0.0
+
+    monkeypatch.setattr(plan_module, "run_task", run)
+    answers = queue.SimpleQueue()
+    plan_module._timing_process(TEXT, "", None, answers)
+    seconds = list(iter(answers.get, None))
+    assert seconds == pytest.approx([0.002] * 11)
+    assert calls == [1, 1] + 11 * [100]
+
+
+def test_points_are_timed_in_a_process_of_their_own(monkeypatch):
+    """However slow the machine is."""
+    monkeypatch.setattr(plan_module, "_TIMING_SECONDS", 600.0)
+    plan = td.plan(parse_study(TEXT))
+    assert plan.timed > 0
+    assert plan.cpu_hours[0] > 0
 
 
 def test_repeated_points_are_computed_once():
@@ -97,14 +115,15 @@ def test_repeated_points_are_computed_once():
     assert "repeated" in plan.describe()
 
 
-def test_timing_stops_after_ten_seconds(tmp_path):
-    (tmp_path / "endless.py").write_text("import time\ndef f(x):\n    time.sleep(60)\n    return {'y': x}\n")
-    text = '[study]\nname="e"\nfunction="endless:f"\n[factors.x]\nvalues=[1, 2]\n'
-    start = time.monotonic()
-    plan = td.plan(parse_study(text, folder=tmp_path))
-    assert time.monotonic() - start < 14
+def test_timing_stops_a_point_that_would_take_hours(tmp_path, monkeypatch):
+    monkeypatch.setattr(plan_module, "_TIMING_SECONDS", 1.0)
+    (tmp_path / "endless.py").write_text("import time\ndef f(x):\n    time.sleep(36000)\n    return {'y': x}\n")
+    plan = td.plan(
+        parse_study('[study]\nname="e"\nfunction="endless:f"\n[factors.x]\nvalues=[1, 2]\n', folder=tmp_path)
+    )
     assert plan.timed == 0
-    assert "no point ended" in plan.describe() or "not timed" in plan.describe()
+    assert plan.cpu_hours is None
+    assert "not timed" in plan.describe()
 
 
 @pytest.mark.parametrize("value", [1, 4])
