@@ -169,25 +169,31 @@ def compare(
     variables = _order_variables(each, model, scatter, factor)
     compared = _within(measurement, chosen["revolution"].values)
     variables |= _angle_variables(measurement.rotation_deg + shift, compared, point, each, model, factor)
-    values = json.loads(str(point.attrs.get("fixed_parameters", "{}")))
-    values |= {str(name): label.item() for name, label in point.coords.items() if label.ndim == 0}
-    attrs = {
+    attrs = _provenance(measurement, point) | {
+        "alignment": alignment,
+        "shift_deg": shift,
+        "confidence_level": confidence,
+        "revolutions_compared": each.shape[0],
+    }
+    rotation = ("rotation_deg", np.arange(CELLS, dtype=float), _attrs("degree", "rotation angle of the housing"))
+    return tracked.assign(variables).assign_coords(rotation_deg=rotation).assign_attrs(attrs)
+
+
+def _provenance(measurement: Measurement, point: xr.Dataset) -> dict[str, Any]:
+    """Attributes that state which measurement was compared with which point."""
+    factors = {str(name): label.item() for name, label in point.coords.items() if label.ndim == 0}
+    values = json.loads(str(point.attrs.get("fixed_parameters", "{}"))) | factors
+    return {
         "title": "measured thrust force against a model",
         "measurement": measurement.name or "a measurement",
         "measurement_hash": measurement.digest or "not recorded",
         "study": point.attrs.get("title", "a cube"),
         "study_hash": point.attrs.get("study_hash", "not recorded"),
         "source": point.attrs.get("source", "not recorded"),
-        "alignment": alignment,
-        "shift_deg": shift,
-        "confidence_level": confidence,
-        "revolutions_compared": each.shape[0],
         "lost_samples": measurement.lost_samples,
         "lost_pulses": measurement.lost_pulses,
-        "point": json.dumps({str(name): c.item() for name, c in point.coords.items() if c.ndim == 0}),
+        "point": json.dumps(factors),
     } | ({"model_speed_rpm": values["speed_rpm"]} if "speed_rpm" in values else {})
-    rotation = ("rotation_deg", np.arange(CELLS, dtype=float), _attrs("degree", "rotation angle of the housing"))
-    return tracked.assign(variables).assign_coords(rotation_deg=rotation).assign_attrs(attrs)
 
 
 def _of_speed(tracked: xr.Dataset, speeds: tuple[float, float] | None) -> xr.Dataset:
