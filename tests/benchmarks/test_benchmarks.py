@@ -43,7 +43,7 @@ def test_balances_of_the_regression_count_the_same_work_twice(benchmark, name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["rollers", "needles"])
-def test_multibody_workloads_of_the_regression_finish(benchmark, name):
+def test_multibody_workloads_of_the_regression_count_their_steps(benchmark, name):
     counted = benchmark("workload").solve_block(name, 1)["counted"]
     assert counted["steps"] > 100
 
