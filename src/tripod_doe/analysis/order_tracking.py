@@ -7,7 +7,6 @@ dropouts. For evenly spaced samples the result equals the Fourier transform.
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -76,25 +75,28 @@ def track_orders(rotation_deg: FloatArray, thrust_n: FloatArray, time_s: FloatAr
             f"(the median is {samples}) and no gap wider than {_WIDEST_GAP:.1f} deg; sample faster, "
             "or remove the dropouts"
         )
-    amplitude, phase = amplitude_and_phase(np.array(rows))
-    count = np.diff(first)[used].astype(np.int32)
-    tracked: dict[str, Any] = {
-        "thrust_amplitude": (("revolution", "order"), amplitude, _meaning("N", "measured amplitude, each revolution")),
-        "thrust_phase_deg": (
-            ("revolution", "order"), phase, _meaning("degree", "measured phase, each revolution") | _WRAPS),
-        "samples": ("revolution", count, _meaning("1", "samples in the revolution")),
-    }  # fmt: skip
+    tracked = _labelled(np.array(rows), np.array(used), np.diff(first)[used].astype(np.int32))
     if time is not None:
         ends = [(first[r], first[r + 1] - 1) for r in used]
         speed = [(angle[b] - angle[a]) / (time[b] - time[a]) / 6 for a, b in ends]
         tracked["speed_rpm"] = ("revolution", np.array(speed), _meaning("rpm", "mean speed of the revolution"))
+    return tracked.assign_attrs(revolutions_used=len(used), revolutions_left_out=bounds.size - 1 - len(used))
+
+
+def _labelled(orders: ComplexArray, revolutions: NDArray[np.int64], samples: NDArray[np.int32]) -> xr.Dataset:
+    """Complex amplitudes (revolution, order) as amplitudes and phases with their labels."""
+    amplitude, phase = amplitude_and_phase(orders)
+    by_order = ("revolution", "order")
     return xr.Dataset(
-        tracked,
+        {
+            "thrust_amplitude": (by_order, amplitude, _meaning("N", "measured amplitude, each revolution")),
+            "thrust_phase_deg": (by_order, phase, _meaning("degree", "measured phase, each revolution") | _WRAPS),
+            "samples": ("revolution", samples, _meaning("1", "samples in the revolution")),
+        },
         coords={
-            "revolution": ("revolution", np.array(used, np.int32) + 1, _meaning("1", "number of the revolution")),
+            "revolution": ("revolution", revolutions.astype(np.int32) + 1, _meaning("1", "number of the revolution")),
             "order": ("order", ORDERS.astype(np.int32), _meaning("1", "rotating order")),
         },
-        attrs={"revolutions_used": len(used), "revolutions_left_out": bounds.size - 1 - len(used)},
     )
 
 
