@@ -22,8 +22,9 @@ from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.contact import add_contacts
 from tripod_doe.mechanics.implicit import factorise_system, gather, solve_system
 from tripod_doe.mechanics.integrators.registry import METHODS
+from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.monitor import Settings, accept, begin_watch
-from tripod_doe.mechanics.motion import clear, generalized_forces, linearise
+from tripod_doe.mechanics.motion import generalized_forces, linearise
 from tripod_doe.mechanics.scenes.needle_ring import needle_ring
 
 FIRST_USE = """
@@ -83,7 +84,7 @@ def _repeat(repetitions, part, tables, work, positions, velocities, clock, setti
         if 2 <= part <= 3:
             factorise_system(tables, work, positions)
         if part == 3:
-            clear(work.blocks.ravel())
+            clear(work.blocks)
             gather(tables, work.force, 1e-6, work.blocks)
             solve_system(tables, work, work.gamma, work.stages[0])
         if part == 4:

@@ -16,11 +16,11 @@ from tripod_doe.mechanics.sources import hash_sources, source_hashes
 
 SOURCE = Path(tripod_doe.__file__).parent
 
-CLEAR_TWICE = """
+COPY_TWICE = """
 import json, numpy as np
-from tripod_doe.mechanics.motion import clear
-clear(np.ones(3))
-print(json.dumps([sum(clear.stats.cache_hits.values()), sum(clear.stats.cache_misses.values())]))
+from tripod_doe.mechanics.motion import copy_vectors
+copy_vectors(np.ones((1, 3)), np.ones((1, 3)))
+print(json.dumps([sum(copy_vectors.stats.cache_hits.values()), sum(copy_vectors.stats.cache_misses.values())]))
 """
 
 
@@ -41,7 +41,7 @@ def change(path, old, new):
 def reword(package):
     """Better sentences: module and function docstrings, comments, line numbers."""
     change(package / "mechanics" / "motion.py", '"""', '"""Another word,\nand a line more. ')
-    change(package / "mechanics" / "motion.py", '    """Set a flat', "    # a comment\n\n" + '    """Put a flat')
+    change(package / "mechanics" / "motion.py", '    """Copy rows of', "    # a comment\n\n" + '    """Rows of')
 
 
 def test_the_hashes_are_those_of_the_sources():
@@ -57,7 +57,7 @@ def test_words_do_not_count(package):
 
 def test_code_of_a_kernel_counts_for_both(package):
     before = hash_sources(package)
-    change(package / "mechanics" / "motion.py", "array[i] = 0.0", "array[i] = 1.0")
+    change(package / "mechanics" / "motion.py", "target[i, d] = source[i, d]", "target[i, d] = -source[i, d]")
     after = hash_sources(package)
     assert after.results != before.results
     assert after.kernels != before.kernels
@@ -92,12 +92,12 @@ def test_machine_code_is_kept_where_words_change_and_made_again_where_code_does(
     def hits_and_misses():
         places = {"PYTHONPATH": str(package.parent), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
         done = subprocess.run(
-            [sys.executable, "-c", CLEAR_TWICE], env=os.environ | places, capture_output=True, text=True, check=True
+            [sys.executable, "-c", COPY_TWICE], env=os.environ | places, capture_output=True, text=True, check=True
         )
         return json.loads(done.stdout)
 
     assert hits_and_misses() == [0, 1]
     reword(package)
     assert hits_and_misses() == [1, 0]
-    change(package / "mechanics" / "motion.py", "array[i] = 0.0", "array[i] = 1.0")
+    change(package / "mechanics" / "motion.py", "target[i, d] = source[i, d]", "target[i, d] = -source[i, d]")
     assert hits_and_misses() == [0, 1]

@@ -11,8 +11,9 @@ from tripod_doe.mechanics.assembly import Assembly
 from tripod_doe.mechanics.bearing import bearing_forces
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.contact import add_contacts
-from tripod_doe.mechanics.motion import clear
+from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.scene import GROUND
+from tripod_doe.mechanics.tables import FIRST, Slopes
 
 __all__ = ["groove_readings", "groove_thrust", "needle_drift", "needle_skews", "ring", "turned"]
 
@@ -36,11 +37,9 @@ def _read_grooves(tables, work, positions, velocities, thrust, powers):
     for s in range(positions.shape[0]):
         clear(ledger)
         for k in range(thrust.shape[0]):
-            clear(force.ravel())
-            add_contacts(
-                tables.contacts, first + k, first + k + 1, positions[s], velocities[s], 1.0, 0.0, 0.0,
-                force, work.drift, ledger, work.slip, work.touching, work.matrix, work.pair,
-            )  # fmt: skip
+            clear(force)
+            at = first + k
+            add_contacts(tables, work, at, at + 1, positions[s], velocities[s], Slopes(1.0, 0.0, 0.0), work.matrix)
             thrust[k, s] = force[0, 2]
         powers[0, s], powers[1, s], powers[2, s] = ledger[2], ledger[3], ledger[4]
 
@@ -51,10 +50,7 @@ def _read_needles(tables, grooves, work, positions, velocities, powers):
     force, ledger, first = work.force, work.ledger, tables.contacts.size - grooves
     for s in range(positions.shape[0]):
         clear(ledger)
-        add_contacts(
-            tables.contacts, 0, first, positions[s], velocities[s], 1.0, 0.0, 0.0,
-            force, work.drift, ledger, work.slip, work.touching, work.matrix, work.pair,
-        )  # fmt: skip
+        add_contacts(tables, work, FIRST, first, positions[s], velocities[s], Slopes(1.0, 0.0, 0.0), work.matrix)
         bearing_forces(tables.bearings, positions[s], velocities[s], force, ledger)
         powers[3, s], powers[4, s] = ledger[2], ledger[4]
 
@@ -86,7 +82,8 @@ def _at_grooves(assembly: Assembly, positions: FloatArray, velocities: FloatArra
     """Thrust, and powers of which those of the needles are still zero."""
     grooves = sum(contact.surface.body == GROUND for contact in assembly.scene.contacts)
     thrust, powers = np.zeros((grooves, len(positions))), np.zeros((5, len(positions)))
-    _read_grooves(assembly.tables, assembly.work(), positions, velocities, thrust, powers)
+    contiguous = np.ascontiguousarray(positions), np.ascontiguousarray(velocities)
+    _read_grooves(assembly.tables, assembly.work(), *contiguous, thrust, powers)
     return thrust, powers
 
 

@@ -35,6 +35,8 @@ sliding friction, with that on neighbours and stops: 106 % and 105 % of the seco
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -45,7 +47,8 @@ from tripod_doe.mechanics.assembly import Assembly
 from tripod_doe.mechanics.bearing import bearing_forces
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.contact import add_contacts
-from tripod_doe.mechanics.motion import clear
+from tripod_doe.mechanics.lanes import clear
+from tripod_doe.mechanics.tables import FIRST, Slopes
 
 __all__ = ["thrust_parts"]
 
@@ -57,15 +60,13 @@ _TINY = 1e-300
 
 
 @kernel
-def _forces(contacts, bearings, work, positions, velocities, forces):
+def _forces(tables, work, positions, velocities, forces):
     """Forces and moments of contacts and bearings on all bodies, shape (sample, body, 6)."""
     for s in range(positions.shape[0]):
-        clear(work.force.ravel())
-        add_contacts(
-            contacts, 0, contacts.size, positions[s], velocities[s], 1.0, 0.0, 0.0,
-            work.force, work.drift, work.ledger, work.slip, work.touching, work.matrix, work.pair,
-        )  # fmt: skip
-        bearing_forces(bearings, positions[s], velocities[s], work.force, work.ledger)
+        clear(work.force)
+        slopes, count = Slopes(1.0, 0.0, 0.0), tables.contacts.size
+        add_contacts(tables, work, FIRST, count, positions[s], velocities[s], slopes, work.matrix)
+        bearing_forces(tables.bearings, positions[s], velocities[s], work.force, work.ledger)
         for i in range(forces.shape[1]):
             for d in range(6):
                 forces[s, i, d] = work.force[i, d]
@@ -85,7 +86,8 @@ class _Elements:
         else:
             bearings = table
         forces = np.empty_like(self._states[1])
-        _forces(contacts, bearings, self._work, *self._states, forces)
+        tables = replace(self._tables, contacts=contacts, bearings=bearings)
+        _forces(tables, self._work, *self._states, forces)
         return forces
 
     def normal(self, table: NDArray[np.void]) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,7 +112,10 @@ class Assembly:
             pivots=np.zeros(2 * rows + 1, np.int64),
             blocks=np.zeros((pivots, WIDTH)),
             momenta=np.zeros((pivots, WIDTH)),
-            stages=np.zeros((20, bodies, WIDTH)),
+            displacement=np.zeros((bodies, WIDTH)),
+            change=np.zeros((bodies, WIDTH)),
+            nothing=np.zeros((0, WIDTH)),
+            stages=np.zeros((17, bodies, WIDTH)),
             pair=np.zeros((2, 6, WIDTH)),
             counters=np.zeros(6, np.int64),
             balance=np.zeros(5),
@@ -357,7 +360,7 @@ def assemble(scene: parts.Scene) -> Assembly:
     pattern = elimination_pattern(bodies["block"], elements, core)
     tables = _tables(scene, bodies, elements, pattern)
     rows = _constraint_rows(scene, index, Assembly(scene, names, tables).initial_state())
-    return Assembly(scene, names, tables._replace(rows=rows))
+    return Assembly(scene, names, replace(tables, rows=rows))
 
 
 def _tables(

@@ -431,44 +431,37 @@ def _linearise(bearing, fit, secant, damping, stiffness):
 
 
 @kernel
-def bearing_matrices(
-    bearings, positions, velocities, secant, by_velocity, by_position, drift, matrix, scratch
-):  # fmt: skip
+def bearing_matrices(tables, work, positions, velocities, slopes, matrix):
     """Add the derivatives of all needle bearings to the block matrix.
 
     Parameters
     ----------
-    bearings, positions, velocities
-        As in `bearing_forces`.
-    secant
-        1 for the secant (lagged) slope of every friction law, 0 for its exact tangent, and between them the tangent but
-        not less than this share of the secant.
-    by_velocity, by_position
-        Factors of D = -dQ/dv and K = -dQ/dq in the block matrix.
-    drift
-        Receives K times the velocities, shape (body, 6).
+    tables, work
+        The scene, and the memory of its run, of which `work.drift` receives K times the velocities.
+    positions, velocities
+        Shapes (body, 7) and (body, 6).
+    slopes
+        Which derivatives are wanted (`tables.Slopes`).
     matrix
         Receives by_velocity D + by_position K, shape (block, 6, 8).
-    scratch
-        Shape (2 or more, 6, 8).
 
     Notes
     -----
     The load zone's turning is in. Left out: the turning of all forces with the trunnion, the bore's lean, what damping
     adds to the stiffness and to the friction, and how the load spreads around the trunnion.
     """
-    block, stiffness = scratch[0], scratch[1]
-    for n in range(bearings.size):
-        bearing = bearings[n]
+    block, stiffness, drift = work.pair[0], work.pair[1], work.drift
+    for n in range(tables.bearings.size):
+        bearing = tables.bearings[n]
         fit = _fit(bearing, positions, velocities)
-        if _linearise(bearing, fit, secant, block, stiffness):
+        if _linearise(bearing, fit, slopes.secant, block, stiffness):
             place = add(fit.place, _in_world(fit, fit.offset_1, fit.offset_2, 0.0))
             pull, moment = _falling(fit, stiffness)
             _apply(drift, positions, bearing.body_b, place, pull, moment, 1.0)
             _apply(drift, positions, bearing.body_a, place, pull, moment, -1.0)
             for i in range(6):
                 for j in range(6):
-                    block[i, j] = by_velocity * block[i, j] + by_position * stiffness[i, j]
+                    block[i, j] = slopes.by_velocity * block[i, j] + slopes.by_position * stiffness[i, j]
             _turn_to_world(fit, block)
             arm_a = subtract(place, load_vector(positions[bearing.body_a], 0))
             arm_b = subtract(place, load_vector(positions[bearing.body_b], 0))

@@ -8,11 +8,13 @@ modules with kernels (`sources`), and neither line numbers nor the place of the 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numba
 from numba.core.caching import CacheImpl
+from numba.core.registry import CPUDispatcher
 
 from tripod_doe.mechanics.sources import cache_root, source_hashes
 
@@ -58,15 +60,29 @@ class KernelLocator:
 CacheImpl._locator_classes.insert(0, KernelLocator)
 
 
-def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a module-level function to machine code, cached on disk, releasing the interpreter lock.
+_OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy"}
+"""Division by zero gives inf or nan as in numpy: the branch that raises an exception would keep loops from being
+vectorised. No fast-math: it gains at most a tenth and breaks the guards against NaN."""
 
-    Division by zero gives inf or nan as in numpy: the branch that raises an exception would keep loops from being
-    vectorised. No fast-math: it gains at most a tenth and breaks the guards against NaN.
-    """
-    return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile a module-level function to machine code, cached on disk, releasing the interpreter lock."""
+    return numba.jit(cache=True, **_OPTIONS)(function)
+
+
+class _Inlined(CPUDispatcher):  # type: ignore[misc]
+    """A compiled function for kernels: without an entry for Python and not cached, which were most of its price."""
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call it from Python, as tests do, by way of a function with such an entry."""
+        return self._entry(*arguments)
+
+    @cached_property
+    def _entry(self) -> Callable[..., Any]:
+        return numba.njit(lambda *arguments: self(*arguments))
 
 
 def inlined_kernel(function: Callable[..., Any]) -> Any:
     """Compile a scalar law or formula that is always inlined, so that the loops that call it are vectorised."""
-    return numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(function)
+    options = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return _Inlined(py_func=function, targetoptions=_OPTIONS | options)

@@ -270,13 +270,14 @@ def _sums(a, b, c, x, y, z, twist):
 
 
 @inlined_kernel
-def _add_derivatives(contact, spheres, motion, acting, secant, by_velocity, by_position, block):
+def _add_derivatives(contact, spheres, motion, acting, slopes, block):
     """Add by_velocity times -dQ/dv and by_position times -dQ/dq about the row's centre; return K times the motion.
 
     Every sphere gives three dyads of a change of force by a change of motion: by penetration and its rate, and by the
     motion along the two tangents.
     """
     s, m, n = spheres, motion, acting.normal
+    secant, by_velocity, by_position = slopes
     # a change dN of the normal force changes the whole wrench by dN times `pull`
     pull = _wrench(
         s, 1.0, -acting.slide * m.slip_t, -acting.slide * m.slip_b,
@@ -317,43 +318,29 @@ def _add_derivatives(contact, spheres, motion, acting, secant, by_velocity, by_p
 
 
 @kernel
-def add_contacts(
-    contacts, first, last, positions, velocities, secant, by_velocity, by_position,
-    force, drift, ledger, slips, touching, matrix, scratch,
-):  # fmt: skip
+def add_contacts(tables, work, first, last, positions, velocities, slopes, matrix):
     """Add the forces of contacts, their energies and, unless both factors are zero, their derivatives.
 
     Parameters
     ----------
-    contacts, first, last
-        Table of contacts, and the range of it that is wanted.
+    tables, work
+        The scene, and the memory of its run: `work.force` and `work.ledger` receive forces, energies and lost powers,
+        `work.slip` the slips and `work.touching` whether any may differ from zero, `work.drift` K times the velocities.
+    first, last
+        The range of the table of contacts that is wanted.
     positions, velocities
         Shapes (body, 7) and (body, 6).
-    secant
-        1 for the secant (lagged) slope of every friction law, 0 for its exact tangent, and between them the tangent but
-        not less than this share of the secant.
-    by_velocity, by_position
-        Factors of D = -dQ/dv and K = -dQ/dq in the block matrix.
-    force
-        Receives forces and moments about the centres of mass, shape (body, 6).
-    drift
-        Receives K times the velocities, the rate at which the forces fall as the bodies move on, shape (body, 6).
-    ledger
-        Receives stored energy and lost powers (`tables.LEDGER`).
-    slips
-        Receives the slip vector of every sphere, zero without contact, shape (group of eight, 3, 8).
-    touching
-        Receives whether any slip of a contact may differ from zero, shape (contact, 2), in its first column.
+    slopes
+        Which derivatives are wanted (`tables.Slopes`).
     matrix
         Receives by_velocity D + by_position K, shape (block, 6, 8).
-    scratch
-        Shape (any, 6, 8).
 
     Notes
     -----
     The turning of the normal with the body of the surface and the change of levers are left out of K.
     """
-    linear, block = by_velocity != 0.0 or by_position != 0.0, scratch[0]
+    contacts, touching, slips = tables.contacts, work.touching, work.slip
+    linear, block = slopes.by_velocity != 0.0 or slopes.by_position != 0.0, work.pair[0]
     nothing = row(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     powers = nothing
     for i in range(first, last):
@@ -380,17 +367,15 @@ def add_contacts(
             total = total + row_of_sums(*_forces(spheres, motion, acting))
             powers = powers + _powers(contact, spheres, motion, acting)
             if linear:
-                falling = falling + row_of_sums(
-                    *_add_derivatives(contact, spheres, motion, acting, secant, by_velocity, by_position, block)
-                )
-        _apply(force, positions, contact, place.centre, total)
+                falling = falling + row_of_sums(*_add_derivatives(contact, spheres, motion, acting, slopes, block))
+        _apply(work.force, positions, contact, place.centre, total)
         if linear:
-            _apply(drift, positions, contact, place.centre, falling)
+            _apply(work.drift, positions, contact, place.centre, falling)
             arm_a = subtract(place.centre, load_vector(positions[contact.body_a], 0))
             arm_b = subtract(place.centre, load_vector(positions[contact.body_b], 0))
             add_pair(matrix, contact.pair, block, arm_a, arm_b)
-    for entry in range(ledger.size):
-        ledger[entry] += pick(powers, entry)
+    for entry in range(work.ledger.size):
+        work.ledger[entry] += pick(powers, entry)
 
 
 @inlined_kernel

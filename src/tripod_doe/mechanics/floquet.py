@@ -37,6 +37,10 @@ _DIFFERENCE = 1e-6
 """Steps of the central differences over the scales of the scene: between curvature (squared) and rounding (inverse)."""
 
 
+_AT, _SPEEDS = range(2)
+"""Rows of `Work.stages`: the state that is evaluated."""
+
+
 @dataclass(frozen=True)
 class Growth:
     """The departure from a motion that grows fastest.
@@ -117,7 +121,7 @@ def _differentiate(tables, work, positions, velocities, time, stabilisation, sma
     slopes
         Receives them, shape (2, column, row).
     """
-    at, speeds, shift = work.stages[0, :, :7], work.stages[1, :, :6], work.stages[2, 0, :6]
+    at, speeds, shift = work.stages[_AT], work.stages[_SPEEDS], work.displacement[0]
     copy_vectors(positions, at)
     copy_vectors(velocities, speeds)
     for row in range(tables.body_of_row.size):

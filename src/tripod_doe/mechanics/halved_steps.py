@@ -17,7 +17,7 @@ from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.energy_balance import EnergyBalance, Passage
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import Settings, begin_watch
-from tripod_doe.mechanics.tables import Work
+from tripod_doe.mechanics.tables import EVALUATIONS, Work
 from tripod_doe.simulator import Outcome
 
 __all__ = ["Again", "Difference", "Ways", "difference", "error_over_difference", "run_again", "ways_of"]
@@ -149,7 +149,7 @@ def _follow(assembly: Assembly, method: Method, states: Sequence[State], count: 
         _lever(assembly) * _turns_between(places, others).max(axis=0),
         ways_of(assembly, passed, memory),
         EnergyBalance.of(assembly, passage),
-        int(memory.counters[0]),
+        int(memory.counters[EVALUATIONS]),
         Outcome(int(status)),
     )
 

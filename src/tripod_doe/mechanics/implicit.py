@@ -15,6 +15,7 @@ import math
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints, factorise_schur, solve_schur
 from tripod_doe.mechanics.elimination import eliminate, reduce_right_side, substitute_back
+from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.motion import (
     add_inertia_forces,
     add_inertia_matrices,
@@ -22,12 +23,12 @@ from tripod_doe.mechanics.motion import (
     add_mass_product,
     add_momenta,
     add_reaction_power,
-    clear,
     copy_vectors,
     larger,
     linearise_elements,
 )  # fmt: skip
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
+from tripod_doe.mechanics.tables import FACTORISATIONS, FIRST, ITERATIONS
 
 __all__ = [
     "factorise_multipliers", "factorise_system", "gather", "largest_correction", "lock_blocks", "mask", "scatter",
@@ -52,10 +53,10 @@ def factorise_system(tables, work, positions):
     bool
         False if the matrix is singular.
     """
-    work.counters[2] += 1
+    work.counters[FACTORISATIONS] += 1
     add_mass_blocks(tables, positions, work.matrix)
     lock_blocks(tables, work.matrix)
-    if not eliminate(tables.pattern, work.matrix, 0, tables.pattern.order.size, work.pair):
+    if not eliminate(tables.pattern, work.matrix, FIRST, tables.pattern.order.size, work.pair):
         return False
     if tables.rows.size > 0:
         factorise_multipliers(tables, work)
@@ -83,7 +84,7 @@ def factorise_multipliers(tables, work):
     pattern, blocks = tables.pattern, work.blocks
     first, last = pattern.tail, pattern.order.size
     for k in range(tables.rows.size):
-        clear(blocks.ravel())
+        clear(blocks)
         for side in range(2):
             body = tables.bodies[tables.rows[k].body_a if side == 0 else tables.rows[k].body_b]
             if body.block >= 0:
@@ -134,8 +135,8 @@ def solve_unconstrained(tables, work, out):
     """
     count = tables.pattern.order.size
     mask(tables, work.blocks)
-    reduce_right_side(tables.pattern, work.matrix, work.blocks, 0, count)
-    substitute_back(tables.pattern, work.matrix, work.blocks, 0, count)
+    reduce_right_side(tables.pattern, work.matrix, work.blocks, FIRST, count)
+    substitute_back(tables.pattern, work.matrix, work.blocks, FIRST, count)
     scatter(tables, work.blocks, out)
 
 
@@ -183,9 +184,9 @@ def solve_system(tables, work, wanted, out):
     """
     pattern = tables.pattern
     mask(tables, work.blocks)
-    reduce_right_side(pattern, work.matrix, work.blocks, 0, pattern.tail)
+    reduce_right_side(pattern, work.matrix, work.blocks, FIRST, pattern.tail)
     solve_tail(tables, work, wanted)
-    substitute_back(pattern, work.matrix, work.blocks, 0, pattern.tail)
+    substitute_back(pattern, work.matrix, work.blocks, FIRST, pattern.tail)
     scatter(tables, work.blocks, out)
 
 
@@ -243,14 +244,14 @@ def solve_stage(
     bool
         Whether the iteration converged; if not, `work.failure` names the body and the size of its last correction.
     """
-    displacement, change, wanted = work.stages[18], work.stages[17], work.gamma
-    clear(displacement.ravel())
+    displacement, change, wanted = work.displacement, work.change, work.gamma
+    clear(displacement)
     for i in range(tables.bodies.size):
         for d in range(6):
             displacement[i, d] = base[i, d] + reach * velocities[i, d]
     share, merit, last = 1.0, math.inf, math.inf
     for _ in range(iterations):
-        work.counters[5] += 1
+        work.counters[ITERATIONS] += 1
         _displace(tables, start, base, reach, velocities, displacement, positions)
         linearise_elements(tables, work, positions, velocities, share, factor, factor * reach, work.matrix)
         if before.size > 0:
@@ -268,7 +269,7 @@ def solve_stage(
             copy_vectors(work.momenta, work.blocks)
             add_momenta(tables, positions, velocities, -1.0, 0.0, work.blocks)
         else:
-            clear(work.blocks.ravel())
+            clear(work.blocks)
             add_mass_product(tables, positions, before, 1.0, work.blocks)
             add_mass_product(tables, positions, velocities, -1.0, work.blocks)
         gather(tables, work.force, factor, work.blocks)

@@ -9,6 +9,7 @@ from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints
 from tripod_doe.mechanics.lanes import load, select, store
 from tripod_doe.mechanics.motion import evaluate, larger
+from tripod_doe.mechanics.tables import EVALUATIONS, STEPS
 
 __all__ = ["DIVERGED", "EVALUATION_LIMIT", "FINISHED", "RUNAWAY", "STEP_LIMIT", "Settings", "accept", "begin_watch"]
 
@@ -120,7 +121,7 @@ def accept(tables, work, positions, velocities, clock, time, step, settings):
         `FINISHED` to go on, or why to stop.
     """
     clock[0] = time
-    work.counters[3] += 1
+    work.counters[STEPS] += 1
     for p in range(5):
         power = work.ledger[1 + p]
         work.balance[p] += 0.5 * step * (power + work.power_before[p])
@@ -137,4 +138,4 @@ def accept(tables, work, positions, velocities, clock, time, step, settings):
         evaluate_constraints(tables.rows, positions, velocities, time, work.phi, work.phi_t, work.gamma, work.jacobian)
         for k in range(tables.rows.size):
             work.extremes[0] = larger(work.extremes[0], abs(work.phi[k]))
-    return EVALUATION_LIMIT if work.counters[0] > settings.budget else FINISHED
+    return EVALUATION_LIMIT if work.counters[EVALUATIONS] > settings.budget else FINISHED

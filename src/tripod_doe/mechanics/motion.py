@@ -8,6 +8,7 @@ from tripod_doe.mechanics.bearing import bearing_forces, bearing_matrices
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints, factorise_schur, solve_schur
 from tripod_doe.mechanics.contact import add_contacts
+from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.pairs import add_pair
 from tripod_doe.mechanics.rotations import (
     add,
@@ -22,6 +23,7 @@ from tripod_doe.mechanics.rotations import (
     scale,
     subtract,
 )  # fmt: skip
+from tripod_doe.mechanics.tables import EVALUATIONS, FIRST, LINEARISATIONS, Slopes
 
 __all__ = [
     "accelerate", "add_inertia_forces", "add_inertia_matrices", "add_mass_blocks", "add_mass_product",
@@ -31,13 +33,6 @@ __all__ = [
 ]  # fmt: skip
 
 _PROJECTION_SWEEPS = 4
-
-
-@kernel
-def clear(array):
-    """Set a flat view of an array to zero, by a loop: numba needs seconds to compile a slice assignment."""
-    for i in range(array.size):
-        array[i] = 0.0
 
 
 @kernel
@@ -111,7 +106,7 @@ def _spring_state(spring, positions, velocities):
 
 
 @kernel
-def _add_springs(tables, work, positions, velocities, by_velocity, by_position, matrix):
+def _add_springs(tables, work, positions, velocities, slopes, matrix):
     """Add the forces of springs and dampers, their energies and, unless both factors are zero, their derivatives."""
     force, drift, ledger = work.force, work.drift, work.ledger
     for i in range(tables.springs.size):
@@ -122,16 +117,17 @@ def _add_springs(tables, work, positions, velocities, by_velocity, by_position, 
         ledger[0] += 0.5 * spring.stiffness * stretch * stretch
         ledger[5] += spring.damping * rate * rate
         _apply_between(force, spring, arm_a, arm_b, scale(tension, along))
-        if by_velocity != 0.0 or by_position != 0.0:
+        if slopes.by_velocity != 0.0 or slopes.by_position != 0.0:
             across = spring.stiffness * stretch / length
             axial = spring.stiffness - across
             _apply_between(drift, spring, arm_a, arm_b, add(scale(-across, closing), scale(-axial * rate, along)))
             block = work.pair[0]
-            clear(block.ravel())
+            clear(block)
             for d in range(3):
-                block[d, d] = by_position * across
+                block[d, d] = slopes.by_position * across
                 for e in range(3):
-                    block[d, e] += (by_velocity * spring.damping + by_position * axial) * along[d] * along[e]
+                    along_both = slopes.by_velocity * spring.damping + slopes.by_position * axial
+                    block[d, e] += along_both * along[d] * along[e]
             add_pair(matrix, spring.pair, block, arm_a, arm_b)
 
 
@@ -152,8 +148,8 @@ def generalized_forces(tables, work, positions, velocities):
 
     Energies are those in axes at rest. The power of locked velocities is that of the reaction -Q which keeps them.
     """
-    work.counters[0] += 1
-    _add_elements(tables, work, positions, velocities, 1.0, 0.0, 0.0, work.matrix)
+    work.counters[EVALUATIONS] += 1
+    _add_elements(tables, work, positions, velocities, Slopes(1.0, 0.0, 0.0), work.matrix)
     add_inertia_forces(tables, work, positions, velocities)
 
 
@@ -164,7 +160,7 @@ def linearise(tables, work, positions, velocities, secant, by_velocity, by_posit
     Parameters
     ----------
     secant
-        1 for the secant slope of friction, 0 for its tangent; see `contact.add_contacts`.
+        1 for the secant slope of friction, 0 for its tangent; see `tables.Slopes`.
     by_velocity, by_position
         Factors, not both zero.
     matrix
@@ -178,15 +174,15 @@ def linearise(tables, work, positions, velocities, secant, by_velocity, by_posit
 @kernel
 def linearise_elements(tables, work, positions, velocities, secant, by_velocity, by_position, matrix):
     """As `linearise`, but without inertia forces: for methods that follow momenta instead of accelerations."""
-    work.counters[0] += 1
-    work.counters[1] += 1
-    clear(matrix.ravel())
-    clear(work.drift.ravel())
-    _add_elements(tables, work, positions, velocities, secant, by_velocity, by_position, matrix)
+    work.counters[EVALUATIONS] += 1
+    work.counters[LINEARISATIONS] += 1
+    clear(matrix)
+    clear(work.drift)
+    _add_elements(tables, work, positions, velocities, Slopes(secant, by_velocity, by_position), matrix)
 
 
 @inlined_kernel
-def _add_elements(tables, work, positions, velocities, secant, by_velocity, by_position, matrix):
+def _add_elements(tables, work, positions, velocities, slopes, matrix):
     """Evaluate all forces and the ledger and add, unless both factors are zero, what elements have of D and K."""
     force, ledger, frame = work.force, work.ledger, load_vector(tables.frame, 0)
     clear(ledger)
@@ -200,16 +196,11 @@ def _add_elements(tables, work, positions, velocities, secant, by_velocity, by_p
                 force[i, d] += body.mass * tables.gravity[d]
                 force[i, 3 + d] += own[d]
         ledger[1] += _power(frame, positions[i], velocities[i], force[i], body.free, 1.0)
-    add_contacts(
-        tables.contacts, 0, tables.contacts.size, positions, velocities, secant, by_velocity, by_position,
-        force, work.drift, ledger, work.slip, work.touching, matrix, work.pair,
-    )  # fmt: skip
-    _add_springs(tables, work, positions, velocities, by_velocity, by_position, matrix)
+    add_contacts(tables, work, FIRST, tables.contacts.size, positions, velocities, slopes, matrix)
+    _add_springs(tables, work, positions, velocities, slopes, matrix)
     bearing_forces(tables.bearings, positions, velocities, force, ledger)
-    if by_velocity != 0.0 or by_position != 0.0:
-        bearing_matrices(
-            tables.bearings, positions, velocities, secant, by_velocity, by_position, work.drift, matrix, work.pair
-        )
+    if slopes.by_velocity != 0.0 or slopes.by_position != 0.0:
+        bearing_matrices(tables, work, positions, velocities, slopes, matrix)
     for i in range(tables.bodies.size):  # what keeps a locked body, and the ground, going
         ledger[1] -= _power(frame, positions[i], velocities[i], force[i], tables.bodies[i].free, 0.0)
 
@@ -330,7 +321,7 @@ def add_mass_blocks(tables, positions, matrix):
 def _weigh_by_mass(tables, work, positions):
     """M^-1 Phi_q^T of every constraint equation, and the factors of their Schur complement."""
     for k in range(tables.rows.size):
-        clear(work.weighted[k].ravel())
+        clear(work.weighted[k])
         a, b = tables.rows[k].body_a, tables.rows[k].body_b
         if tables.bodies[a].block >= 0:
             _divide_by_mass(tables.bodies[a], positions[a], work.jacobian[k], 0, work.weighted[k, a])
@@ -376,7 +367,7 @@ def accelerate(tables, work, positions, velocities, time, baumgarte):
         Rate alpha of gamma - 2 alpha Phi' - alpha^2 Phi; zero for none.
     """
     acceleration = work.acceleration
-    clear(acceleration.ravel())
+    clear(acceleration)
     for i in range(tables.bodies.size):
         if tables.bodies[i].block >= 0:
             _divide_by_mass(tables.bodies[i], positions[i], work.force[i], 0, acceleration[i])
@@ -419,7 +410,7 @@ def project_positions(tables, work, positions, velocities, time):
         _weigh_by_mass(tables, work, positions)
         solve_schur(work.schur, work.pivots, work.phi, work.multipliers)
         shift = work.acceleration
-        clear(shift.ravel())
+        clear(shift)
         for k in range(rows.size):
             for i in (rows[k].body_a, rows[k].body_b):
                 for d in range(6):

@@ -37,7 +37,7 @@ from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.lanes import WIDTH
 from tripod_doe.mechanics.monitor import RUNAWAY, Settings, begin_watch
-from tripod_doe.mechanics.tables import Work
+from tripod_doe.mechanics.tables import EVALUATIONS, FACTORISATIONS, STEPS, Work
 from tripod_doe.simulator import Outcome
 
 __all__ = ["Limits", "Run", "method_named", "run"]
@@ -226,7 +226,7 @@ def run(
     if stopped is not None:
         checks.fail(stopped, _stopped(assembly, memory, stopped, state.time))
     again: list[Again] = []
-    whole = memory.counters[3] <= limits.few
+    whole = memory.counters[STEPS] <= limits.few
     if done == count and stretches:
         pieces = [(passage.states, count // samples)] if whole else stretches
         again = [run_again(assembly, chosen, states, steps, settings, not steps_wanted) for states, steps in pieces]
@@ -237,9 +237,9 @@ def run(
     outcome, detail = checks.failure or (Outcome.FINISHED, "")
     return Run(
         assembly, outcome, detail, passage.times, passage.positions, passage.velocities, memory.balance.copy(), energy,
-        reversals, disagreement, checks.penetration, float(memory.extremes[0]), int(memory.counters[3]),
-        int(memory.counters[0]), int(memory.counters[2]), sum(piece.evaluations for piece in again),
-        state.time - begin,
+        reversals, disagreement, checks.penetration, float(memory.extremes[0]), int(memory.counters[STEPS]),
+        int(memory.counters[EVALUATIONS]), int(memory.counters[FACTORISATIONS]),
+        sum(piece.evaluations for piece in again), state.time - begin,
     )  # fmt: skip
 
 
@@ -281,7 +281,7 @@ def _stopped(assembly: Assembly, memory: Work, outcome: Outcome, time: float) ->
     reason = {
         Outcome.DIVERGED: "the motion left all bounds" if left else "the iteration of a step did not converge",
         Outcome.STEP_LIMIT: f"the step fell to {size:.3g}",
-        Outcome.EVALUATION_LIMIT: f"{int(memory.counters[0])} force evaluations are used up",
+        Outcome.EVALUATION_LIMIT: f"{int(memory.counters[EVALUATIONS])} force evaluations are used up",
     }[outcome]
     return f"{reason} at t = {time:.6g}, body {body}"
 

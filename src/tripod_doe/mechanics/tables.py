@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.mechanics.by_reference import ByReference
+
 __all__ = [
-    "BODY", "CONSTRAINT_ROW", "CONTACT", "DISTANCE", "IN_PLANE", "LEDGER", "LOAD_ZONE_NODES", "NEEDLE_BEARING",
-    "PERPENDICULAR", "SPRING", "Pattern", "Tables", "Work",
+    "BODY", "CONSTRAINT_ROW", "CONTACT", "DISTANCE", "EVALUATIONS", "FACTORISATIONS", "FIRST", "IN_PLANE", "ITERATIONS",
+    "LEDGER", "LINEARISATIONS", "LOAD_ZONE_NODES", "NEEDLE_BEARING", "PERPENDICULAR", "REJECTED", "SPRING", "STEPS",
+    "Pattern", "Slopes", "Tables", "Work",
 ]  # fmt: skip
 
 FloatArray = NDArray[np.float64]
@@ -129,11 +133,36 @@ CONSTRAINT_ROW = np.dtype(
     align=True,
 )
 
+EVALUATIONS, LINEARISATIONS, FACTORISATIONS, STEPS, REJECTED, ITERATIONS = range(6)
+"""Entries of `Work.counters`: force evaluations, linearisations, factorisations, accepted and rejected steps, and
+iterations of implicit stages."""
+
+FIRST = np.int64(0)
+"""The first row or pivot of a range. numba gives a plain 0 a type of its own, and compiles the kernel once more."""
+
 LEDGER = ("elastic_energy", "input_power", "sliding", "spinning", "rolling", "damping")
 """Entries of the energy ledger: stored energy, power put in by loads and drives, and power lost by mechanism."""
 
 
-class Pattern(NamedTuple):
+class Slopes(NamedTuple):
+    """Which derivatives of forces are wanted; with both factors zero, none.
+
+    Attributes
+    ----------
+    secant
+        1 for the secant (lagged) slope of every friction law, 0 for its exact tangent, and between them the tangent but
+        not less than this share of the secant.
+    by_velocity, by_position
+        Factors of D = -dQ/dv and K = -dQ/dq in the block matrix.
+    """
+
+    secant: float
+    by_velocity: float
+    by_position: float
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern(ByReference):
     """Elimination of the block matrix, worked out once: which 6 x 6 blocks exist, and what each pivot does.
 
     Attributes
@@ -172,7 +201,8 @@ class Pattern(NamedTuple):
     tail_block: int
 
 
-class Tables(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Tables(ByReference):
     """Everything a kernel reads about a scene."""
 
     bodies: NDArray[Any]
@@ -187,7 +217,8 @@ class Tables(NamedTuple):
     pattern: Pattern
 
 
-class Work(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Work(ByReference):
     """Memory of one run, allocated once.
 
     Attributes
@@ -210,15 +241,19 @@ class Work(NamedTuple):
         Constraint equations: residuals, partial time derivatives, right-hand side of Eq. 1, Phi_q as (row, 12), its
         product with the inverse matrix (row, body, 6), Schur complement, lambda, and the order of its pivots.
     blocks
-        A right-hand side of the block solver, shape (row, 8).
+        A right-hand side of the block solver, shape (row, 8); the last two columns only fill the lanes.
     momenta
-        Known part of the momenta in an implicit stage, shape (row, 6).
+        Known part of the momenta in an implicit stage, shape (row, 8), the last two columns unused.
+    displacement, change
+        Displacements of an implicit stage from its start, and the correction of its velocities, shape (body, 8).
+    nothing
+        No velocities, shape (0, 8): for implicit stages that know momenta instead.
     stages
-        Memory of a method for positions, increments and velocities, shape (20, body, 8).
+        Memory of a method for positions, increments and velocities, shape (17, body, 8); each method names its own.
     pair
         Scratch for one pair of bodies, shape (2, 6, 8).
     counters
-        Force evaluations, linearisations, factorisations, accepted steps, rejected steps, iterations.
+        Counted work: `EVALUATIONS` to `ITERATIONS`.
     balance, power_before
         Time integrals of ledger entries 1 to 5, and their values at the last accepted step.
     motion_before
@@ -251,6 +286,9 @@ class Work(NamedTuple):
     pivots: IntArray
     blocks: FloatArray
     momenta: FloatArray
+    displacement: FloatArray
+    change: FloatArray
+    nothing: FloatArray
     stages: FloatArray
     pair: FloatArray
     counters: IntArray

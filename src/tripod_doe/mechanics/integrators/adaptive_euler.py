@@ -12,10 +12,15 @@ import math
 
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.implicit import solve_stage
+from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.monitor import EVALUATION_LIMIT, FINISHED, STEP_LIMIT, accept
-from tripod_doe.mechanics.motion import add_momenta, clear, copy_vectors
+from tripod_doe.mechanics.motion import add_momenta, copy_vectors
+from tripod_doe.mechanics.tables import EVALUATIONS, REJECTED
 
 __all__ = ["integrate"]
+
+_START, _BEFORE, _BASE = range(3)
+"""Rows of `Work.stages`."""
 
 _SLACK = 50.0
 """Measured on the joint (benchmarks/joint_methods.py): looser solves fail more often, tighter ones gain nothing."""
@@ -26,36 +31,36 @@ _ITERATIONS = 10
 @kernel
 def integrate(tables, work, positions, velocities, clock, end, count, settings):
     """Advance with step control, or by equal steps without; see `contract`. clock[1] holds the next step."""
-    start, before, base = work.stages[0], work.stages[1], work.stages[2]
+    start, before, base = work.stages[_START], work.stages[_BEFORE], work.stages[_BASE]
     equal = (end - clock[0]) / count
     pace = 2.0 * settings.tolerance * tables.scales[3] if settings.controlled else equal
     solved = _SLACK * settings.tolerance if settings.controlled else settings.correction
     iterations = _ITERATIONS if settings.controlled else settings.iterations
     if clock[1] == 0.0:
         clock[1] = pace
-    clear(base.ravel())
+    clear(base)
     while clock[0] < end - 1e-9 * equal:
         left = end - clock[0]
         step = left / max(math.ceil(left / min(clock[1], pace) - 1e-6), 1.0)
         time = end if step > 0.999 * left else clock[0] + step
         copy_vectors(positions, start)
         copy_vectors(velocities, before)
-        clear(work.momenta.ravel())
+        clear(work.momenta)
         add_momenta(tables, positions, velocities, 1.0, step, work.momenta)
         if solve_stage(
-            tables, work, start, base, work.stages[4, :0], step, step, time, iterations, solved, positions, velocities
+            tables, work, start, base, work.nothing, step, step, time, iterations, solved, positions, velocities
         ):
             status = accept(tables, work, positions, velocities, clock, time, step, settings)
             if status != FINISHED:
                 return status
             clock[1] = 2.0 * clock[1] if clock[1] < pace else pace
         else:
-            work.counters[4] += 1
+            work.counters[REJECTED] += 1
             copy_vectors(start, positions)
             copy_vectors(before, velocities)
             clock[1] = 0.5 * step
             if clock[1] < settings.floor:
                 return STEP_LIMIT
-            if work.counters[0] > settings.budget:
+            if work.counters[EVALUATIONS] > settings.budget:
                 return EVALUATION_LIMIT
     return FINISHED

@@ -9,11 +9,15 @@ from __future__ import annotations
 
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.implicit import solve_stage
+from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
-from tripod_doe.mechanics.motion import add_momenta, clear, copy_vectors
+from tripod_doe.mechanics.motion import add_momenta, copy_vectors
 from tripod_doe.mechanics.rotations import load_attitude, rotation_vector
 
 __all__ = ["integrate"]
+
+_START, _BASE, _OLD_POSITIONS, _OLD_VELOCITIES = range(4)
+"""Rows of `Work.stages`."""
 
 
 @kernel
@@ -21,8 +25,8 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
     """Advance by equal steps; see `contract`. clock[1] holds the step that the history was made with."""
     bodies = tables.bodies.size
     step, begin = (end - clock[0]) / count, clock[0]
-    start, base = work.stages[0], work.stages[1]
-    old_positions, old_velocities = work.stages[3], work.stages[4]
+    start, base = work.stages[_START], work.stages[_BASE]
+    old_positions, old_velocities = work.stages[_OLD_POSITIONS], work.stages[_OLD_VELOCITIES]
     for n in range(count):
         copy_vectors(positions, start)
         time = begin + (n + 1) * step
@@ -33,14 +37,14 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
             for d in range(6):
                 behind = old_positions[i, d] - start[i, d] if d < 3 else turn[d - 3]
                 base[i, d] = -behind / 3.0 if has_history else 0.0
-        clear(work.momenta.ravel())
+        clear(work.momenta)
         add_momenta(tables, start, velocities, 4.0 / 3.0 if has_history else 1.0, step, work.momenta)
         if has_history:
             add_momenta(tables, old_positions, old_velocities, -1.0 / 3.0, 2.0 * step, work.momenta)
         copy_vectors(start, old_positions)
         copy_vectors(velocities, old_velocities)
         if not solve_stage(
-            tables, work, start, base, work.stages[4, :0], factor, factor, time,
+            tables, work, start, base, work.nothing, factor, factor, time,
             settings.iterations, settings.correction, positions, velocities,
         ):  # fmt: skip
             return DIVERGED

@@ -17,6 +17,9 @@ from tripod_doe.mechanics.motion import copy_vectors
 
 __all__ = ["integrate"]
 
+_START, _BEFORE, _BASE, _ALGORITHMIC, _TRUE = range(5)
+"""Rows of `Work.stages`."""
+
 _RADIUS = 0.8
 _AM = (2.0 * _RADIUS - 1.0) / (_RADIUS + 1.0)
 _AF = _RADIUS / (_RADIUS + 1.0)
@@ -28,8 +31,8 @@ _BETA = 0.25 * (_GAMMA + 0.5) ** 2
 def integrate(tables, work, positions, velocities, clock, end, count, settings):
     """Advance by equal steps; see `contract`. clock[1] says whether accelerations are known."""
     step, begin = (end - clock[0]) / count, clock[0]
-    start, before, base = work.stages[0], work.stages[1], work.stages[2]
-    algorithmic, true = work.stages[3], work.stages[4]
+    start, before, base = work.stages[_START], work.stages[_BEFORE], work.stages[_BASE]
+    algorithmic, true = work.stages[_ALGORITHMIC], work.stages[_TRUE]
     reach = step * _BETA / _GAMMA
     factor = step * _GAMMA * (1.0 - _AF) / (1.0 - _AM)
     for n in range(count):

@@ -4,25 +4,29 @@ from __future__ import annotations
 
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.implicit import solve_stage
+from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
-from tripod_doe.mechanics.motion import add_momenta, clear, copy_vectors
+from tripod_doe.mechanics.motion import add_momenta, copy_vectors
 
 __all__ = ["integrate"]
+
+_START, _BASE = range(2)
+"""Rows of `Work.stages`."""
 
 
 @kernel
 def integrate(tables, work, positions, velocities, clock, end, count, settings):
     """Advance by equal steps; see `contract`."""
     step, begin = (end - clock[0]) / count, clock[0]
-    start, base = work.stages[0], work.stages[1]
-    clear(base.ravel())
+    start, base = work.stages[_START], work.stages[_BASE]
+    clear(base)
     for n in range(count):
         copy_vectors(positions, start)
-        clear(work.momenta.ravel())
+        clear(work.momenta)
         add_momenta(tables, positions, velocities, 1.0, step, work.momenta)
         time = begin + (n + 1) * step
         if not solve_stage(
-            tables, work, start, base, work.stages[4, :0], step, step, time, settings.iterations, settings.correction,
+            tables, work, start, base, work.nothing, step, step, time, settings.iterations, settings.correction,
             positions, velocities,
         ):  # fmt: skip
             return DIVERGED

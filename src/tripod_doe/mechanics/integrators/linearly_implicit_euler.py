@@ -10,18 +10,22 @@ from __future__ import annotations
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints
 from tripod_doe.mechanics.implicit import factorise_system, gather, solve_system
+from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
-from tripod_doe.mechanics.motion import clear, evaluate, linearise
+from tripod_doe.mechanics.motion import evaluate, linearise
 from tripod_doe.mechanics.rotations import move
 
 __all__ = ["integrate"]
+
+_CHANGE, _AHEAD = range(2)
+"""Rows of `Work.stages`."""
 
 
 @kernel
 def integrate(tables, work, positions, velocities, clock, end, count, settings):
     """Advance by equal steps; see `contract`."""
     step, begin = (end - clock[0]) / count, clock[0]
-    change, ahead = work.stages[0], work.stages[1]
+    change, ahead = work.stages[_CHANGE], work.stages[_AHEAD]
     for n in range(count):
         time = begin + (n + 1) * step
         _move_all(tables, positions, velocities, step, change, ahead)
@@ -32,7 +36,7 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
                 work.gamma[k] = -work.phi[k] / step
         if not factorise_system(tables, work, ahead):
             return DIVERGED
-        clear(work.blocks.ravel())
+        clear(work.blocks)
         gather(tables, work.force, step, work.blocks)
         solve_system(tables, work, work.gamma, change)
         for i in range(tables.bodies.size):

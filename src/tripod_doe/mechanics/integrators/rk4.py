@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from tripod_doe.mechanics.compilation import kernel
+from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.monitor import FINISHED, accept
-from tripod_doe.mechanics.motion import clear, copy_vectors, evaluate, settle
+from tripod_doe.mechanics.motion import copy_vectors, evaluate, settle
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
 
 __all__ = ["integrate"]
+
+_START, _FIRST, _SHIFT, _SHIFT_SUM, _CHANGE_SUM, _DISPLACEMENT = range(6)
+"""Rows of `Work.stages`."""
 
 
 @kernel
@@ -15,15 +19,16 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
     """Advance by equal steps; see `contract`."""
     bodies = tables.bodies.size
     step, begin = (end - clock[0]) / count, clock[0]
-    start, first = work.stages[0], work.stages[1]
-    shift, shift_sum, change_sum, displacement = work.stages[2], work.stages[3], work.stages[4], work.stages[5]
+    start, first = work.stages[_START], work.stages[_FIRST]
+    shift, displacement = work.stages[_SHIFT], work.stages[_DISPLACEMENT]
+    shift_sum, change_sum = work.stages[_SHIFT_SUM], work.stages[_CHANGE_SUM]
     evaluate(tables, work, positions, velocities, begin, settings.baumgarte)
     for n in range(count):
         copy_vectors(positions, start)
         copy_vectors(velocities, first)
-        clear(shift.ravel())
-        clear(shift_sum.ravel())
-        clear(change_sum.ravel())
+        clear(shift)
+        clear(shift_sum)
+        clear(change_sum)
         time, end_time = begin + n * step, begin + (n + 1) * step
         for stage in range(4):
             weight = step / 6.0 if stage == 0 or stage == 3 else step / 3.0

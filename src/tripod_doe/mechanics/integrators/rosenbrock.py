@@ -15,10 +15,10 @@ import numpy as np
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.elimination import multiply
 from tripod_doe.mechanics.implicit import factorise_system, gather, solve_unconstrained
+from tripod_doe.mechanics.lanes import clear, load, store
 from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, STEP_LIMIT, accept
 from tripod_doe.mechanics.motion import (
     add_mass_product,
-    clear,
     copy_vectors,
     evaluate,
     larger,
@@ -26,8 +26,14 @@ from tripod_doe.mechanics.motion import (
     settle,
 )  # fmt: skip
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
+from tripod_doe.mechanics.tables import EVALUATIONS, REJECTED
 
 __all__ = ["integrate"]
+
+_START, _FIRST_VELOCITIES, _FIRST_ACCELERATIONS, _ACCELERATIONS = range(4)
+_SHIFT, _MIXED, _MIXED_SPEED, _RIGHT, _ROWS = range(4, 9)
+_SHIFTS, _SPEEDS = 9, 13
+"""Rows of `Work.stages`: the state at the start of a step, sums of a stage, and the increments of all four stages."""
 
 _GAMMA = 4.3586652150845900e-01
 _A = np.array(
@@ -59,32 +65,34 @@ def _linearise(tables, work, positions, velocities):
 
 @kernel
 def _combine_blocks(work, reach):
-    matrix, damping, stiffness = work.matrix.ravel(), work.dissipation.ravel(), work.stiffness.ravel()
-    for i in range(matrix.size):
-        matrix[i] = reach * (damping[i] + reach * stiffness[i])
+    for k in range(work.matrix.shape[0]):
+        matrix, damping, stiffness = work.matrix[k], work.dissipation[k], work.stiffness[k]
+        for d in range(6):
+            store(matrix, d, reach * (load(damping, d) + reach * load(stiffness, d)))
 
 
 @kernel
 def _stage(tables, work, start, first, stage, time, step, settings, positions, velocities):
-    """Compute one stage: increments of displacement in stages[2 + stage], of velocity in stages[6 + stage]."""
-    shift, mixed, mixed_speed, right = work.stages[10], work.stages[11], work.stages[12], work.stages[13]
+    """Compute one stage: its increments of displacement (`_SHIFTS`) and of velocity (`_SPEEDS`)."""
+    shift, right = work.stages[_SHIFT], work.stages[_RIGHT]
+    mixed, mixed_speed = work.stages[_MIXED], work.stages[_MIXED_SPEED]
     for i in range(tables.bodies.size):
         for d in range(6):
             shift[i, d], mixed[i, d], mixed_speed[i, d] = 0.0, 0.0, 0.0
             speed = first[i, d]
             for j in range(stage):
-                shift[i, d] += _A[stage, j] * work.stages[2 + j, i, d]
-                speed += _A[stage, j] * work.stages[6 + j, i, d]
-                mixed[i, d] += _G[stage, j] * work.stages[2 + j, i, d]
-                mixed_speed[i, d] += _G[stage, j] * work.stages[6 + j, i, d]
+                shift[i, d] += _A[stage, j] * work.stages[_SHIFTS + j, i, d]
+                speed += _A[stage, j] * work.stages[_SPEEDS + j, i, d]
+                mixed[i, d] += _G[stage, j] * work.stages[_SHIFTS + j, i, d]
+                mixed_speed[i, d] += _G[stage, j] * work.stages[_SPEEDS + j, i, d]
             velocities[i, d] = speed
         move(start[i], shift[i], positions[i])
     if stage > 0:
         lag = step * (_A[stage, 0] + _A[stage, 1] + _A[stage, 2])
         evaluate(tables, work, positions, velocities, time + lag, settings.baumgarte)
-        copy_vectors(work.acceleration, work.stages[16])
+        copy_vectors(work.acceleration, work.stages[_ACCELERATIONS])
     else:
-        copy_vectors(work.stages[14], work.stages[16])
+        copy_vectors(work.stages[_FIRST_ACCELERATIONS], work.stages[_ACCELERATIONS])
     # right-hand sides: h T u + h G u for displacements, h M0 a - h (K G q + D G u) for velocities
     for i in range(tables.bodies.size):
         rate = tangent_rate(load_vector(shift[i], 3), load_vector(velocities[i], 3))
@@ -92,35 +100,35 @@ def _stage(tables, work, start, first, stage, time, step, settings, positions, v
             speed = velocities[i, d] if d < 3 else rate[d - 3]
             right[i, d] = step * (speed + mixed_speed[i, d])
     reach = step * _GAMMA
-    rows = work.stages[15]
-    clear(work.blocks.ravel())
-    add_mass_product(tables, start, work.stages[16], step, work.blocks)
-    clear(rows.ravel())
+    rows = work.stages[_ROWS]
+    clear(work.blocks)
+    add_mass_product(tables, start, work.stages[_ACCELERATIONS], step, work.blocks)
+    clear(rows)
     gather(tables, mixed, step, rows)
     gather(tables, right, reach, rows)
     multiply(tables.pattern, work.stiffness, rows, -1.0, work.blocks)
-    clear(rows.ravel())
+    clear(rows)
     gather(tables, mixed_speed, step, rows)
     multiply(tables.pattern, work.dissipation, rows, -1.0, work.blocks)
-    solve_unconstrained(tables, work, work.stages[6 + stage])
+    solve_unconstrained(tables, work, work.stages[_SPEEDS + stage])
     for i in range(tables.bodies.size):
         for d in range(6):
-            work.stages[2 + stage, i, d] = right[i, d] + reach * work.stages[6 + stage, i, d]
+            work.stages[_SHIFTS + stage, i, d] = right[i, d] + reach * work.stages[_SPEEDS + stage, i, d]
 
 
 @kernel
 def _combine(tables, work, start, first, tolerance, positions, velocities):
     """State at the end of the step, and its error relative to the tolerance."""
     worst = 0.0
-    shift = work.stages[10]
+    shift = work.stages[_SHIFT]
     for i in range(tables.bodies.size):
         for d in range(6):
             total, error, speed, speed_error = 0.0, 0.0, 0.0, 0.0
             for j in range(4):
-                total += _B[j] * work.stages[2 + j, i, d]
-                error += (_B[j] - _EMBEDDED[j]) * work.stages[2 + j, i, d]
-                speed += _B[j] * work.stages[6 + j, i, d]
-                speed_error += (_B[j] - _EMBEDDED[j]) * work.stages[6 + j, i, d]
+                total += _B[j] * work.stages[_SHIFTS + j, i, d]
+                error += (_B[j] - _EMBEDDED[j]) * work.stages[_SHIFTS + j, i, d]
+                speed += _B[j] * work.stages[_SPEEDS + j, i, d]
+                speed_error += (_B[j] - _EMBEDDED[j]) * work.stages[_SPEEDS + j, i, d]
             shift[i, d] = total
             velocities[i, d] = first[i, d] + speed
             scale = tables.scales[1] if d < 3 else tables.scales[2]
@@ -136,7 +144,7 @@ def _combine(tables, work, start, first, tolerance, positions, velocities):
 @kernel
 def integrate(tables, work, positions, velocities, clock, end, count, settings):
     """Advance with step control, or by equal steps without; see `contract`. clock[1] holds the next step."""
-    start, first = work.stages[0], work.stages[1]
+    start, first = work.stages[_START], work.stages[_FIRST_VELOCITIES]
     begin, taken = clock[0], 0
     equal = (end - begin) / count
     if clock[1] == 0.0:
@@ -144,7 +152,7 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
     evaluate(tables, work, positions, velocities, begin, settings.baumgarte)
     copy_vectors(positions, start)
     copy_vectors(velocities, first)
-    copy_vectors(work.acceleration, work.stages[14])
+    copy_vectors(work.acceleration, work.stages[_FIRST_ACCELERATIONS])
     _linearise(tables, work, positions, velocities)
     while taken < count if not settings.controlled else clock[0] < end:
         step = min(clock[1], end - clock[0]) if settings.controlled else equal
@@ -156,14 +164,14 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         error = _combine(tables, work, start, first, settings.tolerance, positions, velocities)
         growth = min(max(0.9 * max(error, 1e-9) ** (-1.0 / 3.0), 0.2), 5.0) if math.isfinite(error) else 0.1
         if settings.controlled and not error <= 1.0:
-            work.counters[4] += 1
+            work.counters[REJECTED] += 1
             copy_vectors(start, positions)
             copy_vectors(first, velocities)
             clock[1] = step * growth
             work.failure[1] = clock[1]
             if clock[1] < settings.floor:
                 return STEP_LIMIT
-            if work.counters[0] > settings.budget:
+            if work.counters[EVALUATIONS] > settings.budget:
                 return EVALUATION_LIMIT
             continue
         taken += 1
@@ -177,6 +185,6 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
             return status
         copy_vectors(positions, start)
         copy_vectors(velocities, first)
-        copy_vectors(work.acceleration, work.stages[14])
+        copy_vectors(work.acceleration, work.stages[_FIRST_ACCELERATIONS])
         _linearise(tables, work, positions, velocities)
     return FINISHED

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, Settings, accept
 from tripod_doe.mechanics.motion import evaluate
-from tripod_doe.mechanics.tables import Tables, Work
+from tripod_doe.mechanics.tables import EVALUATIONS, FACTORISATIONS, Tables, Work
 
 __all__ = ["bdf", "dop853", "lsoda", "radau"]
 
@@ -77,13 +77,13 @@ def _integrate(
     rates = np.empty(13 * (positions.shape[0] - 1))
 
     def right_hand_side(time: float, y: FloatArray) -> FloatArray:
-        if work.counters[0] > settings.budget:
+        if work.counters[EVALUATIONS] > settings.budget:
             raise _BudgetSpentError
         _rates(tables, work, time, y, settings.baumgarte, positions, velocities, rates)
         return rates.copy()
 
     options: dict[str, Any] = {"rtol": settings.tolerance, "atol": _tolerances(tables, settings.tolerance)}
-    start, solved = _pack(positions, velocities), int(work.counters[2])
+    start, solved = _pack(positions, velocities), int(work.counters[FACTORISATIONS])
     try:
         stepper = getattr(scipy.integrate, solver)(right_hand_side, clock[0], start, end, **options)
         while stepper.status == "running":
@@ -94,7 +94,7 @@ def _integrate(
                 work.failure[0] = 0
                 return DIVERGED
             right_hand_side(stepper.t, stepper.y)
-            work.counters[2] = solved + stepper.nlu
+            work.counters[FACTORISATIONS] = solved + stepper.nlu
             step = stepper.t - before
             status = int(accept(tables, work, positions, velocities, clock, stepper.t, step, settings))
             if status != FINISHED:

@@ -14,7 +14,7 @@ __all__ = ["integrate"]
 def integrate(tables, work, positions, velocities, clock, end, count, settings):
     """Advance by equal steps; see `contract`."""
     step, begin = (end - clock[0]) / count, clock[0]
-    displacement = work.stages[0]
+    displacement = work.displacement
     evaluate(tables, work, positions, velocities, begin, settings.baumgarte)
     for n in range(count):
         for i in range(tables.bodies.size):

@@ -1,0 +1,124 @@
+"""Arrays by name that kernels get as one pointer.
+
+numba passes a named tuple by value: with the tables and the work memory of a scene every call between kernels had 430
+arguments, whose handling took two thirds of all compile time. The fields of a `ByReference` are laid out once in the
+memory of this process as numba lays out its arrays, and what kernels pass on is the address.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import typeof
+from numba.core import types
+from numba.core.typing.templates import AttributeTemplate, infer_getattr
+from numba.extending import NativeValue, lower_getattr_generic, models, register_model, typeof_impl, unbox
+
+__all__ = ["ByReference"]
+
+_WORD = ir.IntType(64)
+
+
+class ByReference:
+    """Base of frozen dataclasses of contiguous arrays, integers and others of their kind, which kernels can read.
+
+    Kernels write into the arrays; the fields themselves never change.
+    """
+
+    def __post_init__(self) -> None:
+        words = np.array(list(_layout(self)), np.int64)
+        object.__setattr__(self, "_words", words)
+        object.__setattr__(self, "_address", words.ctypes.data)
+        object.__setattr__(self, "_numba_type_", _reference_to(self))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copies, and other processes, lay out their own."""
+        return type(self), tuple(value for _, value in _fields(self))
+
+
+def _fields(bundle: Any) -> Iterator[tuple[str, Any]]:
+    return ((field.name, getattr(bundle, field.name)) for field in dataclasses.fields(bundle))
+
+
+def _layout(bundle: Any) -> Iterator[int]:
+    """The fields as words of eight bytes: of an array no owner, sizes, address, shape and strides."""
+    for name, value in _fields(bundle):
+        if isinstance(value, ByReference):
+            yield from _layout(value)
+        elif isinstance(value, np.ndarray):
+            if not value.flags.c_contiguous:
+                raise ValueError(f"{name}: not contiguous")
+            yield from (0, 0, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides)
+        else:
+            yield int(value)
+
+
+class Reference(types.Type):  # type: ignore[misc]
+    """Type of a pointer to fields of these names and types."""
+
+    def __init__(self, name: str, fields: tuple[tuple[str, types.Type], ...]) -> None:
+        self.fields = fields
+        super().__init__(name=name)
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """What makes two types the same."""
+        return self.name, self.fields
+
+
+def _reference_to(bundle: ByReference) -> Reference:
+    fields = tuple((name, _type_of(value)) for name, value in _fields(bundle))
+    return Reference(type(bundle).__name__, fields)
+
+
+def _type_of(value: Any) -> types.Type:
+    return types.int64 if isinstance(value, int) else typeof(value)
+
+
+def _words_of(kind: types.Type) -> int:
+    if isinstance(kind, Reference):
+        return sum(_words_of(field) for _, field in kind.fields)
+    return 5 + 2 * kind.ndim if isinstance(kind, types.Array) else 1
+
+
+@typeof_impl.register(ByReference)
+def _(value: Any, _: Any) -> Reference:
+    kind: Reference = value._numba_type_
+    return kind
+
+
+@register_model(Reference)
+class _ReferenceModel(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, _WORD.as_pointer())
+
+
+@unbox(Reference)
+def _unbox(kind: Any, value: Any, c: Any) -> NativeValue:
+    address = c.pyapi.object_getattr_string(value, "_address")
+    pointer = c.pyapi.long_as_voidptr(address)
+    c.pyapi.decref(address)
+    return NativeValue(c.builder.bitcast(pointer, _WORD.as_pointer()))
+
+
+@infer_getattr
+class _FieldTypes(AttributeTemplate):  # type: ignore[misc]
+    key = Reference
+
+    def generic_resolve(self, kind: Any, name: str) -> Any:
+        return dict(kind.fields).get(name)
+
+
+@lower_getattr_generic(Reference)
+def _field(context: Any, builder: Any, kind: Any, pointer: Any, name: str) -> Any:
+    """Load a field; of a `Reference` among the fields, its address."""
+    place = [field for field, _ in kind.fields].index(name)
+    field = kind.fields[place][1]
+    start = builder.gep(pointer, [_WORD(sum(_words_of(before) for _, before in kind.fields[:place]))])
+    if isinstance(field, Reference):
+        return start
+    return builder.load(builder.bitcast(start, context.get_value_type(field).as_pointer()))
