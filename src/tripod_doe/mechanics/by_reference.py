@@ -57,7 +57,7 @@ def _layout(bundle: Any) -> Iterator[int]:
             yield int(value)
 
 
-class Reference(types.Type):  # type: ignore[misc]
+class _Reference(types.Type):
     """Type of a pointer to fields of these names and types."""
 
     def __init__(self, name: str, fields: tuple[tuple[str, types.Type], ...]) -> None:
@@ -70,9 +70,9 @@ class Reference(types.Type):  # type: ignore[misc]
         return self.name, self.fields
 
 
-def _reference_to(bundle: ByReference) -> Reference:
+def _reference_to(bundle: ByReference) -> _Reference:
     fields = tuple((name, _type_of(value)) for name, value in _fields(bundle))
-    return Reference(type(bundle).__name__, fields)
+    return _Reference(type(bundle).__name__, fields)
 
 
 def _type_of(value: Any) -> types.Type:
@@ -80,24 +80,24 @@ def _type_of(value: Any) -> types.Type:
 
 
 def _words_of(kind: types.Type) -> int:
-    if isinstance(kind, Reference):
+    if isinstance(kind, _Reference):
         return sum(_words_of(field) for _, field in kind.fields)
     return 5 + 2 * kind.ndim if isinstance(kind, types.Array) else 1
 
 
 @typeof_impl.register(ByReference)
-def _(value: Any, _: Any) -> Reference:
-    kind: Reference = value._numba_type_
+def _(value: Any, _: Any) -> _Reference:
+    kind: _Reference = value._numba_type_
     return kind
 
 
-@register_model(Reference)
-class _ReferenceModel(models.PrimitiveModel):  # type: ignore[misc]
+@register_model(_Reference)
+class _ReferenceModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, _WORD.as_pointer())
 
 
-@unbox(Reference)
+@unbox(_Reference)
 def _unbox(kind: Any, value: Any, c: Any) -> NativeValue:
     address = c.pyapi.object_getattr_string(value, "_address")
     pointer = c.pyapi.long_as_voidptr(address)
@@ -106,19 +106,19 @@ def _unbox(kind: Any, value: Any, c: Any) -> NativeValue:
 
 
 @infer_getattr
-class _FieldTypes(AttributeTemplate):  # type: ignore[misc]
-    key = Reference
+class _FieldTypes(AttributeTemplate):
+    key = _Reference
 
     def generic_resolve(self, kind: Any, name: str) -> Any:
         return dict(kind.fields).get(name)
 
 
-@lower_getattr_generic(Reference)
+@lower_getattr_generic(_Reference)
 def _field(context: Any, builder: Any, kind: Any, pointer: Any, name: str) -> Any:
-    """Load a field; of a `Reference` among the fields, its address."""
+    """Load a field; of a `_Reference` among the fields, its address."""
     place = [field for field, _ in kind.fields].index(name)
     field = kind.fields[place][1]
     start = builder.gep(pointer, [_WORD(sum(_words_of(before) for _, before in kind.fields[:place]))])
-    if isinstance(field, Reference):
+    if isinstance(field, _Reference):
         return start
     return builder.load(builder.bitcast(start, context.get_value_type(field).as_pointer()))

@@ -79,7 +79,8 @@ class _Inlined(CPUDispatcher):  # type: ignore[misc]
 
     @cached_property
     def _entry(self) -> Callable[..., Any]:
-        return numba.njit(lambda *arguments: self(*arguments))
+        entry: Callable[..., Any] = numba.njit(lambda *arguments: self(*arguments))
+        return entry
 
 
 def inlined_kernel(function: Callable[..., Any]) -> Any:
