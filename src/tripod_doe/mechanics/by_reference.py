@@ -110,6 +110,7 @@ class _FieldTypes(AttributeTemplate):
     key = _Reference
 
     def generic_resolve(self, kind: Any, name: str) -> Any:
+        """Find the type of a field; none where there is no such field."""
         return dict(kind.fields).get(name)
 
 
