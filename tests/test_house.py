@@ -1,4 +1,4 @@
-"""The rules of the house: layers, types, style, names, and that nothing public goes undocumented."""
+"""Checks of the code base: layers, types, style, names, and that everything public has a docstring."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page that helps to choose, in Markdown: which model and method for which question, and where each breaks."""
+"""The page docs/choosing.md: which model and method for which question, and the stability limits of each."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ _JOINT = "joint"
 _START = """\
 # Choosing a model and a method
 
-Made from result cubes by `python docs/choosing.py`, which tells how; do not edit. Prices are CPU seconds per simulated
-second of one core with all checks of a run. A run of four revolutions at 600 rpm is 0.4 s. Ratios travel between
-machines, seconds do not.
+Written by `docs/choosing.py` from result cubes (its docstring gives the commands); do not edit. Prices are CPU seconds
+per simulated second on one core, including all checks of a run. A run of four revolutions at 600 rpm is 0.4 s. Ratios
+apply to other machines, too; seconds do not.
 """
 
 _PILOT = """
-These errors are those of one operating point. Where the question spans many, let a pilot measure them there:
-`model = "auto"` with `[accuracy]` (README).
+These errors hold for one operating point. For a study of many operating points, `model = "auto"` with `[accuracy]`
+measures them in a pilot ([automatic_choice.md](automatic_choice.md)).
 """
 
 
 _VIBRATING = """
-At low torque and low speed, the more so the higher the friction in the grooves, the joint vibrates by itself, which
-every affordable step damps away (`joint/vibration.py`). `rollers` and `needles` refuse points where the vibration
-would take more than 5 % of the third order; of others that vibrate they say so in `outcome_detail`. `kinetostatic`
-answers for the motion without vibration.
+At low torque and low speed, and more so with higher friction in the grooves, friction makes the joint vibrate. All
+affordable time steps damp this vibration (`joint/vibration.py`). `rollers` and `needles` end with a failure where the
+vibration would change the third order by more than 5 %; other points that vibrate have a note in `outcome_detail`.
+`kinetostatic` computes the motion without vibration.
 """
 
 
@@ -58,22 +58,23 @@ def choosing_page(accuracy: xr.Dataset, borders: Mapping[str, xr.Dataset]) -> st
     """
     parts = [
         _START,
-        "## Which model\n\nThe cheapest run that comes within the allowed error of the finest model, and how many "
-        "times cheaper it is than `needles` at its default:\n",
-        _table(["Asked", "Within", "Model", "Method and setting", "Off by", "Price", "Cheaper by"],
+        "## Which model\n\nThe cheapest run within the allowed error, relative to the finest model; the last column "
+        "is the price of `needles` with default settings over that of this run:\n",
+        _table(["Quantity", "Allowed error", "Model", "Method and setting", "Error", "Price", "Price ratio"],
                _choices(accuracy.sel(run=accuracy["scene"] == _JOINT))),
         _PILOT,
         "Outputs that a model lacks, and parameters that it ignores:\n",
-        _table(["Model", "Has no", "Ignores"], [_blind_spots(name) for name in MODELS]),
+        _table(["Model", "Lacks", "Ignores"], [_blind_spots(name) for name in MODELS]),
         _VIBRATING,
-        "\n## Which method\n\nA study that names none takes the default. Price at "
+        "\n## Which method\n\nA study without `method` uses the default. Price at "
         f"{100 * float(accuracy.attrs['target']):g} % error of each scene's first quantity:\n",
         _table(*price_table(accuracy)),
-        "\n## Where each breaks\n\nLargest step or tolerance up to which every run is right, in the base case of each "
-        "study; what theory says; and what became of all runs beyond, over all that the study varies:\n",
-        _table(["Study", "Method", "Right up to", "Predicted", "Rejected", "Wrong, undetected"],
+        "\n## Stability limits\n\nLargest step or tolerance up to which all runs are right, in the base case of each "
+        "study; the limit that theory predicts; and, over all cases of the study, how many runs were rejected by their "
+        "own checks or finished with a wrong result:\n",
+        _table(["Study", "Method", "Stability limit", "Predicted", "Rejected", "Wrong, undetected"],
                [row for name, data in borders.items() for row in _breaks(name, data)]),
-        "\nWhat the runs above showed besides:\n",
+        "\nFurther findings from these runs:\n",
         *(f"- {sentence}\n" for sentence in find_in_speed_accuracy(accuracy)[1:]),
     ]  # fmt: skip
     return "\n".join(part.rstrip("\n") if part.startswith("- ") else part for part in parts) + "\n"
@@ -85,7 +86,7 @@ def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def _choices(runs: xr.Dataset) -> list[list[str]]:
-    """A row a quantity of the joint and allowed error."""
+    """One row per quantity of the joint and allowed error."""
     price = runs["cpu_per_second"].values
     default = (runs["is_default"].values == 1) & (runs["model"].values == "needles")
     of_default = float(price[default][0]) if default.any() else np.nan
@@ -120,7 +121,7 @@ def _blind_spots(name: str) -> list[str]:
 
 
 def _breaks(name: str, borders: xr.Dataset) -> list[list[str]]:
-    """A row a method of one study."""
+    """One row per method of one study."""
     base, kind = borders.isel(case=0), borders["run_kind"].values
     counted = {which: (kind == which).sum(axis=(1, 2)) for which in (RunKind.REFUSED, RunKind.WRONG)}
     return [

@@ -20,9 +20,9 @@ class ClaimsOverSkewSettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
     title: str = Field("Claims over the chosen skews", description="heading on a report page")
-    model: str = Field("needles", description="model whose points decide")
+    model: str = Field("needles", description="model whose points decide the claims")
     skews_deg: list[float] = Field(
-        min_length=2, description="skews of cases 2, 3 and 4 to choose in turn; that of case 1 is half of each"
+        min_length=2, description="skews of cases 2, 3 and 4, evaluated one after the other; case 1 has half of each"
     )
 
 

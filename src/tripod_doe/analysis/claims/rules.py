@@ -100,7 +100,7 @@ def _point(evidence: Evidence, cases: Cases, case: int, **more: Any) -> Point:
 def _ratio(above: Measured, below: Measured, scale: float = 1.0, note: str = "") -> Measured:
     """A quotient with its error, those of both taken as independent."""
     if not below.value > 0:
-        raise MissingPointError("what it is compared with is zero")
+        raise MissingPointError("the value in the denominator is zero")
     error = math.hypot(above.error, above.value / below.value * below.error) / below.value
     return Measured(scale * above.value / below.value, scale * error, note)
 
@@ -117,7 +117,7 @@ def _line(evidence: Evidence, cases: Cases, case: int, factor: str, order: int) 
 
 def _told(levels: FloatArray, amplitudes: list[Measured], unit: str) -> str:
     pairs = (f"{a.value:.4g} N at {level:g}{unit}" for level, a in zip(levels, amplitudes, strict=True))
-    return f"Seen: {', '.join(pairs)}."
+    return f"Values: {', '.join(pairs)}."
 
 
 def _spread(amplitudes: list[Measured], levels: FloatArray | None = None, note: str = "") -> Measured:
@@ -145,7 +145,8 @@ def _third_dominates(evidence: Evidence, cases: Cases) -> Measured:
         sizes = point.output("thrust_amplitude").values.copy()
         sizes[3] = 0
         other = int(np.argmax(sizes))
-        note = f"Next is order {other} with {sizes[other]:.3g} N of {point.amplitude(3).value:.4g} N (case {case})."
+        third = point.amplitude(3).value
+        note = f"Next largest is order {other}: {sizes[other]:.3g} N, the third {third:.4g} N (case {case})."
         found.append(_ratio(point.amplitude(other), point.amplitude(3), note=note))
     return max(found, key=lambda ratio: ratio.value)
 
@@ -165,7 +166,7 @@ def _straight(evidence: Evidence, cases: Cases) -> Measured:
     for case in (1, 2):
         angles, amplitudes = _line(evidence, cases, case, "joint_angle_deg", 3)
         slope, offset, straight = _fit(angles, amplitudes)
-        note = f"Case {case}: {slope:.4g} N/deg times the angle {offset:+.3g} N."
+        note = f"Case {case}: {slope:.4g} N/deg times the joint angle {offset:+.3g} N."
         found.append(Measured(straight, math.nan, f"{note} {_told(angles, amplitudes, ' deg')}"))
     return min(found, key=lambda fit: fit.value)
 
@@ -187,13 +188,13 @@ def _same_third_over_angle(evidence: Evidence, cases: Cases) -> Measured:
     angles, first = _line(evidence, cases, 1, "joint_angle_deg", 3)
     others, second = _line(evidence, cases, 2, "joint_angle_deg", 3)
     if not np.array_equal(angles, others):
-        raise MissingPointError("cases 1 and 2 were run at other angles")
+        raise MissingPointError("cases 1 and 2 were run at different angles")
     return max((_spread([a, b]) for a, b in zip(first, second, strict=True)), key=lambda spread: spread.value)
 
 
 def _beat(evidence: Evidence, cases: Cases) -> Measured:
     point = _point(evidence, cases, 2)
-    return _ratio(point.amplitude(2), point.amplitude(3), 100, f"{point.amplitude(2).value:.3g} N.")
+    return _ratio(point.amplitude(2), point.amplitude(3), 100, f"Second order: {point.amplitude(2).value:.3g} N.")
 
 
 def _second_above_fourth(evidence: Evidence, cases: Cases) -> Measured:
@@ -231,7 +232,7 @@ def _second_over_angle(evidence: Evidence, cases: Cases) -> Measured:
 def _equal_skews(evidence: Evidence, cases: Cases) -> Measured:
     equal = _point(evidence, cases, 3)
     left, uneven = equal.amplitude(2), _point(evidence, cases, 2).amplitude(2)
-    note = f"{left.value:.3g} N in case 3, {uneven.value:.3g} N in case 2. {_skews_at_end(equal)}"
+    note = f"Second order: {left.value:.3g} N in case 3, {uneven.value:.3g} N in case 2. {_skews_at_end(equal)}"
     return _ratio(left, uneven, 100, note.strip())
 
 
@@ -255,7 +256,7 @@ def _regular(evidence: Evidence, cases: Cases) -> Measured:
 def _local_first(evidence: Evidence, cases: Cases) -> Measured:
     point = _point(evidence, cases, 2)
     local = float(np.abs(point.at_grooves(1)).mean())
-    return _ratio(point.amplitude(1), Measured(local, 0.0), 100, f"{local:.3g} N at a groove.")
+    return _ratio(point.amplitude(1), Measured(local, 0.0), 100, f"Mean of the grooves: {local:.3g} N.")
 
 
 def _three_local(evidence: Evidence, cases: Cases) -> Measured:
@@ -269,7 +270,7 @@ def _local_orders(evidence: Evidence, cases: Cases) -> Measured:
     others = max(size[order] for order in range(4, 13))
     ranked = sorted(size, key=lambda order: -size[order])
     told = ", ".join(f"order {order} {size[order]:.3g} N" for order in ranked[: max(5, ranked.index(2) + 1)])
-    return Measured(others / min(size[order] for order in (1, 2, 3)), note=f"Means over the grooves: {told}.")
+    return Measured(others / min(size[order] for order in (1, 2, 3)), note=f"Means of the grooves: {told}.")
 
 
 def _share(mechanism: str) -> Callable[[Evidence, Cases], Measured]:
@@ -291,7 +292,7 @@ def _share(mechanism: str) -> Callable[[Evidence, Cases], Measured]:
         nearest = min(known, key=lambda name: abs(known[name] - paper))
         error = 100 * math.sqrt(2) * point.amplitude(3).error / point.amplitude(3).value
         told = ", ".join(f"{_DEFINITIONS[name]} {share:.1f} %" for name, share in shares.items())
-        return Measured(known[nearest], error, f"Nearest by {_DEFINITIONS[nearest]}; {told}.")
+        return Measured(known[nearest], error, f"Definition closest to the paper: {_DEFINITIONS[nearest]}; {told}.")
 
     return measure
 
@@ -311,7 +312,7 @@ def _ablates(cube: Any, point: Point, cases: Cases) -> bool:
 def _needle_sliding(evidence: Evidence, cases: Cases) -> Measured:
     off = _point(evidence, cases, 2, needle_sliding=0).amplitude(2)
     whole = _point(evidence, cases, 2).amplitude(2)
-    return _ratio(off, whole, 100, f"{off.value:.3g} N of {whole.value:.3g} N are left.")
+    return _ratio(off, whole, 100, f"{off.value:.3g} N without needle sliding, {whole.value:.3g} N with it.")
 
 
 def _skew_stays(evidence: Evidence, cases: Cases) -> Measured:
@@ -321,11 +322,13 @@ def _skew_stays(evidence: Evidence, cases: Cases) -> Measured:
         mean, least, most = (summary.sel(statistic=name).values for name in ("mean", "min", "max"))
         start = np.array(cases.skews(case))
         told = ", ".join(
-            f"{s:g} to {m:.2f} ({low:.2f} .. {high:.2f})"
+            f"{s:g} -> {m:.2f} (range {low:.2f} to {high:.2f})"
             for s, m, low, high in zip(start, mean, least, most, strict=True)
         )
         change = 100 * float(np.abs(mean / start - 1).max())
-        found.append(Measured(change, note=f"Case {case}, trunnions 1 to 3, deg: {told}, at most {change:.0f} %."))
+        found.append(
+            Measured(change, note=f"Case {case}, trunnions 1 to 3 in deg: {told}, change at most {change:.0f} %.")
+        )
     return Measured(max(each.value for each in found), note=" ".join(each.note for each in found))
 
 
@@ -333,7 +336,7 @@ def _degrees_of_freedom(evidence: Evidence, cases: Cases) -> Measured:
     """Free velocities of the scene of the reference joint, less its constraints."""
     tables = assemble(build_joint(point_values({}).point(0), needles=True)).tables
     free = int(tables.bodies["free"][tables.bodies["block"] >= 0].sum())
-    return Measured(float(free - tables.rows.size), 0.0, f"{free} free velocities less {tables.rows.size} constraints.")
+    return Measured(float(free - tables.rows.size), 0.0, f"{free} velocities minus {tables.rows.size} constraints.")
 
 
 def _friction_from_rest(evidence: Evidence, cases: Cases) -> Measured:
@@ -347,8 +350,8 @@ def _friction_from_rest(evidence: Evidence, cases: Cases) -> Measured:
     felt = np.array([float(point.output("axial_force_n")) for point in points]) / normal / full
     slow, fast = int(velocity.argmin()), int(velocity.argmax())
     note = (
-        f"Of its full value the coefficient has {100 * felt[slow]:.3g} % at {velocity[slow]:g} and "
-        f"{100 * felt[fast]:.4g} % at {velocity[fast]:g} transition velocities."
+        f"The coefficient is {100 * felt[slow]:.3g} % of its full value at {velocity[slow]:g} times the transition "
+        f"velocity, {100 * felt[fast]:.4g} % at {velocity[fast]:g} times."
     )
     return Measured(100 * float(np.abs(felt - np.tanh(velocity)).max()), note=note)
 
@@ -367,13 +370,13 @@ def _loci(evidence: Evidence) -> dict[str, tuple[float, float]]:
 
 def _locus_straight(evidence: Evidence, cases: Cases) -> Measured:
     drift, travel = _loci(evidence)["equal"]
-    return Measured(100 * abs(drift / travel), note=f"{drift:.3g} mm over {travel:.3g} mm.")
+    return Measured(100 * abs(drift / travel), note=f"Drift {drift:.3g} mm, travel {travel:.3g} mm.")
 
 
 def _loci_apart(evidence: Evidence, cases: Cases) -> Measured:
     loci = _loci(evidence)
     told = ", ".join(f"{key}: {drift:+.3g} mm" for key, (drift, _) in loci.items())
-    return Measured(loci["A"][0] / loci["B"][0], note=f"Drift by the plate with more friction: {told}.")
+    return Measured(loci["A"][0] / loci["B"][0], note=f"Drift for each plate with more friction: {told}.")
 
 
 def _with_groove_friction(evidence: Evidence, cases: Cases) -> Measured:
@@ -383,11 +386,11 @@ def _with_groove_friction(evidence: Evidence, cases: Cases) -> Measured:
 
 
 _SWITCHING = {
-    "groove_sliding": ("sliding friction in the groove makes the remainder", "the main factor of the third order"),
-    "groove_spinning": ("the spinning moment in the groove makes 2 %", ""),
-    "groove_rolling": ("rolling friction in the groove makes 5 %", ""),
-    "needle_rolling": ("rolling friction of the needles makes 6 %", ""),
-    "needle_sliding": ("sliding friction of the needles makes 1 %", ""),
+    "groove_sliding": ("Groove sliding contributes the rest of the third order", "it is the main factor"),
+    "groove_spinning": ("Groove spinning contributes 2 % of the third order", ""),
+    "groove_rolling": ("Groove rolling contributes 5 % of the third order", ""),
+    "needle_rolling": ("Needle rolling contributes 6 % of the third order", ""),
+    "needle_sliding": ("Needle sliding contributes 1 % of the third order", ""),
 }
 _SHARE_TOLERANCE = 4.0  # percentage points, by at least one stated definition
 
@@ -396,28 +399,28 @@ def _share_rule(mechanism: str) -> Rule:
     paper = PAPER_SHARES.get(mechanism, 100 - sum(PAPER_SHARES.values()))
     statement, more = _SWITCHING[mechanism]
     return Rule(
-        f"share_{mechanism}", f"Of the third order {statement}{f': {more}' if more else ''}", "3.5, Fig. 19",
-        "share by the definition that is nearest to the paper's", "%", paper - _SHARE_TOLERANCE,
+        f"share_{mechanism}", f"{statement}{f': {more}' if more else ''}", "3.5, Fig. 19",
+        "share by the definition whose value is closest to the paper's", "%", paper - _SHARE_TOLERANCE,
         paper + _SHARE_TOLERANCE, _share(mechanism),
     )  # fmt: skip
 
 
 RULES: tuple[Rule, ...] = (
-    Rule("degrees_of_freedom", "The model with 27 needles a trunnion has 18 N_n + 21 degrees of freedom", "2.4, Eq. 9",
-         "free velocities less constraints of the scene", "1", 507, 507, _degrees_of_freedom),
+    Rule("degrees_of_freedom", "The model with 27 needles per trunnion has 18 N_n + 21 degrees of freedom",
+         "2.4, Eq. 9", "velocities of the bodies minus constraints", "1", 507, 507, _degrees_of_freedom),
     Rule("friction_from_rest", "The friction coefficient grows continuously from rest, as a hyperbolic tangent",
-         "2.3, Fig. 4; 3.1", "largest deviation of the coefficient that a roller feels, of its full value", "%", None,
-         0.1, _friction_from_rest),
+         "2.3, Fig. 4; 3.1", "largest deviation of the coefficient at a roller, in percent of its full value", "%",
+         None, 0.1, _friction_from_rest),
     Rule("locus_equal_friction", "A skewed needle between plates of equal friction does not drift", "2.3.3, Fig. 8(b)",
          "drift over travel", "%", None, 0.1, _locus_straight),
-    Rule("loci_unequal_friction", "With more friction at one plate or the other it drifts to opposite sides",
+    Rule("loci_unequal_friction", "A needle drifts to opposite sides with more friction at one plate or at the other",
          "2.3.3, Fig. 8(b)", "drift with more friction at A over drift with more at B", "1", -1.05, -0.95, _loci_apart),
-    Rule("third_order_dominant", "The third order is clearly evident", "3.2, Fig. 10; 3.3, Fig. 13",
+    Rule("third_order_dominant", "The third order is clearly visible", "3.2, Fig. 10; 3.3, Fig. 13",
          "next largest order over the third, cases 1 and 2", "1", None, 0.25, _third_dominates),
     Rule("beat_visible", "A beat occurs in case 2", "3.2, Fig. 10", "second over third order", "%", 5, None, _beat,
          reasons.FAINT_BEAT),
-    Rule("second_above_fourth", "The beat comes of the second order, more evident than the fourth", "3.3, Fig. 13",
-         "fourth over second order, case 2", "1", None, 0.5, _second_above_fourth),
+    Rule("second_above_fourth", "The beat is due to the second order, which is more visible than the fourth",
+         "3.3, Fig. 13", "fourth over second order, case 2", "1", None, 0.5, _second_above_fourth),
     Rule("skew_stays", "The skew stays near its initial value", "3.2, Fig. 11",
          "largest change of the mean skew up to the fourth revolution, cases 1 and 2", "%", None, 35, _skew_stays,
          reasons.SKEW_GROWS),
@@ -425,15 +428,15 @@ RULES: tuple[Rule, ...] = (
          "largest deviation from the mean of cases 1 to 4", "%", None, 1, _same_third),
     Rule("third_cases_over_angle", "Cases 1 and 2 have the same third order at all joint angles", "3.3, Fig. 14",
          "largest deviation from their mean", "%", None, 1, _same_third_over_angle),
-    Rule("third_linear_in_angle", "The third order follows the joint angle along a straight line", "3.3, Fig. 14",
+    Rule("third_linear_in_angle", "The third order is a linear function of the joint angle", "3.3, Fig. 14",
          "R^2 of the line over 4 to 14 deg, the smaller of cases 1 and 2", "1", 0.999, None, _straight),
-    Rule("third_proportional_to_angle", "The line passes through zero: a proportion", "3.3, Fig. 14; 4 (1)(b)",
+    Rule("third_proportional_to_angle", "The third order is proportional to the joint angle", "3.3, Fig. 14; 4 (1)(b)",
          "offset of the line over its value at 10 deg", "%", None, 5, _offset, reasons.ROLLING_STAYS),
     Rule("third_proportional_to_torque", "The third order is proportional to the torque", "3.3",
          "largest deviation of amplitude over torque from its mean", "%", None, 2, _torque),
     Rule("third_independent_of_speed", "The third order is independent of the speed", "3.3",
          "largest deviation from the mean", "%", None, 5, _speed),
-    Rule("second_from_skew", "Uneven skew makes the second order: next to none without skew", "3.3; 3.4",
+    Rule("second_from_skew", "Uneven skew causes the second order, which almost vanishes without skew", "3.3; 3.4",
          "second order without skew over that of case 2", "%", None, 20, _without_skew, reasons.NOT_STRAIGHT),
     Rule("second_follows_skew", "The second order corresponds to the magnitude of the skew", "3.3, Fig. 14",
          "ratio of the second orders of cases 2 and 1 over that of their skews", "1", 0.85, 1.15, _with_skew),
@@ -442,22 +445,23 @@ RULES: tuple[Rule, ...] = (
          _second_over_angle, reasons.SMALL_SECOND),
     Rule("second_vanishes_equal_skews", "With equal skews there is no beat", "3.4, Fig. 18 case 3",
          "second order of case 3 over that of case 2", "%", None, 5, _equal_skews, reasons.NOT_EQUAL),
-    Rule("local_phases_regular", "With equal skews the local second orders follow each other regularly", "3.4, Fig. 17",
-         "largest deviation of their steps of phase from those of equal grooves", "deg", None, 10, _regular),
-    Rule("beat_turned", "The beat turns by 180 deg when all skews are reversed", "3.4, Fig. 18 case 4",
-         "phase of the second against the third order, case 4 less case 2", "deg", 170, 190, _turned),
-    Rule("first_order_local_only", "The first order is local: the grooves' parts cancel in the sum", "3.4, Fig. 16(a)",
+    Rule("local_phases_regular", "With equal skews the second orders of the grooves have equal phase differences",
+         "3.4, Fig. 17", "largest deviation of their phase differences from those of equal grooves", "deg", None, 10,
+         _regular),
+    Rule("beat_turned", "The beat shifts by 180 deg when all skews are reversed", "3.4, Fig. 18 case 4",
+         "phase of the second relative to the third order, case 4 minus case 2", "deg", 170, 190, _turned),
+    Rule("first_order_local_only", "The first order of the grooves cancels in the sum", "3.4, Fig. 16(a)",
          "first order of the sum over the mean of the grooves", "%", None, 5, _local_first),
     Rule("third_is_three_local", "The third order of the sum is three times that of a groove", "3.4, Fig. 16(c)",
          "third order of the sum over the mean of the grooves", "1", 2.97, 3.03, _three_local),
     Rule("local_orders_dominant", "At a groove the orders 1, 2 and 3 dominate", "3.4, Fig. 16",
-         "largest further local order over the least of the three", "1", None, 1, _local_orders,
+         "largest other order at a groove over the smallest of the three", "1", None, 1, _local_orders,
          reasons.FAINT_LOCAL),
     *(_share_rule(mechanism) for mechanism in _SWITCHING),
-    Rule("third_follows_groove_friction", "The thrust's amplitude follows the sliding friction in the groove",
+    Rule("third_follows_groove_friction", "The thrust's amplitude follows the friction coefficient of groove sliding",
          "3.5, Fig. 20", "R^2 of the line of the third order over the coefficient", "1", 0.99, None,
          _with_groove_friction),
     Rule("second_by_needle_sliding", "Sliding friction of the needles is the main factor of the second order",
-         "3.5, Fig. 19; 4 (3)", "second order of case 2 left without it", "%", None, 5, _needle_sliding),
+         "3.5, Fig. 19; 4 (3)", "second order of case 2 without it over that with it", "%", None, 5, _needle_sliding),
 )  # fmt: skip
 """All claims, in the order of the paper."""

@@ -44,22 +44,22 @@ class ClaimsSettings(BaseModel):
     """Settings of the claims as a step of a workflow."""
 
     model_config = ConfigDict(extra="forbid")
-    model: str = Field("needles", description="model whose points decide")
+    model: str = Field("needles", description="model whose points decide the claims")
     small_skew_deg: float = Field(0.2, gt=0, description="skew of case 1, signs + - +; not printed in the paper")
     large_skew_deg: float = Field(0.4, gt=0, description="skew of cases 2, 3 and 4; not printed in the paper")
 
 
 _VARIABLES = {
     "statement": "what the paper says",
-    "place": "where in the paper",
-    "quantity": "the number that decides",
+    "place": "section and figure of the paper",
+    "quantity": "quantity that decides the claim",
     "unit": "unit of value, error and limits",
     "value": "value from the cubes",
-    "error": "numerical error of the value, from those of the amplitudes; missing where none is known",
-    "low": "least value with which the claim holds; missing for none",
-    "high": "greatest value with which the claim holds; missing for none",
+    "error": "numerical error of the value, from those of the amplitudes; missing if unknown",
+    "low": "smallest value for which the claim holds; missing if there is no such limit",
+    "high": "largest value for which the claim holds; missing if there is no such limit",
     "sure": "1 where value and limits differ by more than the numerical error",
-    "reason": "why it does not hold or is not decided, and what else was seen",
+    "reason": "why it does not hold or is not decided, and values behind it",
 }
 
 
@@ -77,8 +77,8 @@ def check_claims(cubes: Mapping[str, xr.Dataset], settings: ClaimsSettings) -> x
     Returns
     -------
     xarray.Dataset
-        A row a claim. ``verdict`` is holds, does_not_hold, or not_decided: a point that the claim needs is missing or
-        did not finish. Nothing else is ever taken for a value.
+        One row per claim. ``verdict`` is holds, does_not_hold, or not_decided: a point that the claim needs is missing
+        or did not finish. Missing points are never replaced by others.
     """
     evidence, cases = Evidence(cubes), Cases(settings.model, settings.small_skew_deg, settings.large_skew_deg)
     rows = [_decide(rule, evidence, cases) for rule in RULES]
@@ -102,7 +102,7 @@ def _decide(rule: Rule, evidence: Evidence, cases: Cases) -> dict[str, Any]:
     if math.isfinite(measured.value):
         verdict = Verdict(int(_inside(rule, measured.value)))
     elif not measured.note:
-        measured = Measured(math.nan, math.nan, "not decided: the value is not a number")
+        measured = Measured(math.nan, math.nan, "not decided: the value could not be computed")
     reach = measured.error if math.isfinite(measured.error) else 0.0
     ends = {_inside(rule, measured.value + change) for change in (-reach, 0.0, reach)}
     told = [rule.why_not] if verdict is Verdict.DOES_NOT_HOLD and rule.why_not else []

@@ -14,7 +14,7 @@ _WORDS = {Verdict.HOLDS: "yes", Verdict.DOES_NOT_HOLD: "no", Verdict.NOT_DECIDED
 
 
 def find_over_skew(claims: xr.Dataset) -> list[str]:
-    """Which claims hold whatever skew was chosen, which never, and which between certain skews only."""
+    """State which claims hold for all chosen skews, which for none, and which only for some."""
     skews = claims["skew_deg"].values
     groups: dict[bool, list[str]] = {True: [], False: []}
     sentences = []
@@ -26,16 +26,16 @@ def find_over_skew(claims: xr.Dataset) -> list[str]:
         if holds.all() or not holds.any():
             groups[bool(holds.all())].append(what)
         else:
-            sentences.append(f"Depends on the choice: {what}. It holds at {_listed(skews[known][holds])} deg; "
+            sentences.append(f"Depends on the skew: {what}. It holds at {_listed(skews[known][holds])} deg; "
                              f"{row['quantity'].item()}: {_course(row, known)}.")  # fmt: skip
     ends = f"{skews.min():g} to {skews.max():g} deg"
     first = (
-        f"The paper does not print its skews. Chosen from {ends}, with half of it in case 1, {len(groups[True])} of "
-        f"{claims.sizes['claim']} claims hold at every choice, {len(groups[False])} at none, and {len(sentences)} "
-        f"depend on it (model {claims.attrs['model']})."
+        f"The paper does not print its skews. With skews from {ends} in cases 2 to 4 and half of that in case 1, "
+        f"{len(groups[True])} of {claims.sizes['claim']} claims hold at every skew, {len(groups[False])} at none, and "
+        f"{len(sentences)} depend on it (model {claims.attrs['model']})."
     )
     told = [
-        f"At {which} choice hold: {'; '.join(groups[held])}."
+        f"Claims that hold at {which} skew: {'; '.join(groups[held])}."
         for which, held in (("every", True), ("no", False))
         if groups[held]
     ]

@@ -13,7 +13,7 @@ from tripod_doe.report.responses import number, unit_text, with_unit
 
 __all__ = ["claim_limits", "claim_table", "claim_value", "claims_of_figures", "find_in_claims"]
 
-_HEADS = ["Claim", "In the paper", "Holds", "Value", "Holds if", "Decided by"]
+_HEADS = ["Claim", "In the paper", "Holds", "Value", "Holds if", "Quantity"]
 _FIGURES = re.compile(r"\bFigs?\. (\d+(?:\([a-z]\))?(?:(?:,| and|, and| to) \d+(?:\([a-z]\))?)*)")
 
 
@@ -29,7 +29,7 @@ def find_in_claims(claims: xr.Dataset) -> list[str]:
     for verdict in (Verdict.DOES_NOT_HOLD, Verdict.NOT_DECIDED):
         for at in np.flatnonzero(verdicts == verdict):
             row = claims.isel(claim=int(at))
-            seen = f" ({claim_value(row)}; it needs {claim_limits(row)})" if verdict is Verdict.DOES_NOT_HOLD else ""
+            seen = f" ({claim_value(row)}; required: {claim_limits(row)})" if verdict is Verdict.DOES_NOT_HOLD else ""
             told = row["reason"].item()
             sentences.append(
                 f"{verdict.label.capitalize()}: {row['statement'].item()}, {row['place'].item()}{seen}. {_start(told)}"
@@ -78,7 +78,7 @@ def claim_value(row: xr.Dataset) -> str:
     """The number that decides a claim, with its numerical error and unit."""
     value, error = float(row["value"]), float(row["error"])
     if not math.isfinite(value):
-        return "not known"
+        return "unknown"
     spread = f" +- {number(float(f'{error:.2g}'))}" if math.isfinite(error) and error > 0 else ""
     digits = f"{value:.6g}" if abs(value - 1) < 1e-2 else number(float(f"{value:.3g}")) if value % 1 else f"{value:g}"
     return with_unit(digits + spread, unit_text(str(row["unit"].item())))
