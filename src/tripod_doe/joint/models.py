@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, PART_OUTPUTS, part_outputs, thrust_outputs
 from tripod_doe.joint.values import JointValues
+from tripod_doe.mechanics.first_compilation import first_compilation
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.rates import RATE_OUTPUTS
 from tripod_doe.simulator import BlockResult, Methods, Outcome
@@ -127,7 +128,8 @@ def _balance(
     simulate = partial(_simulate_balance, solve, energy_limit)
 
     def prepare(point: JointValues[FloatArray], method: str) -> None:
-        simulate(point, method, 30, ())
+        with first_compilation(f"model {name} with {method}", seconds=10):
+            simulate(point, method, 30, ())
 
     return Model(
         name=name,

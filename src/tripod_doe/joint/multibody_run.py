@@ -22,6 +22,7 @@ from tripod_doe.joint.thrust_parts import thrust_parts
 from tripod_doe.joint.values import JointValues
 from tripod_doe.joint.vibration import vibration
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
+from tripod_doe.mechanics.first_compilation import first_compilation
 from tripod_doe.mechanics.floquet import fastest_growth
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.linearisation import fastest_rates
@@ -230,10 +231,11 @@ def _by_revolution(signals: FloatArray) -> FloatArray:
 def compile_joint(values: JointValues[float], method: str) -> None:
     """Compile all that a run needs, by a step of a joint without needle bodies: its tables are of the same types."""
     assembly = assemble(build_joint(values, needles=False))
-    result = run(assembly, method, 1e-9, step=1e-9, settings=Settings(tolerance=1e-3), limits=_LIMITS)
-    groove_readings(assembly, result.positions, result.velocities)
-    thrust_parts(assembly, result.times, result.positions, result.velocities, values)
-    fastest_growth(assembly, [assembly.initial_state()], 1e-3)
+    with first_compilation(f"models rollers and needles with {method}", seconds=45):
+        result = run(assembly, method, 1e-9, step=1e-9, settings=Settings(tolerance=1e-3), limits=_LIMITS)
+        groove_readings(assembly, result.positions, result.velocities)
+        thrust_parts(assembly, result.times, result.positions, result.velocities, values)
+        fastest_growth(assembly, [assembly.initial_state()], 1e-3)
 
 
 def _out_of_range(values: JointValues[float]) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.mechanics.assembly import State
+from tripod_doe.mechanics.first_compilation import first_compilation
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.linearisation import fastest_rates
 from tripod_doe.mechanics.monitor import Settings
@@ -95,9 +96,10 @@ class SceneSimulator(Simulator):
         return self.numerics
 
     def compile(self, model: str, method: str) -> None:
-        """Compile the kernels of a method, or load their machine code, by a short run."""
+        """Compile the kernels of a method, the same for all scenes, or load their machine code, by a short run."""
         full = self.effective({"duration_s": 1e-6, "method": method})
-        self.simulate({name: np.array([value], object) for name, value in full.items()}, ())
+        with first_compilation(f"the scenes with {method}", seconds=40):
+            self.simulate({name: np.array([value], object) for name, value in full.items()}, ())
 
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
         """Simulate points one by one; an exception makes that point an error, not the block."""

@@ -1,0 +1,123 @@
+"""The first compilation in a version: one process compiles and says so, the others wait for its machine code."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import subprocess
+import sys
+
+import pytest
+
+from tripod_doe.mechanics.first_compilation import first_compilation
+
+COPY = """
+import json, sys
+import numpy as np
+from tripod_doe.mechanics.first_compilation import first_compilation
+from tripod_doe.mechanics.motion import copy_vectors
+with first_compilation("model copy", 1):
+    print("here", flush=True)
+    sys.stdin.readline()
+    copy_vectors(np.ones((1, 3)), np.ones((1, 3)))
+stats = copy_vectors.stats
+print(json.dumps([sum(stats.cache_hits.values()), sum(stats.cache_misses.values())]))
+"""
+"""Compiles on a word from standard input, and answers how many kernels it loaded and compiled."""
+
+WAITING = "another process is compiling kernels: waiting for it\n"
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Start a process that compiles into a folder which is empty at first."""
+    started = []
+
+    def start():
+        pipe = subprocess.PIPE
+        place = {"NUMBA_CACHE_DIR": str(tmp_path)}
+        process = subprocess.Popen(
+            [sys.executable, "-c", COPY], env=os.environ | place, stdin=pipe, stdout=pipe, stderr=pipe, text=True
+        )
+        started.append(process)
+        return process
+
+    yield start
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+def finish(process):
+    """Hits and misses of the cache, and what stands on standard error."""
+    answer, messages = process.communicate("go\n", timeout=60)
+    return json.loads(answer.splitlines()[-1]), messages.splitlines()
+
+
+@pytest.fixture
+def empty_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+
+
+def test_one_process_compiles_and_the_other_waits_for_its_machine_code(start):
+    first = start()
+    assert first.stdout.readline() == "here\n"
+    second = start()
+    assert second.stderr.readline() == WAITING  # the first has not yet compiled
+    counts, messages = finish(first)
+    assert counts == [0, 1]
+    assert messages == ["compiling kernels of model copy, once per version: about 1 s or less", messages[-1]]
+    assert messages[-1].startswith("compiled in ")
+    assert finish(second) == ([1, 0], [])
+
+
+def test_a_process_that_is_killed_lets_the_next_one_compile(start):
+    first = start()
+    assert first.stdout.readline() == "here\n"
+    second = start()
+    assert second.stderr.readline() == WAITING
+    first.kill()
+    assert finish(second)[0] == [0, 1]
+
+
+def test_a_compilation_within_a_compilation_does_not_wait_for_itself(empty_cache, capsys):
+    with first_compilation("model a", 20), first_compilation("model b", 10):
+        pass
+    with first_compilation("model a", 20), first_compilation("model b", 10):
+        pass
+    announced = [line for line in capsys.readouterr().err.splitlines() if line.startswith("compiling")]
+    assert announced == [
+        "compiling kernels of model a, once per version: about 20 s or less",
+        "compiling kernels of model b, once per version: about 10 s or less",
+    ]
+
+
+def test_what_failed_to_compile_is_announced_again(empty_cache, capsys):
+    for _ in range(2):
+        with pytest.raises(MemoryError), first_compilation("model a", 20):
+            raise MemoryError
+    messages = capsys.readouterr().err
+    assert messages.count("compiling kernels") == 2
+    assert "compiled in" not in messages
+
+
+def test_a_folder_that_cannot_be_written_is_done_without(tmp_path, monkeypatch, capsys):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
+    with first_compilation("model a", 20):
+        pass
+    assert "compiling kernels of model a" in capsys.readouterr().err
+
+
+def compile_in_a_worker():
+    with first_compilation("model a", 20):
+        pass
+
+
+def test_workers_are_silent(empty_cache, capfd):
+    worker = multiprocessing.get_context("spawn").Process(target=compile_in_a_worker)
+    worker.start()
+    worker.join()
+    assert worker.exitcode == 0
+    assert capfd.readouterr().err == ""
