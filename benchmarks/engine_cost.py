@@ -9,6 +9,7 @@ with a filled compile cache.
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import os
 import subprocess
 import sys
@@ -26,6 +27,7 @@ from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.monitor import Settings, accept, begin_watch
 from tripod_doe.mechanics.motion import generalized_forces, linearise
 from tripod_doe.mechanics.scenes.needle_ring import needle_ring
+from tripod_doe.mechanics.tables import FIRST, Slopes
 
 FIRST_USE = """
 import time; begun = time.perf_counter()
@@ -49,12 +51,9 @@ def best(action, repetitions: int = 7) -> float:
 
 
 @kernel
-def _search(repetitions, contacts, by_velocity, positions, velocities, work):
+def _search(repetitions, tables, work, positions, velocities, slopes):
     for _ in range(repetitions):
-        add_contacts(
-            contacts, 0, contacts.size, positions, velocities, 1.0, by_velocity, 0.0,
-            work.force, work.drift, work.ledger, work.slip, work.touching, work.matrix, work.pair,
-        )  # fmt: skip
+        add_contacts(tables, work, FIRST, tables.contacts.size, positions, velocities, slopes, work.matrix)
 
 
 def contact_cost(needles: int = 27) -> dict[str, float]:
@@ -65,7 +64,8 @@ def contact_cost(needles: int = 27) -> dict[str, float]:
         state, work = assembly.initial_state(), assembly.work()
         rows = assembly.tables.contacts[assembly.tables.contacts["count"] > 1]
         rows = np.ascontiguousarray(rows[np.arange(rows.size) % 3 < 2])  # trunnion and bore, all in the same state
-        arguments = (rows, by_velocity, state.positions, state.velocities, work)
+        tables = dataclasses.replace(assembly.tables, contacts=rows)
+        arguments = (tables, work, state.positions, state.velocities, Slopes(1.0, by_velocity, 0.0))
         _search(1, *arguments)
         costs[name] = 1e9 * best(lambda arguments=arguments: _search(200, *arguments)) / 200 / rows.size
     return costs

@@ -167,7 +167,7 @@ def test_compare_lays_a_measurement_over_a_point(capsys, whole_results, record, 
     assert (tmp_path / "page" / "index.html").exists()
     code, out, _ = call(capsys, *words)
     assert code == 0
-    assert "the reference angle is not known" in out
+    assert "no reference angle is given" in out
 
 
 @pytest.mark.parametrize(
