@@ -115,11 +115,11 @@ def test_the_csv_behind_the_chart_holds_the_shares(parts, read_table):
 def test_the_page_shows_the_joint_with_all_mechanisms_on(case_2):
     page = make_page(case_2, {"contribution": contribution_shares(case_2)})
     whole = float(case_2["thrust_amplitude"].isel(point=0).sel(order=3))
-    assert f"carries the thrust force: {whole:.4g} N;" in find(case_2)[0]
+    assert f"of the thrust force is the largest: {whole:.4g} N;" in find(case_2)[0]
     assert '<section id="contribution">' in page
     assert 'href="#contribution"' in page
     assert page.count('class="shares"') == 2
-    assert "This study asks for no sensitivity analysis" in page
+    assert "This study has no sensitivity analysis" in page
 
 
 def test_bars_of_several_operating_points_and_ranges_in_the_table(make_cube):

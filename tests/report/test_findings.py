@@ -25,7 +25,7 @@ offset = {offset}
 def test_dominant_order_is_that_of_the_cube(grid_cube):
     mean = grid_cube["thrust_amplitude"].mean(["joint_angle_deg", "torque_n_m"])
     first = find(grid_cube)[0]
-    assert first.startswith("The third order carries the thrust force")
+    assert first.startswith("The third order of the thrust force is the largest")
     assert f"{float(mean.sel(order=3)):.4g} N on average" in first
     assert f"ninth order with {float(mean.sel(order=9)):.4g} N" in first
 
@@ -33,13 +33,13 @@ def test_dominant_order_is_that_of_the_cube(grid_cube):
 def test_slope_over_joint_angle_is_that_of_a_fit_to_the_cube(grid_cube):
     mean = grid_cube["thrust_amplitude"].sel(order=3).mean("torque_n_m")
     slope = np.polyfit(grid_cube["joint_angle_deg"], mean, 1)[0]
-    assert any(f"grows with joint angle by {slope:.4g} N per deg (4 to 12 deg, averaged over torque" in s
+    assert any(f"increases with joint angle by {slope:.4g} N per deg (4 to 12 deg, averaged over torque" in s
                for s in find(grid_cube))  # fmt: skip
 
 
 def test_proportion_is_told_from_a_straight_line(make_cube):
     assert any("y is proportional to x: 3 per 1 (1 to 4" in s for s in find(make_cube(LINE.format(offset=0))))
-    assert any("y grows with x by 3 per 1 (1 to 4" in s for s in find(make_cube(LINE.format(offset=5))))
+    assert any("y increases with x by 3 per 1 (1 to 4" in s for s in find(make_cube(LINE.format(offset=5))))
 
 
 def test_a_factor_without_effect_is_said_to_have_none(make_cube):

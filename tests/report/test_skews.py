@@ -38,12 +38,13 @@ def test_the_bearing_that_keeps_its_skew_and_beats_is_named():
     )
     charts = kept_skew_charts(cube)
     assert [chart.name for chart in charts] == ["kept-1", "beat-1", "kept-2", "beat-2"]
-    assert "Of 2 bearings 1 keep it within 35 % and 0 show a second order of 5 % of the third; both: none." in (
-        charts[0].caption
+    assert (
+        "Of 2 bearings 1 keep it within 35 % and 0 have a second order of at least 5 % of the third; both: none."
+        in (charts[0].caption)
     )
-    assert "2 keep it within 35 % and 1 show" in charts[2].caption
+    assert "2 keep it within 35 % and 1 have" in charts[2].caption
     assert "both: needle length 5 (1.90 deg, 6.0 %)." in charts[2].caption
-    assert "Kept from every start: needle length 5." in charts[0].caption
+    assert "Bearings that keep every initial skew: needle length 5." in charts[0].caption
     assert charts[2].data["beat_percent"].tolist() == [6.0, 3.0]
 
 

@@ -71,7 +71,7 @@ def find(cube: xr.Dataset) -> list[str]:
 
 
 def _notes(cube: xr.Dataset) -> list[str]:
-    """What is to be known of points that finished."""
+    """State how many finished points have a note, with the first note."""
     if "outcome_detail" not in cube:
         return []
     details = cube["outcome_detail"].values[finished(cube).values]
@@ -81,7 +81,7 @@ def _notes(cube: xr.Dataset) -> list[str]:
 
 
 def _chosen(cube: xr.Dataset) -> str:
-    """How often each model was chosen, and where none is enough."""
+    """State at how many points each model was chosen, and how many will probably miss the accuracy."""
     inside = asked(cube).values
     told = ""
     if "model_used" in cube:
@@ -91,7 +91,7 @@ def _chosen(cube: xr.Dataset) -> str:
         told = ": " + ", ".join(f"{words.get(m, f'{m:g}')} at {n:,}" for m, n in zip(models, counts, strict=True))
     unmet = int((cube["accuracy_met"].values[inside] == 0).sum())
     short = f"; {unmet:,} are not expected to meet the accuracy" if unmet else ""
-    return f"The model was chosen point by point{told} of {int(inside.sum()):,} points{short}."
+    return f"The model was chosen for each point{told} of {int(inside.sum()):,} points{short}."
 
 
 def _reasons(cube: xr.Dataset) -> str:
@@ -108,13 +108,13 @@ def _dominant_order(cube: xr.Dataset) -> str:
         return "The thrust force has no rotating order: all amplitudes are zero."
     over = " on average over the study" if int(finished(cube).sum()) > 1 else ""
     return (
-        f"The {ORDINALS[first]} carries the thrust force: {number(float(mean.sel(order=first)))} N{over}; "
-        f"the next largest is the {ORDINALS[second]} with {number(float(mean.sel(order=second)))} N."
+        f"The {ORDINALS[first]} of the thrust force is the largest: {number(float(mean.sel(order=first)))} N{over}; "
+        f"the next is the {ORDINALS[second]} with {number(float(mean.sel(order=second)))} N."
     )
 
 
 def _effects(response: Response, cube: xr.Dataset) -> Iterator[str]:
-    """The range of a response, then its factors: the strongest first, the weak ones together in one sentence."""
+    """Yield the range of a response, then one sentence per strong factor and one for all weak factors."""
     values = response.values.values
     values = values[np.isfinite(values)]
     if values.size == 0:
@@ -150,7 +150,7 @@ def _effects(response: Response, cube: xr.Dataset) -> Iterator[str]:
 
 
 def _clean(value: float, largest: float) -> float:
-    """Zero for what is only rounding."""
+    """Replace values within rounding error by zero."""
     return 0.0 if abs(value) < _ROUNDING * largest else value
 
 
@@ -161,7 +161,7 @@ def _rounded_up(percent: float) -> str:
 
 
 def _others(cube: xr.Dataset, before: str, factor: str = "") -> str:
-    """What is done with all other factors while one is looked at."""
+    """State how the other factors are treated in a statement about one: at base values, or averaged."""
     others = [name for name in factor_names(cube) if name != factor and np.unique(cube[name].values).size > 1]
     if not others:
         return ""
@@ -171,7 +171,7 @@ def _others(cube: xr.Dataset, before: str, factor: str = "") -> str:
 
 
 def _sentence(name: str, start: str, unit: str, cube: xr.Dataset, factor: str, effect: Effect) -> str:
-    """How the response goes with one factor: in proportion, along a straight line, or between two extremes."""
+    """State how the response depends on one factor: proportional, linear, or by its smallest and largest mean."""
     levels, curve = effect.level, effect.mean
     label, own = factor_label(cube, factor), factor_unit(cube, factor)
     slope, offset = np.polyfit(levels, curve, 1)
@@ -185,11 +185,11 @@ def _sentence(name: str, start: str, unit: str, cube: xr.Dataset, factor: str, e
         where = with_unit(f"{ends[0]} to {ends[1]}", own) + _others(cube, ", ", factor)
         if abs(offset) <= _THROUGH_ZERO * np.abs(curve).max():
             return f"{start} is proportional to {label}: {per} ({where}; R2 = {straight:.4f})."
-        verb = "grows" if slope > 0 else "falls"
+        verb = "increases" if slope > 0 else "decreases"
         return f"{start} {verb} with {label} by {per} ({where}; straight line with R2 = {straight:.4f})."
     largest = float(np.abs(curve).max())
     least, most = (
         f"{with_unit(number(_clean(float(curve[at]), largest)), unit)} (at {with_unit(number(levels[at]), own)})"
         for at in (int(np.argmin(curve)), int(np.argmax(curve)))
     )
-    return f"With {label} {name} goes from {least} to {most}{_others(cube, ', ', factor)}."
+    return f"Over the {label}, {name} ranges from {least} to {most}{_others(cube, ', ', factor)}."

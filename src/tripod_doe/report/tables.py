@@ -37,7 +37,7 @@ _GREEK = {"theta": "θ", "omega": "ω", "mu": "μ", "psi": "ψ", "nu": "ν", "de
 
 @dataclass(frozen=True)
 class OutcomeCount:
-    """How many points ended in one way, and what that means."""
+    """Number of points with one outcome, and the meaning of that outcome."""
 
     label: str
     count: int
@@ -46,7 +46,7 @@ class OutcomeCount:
 
 @dataclass(frozen=True)
 class FailedPoint:
-    """A point without results: where it is in the design, its factors, and why."""
+    """A point without results: its position in the design, its factors, outcome and reason."""
 
     position: int
     inputs: list[str]
@@ -69,7 +69,7 @@ class ParameterRow:
 
 
 def outcome_counts(cube: xr.Dataset) -> list[OutcomeCount]:
-    """Points by outcome, those that a constraint excludes apart."""
+    """Number of points per outcome; those that a constraint excludes are counted separately."""
     outcome, inside = cube["outcome"].values, asked(cube).values
     counts = [
         OutcomeCount(kind.label, int((outcome[inside] == kind).sum()), OUTCOME_MEANINGS[kind])
@@ -105,13 +105,13 @@ def _text(value: Any) -> str:
 
 
 def cost_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
-    """What the points cost: (what, value, how it was measured); empty where no costs are known."""
+    """Costs of the points: (quantity, value, how it was measured); empty if no costs are recorded."""
     if "cpu_seconds" not in cube or not bool(cube["cpu_seconds"].notnull().any()):
         return []
     run = cube["cpu_seconds"].notnull().values
     count, cpu, wall = int(run.sum()), float(cube["cpu_seconds"].sum()), cube["wall_seconds"].values[run]
     rows = [
-        ("CPU time", _duration(cpu), "of all points, without compilation"),
+        ("CPU time", _duration(cpu), "sum of all points, without compilation"),
         ("CPU time per point", _duration(cpu / count), f"mean of {count:,} points that were run"),
     ]
     if cpu > 0:
@@ -145,7 +145,7 @@ def _duration(seconds: float) -> str:
 
 
 def numerics_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
-    """The errors that the cube itself knows of its numbers: (what, largest, meaning)."""
+    """Numerical checks stored in the cube: (check, largest value, meaning)."""
     rows = []
     for name in ("energy_residual", "thrust_amplitude_scatter", "largest_penetration_um"):
         if name in cube and bool(cube[name].notnull().any()):
@@ -199,7 +199,7 @@ def _levels(values: np.ndarray[Any, Any]) -> str:
 
 
 def fixed_rows(cube: xr.Dataset) -> list[tuple[str, list[ParameterRow]]]:
-    """The fixed parameters in groups, with unit, meaning and source as far as they are known here."""
+    """The fixed parameters in groups, with unit, meaning and source where known."""
     values: Mapping[str, Any] = json.loads(str(cube.attrs.get("fixed_parameters", "{}")))
     known, where = _known_parameters(cube)
     rows = []
@@ -217,11 +217,11 @@ def fixed_rows(cube: xr.Dataset) -> list[tuple[str, list[ParameterRow]]]:
 
 
 def _known_parameters(cube: xr.Dataset) -> tuple[Mapping[str, Parameter], str]:
-    """Metadata of the scene's parameters; a user's function is not imported just to make a report."""
+    """Metadata of the scene's parameters; a user's function is not imported for a report."""
     try:
         asked_for = tomllib.loads(str(cube.attrs.get("study", ""))).get("study", {})
         if function := asked_for.get("function"):
             return {}, f"argument of {function}"
         return load_simulator(str(asked_for.get("scene", "joint"))).parameters, ""
     except (tomllib.TOMLDecodeError, InputError):
-        return {}, "not known to this version of tripod_doe"
+        return {}, "unknown to this version of tripod_doe"

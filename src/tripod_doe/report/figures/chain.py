@@ -1,4 +1,4 @@
-"""The picture of a workflow: its steps from left to right, what each needs, and what became of it."""
+"""Diagram of a workflow: its steps from left to right, their inputs and their states."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _WIDTH, _HEIGHT, _ACROSS, _DOWN = 1.7, 0.62, 2.25, 0.9  # inches: of a box, and 
 
 @dataclass(frozen=True)
 class StepView:
-    """A step as a reader sees it.
+    """A step as the diagram and the table of a page show it.
 
     Attributes
     ----------
@@ -38,11 +38,11 @@ class StepView:
         ``finished`` (run now), ``reused`` (finished before), ``failed``, ``blocked`` (needs one that failed) or
         ``not asked``.
     seconds
-        Wall time of the run that finished it; None where there is none.
+        Wall time in s of the run that finished it; None if it did not finish.
     detail
-        Why it failed, or what it made.
+        Reason of a failure, or the kind of its result.
     link
-        Its own report or files, relative to the page; empty where there are none.
+        Its report or files, relative to the page; empty if there are none.
     """
 
     name: str
@@ -55,19 +55,19 @@ class StepView:
 
 
 def step_time(step: StepView) -> str:
-    """Wall time of a step in words, empty where it has none."""
+    """Wall time of a step as text with its unit, empty if it has none."""
     if step.seconds is None:
         return ""
     return f"{number(step.seconds / 60)} min" if step.seconds >= 120 else f"{step.seconds:.2g} s"
 
 
 def chain_chart(steps: Sequence[StepView]) -> Chart:
-    """Boxes in columns, each right of all that it needs, with state and time.
+    """Draw the steps as boxes in columns, each to the right of its inputs, with state and time.
 
     Parameters
     ----------
     steps
-        The steps, each after all that it needs.
+        The steps, each after its inputs.
     """
     place = _places(steps)
     columns, rows = (1 + max(at[axis] for at in place.values()) for axis in (0, 1))
@@ -81,7 +81,8 @@ def chain_chart(steps: Sequence[StepView]) -> Chart:
             _draw_box(axes, step, place[step.name])
     failed = [step.name for step in steps if step.state == "failed"]
     caption = (
-        "Every step right of what it needs, with its state and wall time; arrows that follow from others are left out"
+        "Steps with their state and wall time, each to the right of its inputs; arrows that follow from others are "
+        "left out"
     )
     caption += f". Failed: {', '.join(failed)}." if failed else "."
     data = pd.DataFrame(
@@ -97,9 +98,9 @@ def chain_chart(steps: Sequence[StepView]) -> Chart:
 
 
 def _places(steps: Sequence[StepView]) -> dict[str, tuple[int, int]]:
-    """Column (length of the longest way from the start) and row of each step: beside the last of its inputs, or below.
+    """Column (length of the longest path from a first step) and row of each step: beside its last input, or below.
 
-    So a chain runs straight, and its arrows pass no box of another.
+    So a chain is a straight line, and no arrow crosses another step's box.
     """
     place: dict[str, tuple[int, int]] = {}
     for step in steps:
@@ -112,7 +113,7 @@ def _places(steps: Sequence[StepView]) -> dict[str, tuple[int, int]]:
 
 
 def _arrows(steps: Sequence[StepView]) -> list[tuple[str, str]]:
-    """What needs what, without what follows: no arrow where there is a longer way."""
+    """Dependencies between steps without the redundant ones: no arrow where a longer path exists."""
     ways: dict[str, set[str]] = {}  # all that a step needs, near or far
     for step in steps:
         ways[step.name] = set(step.inputs).union(*(ways[needed] for needed in step.inputs))

@@ -1,4 +1,4 @@
-"""A measurement beside the model: waveform, orders, their course over speed, and the beat."""
+"""Charts of a measurement and the model: waveform, orders, orders over speed, and beat."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _envelope(comparison: xr.Dataset) -> Chart:
         _over_rotation(axes, "envelope of the beat (N)")
     caption = (
         "Beat: envelope of the orders 2, 3 and 4 over one revolution, with the "
-        f"{_percent(comparison)} uncertainty of the measured one (band). A flat line is no beat."
+        f"{_percent(comparison)} uncertainty of the measured one (band). A horizontal line means no beat."
     )
     return Chart("beat", caption, figure, data)
 
@@ -112,7 +112,7 @@ def _orders(comparison: xr.Dataset) -> Chart:
 
 
 def _run_up(comparison: xr.Dataset, speed: NDArray[np.float64]) -> Chart:
-    """The largest orders of each revolution over its speed; the model's as a level."""
+    """The largest orders of each revolution over its speed; those of the model as horizontal lines."""
     mean = comparison["thrust_amplitude"].mean("revolution").values.copy()
     mean[0] = 0
     shown = sorted({3, 2, *np.argsort(mean)[-2:].tolist()})[:4]
@@ -139,7 +139,7 @@ def _run_up(comparison: xr.Dataset, speed: NDArray[np.float64]) -> Chart:
 
 
 def _classes(speed: NDArray[np.float64]) -> list[NDArray[np.int64]]:
-    """Revolutions by speed: each for itself where they are few, else in classes of the same width."""
+    """Orders over speed: of each revolution if there are few, else means over classes of equal width."""
     if speed.size <= _MOST_POINTS:
         return list(np.argsort(speed, kind="stable")[:, None])
     edges = np.linspace(speed.min(), speed.max(), _CLASSES + 1)

@@ -45,7 +45,7 @@ class ResponseCharts:
 
 
 def effect_charts(cube: xr.Dataset) -> list[ResponseCharts]:
-    """Every response that varies, against every numeric factor."""
+    """Charts of each response that varies, over each numeric factor."""
     found = []
     for response in responses(cube):
         if not bool(response.values.notnull().any()):
@@ -70,7 +70,7 @@ def _grid_charts(response: Response, cube: xr.Dataset) -> list[Chart]:
 
 
 def _line_chart(response: Response, cube: xr.Dataset, factor: str, others: list[str]) -> Chart:
-    """A line a level of the second factor, averaged over any further ones."""
+    """One line per level of the second factor, averaged over any further ones."""
     second = min(others, key=lambda name: (cube.sizes[name] > _MOST_LINES, others.index(name))) if others else None
     averaged = [name for name in others if name != second]
     along = np.argsort(cube[factor].values, kind="stable")
@@ -93,7 +93,7 @@ def _line_chart(response: Response, cube: xr.Dataset, factor: str, others: list[
         if second is not None:
             legend_above(axes, 3, factor_label(cube, second))
     caption = f"{_capital(response)} against {factor_label(cube, factor)}"
-    caption += f", a line for each {factor_label(cube, second)} shown" if second else ""
+    caption += f", one line per {factor_label(cube, second)} shown" if second else ""
     if averaged:
         some = " (finished points only)" if bool(response.values.isnull().any()) else ""
         caption += f"; mean over {', '.join(factor_label(cube, name) for name in averaged)}{some}"
@@ -117,7 +117,7 @@ def _capital(response: Response) -> str:
 
 
 def _map_chart(response: Response, cube: xr.Dataset, factors: list[str]) -> Chart:
-    """Numbers in shaded cells, or labelled contours where the cells are too many to read."""
+    """Numbers in shaded cells, or labelled contours if there are too many cells to read."""
     across, up = sorted(factors, key=lambda name: cube.sizes[name])
     response = replace(response, values=response.values.sortby([across, up]))
     cube = cube.sortby([across, up])
@@ -181,7 +181,7 @@ def _point_charts(response: Response, cube: xr.Dataset) -> list[Chart]:
 
 
 def _limits(low: float, high: float) -> tuple[float, float]:
-    """Ends of a vertical axis: from zero where that wastes little of it."""
+    """Ends of a vertical axis; it includes zero if little of its length is lost by that."""
     margin = 0.06 * (high - low) or 0.05 * abs(high) or 1.0
     return (0.0 if 0 <= low < 0.4 * high else low - margin), high + margin
 

@@ -26,7 +26,7 @@ def indices_of_study(inputs: Mapping[str, xr.Dataset]) -> list[Chart]:
 
 
 def index_charts(analyses: Mapping[str, xr.Dataset], cube: xr.Dataset) -> list[Chart]:
-    """A chart for every sensitivity analysis and every response a reader asks for first."""
+    """One chart per sensitivity analysis and main response."""
     charts = []
     for name, result in of_kind(analyses, "sobol", "morris").items():
         level = 100 * float(result.attrs.get("confidence_level", 0.95))
@@ -42,7 +42,7 @@ def index_charts(analyses: Mapping[str, xr.Dataset], cube: xr.Dataset) -> list[C
 
 
 def _frame(part: xr.Dataset, keys: tuple[str, ...]) -> pd.DataFrame:
-    """One row a factor, the largest last index first."""
+    """One row per factor, sorted by the last index, the largest first."""
     frame = pd.DataFrame({"factor": part["factor"].values} | {key: part[key].values for key in keys})
     return frame.sort_values(keys[0], ascending=False, kind="stable", ignore_index=True)
 
@@ -109,7 +109,7 @@ def _morris_chart(key: str, name: str, what: str, part: xr.Dataset, level: float
         legend_above(axes, 2)
     caption = (
         f"Morris' elementary effects on {what}, each over the whole range of its factor, with {level:g} % confidence "
-        f"intervals (analysis {name}). Far right: the factor matters. High up: it acts along a curve or together "
-        "with others."
+        f"intervals (analysis {name}). Far right: large effect. High up: nonlinear, or interaction with other "
+        "factors."
     )
     return Chart(key, caption, figure, data)

@@ -15,7 +15,7 @@ _MOST = 6
 
 
 def locus_chart(cube: xr.Dataset) -> Chart | None:
-    """Drift across the plate's velocity over travel along it, a line a finished point (the first six)."""
+    """Drift across the plate's velocity over travel along it, one line per finished point (the first six)."""
     if "axial_path_mm" not in cube or "travel_path_mm" not in cube:
         return None
     points = np.argwhere(finished(cube).values)[:_MOST]
@@ -31,5 +31,7 @@ def locus_chart(cube: xr.Dataset) -> Chart | None:
         axes.set_xlabel("travel along the plate's velocity (mm)")
         axes.set_ylabel("drift across it (mm)")
         legend_above(axes, 1)
-    caption = "Locus of the needle's centre seen from above plate A, a line a point; compare the paper's Fig. 8(b)."
+    caption = (
+        "Locus of the needle's centre, viewed from above plate A, one line per point; compare the paper's Fig. 8(b)."
+    )
     return Chart("loci", caption, figure, pd.DataFrame(data))

@@ -1,4 +1,4 @@
-"""How the points of a study ended: a map over a factor of words, such as the model, and a numeric one."""
+"""Outcomes of the points of a study: a map over a factor with names, such as the model, and a numeric one."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _FAILED = "#8b96a3"
 
 
 def outcome_charts(cube: xr.Dataset) -> list[Chart]:
-    """A chart a numeric factor, all others at their first value: its cells hold the first response, or the outcome."""
+    """One chart per numeric factor, the others at their first values; cells show the first response or the outcome."""
     words = [name for name in factor_names(cube) if cube[name].dtype.kind not in "fiu"]
     told = responses(cube)
     if len(words) != 1 or not told:
@@ -55,5 +55,5 @@ def _chart(cube: xr.Dataset, part: pd.DataFrame, what: str) -> Chart:
         ends = [Outcome(int(kind)) for kind in np.unique(part["outcome"])]
         handles = [Patch(fc=_COLOURS.get(kind, _FAILED), ec=INK, lw=0.4, label=kind.label) for kind in ends]
         figure.legend(handles=handles, loc="outside upper left", ncols=3, frameon=False)
-    caption = f"How every {spoken(word)} ends over the {spoken(factor)}: the {what}, or why there is none."
+    caption = f"Results for each {spoken(word)} over the {spoken(factor)}: {what}, or the outcome if it failed."
     return Chart(f"outcome-{factor}", caption, figure, part)

@@ -1,4 +1,4 @@
-"""Figures of the paper that no general chart shows: its friction law, cases, local orders, orders over the angle."""
+"""Figures of the paper without a general chart: friction law, cases, orders at the grooves, orders over the angle."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def first_points(cube: xr.Dataset) -> list[xr.Dataset]:
 
 
 def point_label(cube: xr.Dataset, point: xr.Dataset) -> str:
-    """The factors that vary, the skews of the three trunnions as one."""
+    """The factors of a point that vary, as text; the skews of the three trunnions are one of them."""
     names = [name for name in factor_names(cube) if np.unique(cube[name].values).size > 1]
     told = []
     if skews := [point[name].item() for name in names if name in SKEWS]:
@@ -84,7 +84,7 @@ def waveforms_of_all(cube: xr.Dataset) -> list[Chart]:
         sizes = point["thrust_amplitude"].values
         caption = (
             f"Thrust force, {point_label(cube, point)}: third order {number(round(float(sizes[3]), 3))} N, second "
-            f"{number(round(float(sizes[2]), 3))} N; the envelope is that of the orders 2, 3 and 4."
+            f"{number(round(float(sizes[2]), 3))} N. Envelope of the orders 2, 3 and 4."
         )
         charts.append(Chart(f"point-{rank + 1}", caption, figure, data))
     return charts
@@ -163,8 +163,8 @@ def spectrum_of_all(cube: xr.Dataset) -> Chart | None:
         f"{point_label(cube, point)}: second {_newton(point, 2)}, fourth {_newton(point, 4)}" for point in points
     )
     caption = (
-        f"Amplitudes of the rotating orders of every point, logarithmic from {_FLOOR:g} of the largest. Of these: "
-        f"{told}."
+        f"Amplitudes of the rotating orders at each point; the logarithmic axis starts at {_FLOOR:g} times the "
+        f"largest. Orders of the beat: {told}."
     )
     return Chart("spectrum", caption, figure, data)
 
@@ -174,7 +174,7 @@ def _newton(point: xr.Dataset, order: int) -> str:
 
 
 def friction_law_chart(cube: xr.Dataset) -> Chart | None:
-    """Sliding friction coefficient over sliding velocity, as a tilted roller feels it: the paper's Fig. 4."""
+    """Sliding friction coefficient at a tilted roller over sliding velocity: the paper's Fig. 4."""
     if "axial_force_n" not in cube or cube["outcome"].dims != ("transition_ratio",):
         return None
     fixed = json.loads(str(cube.attrs["fixed_parameters"]))
@@ -188,22 +188,22 @@ def friction_law_chart(cube: xr.Dataset) -> Chart | None:
             fine, fixed["friction"] * np.tanh(fine), color=COLOURS[0], label="\N{GREEK SMALL LETTER MU} tanh(v / v_st)"
         )
         axes.plot(velocity, data["coefficient"], "o", color=COLOURS[1], mfc="white", label="roller in its groove")
-        axes.axvline(1 / _QUARTER, color=MUTED, lw=0.9, ls="--", label="largest, quarter rule")
+        axes.axvline(1 / _QUARTER, color=MUTED, lw=0.9, ls="--", label="largest slip of a run")
         axes.set_xlabel("sliding velocity over transition velocity (-)")
         axes.set_ylabel("sliding friction coefficient (-)")
         axes.set_ylim(0, None)
         legend_above(axes, 2)
     off = float((data["coefficient"] - data["law"]).abs().max())
     caption = (
-        "Sliding friction coefficient over sliding velocity: axial force of a tilted roller over its load and the sine "
-        f"of its tilt, and the law, from which it differs by at most {off:.1g}; dashed: the largest velocity of a run "
-        "by the paper's rule of a quarter."
+        "Sliding friction coefficient over sliding velocity: axial force of a tilted roller divided by its load and "
+        f"the sine of its tilt, and the friction law; largest difference {off:.1g}. Dashed: largest velocity of a run "
+        "if the transition velocity is a quarter of it, as in the paper."
     )
     return Chart("friction-law", caption, figure, data)
 
 
 def order_angle_chart(cube: xr.Dataset) -> Chart | None:
-    """Effective values of the orders 2 and 3 over the joint angle, a line a case of skew: the paper's Fig. 14."""
+    """Effective values of the orders 2 and 3 over the joint angle, one line per case of skew: the paper's Fig. 14."""
     if "thrust_rms" not in cube or "joint_angle_deg" not in cube.coords or cube["outcome"].dims != ("point",):
         return None
     labels = [point_label(cube.drop_vars("joint_angle_deg"), cube.isel(point=at)) for at in range(cube.sizes["point"])]
@@ -224,5 +224,8 @@ def order_angle_chart(cube: xr.Dataset) -> Chart | None:
         axes.set_xlabel(with_unit("joint angle", "(deg)"))
         axes.set_ylabel("effective value of the thrust force (N)")
         legend_above(axes, 1)
-    caption = "Effective values of the second and third order over the joint angle, a line a case of skew; logarithmic."
+    caption = (
+        "Effective values of the second and third order over the joint angle, one line per case of skew; "
+        "logarithmic axis."
+    )
     return Chart("angle", caption, figure, pd.DataFrame(rows, columns=["joint_angle_deg", "case", "order", "rms_n"]))

@@ -1,4 +1,4 @@
-"""The needles' skew: what becomes of it, which bearing keeps it, and how the findings depend on where it starts."""
+"""Needle skew: its change during a run, the bearings that keep it, and results over the initial skew."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _PATTERNS = {"+ - +": (1, -1, 1), "+ + +": (1, 1, 1), "- + -": (-1, 1, -1)}
 
 
 def skew_chart(cube: xr.Dataset) -> Chart | None:
-    """Initial skew beside mean, least and greatest of the fourth revolution, each trunnion: the paper's Fig. 11."""
+    """Initial skew and mean, smallest and largest skew of the last revolution per trunnion: the paper's Fig. 11."""
     if "needle_skew_summary_deg" not in cube or any(name not in cube.coords for name in SKEWS):
         return None
     points = first_points(cube)
@@ -57,7 +57,7 @@ def skew_chart(cube: xr.Dataset) -> Chart | None:
         axes.set_ylabel("skew in the last revolution (deg)")
         legend_above(axes, 2)
     caption = (
-        "Skew of the needle that carries the most: mean (bars), least and greatest (lines) of the last revolution, and "
+        "Skew of the most loaded needle: mean (bars), smallest and largest value (lines) of the last revolution, and "
         "initial value (diamonds)."
     )
     columns = ["point", "trunnion", "initial_deg", "mean_deg", "least_deg", "greatest_deg"]
@@ -65,9 +65,9 @@ def skew_chart(cube: xr.Dataset) -> Chart | None:
 
 
 def _skew_table(cube: xr.Dataset) -> pd.DataFrame | None:
-    """A row a finished point that starts with the same skew, but for its sign, on all trunnions; None without any.
+    """One row per finished point whose initial skews have the same magnitude on all trunnions; None without any.
 
-    Columns: initial_deg, signs, mean_deg (in the last revolution, positive where it keeps its side), change_percent
+    Columns: initial_deg, signs, mean_deg (in the last revolution, positive if its sign is unchanged), change_percent
     (the largest of the trunnions), second_n, third_n, beat_percent, and the other factors.
     """
     if "needle_skew_summary_deg" not in cube or "thrust_amplitude" not in cube or any(k not in cube for k in SKEWS):
@@ -98,10 +98,10 @@ def _skew_table(cube: xr.Dataset) -> pd.DataFrame | None:
 
 
 def kept_skew_charts(cube: xr.Dataset) -> list[Chart]:
-    """Skew in the last revolution and second order over a factor of the bearing, two charts an initial skew.
+    """Skew in the last revolution and second order over a factor of the bearing, two charts per initial skew.
 
-    Of at most three other factors the one with the most levels stands along the bottom, the next makes the colours, the
-    last the lines. The caption names the bearings that keep the skew and show the beat, by the limits of the claims.
+    Of at most three other factors the one with the most levels is the horizontal axis, the next sets the colour, the
+    last the line. The caption names the bearings that keep the skew and show the beat, by the limits of the claims.
     """
     table = _skew_table(cube)
     if table is None:
@@ -114,18 +114,18 @@ def kept_skew_charts(cube: xr.Dataset) -> list[Chart]:
     kept = table.groupby(others)["change_percent"].max() <= _KEPT
     names = [_bearing(cube, table[others].drop_duplicates().set_index(others, drop=False).loc[key])
              for key in kept[kept].index]  # fmt: skip
-    always = f" Kept from every start: {'; '.join(names) or 'by none'}."
+    always = f" Bearings that keep every initial skew: {'; '.join(names) or 'none'}."
     charts = []
     for rank, (_, part) in enumerate(table.groupby("initial_deg")):
         told = _those_that_keep(cube, part, others) + always
         charts.append(_kept_chart(cube, part, (along, rest), ("mean_deg", f"kept-{rank + 1}"), told))
-        told = "Second order over the third; dashed: the claim's limit of a beat that is seen."
+        told = "Second order over the third; dashed: limit of the claim above which a beat is visible."
         charts.append(_kept_chart(cube, part, (along, rest), ("beat_percent", f"beat-{rank + 1}"), told))
     return charts
 
 
 def _bearing(cube: xr.Dataset, row: pd.Series) -> str:
-    """The factors of a bearing in words."""
+    """The factors of a bearing as text."""
     return ", ".join(
         f"{factor_label(cube, str(name))} {with_unit(number(value), factor_unit(cube, str(name)))}"
         for name, value in row.items()
@@ -133,7 +133,7 @@ def _bearing(cube: xr.Dataset, row: pd.Series) -> str:
 
 
 def _those_that_keep(cube: xr.Dataset, part: pd.DataFrame, others: list[str]) -> str:
-    """How many bearings keep a skew and how many show a beat, and those that do both by name."""
+    """Caption: how many bearings keep the skew, how many show a beat, and which do both."""
     kept, seen = part["change_percent"] <= _KEPT, part["beat_percent"] >= _SEEN
     both = part[kept & seen].sort_values("change_percent")
     named = [
@@ -142,9 +142,9 @@ def _those_that_keep(cube: xr.Dataset, part: pd.DataFrame, others: list[str]) ->
     ]
     more = f" and {len(both) - _MOST_NAMED} more" if len(both) > _MOST_NAMED else ""
     return (
-        f"Skew in the last revolution, from {part['initial_deg'].iloc[0]:g} deg at the start (dashed; band: {_KEPT:g} "
-        f"%). Of {len(part)} bearings {int(kept.sum())} keep it within {_KEPT:g} % and {int(seen.sum())} show a second "
-        f"order of {_SEEN:g} % of the third; both: {'; '.join(named) + more if named else 'none'}."
+        f"Skew in the last revolution; initial skew {part['initial_deg'].iloc[0]:g} deg (dashed; band: +-{_KEPT:g} "
+        f"%). Of {len(part)} bearings {int(kept.sum())} keep it within {_KEPT:g} % and {int(seen.sum())} have a second "
+        f"order of at least {_SEEN:g} % of the third; both: {'; '.join(named) + more if named else 'none'}."
     )
 
 
@@ -180,7 +180,7 @@ def _kept_chart(
 
 
 def findings_over_skew_charts(cube: xr.Dataset) -> list[Chart]:
-    """Orders 2 and 3, and the skew in the last revolution, over the skew at the start, a line a pattern of signs."""
+    """Orders 2 and 3, and the skew in the last revolution, over the initial skew, one line per pattern of signs."""
     table = _skew_table(cube)
     others = [name for name in numeric_factors(cube) if name not in SKEWS]
     if table is None or others or table["initial_deg"].nunique() < 2:
@@ -198,8 +198,8 @@ def findings_over_skew_charts(cube: xr.Dataset) -> list[Chart]:
         f"{abs(high['mean_deg']):.2f} deg"
         for name, (low, high) in ends.items()
     )
-    orders = f"Third and second order over the chosen skew of all trunnions, both logarithmic. {orders}."
-    kept = f"Skew in the last revolution, mean of the trunnions, over that at the start; dotted: kept. {kept}."
+    orders = f"Third and second order over the initial skew of all trunnions, logarithmic axes. {orders}."
+    kept = f"Skew in the last revolution, mean of the trunnions, over the initial skew; dotted: no change. {kept}."
     return [_over_skew("orders", lines, _amplitudes, orders), _over_skew("skews", lines, _skews, kept)]
 
 
@@ -214,7 +214,7 @@ def _skews(axes: Axes, which: int, name: str, line: pd.DataFrame) -> None:
     axes.plot(line["initial_deg"], line["mean_deg"].abs(), ls=LINES[which], marker=MARKERS[which], mfc="white",
               color=COLOURS[which], label=name)  # fmt: skip
     axes.plot(line["initial_deg"], line["initial_deg"], ls=LINES[3], color=INK, lw=1,
-              label="kept" if which == 0 else None)  # fmt: skip
+              label="no change" if which == 0 else None)  # fmt: skip
     axes.set_ylabel("skew in the last revolution (deg)")
 
 

@@ -60,9 +60,9 @@ def _error_chart(data: xr.Dataset) -> Chart:
         axes.set_ylim(floor / 3, 3 * top)
         _legend(axes)
     caption = (
-        f"Numerical error of the {data['quantity_meaning'].item()} over price, a line a method, coarse settings left. "
-        f"Reference: {data['reference'].item()}; its own error is {floor:.2g} %. Crosses at the top: runs that failed, "
-        "at their price over the time that they followed. Dotted: the error at which prices are compared."
+        f"Numerical error of the {data['quantity_meaning'].item()} over price, one line per method, coarse settings on "
+        f"the left. Reference: {data['reference'].item()}; its own error is {floor:.2g} %. Crosses at the top: failed "
+        "runs, with their price per second simulated until the failure. Dotted: error at which prices are compared."
     )
     table = pd.DataFrame({
         "method": data["run_method"].values, data["setting_kind"].values[0] or "setting": data["setting"].values,

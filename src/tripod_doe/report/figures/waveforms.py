@@ -105,7 +105,7 @@ def _draw_waveform(axes: Axes, data: pd.DataFrame) -> None:
 
 
 def spectrum_chart(cube: xr.Dataset) -> Chart | None:
-    """Amplitudes of the orders 0 to 12: at the chosen points if waveforms are shown, else mean, least and most."""
+    """Amplitudes of the orders 0 to 12: at the chosen points if waveforms are kept, else mean, smallest and largest."""
     if "thrust_amplitude" not in cube or not bool(finished(cube).any()):
         return None
     order = cube["order"].values
@@ -122,14 +122,14 @@ def spectrum_chart(cube: xr.Dataset) -> Chart | None:
         bars, spread = {"mean over the study": mean}, (least, most)
         data = pd.DataFrame({"order": order, "mean_n": mean, "min_n": least, "max_n": most})
         count = f"{int(finished(cube).sum()):,} points"
-        caption = f"Amplitudes of the rotating orders: mean (bars), least and most (whiskers) of {count}"
+        caption = f"Amplitudes of the rotating orders: mean (bars), smallest and largest (whiskers) of {count}"
     largest = max(float(values.max()) for values in bars.values())
     with drawing(4.7, 3.0) as (figure, axes):
         _draw_spectrum(axes, order, bars, spread, largest)
     first = int(data.iloc[1:, -1].argmax()) + 1
     return Chart(
         "spectrum",
-        f"{caption}. The axis is logarithmic and ends at 1/10,000 of the largest bar; what is smaller is not drawn. "
+        f"{caption}. The axis is logarithmic and ends at 1/10,000 of the largest bar; smaller ones are not drawn. "
         f"The {ORDINALS[first]} is the largest.",
         figure,
         data,
