@@ -41,7 +41,7 @@ def cube(borders, silent=(), factor=(1.0, 4.0), friction=None, values=None):
         {
             "drift_mm": (dims, np.where(passed, value, np.nan), {"units": "mm"}),
             "outcome": (dims, np.where(passed, Outcome.FINISHED, Outcome.INACCURATE).astype(np.int8)),
-            "outcome_detail": (dims, np.where(passed, "", "half the step leads elsewhere").astype(object)),
+            "outcome_detail": (dims, np.where(passed, "", "half the step changes the motion").astype(object)),
         }
         | {name: (dims, np.where(passed, np.broadcast_to(rate, shape), np.nan)) for name, rate in rates.items()},
         coords={"method": METHOD_NAMES, "step_s": STEPS, "needle_mass_factor": list(factor)},
@@ -65,7 +65,7 @@ def test_known_borders_come_back():
         assert cell(result, "limited_by", "symplectic-euler", case) == Limit.FRICTION
         assert cell(result, "agrees", "symplectic-euler", case) == Agreement.YES
         assert cell(result, "first_failure", "symplectic-euler", case) == Outcome.INACCURATE
-        assert cell(result, "first_detail", "symplectic-euler", case) == "half the step leads elsewhere"
+        assert cell(result, "first_detail", "symplectic-euler", case) == "half the step changes the motion"
         assert cell(result, "border_high", "bdf2", case) == math.inf
         assert cell(result, "agrees", "bdf2", case) == Agreement.YES  # no border, and none found
         assert cell(result, "first_failure", "bdf2", case) == Outcome.NOT_RUN

@@ -184,7 +184,7 @@ def outcome(**given):
     ("given", "expected", "reason"),
     [
         ({"speed_rpm": 0}, {"out_of_range"}, "use model equilibrium"),
-        ({"torque_n_m": 0}, {"out_of_range"}, "nothing holds the rollers"),
+        ({"torque_n_m": 0}, {"out_of_range"}, "no force presses the rollers"),
         ({"needle_diameter_mm": 6}, {"jammed"}, "do not fit on the pitch circle"),
         ({"roller_radius_mm": 9}, {"jammed"}, "the bore is larger"),
         ({"method": "linearly-implicit-euler", "step_s": 1e-3}, {"inaccurate", "diverged"}, " at t = "),
@@ -218,7 +218,7 @@ def test_rollers_too_coarse_are_not_called_finished(given):
 def test_a_budget_that_is_used_up_is_told():
     label, detail = outcome(evaluation_budget=200)
     assert label == "evaluation_limit"
-    assert "force evaluations are used up at t = " in detail
+    assert "force evaluations at t = " in detail
 
 
 def test_a_preloaded_bearing_gives_a_converged_answer(simulated):

@@ -34,11 +34,11 @@ def test_numerics_that_the_model_does_not_use_are_flagged_in_a_grid():
     ("given", "reason"),
     [
         ({"needle_count": 28}, "do not fit on the pitch circle"),
-        ({"needle_diameter_mm": 9, "needle_pitch_diameter_mm": 8}, "leave no trunnion"),
+        ({"needle_diameter_mm": 9, "needle_pitch_diameter_mm": 8}, "trunnion has no diameter"),
         ({"roller_radius_mm": 9}, "bore is larger"),
         ({"initial_skew_2_deg": -4.6}, "skewed by initial_skew_2_deg do not fit"),
-        ({"bearing_radial_clearance_mm": -0.01}, "holds the rollers on their trunnions"),
-        ({"bearing_radial_clearance_mm": -0.05}, "dents them"),
+        ({"bearing_radial_clearance_mm": -0.01}, "cannot move on their trunnions"),
+        ({"bearing_radial_clearance_mm": -0.05}, "exceeds a contact pressure"),
     ],
 )
 def test_parts_that_do_not_fit_are_jammed(given, reason):

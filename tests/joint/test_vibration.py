@@ -1,4 +1,4 @@
-"""The joint that vibrates by itself: told by the stability of its smooth motion, seen in a run that damps nothing."""
+"""Self-excited vibration: predicted by the stability of the smooth motion, and found in a run without damping."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_eigenvalues_and_an_undamped_run_agree(followed, torque, vibrates):
     """Two answers that share nothing but the equations of motion; a damping method is smooth at both torques."""
     values, smooth = followed(torque, **SMOOTH)
     assert unrest(smooth) < 0.01
-    assert ("vibrates by itself at about" in told(values, smooth)) == vibrates
+    assert ("self-excited vibration at about" in told(values, smooth)) == vibrates
     undamped = followed(torque, **UNDAMPED)[1]
     assert (unrest(undamped) > 0.1) == vibrates
     assert told(values, undamped, **UNDAMPED) == told(values, smooth), "a property of the joint, not of the method"
@@ -80,7 +80,7 @@ def test_lumped_bearings_tell_what_needles_lose(joint_values, joint_assembly, gi
     Departures grow 6 and 5 times in a revolution. Of points that lost up to 13, lumped bearings were off by 2 at most.
     """
     found = asked(joint_values(**given), joint_assembly, **given)
-    assert float(re.search(r"lose (\S+) %", found.note)[1]) == pytest.approx(lost, abs=2)
+    assert float(re.search(r"lower by (\S+) %", found.note)[1]) == pytest.approx(lost, abs=2)
     assert found.invalidates == (lost > 5)
 
 
@@ -107,7 +107,7 @@ def test_nothing_is_known_of_a_motion_that_stopped(followed):
 def test_such_a_run_is_refused(simulated):
     result = simulated(**RUBBING)
     assert str(result["outcome"].values) == "2", "inaccurate"
-    assert "vibrates by itself" in str(result["outcome_detail"].values)
+    assert "self-excited vibration" in str(result["outcome_detail"].values)
 
 
 def test_what_turns_freely_does_not_vibrate(simulated):

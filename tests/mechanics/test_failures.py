@@ -164,7 +164,7 @@ def test_a_budget_of_few_evaluations_is_told_by_every_method(method):
     settings = Settings(tolerance=1e-6, budget=40)
     result, _ = needle(method, settings, None if METHODS[method].controlled else 1e-8)
     assert result.outcome == Outcome.EVALUATION_LIMIT
-    assert "force evaluations are used up at t = " in result.detail
+    assert "force evaluations at t = " in result.detail
 
 
 def test_chatter_of_unloaded_needles_is_told():

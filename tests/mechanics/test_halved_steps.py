@@ -35,7 +35,7 @@ def test_a_run_of_few_steps_is_run_again_whole():
     _, truth = needle("rosenbrock", 1e-7, **values)
     assert abs(drift / truth - 1) > 0.05
     assert result.outcome == Outcome.INACCURATE
-    assert "half the step leads" in result.detail
+    assert "half the step changes the motion" in result.detail
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ def borders():
         {
             "drift_mm": (dims, value),
             "outcome": (dims, np.where(finished, 0, Outcome.INACCURATE).astype(np.int8)),
-            "outcome_detail": (dims, np.where(finished, "", "half the step leads elsewhere").astype(object)),
+            "outcome_detail": (dims, np.where(finished, "", "half the step changes the motion").astype(object)),
             "friction_rate_per_s": (dims, rate), "contact_rate_per_s": (dims, 0 * rate),
             "secant_lag_rate_per_s": (dims, 0 * rate),
         },

@@ -155,7 +155,7 @@ def test_a_smaller_step_needs_something_to_halve(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "path", list(sys.path))
     (tmp_path / "plain_function.py").write_text("def f(x):\n    return {'y': x}\n")
     text = '[study]\nname="p"\nfunction="plain_function:f"\n[factors.x]\nvalues=[1]\n[run]\nretry=["smaller-step"]\n'
-    with pytest.raises(td.InputError, match="nothing here has a step or a tolerance"):
+    with pytest.raises(td.InputError, match="no point has a step or a tolerance"):
         parse_study(text, folder=tmp_path)
 
 

@@ -288,7 +288,7 @@ STEP = '[workflow]\nname = "w"\n[steps.a]\nkind = "study"\nstudy = "first.toml"\
         (STEP.replace('kind = "study"\n', ""), r"\[steps.a\]: kind is missing"),
         (STEP.replace("first.toml", "frist.toml"), r"\[steps.a\]: .*frist.toml: cannot read the study file"),
         (STEP + 'inputs = ["b"]\n', r"\[steps.a\]: inputs: no step 'b'"),
-        (STEP + 'inputs = ["a"]\n', r"in a ring: a -> a; take one input away"),
+        (STEP + 'inputs = ["a"]\n', r"circular inputs: a -> a; remove one of them"),
         (STEP + 'base = {tga = 1}\n', r"\[steps.a\]: .*first.toml: \[base\]: tga = 1: unknown parameter; did you mean 'tag'"),
         (STEP + 'factors.z = {values = [1]}\n', "factors.z: this study does not vary it"),
         (STEP + 'factors.x = {valeus = [1]}\n', r"unknown key 'valeus'; did you mean 'values'"),

@@ -56,12 +56,12 @@ QUANTITIES = (
     Quantity("groove_third_order", "third order of the groove's thrust", "groove_thrust_amplitude", {"order": 3}),
     Quantity("groove_first_order", "first order of the groove's thrust", "groove_thrust_amplitude", {"order": 1}),
     Quantity("groove_waveform", "waveform of the groove's thrust (rms)", "groove_thrust", {}),
-    Quantity("trunnion_skew", "skew of the needle that carries the most (rms)", "needle_skew_deg", {}),
+    Quantity("trunnion_skew", "skew of the most loaded needle (rms)", "needle_skew_deg", {}),
     Quantity("ring_drift", "shift of the needles along the trunnion (rms)", "needle_drift_mm", {}),
     Quantity("needle_drift", "drift of the needle (rms over its path)", "axial_path_mm", {}),
     Quantity("axial_force", "axial force on the groove", "axial_force_n", {}),
 )  # fmt: skip
-"""Quantities in the order in which they are told; the first that a scene gives is the one it is judged by."""
+"""Quantities in the order of reports; a scene is compared by the first one that it has."""
 
 
 @dataclass(frozen=True)

@@ -41,15 +41,16 @@ def misfits(points: JointValues[FloatArray]) -> list[tuple[int, str]]:
     bore = pitch + needle + 2 * points.bearing_radial_clearance
     load, held, pressure = _preload(points)
     reasons = [
-        (needle >= pitch, "the needles leave no trunnion: needle_diameter_mm must be below needle_pitch_diameter_mm"),
+        (needle >= pitch, "the trunnion has no diameter: needle_diameter_mm must be below needle_pitch_diameter_mm"),
         (_spacing(points, 0.0) < needle,
          "the needles do not fit on the pitch circle: reduce needle_count or needle_diameter_mm"),
         (bore >= 2 * points.roller_radius, "the bore is larger than the roller: raise roller_radius_mm"),
         (pressure > _STATIC_PRESSURE,
-         f"the preload of the needles dents them, above {_STATIC_PRESSURE:g} MPa: raise bearing_radial_clearance_mm"),
+         f"the preload of the needles exceeds a contact pressure of {_STATIC_PRESSURE:g} MPa: raise "
+         "bearing_radial_clearance_mm"),
         ((held > load) & (load > 0),
-         "the preload of the needles holds the rollers on their trunnions by more than the torque presses them into "
-         "their grooves: raise bearing_radial_clearance_mm or torque_n_m"),
+         "the sliding friction of the preloaded needles exceeds the mean contact force of a groove, so the rollers "
+         "cannot move on their trunnions: raise bearing_radial_clearance_mm or torque_n_m"),
     ]  # fmt: skip
     reasons += [
         (_spacing(points, skew) < needle, f"needles skewed by initial_skew_{k}_deg do not fit beside each other")

@@ -30,8 +30,8 @@ _ROUNDING, _SPIDER_MOTION = 1e-5, 0.03
 """Largest residual of the power balance over the friction power: rounding alone in the equilibrium; in the kinetostatic
 model the motion by which the spider follows swinging and tilting rollers, which is left out."""
 _PRELOADED = (
-    "the balance does not hold for a preloaded bearing: it misses 10 % of the third order at -0.001 mm and half of it "
-    "at -0.003 mm; use model rollers or needles"
+    "the balance does not apply to a preloaded bearing: its error in the third order is 10 % at -0.001 mm and 50 % at "
+    "-0.003 mm; use model rollers or needles"
 )
 _UNSETTLED = "the balance of the rollers did not converge; raise transition_ratio, or use model rollers"
 _RATES = tuple(output.name for output in RATE_OUTPUTS)

@@ -92,7 +92,7 @@ def judge(
     if result.outcome != Outcome.FINISHED:
         return result.outcome, result.detail
     if again.outcome != Outcome.FINISHED:
-        return Outcome.INACCURATE, f"half the tolerance or step fails: {again.detail}"
+        return Outcome.INACCURATE, f"the run with half the tolerance or step failed: {again.detail}"
     third, error = abs(complex_amplitudes(thrust).mean(0)[3]), amplitude_error[3]
     floor = _ERROR_FLOOR * abs(values.torque) / values.pitch_radius
     if not np.isfinite(third):
@@ -102,6 +102,6 @@ def judge(
         return Outcome.INACCURATE, f"{error:.3g} N of {third:.3g} N of the third order are numerical error; {advice}"
     unrest = math.sqrt(2 * float(((thrust[1] - thrust[0]) ** 2).mean()))
     if unrest > max(_UNREST_LIMIT * third, floor):
-        text = f"the thrust of the last two revolutions differs by {unrest:.3g} N, the third order being {third:.3g} N"
+        text = f"the thrust of the last two revolutions differs by {unrest:.3g} N (third order: {third:.3g} N)"
         return Outcome.INACCURATE, f"{text}: the joint rattles or still swings; lower the step or raise cycles"
     return Outcome.FINISHED, ""

@@ -62,21 +62,21 @@ _OUTPUTS = [
     Output("thrust_rms", "N", "A_k/sqrt(2)", "effective value of the rotating orders of the thrust force", (ORDER,)),
     Output("thrust_amplitude_scatter", "N", "", "difference of the thrust amplitude between the last two revolutions",
            (ORDER,)),
-    Output("thrust_amplitude_error", "N", "", "numerical error of the thrust amplitude: what half the tolerance or "
-           "step changes, and twice the standard deviation that rattling leaves", (ORDER,), optional=True),
+    Output("thrust_amplitude_error", "N", "", "numerical error of the thrust amplitude: its change with half the "
+           "tolerance or step, and twice the standard deviation due to rattling", (ORDER,), optional=True),
     Output("groove_thrust_amplitude", "N", "A_k", "amplitude of the rotating orders of the thrust in each groove",
            (_GROOVE, ORDER)),
     Output("groove_thrust_phase_deg", "degree", "p_k", "phase of the rotating orders of the thrust in each groove",
            (_GROOVE, ORDER), angle=True),
-    Output(PART_OUTPUTS[0], "N", "A_k", "amplitude of the rotating orders of what each mechanism adds to the thrust "
+    Output(PART_OUTPUTS[0], "N", "A_k", "amplitude of the rotating orders of each mechanism's part of the thrust "
            "force, and of the remainder: inertia and numerical error", (_PART, ORDER)),
-    Output(PART_OUTPUTS[1], "degree", "p_k", "phase of the rotating orders of what each mechanism adds to the thrust "
+    Output(PART_OUTPUTS[1], "degree", "p_k", "phase of the rotating orders of each mechanism's part of the thrust "
            "force", (_PART, ORDER), angle=True),
     Output("friction_power_w", "W", "P", "mean power lost to each friction mechanism", (_MECHANISM,)),
-    Output("needle_skew_deg", "degree", "psi", "skew of the needle that carries the most at this rotation angle",
+    Output("needle_skew_deg", "degree", "psi", "skew of the most loaded needle at this rotation angle",
            (_TRUNNION, ROTATION), optional=True),
-    Output("needle_skew_summary_deg", "degree", "psi", "mean, smallest and largest skew per revolution of the needle "
-           "that carries the most", (_TRUNNION, _CYCLE, _STATISTIC), optional=True),
+    Output("needle_skew_summary_deg", "degree", "psi", "mean, smallest and largest skew per revolution of the most "
+           "loaded needle", (_TRUNNION, _CYCLE, _STATISTIC), optional=True),
     Output("largest_penetration_um", "um", "delta", "largest penetration of any contact"),
     Output("energy_residual", "1", "", "input less output less friction power, over the friction power (or over a "
            "thousandth of the transmitted power, where that is larger)"),

@@ -49,7 +49,7 @@ _OUTPUTS = [
            (ORDER,)),
     Output("groove_thrust_phase_deg", "degree", "p_k", "phase of the rotating orders of the axial force on the groove",
            (ORDER,), angle=True),
-    Output("needle_skew_deg", "degree", "psi", "skew of the needle that carries the most at this rotation angle",
+    Output("needle_skew_deg", "degree", "psi", "skew of the most loaded needle at this rotation angle",
            (_ROTATION,)),
     Output("needle_drift_mm", "mm", "", "mean shift of the needles along the trunnion since the start",
            (_ROTATION,)),

@@ -109,14 +109,14 @@ def vibration(
     least = _LEAST * abs(values.torque) / values.pitch_radius
     lost = (third - _third_order(free, many, 2)) / max(third, least)
     percent = round(100 * lost, 1) + 0.0  # no negative zero
-    note = f"{_described(growth)}; undamped, lumped bearings lose {percent:g} % of the third order"
+    note = f"{_described(growth)}; without damping, lumped bearings have a third order lower by {percent:g} %"
     return Vibration(True, f"{note}; {_ADVICE}") if abs(lost) > limit else Vibration(False, note)
 
 
 def _described(growth: Growth) -> str:
     return (
-        f"the joint vibrates by itself at about {growth.frequency / (2 * math.pi):.0f} Hz, growing {growth.factor:.2g} "
-        "times in a revolution, which this run damps away"
+        f"self-excited vibration at about {growth.frequency / (2 * math.pi):.0f} Hz, growing by a factor of "
+        f"{growth.factor:.2g} per revolution, which this run damps"
     )
 
 

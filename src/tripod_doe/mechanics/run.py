@@ -269,8 +269,8 @@ def _check_start(assembly: Assembly, memory: Work, state: State, limits: Limits)
             row = rows[wrong[0]]
             a, b = assembly.names[int(row["body_a"])], assembly.names[int(row["body_b"])]
             raise InputError(
-                f"bodies {a} and {b} start {what} by {abs(sizes[wrong[0]]):.3g} against their constraint; "
-                "give them positions and velocities that obey it"
+                f"bodies {a} and {b} start {what} by {abs(sizes[wrong[0]]):.3g} and violate their constraint; "
+                "give them positions and velocities that satisfy it"
             )
 
 
@@ -280,8 +280,8 @@ def _stopped(assembly: Assembly, memory: Work, outcome: Outcome, time: float) ->
     left = not size <= RUNAWAY
     reason = {
         Outcome.DIVERGED: "the motion left all bounds" if left else "the iteration of a step did not converge",
-        Outcome.STEP_LIMIT: f"the step fell to {size:.3g}",
-        Outcome.EVALUATION_LIMIT: f"{int(memory.counters[EVALUATIONS])} force evaluations are used up",
+        Outcome.STEP_LIMIT: f"the step size fell to {size:.3g}",
+        Outcome.EVALUATION_LIMIT: f"budget used up after {int(memory.counters[EVALUATIONS])} force evaluations",
     }[outcome]
     return f"{reason} at t = {time:.6g}, body {body}"
 
@@ -322,13 +322,13 @@ def _judge(
     failed = [piece for piece in again if piece.outcome != Outcome.FINISHED]
     if failed or not again:
         for piece in failed:
-            checks.fail(Outcome.INACCURATE, f"half the step fails from t = {piece.begin:.6g} on: {piece.outcome.label}")
+            checks.fail(Outcome.INACCURATE, f"half the step fails after t = {piece.begin:.6g}: {piece.outcome.label}")
         return math.nan, _energy_balance(limits, checks, balance)
     found = difference(assembly, again, ways)
     if not found.size * error_over_difference(order, controlled) <= limits.error:
-        text = f"half the step leads {100 * found.size:.3g} % of the {found.way} elsewhere"
+        text = f"half the step changes the motion by {100 * found.size:.3g} % of the {found.way}"
         body = assembly.names[found.body]
-        checks.fail(Outcome.INACCURATE, f"{text}, most from t = {found.begin:.6g} on, body {body}")
+        checks.fail(Outcome.INACCURATE, f"{text}, most after t = {found.begin:.6g}, body {body}")
     elif whole:
         refined = balance.refined(again[0].balance, error_over_difference(1, controlled))
         return found.size, _energy_balance(limits, checks, min(balance, refined, key=EnergyBalance.worst))
@@ -341,7 +341,7 @@ def _energy_balance(limits: Limits, checks: _Checks, balance: EnergyBalance) -> 
     missed = np.flatnonzero(~(shares <= limits.energy))
     if missed.size:
         share, time = 100 * shares[missed[0]], balance.times[missed[0]]
-        text = f"the energy balance misses {share:.3g} % of the energy turned over at t = {time:.6g}"
+        text = f"the energy balance does not account for {share:.3g} % of the converted energy at t = {time:.6g}"
         checks.fail(Outcome.INACCURATE, text)
     return balance.worst()
 

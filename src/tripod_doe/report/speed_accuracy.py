@@ -137,7 +137,7 @@ def _failures(runs: xr.Dataset) -> str:
         if kind not in (Outcome.FINISHED, Outcome.EVALUATION_LIMIT):
             key = str(method), kind.label.replace("_", " ")
             settings.setdefault(key, []).append(f"{float(setting):g}")
-            reasons.setdefault(key, re.split(r"(?:, most)? at t = | up to t = |;", str(detail))[0])
+            reasons.setdefault(key, re.split(r", most after t = | at t = | up to t = |;", str(detail))[0])
     return "; ".join(f"{key[0]} {', '.join(values)} ({key[1]}: {reasons[key]})" for key, values in settings.items())
 
 

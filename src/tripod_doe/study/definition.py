@@ -161,7 +161,7 @@ def _accuracy(origin: str, simulator: Simulator, file: StudyFile, taken: set[str
     table = file.accuracy or AccuracyTable()
     if file.base.get("model") != AUTO:
         raise InputError(
-            f'{origin}: [accuracy]: nothing is chosen here; set model = "{AUTO}" in [base], or leave it out'
+            f'{origin}: [accuracy]: no model is chosen in this study; set model = "{AUTO}" in [base], or leave it out'
         )
     asked = table.__pydantic_extra__ or {}
     try:
@@ -193,7 +193,9 @@ def _switches_of(part: DesignTable, parameters: Mapping[str, Parameter], own: li
     known = [name for name, parameter in parameters.items() if parameter.kind == "switch"]
     names = part.factors or own or known
     if not names:
-        raise InputError("an ablation needs factors = [...]: the arguments that take 0 and 1, since none is a switch")
+        raise InputError(
+            "an ablation needs factors = [...]: its arguments with values 0 and 1, since no parameter is a switch"
+        )
     for name in [*names, *own]:
         if name not in parameters:
             raise InputError(f"factors: unknown parameter {name!r}{near_match(name, known or parameters)}")

@@ -156,7 +156,7 @@ def _grid(factors: Mapping[str, Factor]) -> dict[str, Column]:
     levels = [_levels(factor) for factor in factors.values()]
     for name, values in zip(factors, levels, strict=True):
         if len(set(values.tolist())) < len(values):
-            raise InputError(f"[factors.{name}]: the same value stands twice; a grid needs different values")
+            raise InputError(f"[factors.{name}]: the same value occurs twice; a grid needs different values")
     meshes = np.meshgrid(*levels, indexing="ij")
     return {name: mesh.ravel() for name, mesh in zip(factors, meshes, strict=True)}
 
@@ -176,7 +176,7 @@ def _one_at_a_time(study: Study, factors: Mapping[str, Factor]) -> tuple[dict[st
     rows, varied = [home], ["base"]
     for name, factor in factors.items():
         if home[name] is None:
-            raise InputError(f"[factors.{name}]: it has no default to come back to; one-at-a-time cannot vary it")
+            raise InputError(f"[factors.{name}]: it has no default value; one-at-a-time cannot vary it")
         for value in _levels(factor):
             rows.append({**home, name: value})
             varied.append(name)

@@ -55,7 +55,7 @@ class FunctionSimulator(Simulator):
             if parameter.default is None and name not in base and name not in factors
         ]
         if missing:
-            raise InputError(f"{self.name} needs {', '.join(missing)}: give each as a base value or as a factor")
+            raise InputError(f"{self.name} needs {', '.join(missing)}: set each as a base value or as a factor")
         return []
 
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:

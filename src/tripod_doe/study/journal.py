@@ -82,7 +82,7 @@ class Journal:
         except sqlite3.DatabaseError as error:
             self.close()
             raise CubeError(
-                f"{self.path}: not a readable journal ({error}); move it away or choose another --out"
+                f"{self.path}: not a readable journal ({error}); move it elsewhere or choose another --out"
             ) from error
 
     def close(self) -> None:

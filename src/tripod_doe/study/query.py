@@ -203,7 +203,7 @@ def _choose(cube: CubeArrays, variable: str, select: Sequence[Selection | str], 
             raise InputError(f"--select {selection.name}: not a coordinate here{known}")
         labels = coordinates[selection.name]
         if len(labels.dims) != 1:
-            raise InputError(f"--select {selection.name}: it has one value only, nothing to select")
+            raise InputError(f"--select {selection.name}: it has only one value, so it cannot be selected")
         dim = labels.dims[0]
         left = rows.get(dim, np.arange(labels.values.size))
         rows[dim] = left[_matching(labels.values[left], selection, nearest)]
@@ -221,7 +221,7 @@ def _matching(values: NDArray[Any], selection: Selection, nearest: bool) -> NDAr
     keep = np.zeros(values.size, bool)
     for wanted in selection.values:
         if isinstance(wanted, str):
-            raise InputError(f"--select {selection.name}={wanted}: it takes numbers")
+            raise InputError(f"--select {selection.name}={wanted}: expected numbers")
         match = np.abs(values - wanted) <= _MATCH * max(abs(wanted), 1e-300)
         if nearest and not match.any() and values.size:
             match = values == values[np.argmin(np.abs(values - wanted))]

@@ -120,8 +120,8 @@ def check_retries(
             new is None or simulator.effective(new) == simulator.effective(old)
             for new, old in zip(after, points, strict=True)
         ):
-            reason = "nothing here has a step or a tolerance" if not change.values else "it makes no difference"
-            raise InputError(f"{told}: {reason}; take it out")
+            reason = "no point has a step or a tolerance" if not change.values else "it makes no difference"
+            raise InputError(f"{told}: {reason}; remove it")
         points = [old if new is None else new for new, old in zip(after, points, strict=True)]
         _check_runnable(simulator, points, factors, keep, told)
     accepted = {*_NEVER_RETRIED, *(outcome for outcome in Outcome if outcome.label in expected)}

@@ -152,7 +152,7 @@ def _in_order(origin: str, tables: Mapping[str, StepTable]) -> list[str]:
         return list(TopologicalSorter({name: table.inputs for name, table in tables.items()}).static_order())
     except CycleError as error:
         ring = " -> ".join(reversed(error.args[1]))
-        raise InputError(f"{origin}: [steps]: these need each other in a ring: {ring}; take one input away") from error
+        raise InputError(f"{origin}: [steps]: circular inputs: {ring}; remove one of them") from error
 
 
 def _check_step(workflow: Workflow, name: str, table: StepTable, before: Mapping[str, Step]) -> Step:

@@ -41,7 +41,7 @@ PROGRESS = Dimension("progress", PLACES)
 
 RUN_OUTPUTS = (
     Output("largest_penetration_um", "um", "delta", "largest penetration of all contacts"),
-    Output("energy_residual", "1", "", "energy residual over the energy turned over"),
+    Output("energy_residual", "1", "", "energy residual over the converted energy"),
 )
 """Outputs of every run."""
 
