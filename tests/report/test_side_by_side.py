@@ -43,11 +43,11 @@ def test_what_differs_is_missed_and_the_rest_is_right(ladder):
     right, missed, unseen = find_side_by_side(ladder)
     assert "the third order (14.1 N; equilibrium +0.0 %)" in right
     assert (
-        "groove sliding, groove spinning, groove rolling and needle rolling make of the third order (at most 0.0"
-        in (right)
+        "the shares of groove sliding, groove spinning, groove rolling and needle rolling in the third order "
+        "(difference at most 0.0" in right
     )
     assert "the second order (0.111 N; equilibrium +100.0 %)" in missed
-    assert "what needle sliding makes of the third order (4.0 %; equilibrium -1.0 %)" in missed
+    assert "the share of needle sliding in the third order (4.0 %; equilibrium -1.0 %)" in missed
     assert "groove rolling" not in missed
     assert "only needles computes how it changes" in unseen
 
@@ -57,6 +57,6 @@ def test_the_table_has_a_column_a_model_and_the_paper_s_shares(ladder):
     assert heads == ["Quantity", "equilibrium", "needles", "paper, 3.5"]
     assert all(len(row) == len(heads) for row in rows)
     table = {row[0]: row[1:] for row in rows}
-    assert table["third order, lost without needle rolling (%)"][-1] == "6"
-    assert table["third order, lost without groove sliding (%)"] == ["100.0", "100.0", "86 (rest)"]
-    assert table["second order, lost without needle sliding (%)"][-1] == ""
+    assert table["third order, share of needle rolling by switching off (%)"][-1] == "6"
+    assert table["third order, share of groove sliding by switching off (%)"] == ["100.0", "100.0", "86 (rest)"]
+    assert table["second order, share of needle sliding by switching off (%)"][-1] == ""

@@ -1,9 +1,9 @@
 """Error against CPU time of every method and model: references, errors, prices, Pareto front, price at a target.
 
 Numerical error is the difference of a run to the reference of its own scene and model, model error that to the
-reference of the finest model. Each method's finest finished run could be the reference; the two that agree best, in all
-quantities together, are taken, the dearer as the reference, and what they differ by is its own error: known because two
-methods agree that share no discretisation. An error below that is not known better than that.
+reference of the finest model. Of the finest finished runs of all methods, the two that agree best in all quantities
+together are selected. The more expensive one is the reference, and their difference is its own error, since the two
+methods share no discretisation. Errors below it are known only to be below it.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ class Known(IntEnum):
 _KNOWN_MEANINGS = (
     "interpolated: between two finished runs, on logarithmic scales; at_most: the coarsest run meets the target, a "
     "coarser one might too; limited: the coarsest run that does not fail meets it, so that stability sets the price; "
-    "not_reached: no finished run meets it; price_only: no run came to its end, this is what the cheapest that did not "
-    "fail costs, extrapolated from the part that it followed; failed: all runs failed"
+    "not_reached: no finished run meets it; price_only: no run reached its end, so this is the price of the cheapest "
+    "one that did not fail, extrapolated from the part that it simulated; failed: all runs failed"
 )
 
 
@@ -66,7 +66,7 @@ class SpeedAccuracySettings(BaseModel):
 
 @dataclass(frozen=True)
 class _Reference:
-    """The run that stands for the truth of a case, and by quantity how far that can be trusted."""
+    """The reference run of a case, the method that agrees with it best, and its own error per quantity."""
 
     run: TimedRun
     witness: str
@@ -88,7 +88,7 @@ def speed_accuracy(cubes: Mapping[str, xr.Dataset], settings: SpeedAccuracySetti
     Parameters
     ----------
     cubes
-        Cubes of method studies with their costs, one a scene.
+        Cubes of method studies with their costs, one per scene.
     settings
         The target error.
 
@@ -130,7 +130,7 @@ def _distance(answer: FloatArray, truth: FloatArray) -> float:
 
 
 def _reference(case: Case) -> _Reference | None:
-    """The dearer of the two methods whose finest runs agree best, None where fewer than two methods finished."""
+    """The more expensive of the two methods whose finest runs agree best; None if fewer than two methods finished."""
     finest = [done[-1] for method in case.methods if (done := [run for run in case.of(method) if run.finished])]
     best: _Reference | None = None
     for one, other in itertools.combinations(sorted(finest, key=lambda run: run.price), 2):
@@ -143,7 +143,7 @@ def _reference(case: Case) -> _Reference | None:
 
 
 def _mean(errors: Iterable[float]) -> float:
-    """Geometric mean, so that no quantity outweighs the others; zero counts as rounding."""
+    """Geometric mean, so that no quantity dominates; zeros are replaced by the rounding error."""
     return float(np.exp(np.mean(np.log(np.maximum(list(errors), 1e-16)))))
 
 
@@ -211,16 +211,16 @@ def _run_variables(
     per = "CPU seconds per simulated second"
     return {
         "scene": along((case.scene for case, _ in runs), "step of the workflow"),
-        "model": along((case.model for case, _ in runs), "model; empty where a scene has but one"),
+        "model": along((case.model for case, _ in runs), "model; empty if the scene has only one"),
         "run_method": along((run.method for _, run in runs), "time integration method"),
-        "setting_kind": along((run.kind for _, run in runs), "what is set: step_s or relative_tolerance"),
+        "setting_kind": along((run.kind for _, run in runs), "parameter that is set: step_s or relative_tolerance"),
         "setting": along((run.setting for _, run in runs), "step in s, or relative tolerance"),
-        "is_default": along((np.int8(_is_default(case, run)) for case, run in runs), "1 for method and setting that "
-                            "are used where nothing is said"),
+        "is_default": along((np.int8(_is_default(case, run)) for case, run in runs), "1 for the default method and "
+                            "its default setting"),
         "outcome": ("run", np.array([run.outcome for _, run in runs], np.int8), flags),
-        "outcome_detail": along((run.detail for _, run in runs), "why it failed; empty where it did not"),
-        "cpu_per_second": along(prices, f"{per}, median of the repetitions; of a run that did not come to its end over "
-                                "the time that it followed", "1"),
+        "outcome_detail": along((run.detail for _, run in runs), "reason of a failure; empty if it finished"),
+        "cpu_per_second": along(prices, f"{per}, median of the repetitions; for a failed run, per second simulated "
+                                "until the failure", "1"),
         "cpu_per_second_low": along(spread[:, 0], f"least {per}", "1"),
         "cpu_per_second_high": along(spread[:, 1], f"largest {per}", "1"),
         "repetitions": along((np.int32(run.seconds.size) for _, run in runs), "number of repetitions"),
@@ -242,7 +242,7 @@ def _run_variables(
 def _model_floors(case: Case, reference: _Reference | None, truth: _Reference | None) -> FloatArray:
     """Least model error that a run can claim, shape (run, QUANTITIES): that of its model, and that of the truth itself.
 
-    A numerical error that happens to cancel the model's is no merit.
+    So a numerical error that happens to cancel that of the model does not count as accuracy.
     """
     own = _errors([reference.run], truth)[0] if reference else np.full(len(QUANTITIES), np.nan)
     return np.tile(np.fmax(own, _own_errors(truth)), (len(case.runs), 1))
@@ -287,12 +287,12 @@ def _case_variables(
         "method": ("method", methods, {"long_name": "time integration method"}),
         "case_scene": ("case", [case.scene for case in cases], {"long_name": "step of the workflow"}),
         "case_model": ("case", [case.model for case in cases], {"long_name": "model"}),
-        "default_method": ("case", [case.default_method for case in cases], {"long_name": "method where none is said"}),
-        "reference": ("case", [_told(reference) for reference in referred], {"long_name": "run that stands for the "
-                      "truth, and the method that agrees with it best"}),
+        "default_method": ("case", [case.default_method for case in cases], {"long_name": "default method"}),
+        "reference": ("case", [_told(reference) for reference in referred], {"long_name": "reference run, and the "
+                      "method that agrees with it best"}),
         "reference_error": (("case", "quantity"), np.vstack([_own_errors(r) for r in referred]),
-                            {"long_name": "relative error of the reference: what the finest run of another method "
-                             "differs by", "units": "1"}),
+                            {"long_name": "relative error of the reference: difference to the finest run of "
+                             "another method", "units": "1"}),
         "price": (three, prices, {"long_name": f"CPU seconds per simulated second at {100 * target:g} % error",
                                   "units": "1"}),
         "price_known": (three, known, {"long_name": "how the price is known"} | flags),

@@ -1,4 +1,4 @@
-"""Timed runs of the cubes of method studies: what each asked for, what it gave, and what it cost."""
+"""Timed runs of the cubes of method studies: settings, results and costs of each."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ _SETTINGS = ("step_s", "relative_tolerance")
 
 @dataclass(frozen=True)
 class Quantity:
-    """A named part of a run's answer; its error is the norm of the difference over the norm of the true one.
+    """A named part of a run's results; its error is the norm of the difference over the norm of the reference.
 
     Attributes
     ----------
     name
         Label along ``quantity``.
     meaning
-        In words.
+        Description.
     variable, select, last
-        Where it stands in a cube: the variable, labels along its dimensions, and dimensions of which only the last
-        entry counts.
+        Its place in a cube: the variable, labels along its dimensions, and dimensions of which only the last entry
+        is used.
     """
 
     name: str
@@ -75,12 +75,12 @@ class TimedRun:
     outcome, detail
         How it ended.
     seconds
-        CPU seconds per simulated second of every repetition, shape (repetition,); of a run that did not come to its
-        end, over the time that it followed.
+        CPU seconds per simulated second of each repetition, shape (repetition,); for a failed run, per second
+        simulated until the failure.
     steps, force_evaluations, solves
         Counted work.
     answers
-        By quantity; empty where it did not finish.
+        Results by quantity; empty if it did not finish.
     """
 
     method: str
@@ -96,12 +96,12 @@ class TimedRun:
 
     @property
     def finished(self) -> bool:
-        """Whether its answers may be used."""
+        """Whether its results may be used."""
         return self.outcome is Outcome.FINISHED
 
     @cached_property
     def price(self) -> float:
-        """Median CPU seconds per simulated second; NaN where nothing was followed."""
+        """Median CPU seconds per simulated second; NaN if nothing was simulated."""
         known = self.seconds[np.isfinite(self.seconds)]
         return float(np.median(known)) if known.size else math.nan
 
@@ -113,13 +113,13 @@ class Case:
     Attributes
     ----------
     scene, model
-        The step of the workflow, and the model; empty where a scene has but one.
+        The step of the workflow, and the model; empty if the scene has only one.
     runs
         Its runs, by method, the coarsest setting first.
     quantities
-        What the scene gives.
+        Quantities that the scene has.
     default_method, default_setting
-        What is used where nothing is said.
+        Default method, and its default step or tolerance.
     """
 
     scene: str
@@ -178,7 +178,7 @@ def _cases_of(name: str, cube: xr.Dataset) -> list[Case]:
 
 
 def _column(points: xr.Dataset, simulator: Simulator, name: str) -> NDArray[np.str_]:
-    """A choice of every point: a factor, a base value, or nothing where the scene has no such parameter."""
+    """A parameter of every point: factor or base value; empty if the scene has no such parameter."""
     if name in points.coords:
         return points[name].values.astype(str)
     fixed = json.loads(str(points.attrs.get("fixed_parameters", "{}")))
@@ -187,7 +187,7 @@ def _column(points: xr.Dataset, simulator: Simulator, name: str) -> NDArray[np.s
 
 
 def _runs(points: xr.Dataset, simulator: Simulator, quantities: Iterable[Quantity]) -> Iterable[TimedRun]:
-    """Points that differ in nothing but the repetition are one run."""
+    """Runs of the points; those that differ only in the repetition are one run."""
     methods = _column(points, simulator, "method")
     settings = {kind: _numbers(points, kind) for kind in _SETTINGS}
     groups: dict[tuple[str, str, float], list[int]] = {}

@@ -1,15 +1,15 @@
-"""Stability maps: the largest step up to which every run is right, for each method, against the border of theory.
+"""Stability maps: the largest step up to which all runs are right, per method, and the predicted border.
 
 The study varies the method, the step (or the tolerance) and operating points. A run is *good* if it finished and its
 output lies within `limit` of the reference of its operating point, *refused* if it did not finish, and *wrong* if it
 finished with another number: a failure that no check detected. The reference is found in the same cube: the finest runs
 of two methods that agree best (of one method, where it is alone, its two finest).
 
-Theory says, from the rates of the reference run (`mechanics.linearisation`):
+The border is predicted from the rates of the reference run (`mechanics.linearisation`):
 
     explicit methods    reach / rate of friction or of the stiffest contact mode, whichever is less (`Method.reach`)
     linearly implicit   limit / rate of the secant's lag: always stable, but its velocities are late
-    step control        the tolerance promises the error, so its border is the limit itself
+    step control        the tolerance is the error aimed at, so the border is the limit itself
     all others          none: their equations are solved, and they damp what they do not resolve
 """
 
@@ -43,7 +43,7 @@ _SURE = 0.2
 
 
 class RunKind(IntEnum):
-    """What became of one run, against the reference; the integer is the CF flag value."""
+    """Result of one run compared with the reference; the integer is the CF flag value."""
 
     GOOD = 0
     REFUSED = 1
@@ -53,7 +53,7 @@ class RunKind(IntEnum):
 
 
 class Limit(IntEnum):
-    """What the theory says limits a step; the integer is the CF flag value."""
+    """What limits the step in the prediction; the integer is the CF flag value."""
 
     NONE = 0
     FRICTION = 1
@@ -75,10 +75,10 @@ class StabilitySettings(BaseModel):
     """[analysis.NAME] of kind stability."""
 
     model_config = ConfigDict(extra="forbid")
-    output: str = Field(description="output whose error decides")
+    output: str = Field(description="output that is compared with the reference")
     select: dict[str, float] = Field({}, description="component of the output, for instance order = 3")
     limit: float = Field(
-        0.02, gt=0, lt=1, description="relative error up to which a run is good"
+        0.02, gt=0, lt=1, description="relative error up to which a run is right"
     )  # fmt: skip
     factor: float = Field(2.0, gt=1, description="factor within which measured and predicted border agree")
 
@@ -115,7 +115,7 @@ class _Runs:
 
 
 def predicted_border(method: Method, rates: FloatArray, limit: float) -> tuple[float, Limit]:
-    """The border that theory says, and what makes it; infinite where there is none, NaN where rates are not known.
+    """Predicted border, and what limits it; infinite where there is none, NaN where rates are unknown.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def stability_borders(cube: xr.Dataset, settings: StabilitySettings) -> xr.Datas
     cube
         Cube of a grid or product over ``method``, ``step_s`` or ``relative_tolerance``, and other numeric factors.
     settings
-        Which output decides, and how closely.
+        Output that is compared, and the limit of its relative error.
 
     Returns
     -------
@@ -228,7 +228,7 @@ def _placed(shape: tuple[int, ...], place: tuple[Any, ...], column: NDArray[Any]
 
 
 def _output(cube: xr.Dataset, settings: StabilitySettings) -> FloatArray:
-    """The number that decides, shape (point,)."""
+    """The output that is compared, shape (point,)."""
     if settings.output not in cube:
         known = [str(name) for name in cube.data_vars]
         raise InputError(f"output = {settings.output!r}: not in the cube{near_match(settings.output, known)}")
@@ -289,7 +289,7 @@ def _border(
 
 
 def _agreement(low: float, high: float, predicted: float, factor: float) -> Agreement:
-    """Whether measured and predicted border agree; an open end of the bracket agrees with all that lies beyond it."""
+    """Whether measured and predicted border agree; with an open bracket, any prediction beyond its end agrees."""
     if math.isinf(high):
         return Agreement(int(predicted >= low / factor))
     if math.isnan(low):
@@ -298,17 +298,17 @@ def _agreement(low: float, high: float, predicted: float, factor: float) -> Agre
 
 
 _MEANINGS = {
-    "border_low": "last step or tolerance up to which every run is good; missing where none is",
-    "border_high": "first step or tolerance whose run is not good; infinite where all are",
+    "border_low": "last step or tolerance up to which all runs are right; missing if none is",
+    "border_high": "first step or tolerance whose run is not right; infinite if all are",
     "border_predicted": "predicted border; infinite for none",
-    "ratio": "measured border, the geometric middle of its bracket, over the predicted one",
-    "first_detail": "why the first run that is not good failed",
-    "wrong_runs": "runs that finished with a wrong number",
+    "ratio": "measured border (geometric mean of its bracket) over the predicted one",
+    "first_detail": "why the first run that is not right failed",
+    "wrong_runs": "runs that finished with a wrong result",
 }
 _FLAGS: dict[str, tuple[type[IntEnum], str]] = {
-    "limited_by": (Limit, "what limits the step by theory"),
+    "limited_by": (Limit, "what limits the step in the prediction"),
     "agrees": (Agreement, "whether measured and predicted border agree"),
-    "first_failure": (Outcome, "outcome of the first run that is not good; not_run where all are good"),
+    "first_failure": (Outcome, "outcome of the first run that is not right; not_run if all are right"),
 }
 
 
@@ -316,7 +316,7 @@ def _labelled(
     cube: xr.Dataset, runs: _Runs, settings: StabilitySettings, borders: list[list[dict[str, Any]]],
     kind: NDArray[np.int8], error: FloatArray, references: tuple[FloatArray, FloatArray, FloatArray, list[str]],
 ) -> xr.Dataset:  # fmt: skip
-    """Put everything under its labels."""
+    """Result as a Dataset with labels and attributes."""
     reference, certainty, rates, source = references
     unit = {"units": "s" if runs.numerics == "step_s" else "1"}
     per_border, per_run = ("method", "case"), ("method", "case", "numerics")
@@ -327,13 +327,13 @@ def _labelled(
     for name, (flags, meaning) in _FLAGS.items():
         data = np.array([[border[name] for border in row] for row in borders], np.int8)
         columns[name] = (per_border, data, _flag_attributes(flags, meaning))
-    columns["run_kind"] = (per_run, kind, _flag_attributes(RunKind, "what became of the run"))
+    columns["run_kind"] = (per_run, kind, _flag_attributes(RunKind, "result of the run compared with the reference"))
     columns["run_outcome"] = (per_run, runs.outcome, _flag_attributes(Outcome, "how the run ended"))
     columns["error"] = (per_run, error, {"long_name": "relative error of a run that finished", "units": "1"})
     known = cube[settings.output].attrs.get("units", "1")
     columns["reference"] = ("case", reference, {"long_name": f"reference of {settings.output}", "units": known})
     columns["reference_error"] = ("case", certainty, {"long_name": "relative difference of two methods", "units": "1"})
-    columns["reference_source"] = ("case", np.array(source), {"long_name": "methods that make the reference"})
+    columns["reference_source"] = ("case", np.array(source), {"long_name": "methods of the reference"})
     for i, name in enumerate(_RATES):
         columns[name] = ("case", rates[:, i], {"long_name": f"{name} of the reference", "units": "s-1"})
     coordinates: dict[str, Any] = {

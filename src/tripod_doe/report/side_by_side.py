@@ -1,4 +1,4 @@
-"""The contributions by several models side by side: what the cheap ones get right, and what they cannot see."""
+"""The contributions by several models side by side: where the cheaper ones agree with the finest, and where not."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def of_one_ladder(data: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
     Returns
     -------
     dict
-        By the names they are given; empty unless there are two models at least.
+        By their names in `data`; empty unless there are at least two models.
     """
     found = {
         name: each
@@ -52,7 +52,7 @@ def _models(ladder: Mapping[str, xr.Dataset]) -> list[str]:
 
 
 def side_by_side_table(ladder: Mapping[str, xr.Dataset]) -> tuple[list[str], list[list[str]]]:
-    """Heads and rows: the third and the second order, and their shares by switching off, a column a model.
+    """Heads and rows: the third and the second order, and their shares by switching off, one column per model.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def side_by_side_table(ladder: Mapping[str, xr.Dataset]) -> tuple[list[str], lis
             cells = [_percent(value) for value in _shares(ladder, order, mechanism)]
             rows.append(
                 [
-                    f"{ORDINALS[order]}, lost without {spoken(mechanism)} (%)",
+                    f"{ORDINALS[order]}, share of {spoken(mechanism)} by switching off (%)",
                     *cells,
                     paper if order == _ORDERS[0] else "",
                 ]
@@ -77,11 +77,11 @@ def side_by_side_table(ladder: Mapping[str, xr.Dataset]) -> tuple[list[str], lis
 
 
 def _percent(value: float) -> str:
-    return f"{value:.1f}".replace("-0.0", "0.0") if np.isfinite(value) else "not known"
+    return f"{value:.1f}".replace("-0.0", "0.0") if np.isfinite(value) else "unknown"
 
 
 def find_side_by_side(ladder: Mapping[str, xr.Dataset]) -> list[str]:
-    """What the cheaper models get right of the finest, and what they cannot see, from their own numbers."""
+    """State where the cheaper models agree with the finest, where they differ, and what they do not compute."""
     models = _models(ladder)
     right: list[str] = []
     wrong: list[str] = []
@@ -95,13 +95,13 @@ def find_side_by_side(ladder: Mapping[str, xr.Dataset]) -> list[str]:
         good = [name for name in MECHANISMS if apart[name] <= _RIGHT_SHARE]
         if good:
             right.append(
-                f"what {_said([spoken(name) for name in good])} make of the {ORDINALS[order]} (at most "
-                f"{max(apart[name] for name in good):.1f} points apart)"
+                f"the shares of {_said([spoken(name) for name in good])} in the {ORDINALS[order]} (difference at most "
+                f"{max(apart[name] for name in good):.1f} percentage points)"
             )
         for name in (name for name in MECHANISMS if name not in good):
             *cheap, finest = shares[name]
             wrong.append(
-                f"what {spoken(name)} makes of the {ORDINALS[order]} ({_percent(finest)} %; "
+                f"the share of {spoken(name)} in the {ORDINALS[order]} ({_percent(finest)} %; "
                 f"{_each(models, [f'{_percent(value)} %' for value in cheap])})"
             )
     sentences = [

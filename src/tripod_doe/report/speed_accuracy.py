@@ -1,4 +1,4 @@
-"""Speed and accuracy told in sentences and as tables: which method is on the front, at what ratio, and what failed."""
+"""Speed and accuracy as sentences and tables: the cheapest method, ratios of prices, and failures."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _NEAR = 1.5
 
 
 def find_in_speed_accuracy(data: xr.Dataset) -> list[str]:
-    """What each case's default costs against the best method, what its model is off by, and what failed."""
+    """State the price of each default relative to the best method, the error of its model, and failures."""
     sentences = [
         "Prices are CPU seconds per simulated second including all checks of a run (a multibody run of joint or "
         "trunnion repeats its last revolution), median of the repetitions; in nine of ten runs the repetitions differ "
@@ -65,7 +65,7 @@ def _spread(data: xr.Dataset) -> float:
 
 
 def _lead(row: xr.Dataset) -> str:
-    """The quantity that a case is judged by: the first with a reference."""
+    """The quantity by which methods are compared in a case: the first with a reference."""
     known = np.isfinite(row["reference_error"].values)
     return str(row["quantity"].values[known][0]) if known.any() else ""
 
@@ -119,7 +119,7 @@ def _peers(row: xr.Dataset, of_default: Known) -> list[str]:
 
 
 def _mark(known: Known, of_default: Known) -> str:
-    """What stands behind a ratio that is not one of two known prices."""
+    """Remark on a ratio unless both prices are known."""
     if known is Known.PRICE_ONLY:
         return " (extrapolated, error not known)"
     if known is of_default:
@@ -142,7 +142,7 @@ def _failures(runs: xr.Dataset) -> str:
 
 
 def _missed(runs: xr.Dataset) -> str:
-    """Finished runs whose numerical error their own checks should have told."""
+    """Finished runs whose numerical error their own checks should have detected."""
     wrong = np.flatnonzero(runs["numerical_error"].values > _MISS)
     return ", ".join(
         f"{runs['run_method'].values[at]} {runs['setting'].values[at]:g} "
@@ -152,7 +152,7 @@ def _missed(runs: xr.Dataset) -> str:
 
 
 def _model_sentences(data: xr.Dataset) -> list[str]:
-    """What the default of every model differs from the finest model by, at what price."""
+    """State the difference of each model at its default to the finest model, and its price."""
     told = []
     at_default = np.flatnonzero((data["is_default"].values == 1) & np.isfinite(data["model_error"].values).any(axis=1))
     for at in at_default:
@@ -172,7 +172,7 @@ def _model_sentences(data: xr.Dataset) -> list[str]:
 
 
 def price_table(data: xr.Dataset) -> tuple[list[str], list[list[str]]]:
-    """Heads and a row a case and method: price at the target for the case's first quantity, and how it is known."""
+    """Heads and one row per case and method: price at the target for the first quantity, and how it is known."""
     heads = ["Case", "Method", "Price at the target", "Over the default", "How known", "Finished", "Failed"]
     rows = []
     for case in data["case"].values:

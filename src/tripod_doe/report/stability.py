@@ -22,19 +22,19 @@ _TIMES = ((1.0, "s"), (1e-3, "ms"), (1e-6, "us"), (1e-9, "ns"))
 _LONG = 1e3  # seconds: a rate that small limits nothing
 _WORDS = {
     Limit.NONE: "nothing", Limit.FRICTION: "friction", Limit.CONTACT: "stiffest contact mode",
-    Limit.LAG: "lag of the secant", Limit.TOLERANCE: "tolerance itself", Limit.UNKNOWN: "not known",
+    Limit.LAG: "lag of the secant slope", Limit.TOLERANCE: "tolerance itself", Limit.UNKNOWN: "unknown",
 }  # fmt: skip
 _WHY = {
     Limit.NONE: "no border is predicted for this method",
     Limit.LAG: "the rate is the lag of velocities about a frozen state, which is a poor estimate of the error",
-    Limit.CONTACT: "the mode is taken without the damping and friction that act on it, too",
+    Limit.CONTACT: "the prediction neglects damping and friction of this mode",
     Limit.TOLERANCE: "a step of this method ends at every sample, whatever the tolerance",
 }
-"""What is known of a disagreement, by what limits the step."""
+"""Known reason of a disagreement, by what limits the step."""
 
 
 def find_in_stability(borders: xr.Dataset) -> list[str]:
-    """How many borders agree with the predicted ones, undetected failures, and every disagreement with its reason."""
+    """State how many borders agree with the prediction, undetected failures, and disagreements with their reasons."""
     agrees = borders["agrees"].values
     decided = agrees != Agreement.NOT_DECIDED
     ratio = borders["ratio"].values[np.isfinite(borders["ratio"].values)]
@@ -64,7 +64,7 @@ def find_in_stability(borders: xr.Dataset) -> list[str]:
 
 
 def _disagreements(borders: xr.Dataset, m: int, cases: np.ndarray) -> str:
-    """The borders of one method that do not agree, with what is known of the reason."""
+    """The borders of one method that disagree with the prediction, with the known reason."""
     rows = [borders.isel(method=m, case=int(c)) for c in cases]
     pairs = [(measured_border(borders, row), border_text(borders, float(row["border_predicted"]))) for row in rows]
     seen = "; ".join(
@@ -80,13 +80,13 @@ def _disagreements(borders: xr.Dataset, m: int, cases: np.ndarray) -> str:
 
 
 def _place(row: xr.Dataset) -> str:
-    """What is special about a case."""
+    """The base case, or the factor that differs from it."""
     varied = str(row["varied"].item())
     return "base case" if varied == "base" else _level(row, varied)
 
 
 def _first_failure(row: xr.Dataset) -> str:
-    """How the first run that is not good failed: refused, perhaps by a false alarm, or wrong and not noticed."""
+    """State how the first run that is not right failed: rejected by its checks, or wrong and undetected."""
     if int(row["first_failure"]) == Outcome.FINISHED:
         return "the first run beyond it finished with a wrong result"
     return f"the first run beyond it was rejected: {row['first_detail'].item()}"
@@ -98,7 +98,7 @@ def _level(row: xr.Dataset, factor: str) -> str:
 
 
 def border_text(borders: xr.Dataset, value: float) -> str:
-    """A step in the unit that suits it, or a tolerance."""
+    """A step with a unit that suits its size, or a tolerance."""
     if not math.isfinite(value):
         return "not known" if math.isnan(value) else "none"
     if borders.attrs["numerics"] != "step_s":
@@ -118,7 +118,7 @@ def measured_border(borders: xr.Dataset, row: xr.Dataset) -> str:
 
 
 def stability_table(borders: xr.Dataset) -> tuple[list[str], list[list[str]]]:
-    """Heads and a row a map and method, the borders from the first to the last value of the factor."""
+    """Heads and one row per map and method; borders from the first to the last value of the factor."""
     parts = {factor: map_of(borders, factor) for factor in maps(borders)}
     methods = range(borders.sizes["method"])
     return list(_HEADS), [_row(part, part.isel(method=m), factor) for factor, part in parts.items() for m in methods]

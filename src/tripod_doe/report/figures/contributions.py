@@ -24,12 +24,12 @@ _HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "")
 
 
 def contribution_charts(inputs: Mapping[str, xr.Dataset]) -> list[Chart]:
-    """A chart for every order of every contribution analysis that has shares."""
+    """One chart per order of each contribution analysis that has shares."""
     return [contribution_chart(part) for part in contributions(inputs) if not part.missing]
 
 
 def contribution_chart(part: Contribution) -> Chart:
-    """Stacked bars, to the left of zero what opposes: a bar a definition, or a bar an operating point.
+    """Stacked bars, negative shares to the left of zero: one bar per definition, or per operating point.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def contribution_chart(part: Contribution) -> Chart:
 
 
 def _bars(part: Contribution) -> tuple[dict[str, FloatArray], str]:
-    """The bars by their labels, and in words what they are."""
+    """The bars by their labels, and a description of them."""
     count = len(part.labels)
     if count == 1:
         return {DEFINITIONS[name]: values[0] for name, values in part.shares.items()}, "by each definition of a share"
@@ -99,7 +99,7 @@ def _draw(axes: Axes, bars: dict[str, FloatArray], mechanisms: list[str]) -> Non
 
 
 def _frame(part: Contribution) -> pd.DataFrame:
-    """A row an operating point and definition, in full precision."""
+    """One row per operating point and definition, in full precision."""
     frames = []
     for name, values in part.shares.items():
         columns = dict(zip(part.mechanisms, values.T, strict=True)) | {"sum": values.sum(axis=1)}

@@ -1,4 +1,4 @@
-"""Error over CPU time: a line a method, failures where they stand, the Pareto front, and the errors of the models."""
+"""Error over CPU time: one line per method, failed runs, the Pareto front, and the errors of the models."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def _line(axes: Axes, method: str, price: np.ndarray, error: np.ndarray) -> None
 
 
 def _crosses(axes: Axes, kind: Outcome, methods: np.ndarray, price: np.ndarray, top: float) -> None:
-    """Failed runs at the top of the chart, the sign telling how they failed and the colour whose they are."""
+    """Failed runs at the top of the chart; the marker is the outcome, the colour the method."""
     sign = _CROSSES.get(kind, _OTHER)
     for method in dict.fromkeys(methods):
         mine = methods == method
@@ -121,7 +121,7 @@ def _mark(axes: Axes, chosen: np.ndarray, price: np.ndarray, error: np.ndarray, 
 
 
 def model_error_charts(data: xr.Dataset) -> list[Chart]:
-    """Difference of every finished run to the finest model, a chart a scene and quantity with several models."""
+    """Difference of every finished run to the finest model, one chart per scene and quantity with several models."""
     charts = []
     for scene in dict.fromkeys(data["scene"].values):
         of_scene = data.isel(run=np.flatnonzero(data["scene"].values == scene))

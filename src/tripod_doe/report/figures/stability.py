@@ -42,7 +42,7 @@ def map_of(borders: xr.Dataset, factor: str) -> xr.Dataset:
 
 
 def stability_charts(borders: xr.Dataset) -> list[Chart]:
-    """A chart a factor: its panels are the methods, step or tolerance up, the factor's values along."""
+    """One chart per factor: one panel per method, with step or tolerance over the values of the factor."""
     return [_chart(borders, factor) for factor in maps(borders)]
 
 
@@ -128,7 +128,7 @@ def _caption(borders: xr.Dataset, factor: str) -> str:
 
 
 def _numbers(part: xr.Dataset, factor: str) -> pd.DataFrame:
-    """The borders, a row a method and value."""
+    """The borders, one row per method and value."""
     columns = ["border_low", "border_high", "border_predicted", "ratio", "wrong_runs"]
     table = part[columns].to_dataframe().reset_index()
     return table[["method", factor, *columns]]
