@@ -98,7 +98,7 @@ def turned(quaternions: FloatArray, vector: FloatArray) -> FloatArray:
 def needle_skews(
     assembly: Assembly, positions: FloatArray, values: JointValues[float], cycles: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Skew of the needle of each trunnion that carries the most: the one that dips deepest into the trunnion.
+    """Skew of the most loaded needle of each trunnion: the one with the largest penetration into the trunnion.
 
     Parameters
     ----------

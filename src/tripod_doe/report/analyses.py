@@ -186,7 +186,7 @@ ANALYSES: dict[str, Analysis] = {
 
 
 def findings_of(name: str, data: xr.Dataset) -> list[str]:
-    """Sentences on what a study or an analysis found.
+    """Findings of a study or an analysis, as sentences.
 
     Parameters
     ----------

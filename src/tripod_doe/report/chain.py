@@ -1,4 +1,4 @@
-"""Pages of a workflow: the chain with links to what its steps made, and the pages of its report steps."""
+"""Pages of a workflow: its steps with links to their results, and the pages of its report steps."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def write_charts(charts: Sequence[Chart], step: str, folder: Path) -> None:
 
 
 def read_charts(folder: Path) -> list[StoredChart]:
-    """Charts as `write_charts` left them."""
+    """Charts as written by `write_charts`."""
     captions = json.loads((folder / "figures.json").read_text(encoding="utf-8"))
     return [StoredChart(name, caption, folder) for name, caption in captions.items()]
 
@@ -139,7 +139,7 @@ def _part(name: str, cube: xr.Dataset) -> PagePart:
 
 
 def _side_by_side(name: str, ladder: Mapping[str, xr.Dataset]) -> PagePart:
-    """Contributions of several models in one table, then what the finest of them finds."""
+    """Contributions of several models in one table, then the findings of the finest of them."""
     finest = list(ladder)[-1]
     findings = find_side_by_side(ladder) + findings_of(finest, ladder[finest])
     return PagePart(name, "Contributions: the models side by side", findings, [], "", side_by_side_table(ladder))
@@ -160,7 +160,7 @@ def chain_page(
     text: str = "",
     answers: Mapping[str, xr.Dataset] | None = None,
 ) -> str:
-    """The page of a whole workflow: its answers, the chain as a picture, a row a step with its state, time and link.
+    """The page of a workflow: its answers, a diagram, and one row per step with its state, time and link.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def chain_page(
     steps
         Each after all that it needs.
     notice
-        What the reader must know first, for instance that this was a quick run.
+        Notice at the top, for instance that this was a quick run.
     text
         The workflow file.
     answers

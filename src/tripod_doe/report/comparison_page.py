@@ -18,7 +18,7 @@ __all__ = ["comparison_page", "write_comparison"]
 
 
 def comparison_page(comparison: xr.Dataset) -> str:
-    """The comparison as one HTML page that needs nothing else."""
+    """The comparison as one self-contained HTML page."""
     point = json.loads(comparison.attrs["point"])
     facts = [(spoken(name), number(value) if isinstance(value, float) else str(value)) for name, value in point.items()]
     return render(

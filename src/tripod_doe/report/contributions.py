@@ -193,7 +193,7 @@ def _percent(values: FloatArray) -> str:
 
 
 def span(values: FloatArray) -> str:
-    """Percent for people: one number, or the least and the most of several; empty where none is known."""
+    """Percent as text: one number, or the smallest and the largest of several; empty if none is known."""
     known = values[np.isfinite(values)]
     if known.size == 0:
         return ""
@@ -202,7 +202,7 @@ def span(values: FloatArray) -> str:
 
 
 def share_rows(part: Contribution) -> tuple[list[str], list[list[str]], list[list[str]]]:
-    """The table of one contribution: heads, a row a mechanism, and rows of what adds up and what does not.
+    """The table of one contribution: heads, one row per mechanism, and rows of sums and remainders.
 
     Parameters
     ----------
@@ -241,21 +241,21 @@ def find_in_contribution(name: str, result: xr.Dataset) -> list[str]:
 
 
 def contribution_findings(part: Contribution) -> list[str]:
-    """Who makes it and who opposes, and by which definition the paper's shares are nearest."""
+    """State the shares, the mechanisms that oppose the sum, and the definition closest to the paper's shares."""
     if part.missing:
         return [f"{_start(part.what)} has no shares: {part.missing} (analysis {part.analysis})."]
     return [_who_makes_it(part), *_nearest_to_paper(part)]
 
 
 def contribution_notes(part: Contribution) -> list[str]:
-    """What a reader of the shares should know: what carries all of it, and the strongest interaction."""
+    """Notes on the shares: mechanisms on which all of the amplitude depends, and the strongest interaction."""
     if part.missing:
         return contribution_findings(part)
     return _all_passes(part) + _strongest_interaction(part) + _agreement(part)
 
 
 def _agreement(part: Contribution) -> list[str]:
-    """Where the direct decomposition agrees with the ablation, and why it need not."""
+    """State where the direct decomposition agrees with the ablation, and why it may differ."""
     direct = part.shares.get("share_direct")
     if direct is None or not np.isfinite(direct).all():
         return []
@@ -335,7 +335,7 @@ def _nearest_to_paper(part: Contribution) -> list[str]:
 
 
 def _all_passes(part: Contribution) -> list[str]:
-    """A note where one mechanism carries all the others: what that does to the definitions."""
+    """A note if the amplitude vanishes without one mechanism: the consequence for each definition."""
     whole = np.nan_to_num(np.abs(part.shares["share_off"] - 100), nan=np.inf).max(axis=0) < _ALL_OF_IT
     needed = [spoken(name) for name, is_whole in zip(part.mechanisms, whole, strict=True) if is_whole]
     if len(needed) == 1:

@@ -1,4 +1,4 @@
-"""What a study found, in sentences with numbers taken from its cube."""
+"""Findings of a study: sentences with numbers from its cube."""
 
 from __future__ import annotations
 

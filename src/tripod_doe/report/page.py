@@ -1,4 +1,4 @@
-"""The report of a result directory: one HTML file that needs nothing else, made from its cubes."""
+"""The report of a result directory: one self-contained HTML file, made from its cubes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which numbers of a cube a reader asks for first, as labelled responses over the design."""
+"""The main results of a cube as labelled responses over the design."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ _UNIT_SUFFIX = re.compile(r"_(deg|n_m|rpm|mm_s|mm|um|kg_m2|kg_m3|kg|gpa|s_per_mm
 
 @dataclass(frozen=True)
 class Response:
-    """One number a point.
+    """One number per point.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class Response:
 
 @dataclass(frozen=True)
 class Effect:
-    """How a response goes with one factor: statistics over all other factors, each array of shape (level,).
+    """Dependence of a response on one factor: statistics over all other factors, each array of shape (level,).
 
     Attributes
     ----------
@@ -120,12 +120,12 @@ def spoken(name: str) -> str:
 
 
 def unit_text(unit: str) -> str:
-    """A unit for people."""
+    """A unit as text."""
     return {"1": "", "degree": "deg", "mm s-1": "mm/s", "kg m-3": "kg/m3", "s mm-1": "s/mm"}.get(unit, unit)
 
 
 def number(value: float) -> str:
-    """A number for people: four digits."""
+    """A number as text: four digits."""
     return f"{value:.4g}" if value else "0"
 
 
@@ -145,7 +145,7 @@ def factor_label(cube: xr.Dataset, name: str) -> str:
 
 
 def factor_unit(cube: xr.Dataset, name: str) -> str:
-    """A factor's unit for people."""
+    """A factor's unit as text."""
     return unit_text(str(cube[name].attrs.get("units", "1")))
 
 

@@ -1,4 +1,4 @@
-"""What a sensitivity analysis found: its strongest factors in sentences."""
+"""Findings of a sensitivity analysis: sentences on its strongest factors."""
 
 from __future__ import annotations
 

@@ -126,7 +126,7 @@ def load_workflow(path: str | Path, quick: bool = False) -> Workflow:
     Raises
     ------
     InputError
-        If a file cannot be read, a key, kind, name or value is not known, or steps need each other in a ring.
+        If a file cannot be read, a key, kind, name or value is not known, or steps depend on each other.
     """
     path = Path(path)
     text, origin, folder = read_text(path, "workflow file"), str(path), path.resolve().parent

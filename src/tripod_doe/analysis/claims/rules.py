@@ -57,7 +57,7 @@ class Cases:
         }[case]  # fmt: skip
 
     def wanted(self, case: int) -> dict[str, Any]:
-        """The parameters by which points of a case are found."""
+        """Parameter values that identify the points of a case."""
         skews = {f"initial_skew_{k}_deg": skew for k, skew in enumerate(self.skews(case), 1)}
         return {"model": self.model} | skews
 
@@ -79,7 +79,7 @@ class Rule:
     measure
         The number, from the evidence; raises `MissingPointError` where its points are not there.
     why_not
-        The reason found where it does not hold.
+        The known reason if it does not hold.
     """
 
     name: str
@@ -274,7 +274,7 @@ def _local_orders(evidence: Evidence, cases: Cases) -> Measured:
 
 
 def _share(mechanism: str) -> Callable[[Evidence, Cases], Measured]:
-    """The share by the definition that is nearest to the paper's."""
+    """The share by the definition whose value is closest to the paper's."""
     paper = PAPER_SHARES.get(mechanism, 100 - sum(PAPER_SHARES.values()))
 
     def measure(evidence: Evidence, cases: Cases) -> Measured:

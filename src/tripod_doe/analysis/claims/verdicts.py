@@ -1,4 +1,4 @@
-"""The paper's claims, one by one: what it says, the number that decides it, its tolerance, and whether it holds."""
+"""The paper's claims: statement, quantity that decides it, its tolerance, and whether it holds, for each."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def _inside(rule: Rule, value: float) -> bool:
 
 
 def claims_json(claims: xr.Dataset) -> str:
-    """The table for machines: a list of claims; ``holds`` is null where one is not decided."""
+    """The table as JSON: a list of claims; ``holds`` is null if one is not decided."""
     holds = {Verdict.HOLDS: True, Verdict.DOES_NOT_HOLD: False, Verdict.NOT_DECIDED: None}
     records = []
     for at, name in enumerate(claims["claim"].values):

@@ -20,7 +20,7 @@ FloatArray = NDArray[np.float64]
 
 
 class _BudgetSpentError(Exception):
-    """Raised out of SciPy's loop when the evaluations are used up."""
+    """Raised to leave SciPy's loop when the budget of evaluations is used up."""
 
 
 @kernel

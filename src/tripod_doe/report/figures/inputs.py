@@ -1,4 +1,4 @@
-"""What a figure step draws from: functions from its input cubes to charts."""
+"""Types of figure functions: from the cubes of a step's inputs to charts."""
 
 from __future__ import annotations
 
