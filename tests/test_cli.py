@@ -61,6 +61,7 @@ def test_simulate_answers_one_json_object(capsys):
     assert answer["thrust_amplitude"] == direct["thrust_amplitude"].values.tolist()
 
 
+@pytest.mark.slow
 def test_simulate_runs_the_full_model(capsys):
     few = ("--needle-count", 9, "--needle-diameter-mm", 5.89, "--spheres-per-needle", 3, "--cycles", 3)
     code, out, _ = call(capsys, "simulate", "--model", "needles", *few, "--format", "json")
@@ -187,6 +188,7 @@ def test_a_bad_comparison_is_told(capsys, whole_results, record, words, message)
     assert message in err
 
 
+@pytest.mark.slow
 def test_plan_counts_and_writes_nothing(capsys, write_study, tmp_path):
     study = write_study(STUDY)
     before = sorted(tmp_path.iterdir())
@@ -282,6 +284,7 @@ def limited(bytes_):
     return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (bytes_, bytes_))
 
 
+@pytest.mark.slow
 def test_a_full_disk_loses_nothing(write_study, tmp_path):
     """The file size limit stands in for a full disk: writes fail in mid-run."""
     (tmp_path / "wide.py").write_text("import numpy as np\ndef f(x):\n    return {'y': np.full(20000, x)}\n")

@@ -56,6 +56,7 @@ def extended(tmp_path_factory):
     return folder, touched
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("section", SECTIONS, ids=lambda section: section.partition("\n")[0])
 def test_an_example_works_and_touches_as_many_files_as_it_says(extended, section):
     """Its check runs in a fresh process, on the changed sources."""

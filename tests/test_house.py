@@ -30,6 +30,7 @@ def test_imports_run_one_way():
     expect_success("lint-imports")
 
 
+@pytest.mark.slow
 def test_types_are_strict():
     expect_success("mypy")
 

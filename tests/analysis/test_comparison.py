@@ -201,6 +201,7 @@ def test_compared_with_itself_nothing_differs(measure):
     assert np.abs(result["measured_thrust"] - result["model_thrust"]).max() < 5 * 2.0 / np.sqrt(30 * 1000 / 360) + 0.2
 
 
+@pytest.mark.slow
 def test_the_interval_holds_the_truth_as_often_as_it_says():
     """Coverage of the 95 % interval over 400 short records: 95 % +- 4 standard deviations of a binomial."""
     rotation, rng = np.arange(0, 5 * 360, 3.0), np.random.default_rng(3)

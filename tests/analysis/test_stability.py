@@ -156,6 +156,7 @@ def test_what_is_missing_is_told(change, told):
         stability_borders(change(cube(KNOWN)), SETTINGS)
 
 
+@pytest.mark.slow
 def test_a_real_border_is_that_of_the_linearised_roller(tmp_path):
     """The contact of a roller in its groove, beyond whose border a run is refused (regression: ratio 0.76, 0.95)."""
     (tmp_path / "study.toml").write_text("""

@@ -26,6 +26,7 @@ def third(result):
     return complex_amplitudes(result.groove_thrust.sum(axis=1))[..., 3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "point",
     [

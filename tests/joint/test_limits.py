@@ -35,6 +35,7 @@ def test_without_torque_or_speed(simulated, model, given):
         assert "use model equilibrium" in detail
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("given", [{"joint_angle_deg": 0}, NO_FRICTION])
 @pytest.mark.parametrize("model", MODELS)
 def test_without_joint_angle_or_friction(simulated, model, given):
@@ -53,6 +54,7 @@ def test_skew_beyond_what_the_ring_allows(simulated, model, skew):
     assert "initial_skew_3_deg" in detail
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS)
 def test_one_needle_missing(simulated, model):
     """Limit: the others carry its share, so that the third order stays within the 3 % that nine needles rattle by. With

@@ -31,6 +31,7 @@ def order(result, k):
     return result["thrust_amplitude"].values[k] * np.exp(1j * np.radians(result["thrust_phase_deg"].values[k]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("given", [{}, {"joint_angle_deg": 6}, {"torque_n_m": 100}, {"torque_n_m": -50}])
 def test_third_order_of_rollers_is_near_the_equilibrium(simulated, given):
     """Limit: inertia, clearances and a shaft of finite length are all that lies between the two models."""
@@ -57,6 +58,7 @@ def test_switched_off_mechanisms_do_the_same_in_both_models(simulated, switch):
     assert powers[0] == pytest.approx(powers[1], rel=0.1, abs=0.02 * powers[1].sum())
 
 
+@pytest.mark.slow
 def test_reference_point(simulated):
     """Regression: 14.155 N at the default tolerance, 14.18 N converged; 0.220 N of second order at uneven skews."""
     assert abs(order(simulated(), 3)) == pytest.approx(14.155, abs=0.01)
@@ -118,6 +120,7 @@ def test_a_straight_joint_has_no_thrust(simulated):
     assert np.abs(result["thrust"].values).max() < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("given", [{}, skews(0.4, -0.4, 0.4)])
 def test_few_needles_behave_like_rollers(simulated, given):
     """Limit: bodies that roll with the bearing's friction; few thick needles rattle, so 5 % of the third order."""
@@ -133,6 +136,7 @@ def test_few_needles_behave_like_rollers(simulated, given):
     assert mean[:, 2:] == pytest.approx(last, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_full_model_at_the_reference_point(simulated):
     """Regression: 507 degrees of freedom, 14.41 N; 0.175 N of second order at uneven skews, which stay within 0.15 deg."""
     aligned, uneven = (simulated(model="needles", **skews(*s)) for s in ((0, 0, 0), (0.4, -0.4, 0.4)))
@@ -146,6 +150,7 @@ def test_full_model_at_the_reference_point(simulated):
     assert mean == pytest.approx(np.tile([[0.4], [-0.4], [0.4]], 4), abs=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("given", REFERENCE_POINTS)
 def test_the_reported_error_covers_the_real_one(simulated, given):
     """Numerical error: against a quarter of the tolerance, whose own error counts too; and not by a factor of ten."""
@@ -164,6 +169,7 @@ def test_the_error_is_of_first_order(simulated):
     assert abs(third[0] - third[1]) / abs(third[1] - third[2]) == pytest.approx(2, rel=0.15)
 
 
+@pytest.mark.slow
 def test_other_methods_agree_within_their_errors(simulated):
     """Numerical error: an explicit method and one of a single linear solve a step, against the default at a quarter."""
     settled = order(simulated(cycles=3, relative_tolerance=1e-3), 3)
@@ -197,6 +203,7 @@ def test_runs_that_cannot_go_well_say_why(model, given, expected, reason):
     assert reason in detail
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "given",
     [
@@ -221,6 +228,7 @@ def test_a_budget_that_is_used_up_is_told():
     assert "force evaluations at t = " in detail
 
 
+@pytest.mark.slow
 def test_a_preloaded_bearing_gives_a_converged_answer(simulated):
     """Numerical error: -0.003 mm and -0.005 mm finish, with a number that holds at a quarter of the tolerance."""
     for clearance in (-0.003, -0.005):
@@ -278,6 +286,7 @@ expected_outcomes = ["not_applicable"]
 """
 
 
+@pytest.mark.slow
 def test_models_share_one_cube(write_study, tmp_path):
     """Invariance: a cell is NaN where its model has no such output or its method is not of its model."""
     summary = td.run(write_study(STUDY), out=tmp_path / "out", progress=False)

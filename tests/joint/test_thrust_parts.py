@@ -105,6 +105,7 @@ def test_the_split_does_not_know_which_groove_is_the_first():
     assert _orders(moved[0], 3)[0] == pytest.approx(_orders(moved[1], 3)[0], abs=1e-8)
 
 
+@pytest.mark.slow
 def test_needles_split_the_thrust_as_their_lumped_bearing_does():
     """Limit: the third order of all parts but the needles' sliding, which lacks neighbours in a lumped bearing.
 
@@ -116,6 +117,7 @@ def test_needles_split_the_thrust_as_their_lumped_bearing_does():
     assert needles[0].sum() == pytest.approx(needles[1], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_needles_without_sliding_friction_have_no_part_of_it():
     """Limit: found as what the balance leaves, it is zero to the run's own numerical error of the third order."""
     result = td.simulate(model="needles", cycles=3, needle_sliding=0, **FEW)

@@ -57,6 +57,7 @@ def test_the_spider_moves_as_in_the_joint(joint_values):
     assert np.abs(places[0] - places[1]).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_thrust_of_the_groove_is_that_of_the_joint(simulated):
     """Limit: friction at the other two grooves is what is left out; measured 1.1 % and 3.2 %, with 27 needles 0.3 % and 3.4 %."""
     joint = simulated(model="needles", initial_skew_1_deg=0.4, **FEW, **CALM)
@@ -80,6 +81,7 @@ def test_what_is_asked_of_the_joint_can_be_asked_of_a_trunnion():
         td.simulate("trunnion", initial_skew_2_deg=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("given", "label", "reason"),
     [

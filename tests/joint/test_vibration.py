@@ -56,6 +56,7 @@ def told(values, result, method="adaptive-euler", **_):
     return "" if found is None else found.note
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("torque", "vibrates"), [(5, True), (20, False)])
 def test_eigenvalues_and_an_undamped_run_agree(followed, torque, vibrates):
     """Two answers that share nothing but the equations of motion; a damping method is smooth at both torques."""
@@ -71,6 +72,7 @@ UNEVEN = {"initial_skew_1_deg": 0.4, "initial_skew_2_deg": -0.4, "initial_skew_3
 RUBBING = {"torque_n_m": 25, "groove_sliding_friction": 0.1, "groove_spin_friction": 0.1} | UNEVEN
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("given", "lost"), [(RUBBING, 10.6), ({"torque_n_m": 7} | UNEVEN, 0.2)], ids=["a tenth lost", "nothing lost"]
 )
@@ -104,6 +106,7 @@ def test_nothing_is_known_of_a_motion_that_stopped(followed):
     assert told(values, replace(result, times=result.times[:100])) == ""
 
 
+@pytest.mark.slow
 def test_such_a_run_is_refused(simulated):
     result = simulated(**RUBBING)
     assert str(result["outcome"].values) == "2", "inaccurate"

@@ -21,6 +21,7 @@ def test_pendulum():
     np.testing.assert_allclose(result.positions[-1, 1, :2], (-0.2750874626, -0.9614192051), atol=1e-6)  # IFToMM A01
 
 
+@pytest.mark.slow
 def test_four_bars_pass_their_singular_positions():
     result = _finished(examples.four_bars(2), "rk4", 10.0, step=1e-3)
     upper_end = 2 * result.positions[-1, 1, :2]

@@ -60,6 +60,7 @@ def empty_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
 
 
+@pytest.mark.slow
 def test_one_process_compiles_and_the_other_waits_for_its_machine_code(start):
     first = start()
     assert first.stdout.readline() == "here\n"

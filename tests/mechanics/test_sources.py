@@ -88,6 +88,7 @@ def test_what_is_no_code_of_mechanics_or_joint_counts_for_nothing(package):
     assert hash_sources(package) == before
 
 
+@pytest.mark.slow
 def test_machine_code_is_kept_where_words_change_and_made_again_where_code_does(package, tmp_path):
     def hits_and_misses():
         places = {"PYTHONPATH": str(package.parent), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}

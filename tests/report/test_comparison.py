@@ -67,6 +67,7 @@ def test_figures_hold_the_numbers(comparison, read_table):
     assert [chart.name for chart in comparison_charts(without_time)] == ["waveform", "orders", "beat"]
 
 
+@pytest.mark.slow
 def test_the_page_needs_nothing_else_and_escapes(comparison, tmp_path):
     page = comparison_page(comparison)
     assert "&lt;b&gt;study&lt;/b&gt;" in page

@@ -154,6 +154,7 @@ def test_nothing_is_loaded_from_elsewhere_and_identifiers_are_unique(joint_page)
     assert targets <= set(page.ids)
 
 
+@pytest.mark.slow
 def test_the_same_cube_gives_the_same_page(joint_page, joint_cube):
     assert make_page(joint_cube, {}) == joint_page
 

@@ -70,6 +70,7 @@ def cube_of(text, blocks=1):
     return build_cube(study, points, keys, iter(finished))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["grid", "sampled", "ablation", "sobol", "contribution", "cost"])
 def test_cubes_conform_to_cf(tmp_path, kind):
     """The checker's own verdict, CF 1.8; every file kind that a run writes."""

@@ -45,6 +45,7 @@ SMALL = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", SCENES)
 def test_planned_bytes_are_those_of_the_cube(scene):
     """Exact: whatever becomes of a point, its cube holds every output at the length that the plan counts."""
@@ -98,6 +99,7 @@ def test_points_are_timed_in_batches_of_a_fifth_of_a_second(monkeypatch):
     assert calls == [1, 1] + 11 * [100]
 
 
+@pytest.mark.slow
 def test_points_are_timed_in_a_process_of_their_own(monkeypatch):
     """However slow the machine is."""
     monkeypatch.setattr(plan_module, "_TIMING_SECONDS", 600.0)

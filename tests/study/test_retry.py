@@ -112,6 +112,7 @@ def test_expected_outcomes_are_not_retried(fragile):
     assert cost["force_evaluations"].values.tolist() == [1] * 4
 
 
+@pytest.mark.slow
 def test_rollers_at_forty_degrees_finish_with_half_the_tolerance():
     """The energy balance of the default tolerance does not close there."""
     cube, _ = cube_of(JOINT)
@@ -173,6 +174,7 @@ def test_failed_points_run_again_with_their_retries_when_asked(fragile, write_st
     assert int(td.open_cube(fragile / "out")["attempt"][3]) == 2
 
 
+@pytest.mark.slow
 def test_a_kill_in_a_retry_loses_nothing_and_changes_nothing(fragile, write_study):
     slow = STUDY.replace("[factors.x]", "[base]\nslow = 0.05\n[factors.x]").replace(
         "values = [1.0, 0.5, 0.3, 0.1]", "low = 0.05\nhigh = 1.0\ncount = 60"

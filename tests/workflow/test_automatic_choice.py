@@ -93,6 +93,7 @@ def wave(tmp_path, monkeypatch):
     return Bench(tmp_path)
 
 
+@pytest.mark.slow
 def test_a_study_runs_on_the_candidates_that_its_pilot_chose(wave):
     first = wave.run(STUDY)
     assert first.good
@@ -136,6 +137,7 @@ def test_a_study_runs_on_the_candidates_that_its_pilot_chose(wave):
     assert (wave.folder / "out" / "choice.nc").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_the_pilot_takes_a_finer_tolerance_where_the_full_model_is_not_accurate_enough(wave):
     """Model 2 is 2 % off by its own estimate: not enough for 1 %, so model 3 is the reference."""
     text = STUDY.replace("y = 0.03", "y = 0.012")
@@ -149,6 +151,7 @@ def test_the_pilot_takes_a_finer_tolerance_where_the_full_model_is_not_accurate_
     assert (choice["accuracy_met"] == 1).all()
 
 
+@pytest.mark.slow
 def test_a_finer_tolerance_is_tried_only_where_the_full_model_is_not_accurate_enough(wave):
     """Model 2 knows itself to 2 % on the right and to 0.1 % on the left: there it is its own reference."""
     path = wave.folder / f"{wave.module}.py"
@@ -166,6 +169,7 @@ def test_a_finer_tolerance_is_tried_only_where_the_full_model_is_not_accurate_en
     assert (abs(cube["y"] - exact) <= 0.012 * exact).all()
 
 
+@pytest.mark.slow
 def test_a_kill_in_the_pilot_loses_nothing_and_changes_nothing(wave):
     text = STUDY.replace('model = "auto"', 'model = "auto"\nslow = 0.1') + "[run]\nblock = 1\n"
     program, out = Path(sys.executable).with_name("tripod-doe"), wave.folder / "killed"
@@ -221,6 +225,7 @@ def test_points_of_the_pilot_bring_their_own_counts(wave, tmp_path):
     assert (block.cpu_seconds, block.wall_seconds, block.worker) == (2, 4, PILOT)
 
 
+@pytest.mark.slow
 def test_a_point_that_failed_in_the_pilot_is_run_by_the_study(wave):
     """The full model dies at x = 1, where nothing cheaper is enough; the study, not its pilot, has a retry that helps."""
     path = wave.folder / f"{wave.module}.py"
@@ -246,6 +251,7 @@ def test_pilot_points_are_the_same_each_time_and_reach_the_edges(wave):
     assert make_points(pilot).count == chosen.size + 2
 
 
+@pytest.mark.slow
 def test_plan_tells_the_price_before_and_the_choice_after(wave, capsys):
     study = wave.write(STUDY)
     assert main(["plan", str(study), "--out", str(wave.folder / "out")]) == 0
@@ -261,6 +267,7 @@ def test_plan_tells_the_price_before_and_the_choice_after(wave, capsys):
     assert describe_choice(td.load_study(study), wave.folder / "out") in after
 
 
+@pytest.mark.slow
 def test_a_budget_that_is_too_small_stops_before_the_study(wave):
     with pytest.raises(td.InputError, match=r"budget_cpu_s = 5: the pilot alone would take about 9"):
         wave.run(STUDY + "budget_cpu_s = 5\n")
@@ -289,6 +296,7 @@ def test_what_a_study_sets_itself_is_not_chosen(write_study):
     assert own.accuracy.candidates[-1].full
 
 
+@pytest.mark.slow
 def test_the_joint_chooses_its_cheapest_model_where_that_is_enough(write_study, tmp_path):
     """4 % on the third order: the balance of forces is within 3 % of the full model from 5 to 15 deg."""
     assert td.run(write_study(JOINT), tmp_path / "out", progress=False).good
@@ -358,6 +366,7 @@ model = {values = [0, 1, 2]}
 """
 
 
+@pytest.mark.slow
 def test_a_chain_chooses_from_a_pilot_of_its_own(wave):
     wave.write(STUDY)
     wave.write(PILOT_STUDY, "pilot.toml")

@@ -177,6 +177,7 @@ def test_only_runs_a_step_and_what_it_needs(bench):
         bench.run(only="secnd")
 
 
+@pytest.mark.slow
 def test_quick_overrides_studies_and_says_so(bench):
     assert set(bench.run(quick=True).values()) == {"finished"}
     assert sorted(bench.calls()) == [(0, 1), (0, 2), (0, 3), (2, 1), (2, 2), (2, 3), (7, 1), (7, 2)]
@@ -189,6 +190,7 @@ def test_quick_overrides_studies_and_says_so(bench):
     assert len(bench.calls()) == 9
 
 
+@pytest.mark.slow
 def test_a_kill_loses_no_finished_point_and_no_finished_step(bench):
     for tag, name in enumerate(("first", "second", "other")):
         bench.study(name, ", ".join(map(str, range(40))), tag=tag, slow=0.03)
@@ -210,6 +212,7 @@ def test_a_kill_loses_no_finished_point_and_no_finished_step(bench):
     assert sorted(set(before) | set(after)) == sorted((tag, x) for tag in (0, 1) for x in range(40))
 
 
+@pytest.mark.slow
 def test_an_interrupt_ends_with_130_and_keeps_what_is_finished(bench):
     bench.study("first", ", ".join(map(str, range(200))), slow=0.05)
     command = [sys.executable, "-m", "tripod_doe.cli", "workflow", str(bench.folder / "chain.toml"), "--workers", "1"]
@@ -253,6 +256,7 @@ def test_python_steps_come_through_the_registry(bench, monkeypatch):
         bench.run()
 
 
+@pytest.mark.slow
 def test_a_comparison_is_a_step(tmp_path):
     (tmp_path / "s.toml").write_text('[study]\nname = "s"\n[factors.joint_angle_deg]\nvalues = [5, 10]\n')
     thrust = td.simulate(joint_angle_deg=10)["thrust"].values

@@ -104,6 +104,7 @@ def go_on(folder: Path, name: str) -> None:
         assert td.run(folder / f"{name}.toml", folder / "out", workers=0, progress=False).good
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "workers", "dropped_in", "most"),
     [
@@ -131,6 +132,7 @@ def test_an_interrupt_that_python_drops_is_obeyed_all_the_same(folder, name, wor
     assert calls(folder) <= most + 2  # lost: the block at work and the one that waited
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("presses", "workers"), [(1, 1), (2, 1), (1, 0), (2, 0)])
 def test_a_background_command_is_interrupted_too_and_a_second_interrupt_ends_it_at_once(folder, presses, workers):
     """A shell without job control starts what stands before an & with interrupts ignored."""
@@ -175,6 +177,7 @@ def spinning(turns):
 """
 
 
+@pytest.mark.slow
 def test_an_interrupt_does_not_wait_for_a_kernel_that_runs_in_the_process_of_the_command(folder):
     """Python holds interrupts back until compiled code returns: this one would after some ten minutes."""
     (folder / "spinning.py").write_text(SPINNING)

@@ -88,6 +88,7 @@ def test_the_papers_workflow_is_sound(quick):
     assert "claims" in workflow.steps["page"].inputs
 
 
+@pytest.mark.slow
 def test_a_tiny_workflow_decides_its_claims_and_shows_them(tmp_path):
     path = tmp_path / "tiny.toml"
     path.write_text(TINY.format(studies=(ROOT / "studies").as_posix()))
@@ -108,7 +109,7 @@ def test_a_tiny_workflow_decides_its_claims_and_shows_them(tmp_path):
     assert claims["skew_stays"]["holds"] is None  # this model has no needles whose skew could change
     for page in (summary.page, tmp_path / "out" / "quick" / "page" / "index.html"):
         text = page.read_text()
-        assert "The third order is clearly evident" in text
+        assert "The third order is clearly visible" in text
         assert "not decided" in text
     section = text[text.index('<section id="spectrum">') :]
     section = section[: section.index("</section>")]

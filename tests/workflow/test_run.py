@@ -65,6 +65,7 @@ def assert_same_cube(one, other):
     xr.testing.assert_identical(first, second)
 
 
+@pytest.mark.slow
 def test_the_cube_does_not_depend_on_workers_blocks_or_interruptions(write_study, tmp_path):
     whole = write_study(GRID, "whole.toml")
     assert run(whole, tmp_path / "two", workers=2).good
@@ -87,6 +88,7 @@ def test_the_cube_does_not_depend_on_workers_blocks_or_interruptions(write_study
     assert np.array_equal(cell.values, direct["thrust_amplitude"].values)
 
 
+@pytest.mark.slow
 def test_a_study_that_grew_reuses_and_one_that_changed_is_refused(write_study, tmp_path):
     out = tmp_path / "out"
     run(write_study(GRID), out)
@@ -103,6 +105,7 @@ def test_a_study_that_grew_reuses_and_one_that_changed_is_refused(write_study, t
     assert (out / "cube.nc").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_failed_points_are_flagged_told_and_retried(write_study, tmp_path):
     text = """
         [study]
@@ -125,6 +128,7 @@ def test_failed_points_are_flagged_told_and_retried(write_study, tmp_path):
     assert (retried.computed, retried.reused) == (1, 1)
 
 
+@pytest.mark.slow
 def test_a_point_that_kills_its_worker_costs_only_itself(write_study, tmp_path):
     (tmp_path / "deadly.py").write_text(
         "import os\ndef f(x):\n    if x == 3:\n        os._exit(9)\n    return {'y': 2 * x}\n"
@@ -150,6 +154,7 @@ def test_a_point_that_asks_python_to_exit_costs_only_itself_in_this_process(writ
     assert "asked Python to exit (9)" in str(cube["outcome_detail"].sel(x=3).values)
 
 
+@pytest.mark.slow
 def test_a_study_whose_process_died_goes_on_with_worker_processes(write_study, tmp_path):
     """A point that crashes the process must not do so each time the study is run again."""
     study = write_study(GRID)
@@ -195,6 +200,7 @@ def calls(log):
     return len(log.read_text().splitlines()) if log.exists() else 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("workers", "kills"), [(2, 3), (0, 7)])
 def test_kills_lose_nothing_and_run_no_committed_block_twice(write_study, tmp_path, monkeypatch, workers, kills):
     """kill -9 of the whole process group at random moments; then the cube equals the uninterrupted one."""
@@ -226,6 +232,7 @@ def test_kills_lose_nothing_and_run_no_committed_block_twice(write_study, tmp_pa
     assert_same_cube(out, tmp_path / "whole")
 
 
+@pytest.mark.slow
 def test_a_worker_killed_in_mid_block_loses_nothing(write_study, tmp_path):
     (tmp_path / "slow_function.py").write_text(SLOW_FUNCTION)
     study, log, out = write_study(SLOW), tmp_path / "log", tmp_path / "out"
@@ -243,6 +250,7 @@ def test_a_worker_killed_in_mid_block_loses_nothing(write_study, tmp_path):
     np.testing.assert_allclose(cube["y"], cube["x"] ** 2)
 
 
+@pytest.mark.slow
 def test_an_existing_scheduler_gives_the_same_cube(write_study, tmp_path):
     from distributed import LocalCluster
 

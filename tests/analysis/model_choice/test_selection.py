@@ -96,6 +96,7 @@ def test_too_few_pilot_points_for_the_confidence_leave_the_reference():
     assert accuracy(confidence=0.9).least_points == 9
 
 
+@pytest.mark.slow
 def test_the_stated_share_of_points_is_met_on_random_errors():
     """200 studies with smooth random errors, pilots drawn at random like their points: the theorem's own conditions."""
     random, met = np.random.default_rng(1), []
