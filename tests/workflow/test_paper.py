@@ -114,7 +114,7 @@ def test_a_tiny_workflow_decides_its_claims_and_shows_them(tmp_path):
     section = text[text.index('<section id="spectrum">') :]
     section = section[: section.index("</section>")]
     assert "Fig. 13: orders" in section
-    assert "more evident than the fourth" in section  # the claim stands beside the figure that shows it
+    assert "more visible than the fourth" in section  # the claim stands beside the figure that shows it
     assert "straight line" not in section
     table.unlink()  # a table that went missing is made again
     again = td.run_workflow(path, tmp_path / "out", quick=True, workers=0, progress=False)

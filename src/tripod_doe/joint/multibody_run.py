@@ -243,5 +243,5 @@ def _out_of_range(values: JointValues[float]) -> str:
     if not values.speed > 0:
         return "a joint at rest never completes a revolution; use model equilibrium"
     if values.torque == 0:
-        return "without torque no force presses the rollers into their grooves; set torque_n_m or use equilibrium"
+        return "without torque no force presses the rollers into their grooves; set torque_n_m or use model equilibrium"
     return ""
