@@ -86,7 +86,7 @@ def test_columns_leave_open_what_is_unset():
 def test_lengths_follow_the_parameter_that_sets_them():
     assert SPRING.outputs["path"].shape({"turns": 5}) == (5,)
     assert SPRING.labels(["force", "path"], {"turns": 2})["turn"].tolist() == [0, 1]
-    with pytest.raises(InputError, match="turns is a factor, so path would have different lengths"):
+    with pytest.raises(InputError, match="turns takes 1 and 2, so path would have different lengths"):
         SPRING.check({}, {"turns": [1, 2]}, ["force", "path"])
     assert SPRING.check({}, {"turns": [1, 2]}, ["force"]) == []
     assert SPRING.check({}, {"turns": [2]}, ["path"]) == []

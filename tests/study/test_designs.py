@@ -81,6 +81,19 @@ def test_table_reads_its_columns(tmp_path):
     assert points.columns["model"].tolist() == ["equilibrium", "equilibrium"]
 
 
+@pytest.mark.parametrize("design", ['kind = "one-at-a-time"', 'kind = "table"\ntable = "cases.csv"'])
+def test_points_whose_outputs_would_have_different_lengths_are_refused(tmp_path, design):
+    """Regression: the base point of a one-at-a-time design, and columns of a table, were seen only when the study ran."""
+    (tmp_path / "cases.csv").write_text("samples_per_revolution\n60\n360\n")
+    text = f'[keep]\noutputs = ["{{}}"]\n[design]\n{design}\n'
+    if "table" not in design:
+        text += "[factors]\nsamples_per_revolution = {{values = [60]}}\n"  # 360 at the base point
+    refused = r"\[design\]: samples_per_revolution takes 60 and 360, so thrust would have different lengths"
+    with pytest.raises(InputError, match=refused):
+        points_of(text.format("thrust"), tmp_path)
+    assert points_of(text.format("thrust_amplitude"), tmp_path).count == 2
+
+
 def test_an_empty_field_of_a_table_leaves_a_parameter_open(tmp_path):
     (tmp_path / "runs.csv").write_text("method,step_s,relative_tolerance\nbdf2,1e-5,\n,,1e-3\n")
     points = points_of('[base]\nmodel = "rollers"\n[design]\nkind = "table"\ntable = "runs.csv"', tmp_path)

@@ -124,7 +124,7 @@ class Simulator(ABC):
             points would have outputs of different lengths.
         """
         self._check_numerics(base, factors)
-        self._check_lengths(factors, keep)
+        self.check_lengths(factors, keep)
         return []
 
     def effective(self, values: Mapping[str, Value]) -> dict[str, Value]:
@@ -183,18 +183,32 @@ class Simulator(ABC):
         found = next((dimension for dimension in declared if dimension.name == name), None)
         return (found or Dimension(name, np.empty(0))).attributes
 
-    def _check_lengths(self, factors: Mapping[str, Collection[Value]], keep: Collection[str]) -> None:
-        """Refuse a factor that would give points outputs of different lengths."""
-        for factor, values in factors.items():
+    def check_lengths(self, varied: Mapping[str, Collection[Value]], keep: Collection[str]) -> None:
+        """Refuse points whose outputs would have different lengths.
+
+        Parameters
+        ----------
+        varied
+            Values that each parameter takes, of the factors or of all points.
+        keep
+            Outputs to keep.
+
+        Raises
+        ------
+        InputError
+            If a parameter sets the length of such an output and takes several values.
+        """
+        for parameter, values in varied.items():
             long = [
                 name
-                for name in keep
-                if any(dimension.length_parameter == factor for dimension in self.outputs[name].dimensions)
+                for name, output in self.outputs.items()
+                if name in keep and any(dimension.length_parameter == parameter for dimension in output.dimensions)
             ]
-            if long and len(set(values)) != 1:
+            if long and len(different := np.unique(np.array(list(values), float))) != 1:
+                takes = "{:g} and {:g}".format(*different) if len(different) == 2 else "several values"
                 raise InputError(
-                    f"{factor} is a factor, so {' and '.join(long)} would have different lengths; "
-                    "keep other outputs, for instance thrust_amplitude"
+                    f"{parameter} takes {takes}, so {' and '.join(long)} would have different lengths; "
+                    f"give {parameter} one value under [base], or keep other outputs"
                 )
 
     def _check_numerics(self, base: Mapping[str, Value], factors: Mapping[str, Collection[Value]]) -> None:

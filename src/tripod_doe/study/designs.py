@@ -78,7 +78,7 @@ def make_points(study: Study) -> Points:
     Raises
     ------
     InputError
-        If the design lacks what it needs, or excludes every point.
+        If the design lacks what it needs, excludes every point, or gives points outputs of different lengths.
     """
     design = study.file.design
     try:
@@ -88,6 +88,7 @@ def make_points(study: Study) -> Points:
         allowed = np.ones(count, bool)
         for text in design.constraints:
             allowed &= Expression(text, names)(columns)
+        study.simulator.check_lengths(columns, study.keep)
     except InputError as error:
         raise study.fail("[design]", error) from error
     if not allowed.any():
