@@ -12,8 +12,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
-from scipy.optimize import elementwise
 
 from tripod_doe.mechanics.compilation import kernel
 
@@ -50,8 +48,8 @@ def groove_curvature(roller_radius: FloatArray, groove_radius_ratio: FloatArray)
 def hertz_coefficients(cos_tau: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Hertz's coefficients of an elliptical contact, from complete elliptic integrals.
 
-    With m = 1 - (b/a)^2 of the contact ellipse, K and E the complete elliptic integrals of parameter m:
-    cos tau = ((2 - m) E - 2 (1 - m) K) / (m E), mu^3 = 2 E / (pi (1 - m)), nu = mu sqrt(1 - m).
+    With f = (b/a)^2 of the contact ellipse, K and E the complete elliptic integrals of parameter 1 - f:
+    cos tau = ((1 + f) E - 2 f K) / ((1 - f) E), mu^3 = 2 E / (pi f), nu = mu sqrt f.
 
     Parameters
     ----------
@@ -68,20 +66,34 @@ def hertz_coefficients(cos_tau: FloatArray) -> tuple[FloatArray, FloatArray, Flo
     Standard Hertz theory as tabulated in bearing handbooks; the paper cites it for its Eq. 5 and 6.
     """
     distinct, where = np.unique(cos_tau, return_inverse=True)  # most studies never vary the curvature
-
-    def mismatch(log_flatness: FloatArray, target: FloatArray) -> FloatArray:
-        flatness = np.exp(log_flatness)  # 1 - m, resolved down to very long ellipses
-        first, second = special.ellipkm1(flatness), special.ellipe(1 - flatness)
-        reached: FloatArray = ((1 + flatness) * second - 2 * flatness * first) / ((1 - flatness) * second) - target
-        return reached
-
-    bracket = (np.full_like(distinct, math.log(1e-15)), np.full_like(distinct, math.log(1 - 1e-9)))
-    root = elementwise.find_root(mismatch, bracket, args=(distinct,), tolerances={"xatol": 1e-14, "xrtol": 1e-14}).x
-    flatness = np.exp(root)
-    mu = np.cbrt(2 * special.ellipe(1 - flatness) / (np.pi * flatness))
-    coefficients = (mu, mu * np.sqrt(flatness), 2 * special.ellipkm1(flatness) / (np.pi * mu))
+    low, high = np.full_like(distinct, math.log(1e-15)), np.full_like(distinct, math.log(1 - 1e-9))
+    for _ in range(60):  # cos tau falls as the ellipse gets rounder: bisection of log f, to rounding
+        middle = (low + high) / 2
+        flatness = np.exp(middle)
+        first, second = _elliptic_integrals(flatness)
+        too_long = (1 + flatness - 2 * flatness * first / second) / (1 - flatness) > distinct
+        low, high = np.where(too_long, middle, low), np.where(too_long, high, middle)
+    flatness = np.exp((low + high) / 2)
+    first, second = _elliptic_integrals(flatness)
+    mu = np.cbrt(2 * second / (np.pi * flatness))
+    coefficients = (mu, mu * np.sqrt(flatness), 2 * first / (np.pi * mu))
     mu, nu, two_k = (values[where].reshape(np.shape(cos_tau)) for values in coefficients)
     return mu, nu, two_k
+
+
+def _elliptic_integrals(flatness: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Complete elliptic integrals K and E of parameter 1 - `flatness`, by arithmetic-geometric means.
+
+    Written out because importing SciPy's takes as long as everything else that `simulate` does.
+    """
+    arithmetic, geometric, weight = np.ones_like(flatness), np.sqrt(flatness), 0.5
+    deficit = weight * (1 - flatness)
+    for _ in range(8):  # quadratic: exact to rounding for 1e-15 <= flatness <= 1
+        half_gap, weight = (arithmetic - geometric) / 2, 2 * weight
+        arithmetic, geometric = (arithmetic + geometric) / 2, np.sqrt(arithmetic * geometric)
+        deficit = deficit + weight * half_gap**2
+    first = np.pi / (2 * arithmetic)
+    return first, first * (1 - deficit)
 
 
 def groove_contact_stiffness(

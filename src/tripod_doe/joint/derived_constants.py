@@ -15,7 +15,7 @@ from tripod_doe.joint.transition import transition_velocities
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.scene import Body, Friction, Vector
 
-__all__ = ["DerivedConstants", "derive_constants", "moving_body", "roller_inertia", "vector"]
+__all__ = ["DerivedConstants", "derive_constants", "moving_body", "vector"]
 
 FloatArray = NDArray[np.float64]
 
@@ -109,32 +109,6 @@ def derive_constants(values: JointValues[float]) -> DerivedConstants:
         groove, (rolling[0], rolling[1]), Friction(values.needle_sliding_friction, slip),
         spin,
     )  # fmt: skip
-
-
-def roller_inertia(
-    radius: FloatArray, width: FloatArray, bore: FloatArray, density: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Mass and moments of inertia of a roller, the zone of a sphere with a bore; shapes broadcast.
-
-    Parameters
-    ----------
-    radius, width, bore
-        Of the sphere, of the zone, and of the bore (its radius), in mm.
-    density
-        In t / mm3.
-
-    Returns
-    -------
-    tuple of ndarray
-        Mass in t, moment of inertia about the roller's axis and across it in t mm2.
-    """
-    half = width / 2
-    # a slice at x of the zone of a sphere, less the bore: powers of R^2 - x^2 integrated over the width
-    second = 2 * (radius**2 * half - half**3 / 3)
-    fourth = 2 * (radius**4 * half - 2 * radius**2 * half**3 / 3 + half**5 / 5)
-    spread = 2 * (radius**2 * half**3 / 3 - half**5 / 5 - bore**2 * half**3 / 3)
-    mass, polar = density * np.pi * (second - 2 * half * bore**2), density * np.pi * (fourth - 2 * half * bore**4) / 2
-    return mass, polar, polar / 2 + density * np.pi * spread
 
 
 def moving_body(name: str, mass: float, inertia: Vector, pose: Pose, own_moment: Vector = (0.0, 0.0, 0.0)) -> Body:

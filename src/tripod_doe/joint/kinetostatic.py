@@ -40,8 +40,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint import contact
-from tripod_doe.joint.derived_constants import roller_inertia
 from tripod_doe.joint.equilibrium import Equilibrium, point_constants, solve_balance
+from tripod_doe.joint.roller_inertia import roller_inertia
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.compilation import kernel
 

@@ -20,9 +20,10 @@ import math
 
 import numpy as np
 
-from tripod_doe.joint.derived_constants import DerivedConstants, derive_constants, moving_body, roller_inertia, vector
+from tripod_doe.joint.derived_constants import DerivedConstants, derive_constants, moving_body, vector
 from tripod_doe.joint.initial_state import GROOVE_ANGLES, Pose
 from tripod_doe.joint.needle_bearing import lumped_bearing, needle_body, needle_contacts
+from tripod_doe.joint.roller_inertia import roller_inertia
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.scene import (
     GROUND,
