@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import io
 import re
 from pathlib import Path
 from typing import get_args
 
+import numpy as np
+import pandas as pd
 import pytest
 
+import tripod_doe as td
 from tripod_doe.cli import _parser
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.simulator import simulator as joint
 from tripod_doe.mechanics.integrators.registry import METHODS
+from tripod_doe.report.figures import effect_charts
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.file import DesignKind
 from tripod_doe.study.scenes import SCENES, load_simulator
@@ -49,6 +54,19 @@ def test_links_and_named_files_exist(page):
         assert (ROOT / target).exists(), target
     if page.parent == ROOT:
         assert {f"docs/{other.name}" for other in PAGES[1:]} <= set(re.findall(r"\]\(([^)]+)", text))
+
+
+def test_the_picture_shows_what_its_study_gives(tmp_path):
+    """Regression: the numbers inside the picture, to the 1e-6 that the default model's balance is solved to."""
+    drawn = (ROOT / "docs" / "thrust_map.svg").read_text().partition("<!--\n")[2].partition("-->")[0]
+    td.run(ROOT / "studies" / "thrust_map.toml", tmp_path / "map", workers=0, progress=False)
+    found = effect_charts(td.open_cube(tmp_path / "map"))[0].charts[0].data
+    numbers = pd.read_csv(io.StringIO(drawn))
+    assert list(numbers.columns) == list(found.columns)
+    assert numbers.to_numpy() == pytest.approx(found.to_numpy(), rel=1e-4)
+    angle, curve = found.iloc[:, 0].to_numpy(), found.iloc[:, -1].to_numpy()
+    straight = np.polyval(np.polyfit(angle[4:], curve[4:], 1), 2)
+    assert curve[0] < 0.8 * straight  # at small angles it bends
 
 
 def test_models_and_what_they_ignore():

@@ -31,7 +31,7 @@ def cube(tmp_path_factory):
         ("--help", set()),
         ("run --help", set()),
         ("plan {study} --no-timing", {"numpy", "pydantic"}),
-        ("simulate --model equilibrium", {"numba", "numpy", "scipy"}),
+        ("simulate", {"numba", "numpy", "scipy"}),
         ("query {cube} --variable y --where 'x > 1'", {"numpy", "netCDF4"}),
     ],
 )

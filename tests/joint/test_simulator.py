@@ -15,10 +15,10 @@ from tripod_doe.simulator import Outcome
 KEEP = ["thrust_amplitude", "friction_power_w", "largest_penetration_um", "energy_residual"]
 
 
-def simulate(**given):
+def simulate(model="kinetostatic", **given):
     count = max((np.size(value) for value in given.values()), default=1)
     columns = {name: np.broadcast_to(np.asarray(value, float), (count,)) for name, value in given.items()}
-    return simulator.simulate(simulator.columns({}, columns, count), KEEP)
+    return simulator.simulate(simulator.columns({"model": model}, columns, count), KEEP)
 
 
 def test_numerics_that_the_model_does_not_use_are_flagged_in_a_grid():
@@ -49,14 +49,15 @@ def test_parts_that_do_not_fit_are_jammed(given, reason):
 
 def test_a_roller_that_lifts_off_is_out_of_range():
     """Rough needles hold a roller back so hard that the balance wants its groove to pull."""
-    result = simulate(joint_angle_deg=20, samples_per_revolution=30, needle_sliding_friction=0.6)
+    result = simulate("equilibrium", joint_angle_deg=20, samples_per_revolution=30, needle_sliding_friction=0.6)
     assert result.outcome.tolist() == [Outcome.OUT_OF_RANGE]
     assert "lifts off" in result.detail[0]
 
 
-def test_equilibrium_refuses_a_preloaded_bearing():
-    """Regression: at -0.003 mm it gives 16 N where the multibody models agree on 32 to 36 N."""
-    result = simulate(samples_per_revolution=30, bearing_radial_clearance_mm=-0.003)
+@pytest.mark.parametrize("model", ["equilibrium", "kinetostatic"])
+def test_balances_refuse_a_preloaded_bearing(model):
+    """Regression: at -0.003 mm they give 16 N where the multibody models agree on 32 to 36 N."""
+    result = simulate(model, samples_per_revolution=30, bearing_radial_clearance_mm=-0.003)
     assert result.outcome.tolist() == [Outcome.OUT_OF_RANGE]
     assert "rollers or needles" in result.detail[0]
 
@@ -64,7 +65,7 @@ def test_equilibrium_refuses_a_preloaded_bearing():
 def test_all_mechanism_combinations_finish_at_the_reference_point():
     """The contribution breakdown needs all 2^5; 1e-5 is the model's own limit on its energy balance."""
     switches = np.array(list(itertools.product((0, 1), repeat=len(MECHANISMS)))).T
-    result = simulate(**dict(zip(MECHANISMS, switches, strict=True)), initial_skew_1_deg=0.4)
+    result = simulate("equilibrium", **dict(zip(MECHANISMS, switches, strict=True)), initial_skew_1_deg=0.4)
     assert (result.outcome == Outcome.FINISHED).all()
     third = dict(zip(map(tuple, switches.T), result.outputs["thrust_amplitude"].data[:, 3], strict=True))
     assert third[1, 1, 1, 1, 1] == pytest.approx(14.077, abs=1e-3)
@@ -77,7 +78,7 @@ def test_random_joints_end_in_an_outcome():
     """Invariance: finished means finite and balanced; anything else says why."""
     rng = np.random.default_rng(7)
     result = simulate(
-        joint_angle_deg=rng.uniform(0, 40, 60), torque_n_m=rng.uniform(-500, 500, 60),
+        "equilibrium", joint_angle_deg=rng.uniform(0, 40, 60), torque_n_m=rng.uniform(-500, 500, 60),
         speed_rpm=rng.uniform(0, 5000, 60), groove_sliding_friction=rng.uniform(0.02, 0.3, 60),
         needle_sliding_friction=rng.uniform(0, 0.2, 60), pitch_radius_mm=rng.uniform(12, 40, 60),
         initial_skew_1_deg=rng.uniform(-4, 4, 60),

@@ -13,6 +13,7 @@ from tripod_doe.joint.readings import groove_readings
 from tripod_doe.joint.thrust_parts import thrust_parts
 from tripod_doe.mechanics.motion import evaluate
 
+BALANCE = {"model": "equilibrium", "relative_tolerance": 1e-11}
 SKEWS = {"initial_skew_1_deg": 0.4, "initial_skew_2_deg": -0.3, "initial_skew_3_deg": 2.0}
 
 
@@ -78,7 +79,7 @@ def _orders(result, order):
     )
 
 
-@pytest.mark.parametrize("given", [{"model": "equilibrium"}, {"model": "rollers", "cycles": 2}])
+@pytest.mark.parametrize("given", [{"model": "equilibrium"}, {}, {"model": "rollers", "cycles": 2}])
 def test_orders_of_the_parts_add_up_to_those_of_the_thrust(given):
     """Exact physics: orders are linear, so phases count and the sum is exact."""
     result = td.simulate(**given, initial_skew_1_deg=0.4, initial_skew_2_deg=-0.4)
@@ -90,7 +91,7 @@ def test_orders_of_the_parts_add_up_to_those_of_the_thrust(given):
 @pytest.mark.parametrize("off", PARTS[1:5])
 def test_equilibrium_gives_no_part_without_friction_and_no_remainder(off):
     """Exact physics: a balance without inertia leaves its tolerance, 1e-11 of the moments of 14 N, with room of 1e2."""
-    parts, _ = _orders(td.simulate(initial_skew_1_deg=2, relative_tolerance=1e-11, **{off: 0}), 3)
+    parts, _ = _orders(td.simulate(**BALANCE, initial_skew_1_deg=2, **{off: 0}), 3)
     assert abs(parts[PARTS.index(off)]) == 0
     assert abs(parts[-1]) < 1e-8
 
@@ -99,7 +100,7 @@ def test_the_split_does_not_know_which_groove_is_the_first():
     """Invariance: skews that move on by a groove move the rotation angle by 120 deg; the third order stays."""
     skews = 0.4, -0.2, 1.0
     moved = [
-        td.simulate(**{f"initial_skew_{k + 1}_deg": skews[(k + by) % 3] for k in range(3)}, relative_tolerance=1e-11)
+        td.simulate(**BALANCE, **{f"initial_skew_{k + 1}_deg": skews[(k + by) % 3] for k in range(3)})
         for by in range(2)
     ]
     assert _orders(moved[0], 3)[0] == pytest.approx(_orders(moved[1], 3)[0], abs=1e-8)

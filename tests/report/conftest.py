@@ -36,6 +36,7 @@ name = "Angles and needles"
 question = "What do angle and needles do?"
 [base]
 initial_skew_1_deg = 0.4
+roller_width_mm = 11
 [factors.joint_angle_deg]
 values = [4, 8, 12]
 [factors.torque_n_m]

@@ -4,12 +4,17 @@ import base64
 import json
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 
 from tripod_doe.errors import CubeError, InputError, StorageError
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.report.page import make_page, write_report
+from tripod_doe.report.tables import cost_rows
 from tripod_doe.study.netcdf import write_dataset
+
+OWN = ("initial_skew_1_deg", "roller_width_mm")
+"""What the study of the joint gives itself: the paper names the one, the other is assumed."""
 
 SECTIONS = ["findings", "waveforms", "spectrum", "effects", "sensitivity", "failed", "cost", "setting", "provenance"]
 
@@ -102,19 +107,32 @@ def test_no_more_than_fifty_failed_points_are_listed(make_cube):
     assert "b" not in page.tags
 
 
-def test_assumed_parameters_are_marked_and_no_others(joint_page, joint_cube):
+def test_every_value_has_the_source_that_it_has(joint_page, joint_cube):
+    """What the study gives itself is its own, though the reference joint has it from the paper or assumed."""
     rows = {cells[0]: (mark, cells) for mark, cells in Page(joint_page).rows if cells and cells[0] in JOINT_PARAMETERS}
     fixed = json.loads(joint_cube.attrs["fixed_parameters"])
     assert set(fixed) <= set(rows)
     for name in fixed:
         parameter = JOINT_PARAMETERS[name]
         mark, cells = rows[name]
-        assert (mark == "assumed") == (parameter.source == "assumed"), name
-        assert cells[-1] == parameter.source
+        source = "this study" if name in OWN else parameter.source
+        assert (mark == "assumed") == (source == "assumed"), name
+        assert cells[-1] == source
         assert cells[-2] == parameter.meaning
     assert rows["groove_radius_ratio"][1][1] == "1.0086"
-    count = sum(JOINT_PARAMETERS[name].source == "assumed" for name in fixed)
+    factors = ("joint_angle_deg", "torque_n_m", "needle_count")
+    assert all(rows[name][1][-1] == "this study" for name in factors)
+    count = sum(JOINT_PARAMETERS[name].source == "assumed" for name in fixed if name not in OWN)
     assert f"{count} parameters are assumed" in " ".join(Page(joint_page).sections["setting"].split())
+
+
+def test_workers_are_those_that_ran_and_the_pilot_is_none_of_them(joint_cube):
+    names = np.full(joint_cube["outcome"].shape, "0", dtype=object)
+    names.ravel()[:3], names.ravel()[3:5] = "1", "pilot"
+    cube = joint_cube.assign(worker=(joint_cube["outcome"].dims, names))
+    rows = {what: (value, note) for what, value, note in cost_rows(cube)}
+    assert rows["Workers"] == ("2", "0, 1")
+    assert rows["Points from the pilot"] == ("2", "computed before, to choose the model")
 
 
 def test_costs_are_sums_over_the_cube(joint_page, joint_cube):

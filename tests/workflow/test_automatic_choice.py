@@ -307,7 +307,7 @@ def test_the_joint_chooses_its_cheapest_model_where_that_is_enough(write_study, 
     piloted = cube["from_pilot"].values == 1
     assert 0 < piloted.sum() < 20
     for at in (used.index("equilibrium"), int(np.flatnonzero(piloted & (np.array(used) == "equilibrium"))[0])):
-        alone = td.simulate(joint_angle_deg=float(cube["joint_angle_deg"][at]))
+        alone = td.simulate(model="equilibrium", joint_angle_deg=float(cube["joint_angle_deg"][at]))
         assert np.array_equal(cube["thrust_amplitude"].values[at], alone["thrust_amplitude"].values)
         assert np.array_equal(cube["thrust"].values[at], alone["thrust"].values)  # no demand of the accuracy
 

@@ -127,7 +127,7 @@ _PARAMETERS = [
     _switch("groove_rolling", "rolling resistance between roller and groove"),
     _switch("needle_sliding", "sliding friction of the needles"),
     _switch("needle_rolling", "rolling resistance of the needles"),
-    Parameter("model", "equilibrium", "1", "", "model of the ladder", "numerics: model of the ladder",
+    Parameter("model", "kinetostatic", "1", "", "model of the ladder", "numerics: model of the ladder",
               kind="choice", choices=("equilibrium", "kinetostatic", "rollers", "needles"), group=_NUMERICS),
     Parameter("method", None, "1", "", "how the model is solved; by default the model's own", "numerics",
               kind="choice", choices=("newton", *METHODS), group=_NUMERICS),

@@ -13,10 +13,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from markupsafe import Markup, escape
+from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
 from tripod_doe.report.responses import asked, factor_names, factor_unit, finished, number, unit_text
 from tripod_doe.simulator import OUTCOME_MEANINGS, Outcome, Parameter
+from tripod_doe.study.cube import THIS_STUDY
+from tripod_doe.study.journal import PILOT
 from tripod_doe.study.scenes import load_simulator
 
 __all__ = [
@@ -117,18 +120,28 @@ def cost_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
     if cpu > 0:
         rows.append(("Points per CPU second", _rate(count / cpu), "one core, inside the blocks"))
     if "worker" in cube:
-        workers, which = np.unique(cube["worker"].values[run].astype(str), return_inverse=True)
-        busiest = float(np.bincount(which, wall).max())
-        rows.append(("Workers", f"{workers.size}", ", ".join(workers[:12]) + (", ..." if workers.size > 12 else "")))
-        rows.append(("Wall-clock time", _duration(busiest), "of the busiest worker, inside its blocks"))
-        if busiest > 0:
-            rows.append(("Points per second", _rate(count / busiest), "all workers together, inside the blocks"))
+        rows.extend(_worker_rows(cube["worker"].values[run].astype(str), wall))
     for name, label in (("steps", "Steps"), ("force_evaluations", "Force evaluations"), ("solves", "Solves")):
         if name in cube:
             total = float(cube[name].sum())
             rows.append(
                 (label, f"{total:,.0f}", f"{number(total / count)} per point; {cube[name].attrs.get('long_name', '')}")
             )
+    return rows
+
+
+def _worker_rows(worker: NDArray[np.str_], wall: NDArray[np.float64]) -> list[tuple[str, str, str]]:
+    """Who computed the points, and how fast: those that the pilot has run before are told by themselves."""
+    rows, here = [], worker != PILOT
+    if here.any():
+        names, which = np.unique(worker[here], return_inverse=True)
+        busiest = float(np.bincount(which, wall[here]).max())
+        rows.append(("Workers", f"{names.size}", ", ".join(names[:12]) + (", ..." if names.size > 12 else "")))
+        rows.append(("Wall-clock time", _duration(busiest), "of the busiest worker, inside its blocks"))
+        if busiest > 0:
+            rows.append(("Points per second", _rate(here.sum() / busiest), "all workers together, inside the blocks"))
+    if not here.all():
+        rows.append(("Points from the pilot", f"{int((~here).sum()):,}", "computed before, to choose the model"))
     return rows
 
 
@@ -202,26 +215,36 @@ def fixed_rows(cube: xr.Dataset) -> list[tuple[str, list[ParameterRow]]]:
     """The fixed parameters in groups, with unit, meaning and source where known."""
     values: Mapping[str, Any] = json.loads(str(cube.attrs.get("fixed_parameters", "{}")))
     known, where = _known_parameters(cube)
+    given = _study_table(cube).get("base", {})
     rows = []
     for name, value in values.items():
         if name in known:
             p = known[name]
-            unit, source = unit_text(p.unit), p.source
+            own = name in given or p.follows in given
+            unit, source = unit_text(p.unit), THIS_STUDY if own else p.source
             row = ParameterRow(
                 name, symbol(p.symbol), _text(value), unit, p.meaning, source, source == "assumed", p.group
             )
         else:
-            row = ParameterRow(name, Markup(""), _text(value), "", where, "study", False, "parameters")
+            row = ParameterRow(name, Markup(""), _text(value), "", where, THIS_STUDY, False, "parameters")
         rows.append(row)
     return [(group, list(members)) for group, members in groupby(rows, key=lambda row: row.group)]
 
 
 def _known_parameters(cube: xr.Dataset) -> tuple[Mapping[str, Parameter], str]:
     """Metadata of the scene's parameters; a user's function is not imported for a report."""
+    asked_for = _study_table(cube).get("study", {})
+    if function := asked_for.get("function"):
+        return {}, f"argument of {function}"
     try:
-        asked_for = tomllib.loads(str(cube.attrs.get("study", ""))).get("study", {})
-        if function := asked_for.get("function"):
-            return {}, f"argument of {function}"
         return load_simulator(str(asked_for.get("scene", "joint"))).parameters, ""
-    except (tomllib.TOMLDecodeError, InputError):
+    except InputError:
         return {}, "unknown to this version of tripod_doe"
+
+
+def _study_table(cube: xr.Dataset) -> dict[str, Any]:
+    """The study file that a cube holds; empty where it holds none."""
+    try:
+        return tomllib.loads(str(cube.attrs.get("study", "")))
+    except tomllib.TOMLDecodeError:
+        return {}

@@ -32,6 +32,7 @@ __all__ = [
     "EXCLUDED",
     "RECORD_ROLE",
     "SWITCH_ROLE",
+    "THIS_STUDY",
     "build_cube",
 ]
 
@@ -54,6 +55,10 @@ SWITCH_ROLE = "switch of the ablation"
 RECORD_ROLE = "record of the run"
 """Attribute ``role`` of variables that tell how a point was computed: they are no results."""
 
+THIS_STUDY = "this study"
+"""Source of a value that the study gives itself, in place of the paper or an assumption."""
+
+_USER_FUNCTION = "user function"
 _POINT_ATTRIBUTES = {"long_name": "number of the point in the design", "units": "1"}
 _UNKNOWN = -1  # flag of a point that has not run, or of a choice that its model does not have
 _PACKAGES = ("tripod-doe", "numpy", "scipy", "numba", "xarray", "netCDF4", "dask", "SALib")
@@ -274,9 +279,10 @@ def _used_variable(parameter: Parameter, column: NDArray[Any], points: Points) -
     return _shaped(points, (), flags, attrs)
 
 
-def parameter_attributes(parameter: Parameter) -> dict[str, Any]:
+def _factor_attributes(parameter: Parameter) -> dict[str, Any]:
     """Metadata of a factor's coordinate: unit, meaning, symbol, source."""
-    attrs: dict[str, Any] = {"long_name": parameter.meaning, "source": parameter.source}
+    source = parameter.source if parameter.source == _USER_FUNCTION else THIS_STUDY
+    attrs: dict[str, Any] = {"long_name": parameter.meaning, "source": source}
     if parameter.kind != "choice":
         attrs["units"] = parameter.unit
     if parameter.symbol:
@@ -287,7 +293,7 @@ def parameter_attributes(parameter: Parameter) -> dict[str, Any]:
 def _coordinates(study: Study, points: Points, labels: Mapping[str, NDArray[Any]]) -> dict[str, xr.Variable]:
     coordinates: dict[str, xr.Variable] = {}
     for name, column in points.columns.items():
-        attrs = parameter_attributes(study.simulator.parameters[name])
+        attrs = _factor_attributes(study.simulator.parameters[name])
         if column.dtype == object:  # texts have no unit
             attrs.pop("units", None)
         if name in study.switches:

@@ -108,7 +108,7 @@ def simulate(scene: str = "joint", **parameters: Any) -> xr.Dataset:
     >>> import tripod_doe as td
     >>> result = td.simulate(joint_angle_deg=10)
     >>> round(float(result["thrust_amplitude"].sel(order=3)), 1)
-    14.1
+    14.2
     """
     import xarray as xr
 
