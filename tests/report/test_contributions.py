@@ -25,6 +25,7 @@ name = "Case 2"
 initial_skew_1_deg = 0.4
 initial_skew_2_deg = -0.4
 initial_skew_3_deg = 0.4
+model = "equilibrium"
 relative_tolerance = 1e-11
 """
 ABLATION = '[design]\nkind = "ablation"\n[keep]\noutputs = ["thrust_amplitude", "thrust_phase_deg"]\n'

@@ -64,7 +64,7 @@ def test_a_file_that_is_not_there(tmp_path):
 
 
 def test_a_factor_that_the_model_ignores_is_told():
-    study = parse_study(HEAD + "[factors]\nshaft_mass_kg = {values = [1, 2]}")
+    study = parse_study(HEAD + "[factors]\nshaft_length_mm = {values = [300, 400]}")
     assert "does not change" in study.warnings[0] or "same answer" in study.warnings[0]
 
 
