@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from tripod_doe.report.page import write_report
     from tripod_doe.simulator import Outcome, Output, Parameter
     from tripod_doe.study.definition import Study, load_study
-    from tripod_doe.study.netcdf import open_cube
     from tripod_doe.study.plan import Plan, plan
     from tripod_doe.study.query import query
+    from tripod_doe.study.results import open_cube
     from tripod_doe.study.schema import study_schema
     from tripod_doe.study.simulate import simulate
     from tripod_doe.workflow.chain import WorkflowSummary, run_workflow
@@ -49,7 +49,7 @@ _HOME = {
     "load_study": "study.definition",
     "model_point": "analysis.comparison",
     "morris_effects": "analysis.sensitivity",
-    "open_cube": "study.netcdf",
+    "open_cube": "study.results",
     "plan": "study.plan",
     "query": "study.query",
     "read_measurement": "analysis.measurement",

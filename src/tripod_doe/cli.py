@@ -83,7 +83,10 @@ def _run_command(arguments: Sequence[str]) -> int:
         print(f"tripod-doe: {error}", file=sys.stderr)
         return INTERNAL
     except KeyboardInterrupt:
-        print("tripod-doe: interrupted; finished points are kept; run again to continue", file=sys.stderr)
+        print(
+            "tripod-doe: interrupted; finished points are kept: run again to continue, or report DIR to see them",
+            file=sys.stderr,
+        )
         return INTERRUPTED
     except BrokenPipeError:  # the reader of our output has seen enough
         sys.stderr.close()
@@ -400,7 +403,7 @@ def _compare(options: argparse.Namespace) -> int:
     from tripod_doe.analysis.measurement import read_measurement
     from tripod_doe.report.comparison import comparison_json, comparison_text
     from tripod_doe.report.comparison_page import write_comparison
-    from tripod_doe.study.netcdf import open_cube
+    from tripod_doe.study.results import open_cube
 
     if options.reference_angle is not None and not math.isfinite(options.reference_angle):
         raise InputError(f"--reference-angle {options.reference_angle}: must be a finite angle in degrees")

@@ -38,7 +38,8 @@ from tripod_doe.report.tables import (
     numerics_rows,
     outcome_counts,
 )
-from tripod_doe.study.netcdf import open_cube, read_dataset
+from tripod_doe.study.netcdf import read_dataset
+from tripod_doe.study.results import is_shown, open_cube
 
 __all__ = ["make_page", "render", "write_report"]
 
@@ -46,7 +47,7 @@ _MOST_FAILED = 50
 
 
 def write_report(directory: Path) -> Path:
-    """Make the report of a result directory from its cube, costs and analyses.
+    """Make the report of a result directory from its cube, costs and analyses, or from the points finished so far.
 
     Parameters
     ----------
@@ -70,8 +71,9 @@ def write_report(directory: Path) -> Path:
     directory = Path(directory)
     if directory.is_file():
         raise InputError(f"{directory}: this is a file; a report is made of the result directory it lies in")
+    complete = is_shown(directory)  # else the analyses there, if any, are of fewer points than the cube
     cube = open_cube(directory)
-    analyses = {path.stem: read_dataset(path) for path in sorted((directory / "analysis").glob("*.nc"))}
+    analyses = {path.stem: read_dataset(path) for path in sorted((directory / "analysis").glob("*.nc")) if complete}
     return replace_text(directory / "report" / "index.html", make_page(cube, analyses))
 
 

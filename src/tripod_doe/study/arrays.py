@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.study.netcdf import cube_files, reading
+from tripod_doe.study.netcdf import reading
+from tripod_doe.study.results import cube_files, cube_so_far, is_shown
 
 if TYPE_CHECKING:
     import netCDF4
@@ -83,6 +84,9 @@ def opened_arrays(path: str | Path) -> Iterator[CubeArrays]:
     CubeError
         If there is no cube, or it is damaged.
     """
+    if not is_shown(Path(path)):
+        yield cube_arrays(cube_so_far(Path(path)))
+        return
     import netCDF4
 
     sizes: dict[str, int] = {}

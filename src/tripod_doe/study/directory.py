@@ -21,7 +21,7 @@ from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError
 from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import Study, canonical, parse_study
-from tripod_doe.study.journal import FinishedBlock, Journal
+from tripod_doe.study.journal import FOLDER, SHOWN, FinishedBlock, Journal
 from tripod_doe.study.netcdf import stamp_history, write_dataset
 from tripod_doe.study.plan import cube_bytes
 from tripod_doe.study.study_points import StudyPoints
@@ -135,6 +135,7 @@ class ResultDirectory:
     def adopt(self, study: Study) -> None:
         """Make this the study whose results are here."""
         self._journal.remember(_KERNELS, study.simulator.source_hash)
+        self._journal.remember(FOLDER, str(study.folder.absolute()))
         replace_text(self.path / "study.toml", study.text)
 
     def missing(self, asked: StudyPoints, retry_failed: bool = False) -> NDArray[np.int64]:
@@ -190,6 +191,7 @@ class ResultDirectory:
         cube, cost = build_cube(asked.study, asked.points, asked.keys, self._journal.blocks())
         write_dataset(stamp_history(cost, action), self.path / "cost.nc")
         write_dataset(stamp_history(cube, action), self.path / "cube.nc")
+        self._journal.remember(SHOWN, str(self._journal.last_block()))
         return cube
 
     def _check_space(self, asked: StudyPoints) -> None:

@@ -17,10 +17,13 @@ from numpy.typing import NDArray
 from tripod_doe.errors import CubeError, StorageError
 from tripod_doe.simulator import WORK, BlockResult, Retries, Values
 
-__all__ = ["PILOT", "FinishedBlock", "Journal"]
+__all__ = ["FOLDER", "PILOT", "SHOWN", "FinishedBlock", "Journal"]
 
 PILOT = "pilot"
 """Stands for the worker of points that were run by the pilot of their study."""
+
+SHOWN, FOLDER = "shown", "folder"
+"""Notes: the newest block that the cube shows, and the folder of the study file."""
 
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS block (
@@ -65,6 +68,8 @@ class Journal:
     ----------
     directory
         The result directory; it must exist. Whoever writes must hold it, see `ResultDirectory`.
+    read_only
+        Open an existing journal without holding its directory, also while another process writes.
 
     Raises
     ------
@@ -72,8 +77,11 @@ class Journal:
         If the file is not a journal.
     """
 
-    def __init__(self, directory: Path) -> None:
+    def __init__(self, directory: Path, read_only: bool = False) -> None:
         self.path = directory / "journal.sqlite"
+        if read_only:
+            self._connection = sqlite3.connect(f"{self.path.absolute().as_uri()}?mode=ro", uri=True)
+            return
         self._connection = sqlite3.connect(self.path)
         try:
             self._connection.execute("PRAGMA journal_mode = WAL")
@@ -128,6 +136,10 @@ class Journal:
             raise StorageError(
                 f"{self.path}: cannot write ({error}); finished points are kept: free space, then run again"
             ) from error
+
+    def last_block(self) -> int:
+        """Number of the newest block; 0 where there is none."""
+        return int(self._connection.execute("SELECT coalesce(max(id), 0) FROM block").fetchone()[0])
 
     def keys(self) -> NDArray[np.void]:
         """Fingerprints of all committed points, in order of their commits; one that was run again stands twice."""

@@ -16,7 +16,7 @@ from tripod_doe.errors import CubeError
 if TYPE_CHECKING:  # a query reads cubes without xarray
     import xarray as xr
 
-__all__ = ["cube_files", "open_cube", "read_dataset", "reading", "stamp_history", "write_dataset"]
+__all__ = ["read_dataset", "reading", "stamp_history", "write_dataset"]
 
 
 def stamp_history(dataset: xr.Dataset, action: str) -> xr.Dataset:
@@ -72,42 +72,3 @@ def read_dataset(path: Path) -> xr.Dataset:
 
     with reading(path), xr.open_dataset(path, engine="netcdf4", decode_timedelta=False) as stored:
         return stored.load()
-
-
-def cube_files(path: Path) -> list[Path]:
-    """The files of a cube: of a result directory its cube and, where there are any, its costs; else the file itself.
-
-    Raises
-    ------
-    CubeError
-        If a directory holds no cube.
-    """
-    if not path.is_dir():
-        return [path]
-    if not (path / "cube.nc").exists():
-        raise CubeError(f"{path}: no cube.nc in this directory; run a study with --out {path}")
-    return [path / "cube.nc", *(file for file in [path / "cost.nc"] if file.exists())]
-
-
-def open_cube(path: str | Path) -> xr.Dataset:
-    """Open a result cube with its costs.
-
-    Parameters
-    ----------
-    path
-        A result directory, or a netCDF file.
-
-    Returns
-    -------
-    xarray.Dataset
-        In memory. For a directory the variables of cost.nc are joined.
-
-    Raises
-    ------
-    CubeError
-        If there is no cube, or it is damaged.
-    """
-    cube, *others = (read_dataset(file) for file in cube_files(Path(path)))
-    for cost in others:
-        cube = cube.assign({name: cost[name] for name in cost.data_vars})
-    return cube

@@ -19,7 +19,7 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.arrays import CubeArrays, Variable, cube_arrays
 from tripod_doe.study.expressions import Expression
-from tripod_doe.study.netcdf import open_cube
+from tripod_doe.study.results import open_cube
 
 if TYPE_CHECKING:  # the command line answers without xarray
     import xarray as xr

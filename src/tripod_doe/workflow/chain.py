@@ -27,7 +27,8 @@ from tripod_doe.report.figures.chain import StepView
 from tripod_doe.report.figures.registry import FIGURES
 from tripod_doe.study.directory import make_directory
 from tripod_doe.study.execution import Execution
-from tripod_doe.study.netcdf import open_cube, stamp_history, write_dataset
+from tripod_doe.study.netcdf import stamp_history, write_dataset
+from tripod_doe.study.results import open_cube
 from tripod_doe.workflow.definition import Step, Workflow, fed_study, load_workflow
 from tripod_doe.workflow.file import AnalysisStep, FigureStep, ReportStep, StudyStep
 from tripod_doe.workflow.run import run_on

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from tripod_doe.analysis.model_choice.pilot_results import pilot_results
-from tripod_doe.analysis.model_choice.study_choice import chosen_keys, chosen_points, make_choice
+from tripod_doe.analysis.model_choice.study_choice import make_choice
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.report.findings import find
 from tripod_doe.report.page import write_report
+from tripod_doe.study.choice import chosen_keys, chosen_points
 from tripod_doe.study.definition import Study, load_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.directory import ResultDirectory

@@ -8,9 +8,7 @@ no point runs twice, neither in the pilot nor in the study (`pilot_results`).
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,14 +23,14 @@ from tripod_doe.analysis.model_choice.selection import choose, without_pilot
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Candidate
 from tripod_doe.study.accuracy import Accuracy
+from tripod_doe.study.choice import CHOICE, chosen_points, frozen_choice, key_texts
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points, make_points, point_keys
 from tripod_doe.study.journal import PILOT
-from tripod_doe.study.netcdf import open_cube, read_dataset, stamp_history, write_dataset
+from tripod_doe.study.netcdf import stamp_history, write_dataset
+from tripod_doe.study.results import open_cube
 
-__all__ = ["chosen_keys", "chosen_points", "describe_choice", "frozen_choice", "make_choice", "pilot_price"]
-
-_CHOICE = "choice.nc"
+__all__ = ["describe_choice", "make_choice", "pilot_price"]
 
 
 def make_choice(
@@ -56,7 +54,7 @@ def make_choice(
     """
     accuracy = _accuracy(study)
     usable = {name: column[points.allowed] for name, column in points.columns.items()}
-    keys = _key_texts(study, points)[points.allowed]
+    keys = key_texts(study, points)[points.allowed]
     frozen = frozen_choice(study, directory)
     if frozen is not None and set(keys) <= set(frozen["point_key"].values.tolist()):
         return frozen
@@ -81,7 +79,7 @@ def make_choice(
         "source": f"pilot with simulator {study.simulator.name}",
         "references": "Angelopoulos et al., Conformal risk control, ICLR 2024",
     }
-    write_dataset(stamp_history(choice.assign_attrs(attrs), "tripod-doe run: model chosen"), directory / _CHOICE)
+    write_dataset(stamp_history(choice.assign_attrs(attrs), "tripod-doe run: model chosen"), directory / CHOICE)
     return choice
 
 
@@ -164,57 +162,6 @@ def _without_pilot_points(study: Study, points: Points, choice: xr.Dataset, pilo
     ran = np.isin(point_keys(study, chosen)[points.allowed], finished_in_pilot(pilot))
     price = float(choice["price"].values[choice["candidate"].values][~ran].sum())
     return choice.assign_attrs({"price_study_s": price, "points_from_pilot": int(ran.sum())})
-
-
-def frozen_choice(study: Study, directory: Path) -> xr.Dataset | None:
-    """The choice that a directory holds, None where there is none.
-
-    Raises
-    ------
-    InputError
-        If it was made for another accuracy.
-    """
-    if not (directory / _CHOICE).exists():
-        return None
-    frozen, accuracy = read_dataset(directory / _CHOICE), _accuracy(study)
-    old = json.loads(frozen.attrs["accuracy"]) | {key: frozen.attrs[key] for key in ("confidence", "floor")}
-    new: dict[str, float] = {demand.name: demand.allowed for demand in accuracy.demands}
-    new |= {"confidence": accuracy.confidence, "floor": accuracy.floor}
-    told = [
-        f"  accuracy.{key}: {old.get(key, 'not set')} -> {new.get(key, 'not set')}"
-        for key in sorted(old.keys() | new.keys())
-        if old.get(key) != new.get(key)
-    ]
-    if told:
-        raise InputError(
-            f"{study.origin}: the model was chosen in {directory} for another accuracy; choose another --out, or take "
-            "back\n" + "\n".join(told)
-        )
-    return frozen
-
-
-def chosen_keys(study: Study, directory: Path) -> NDArray[np.void]:
-    """Fingerprints of the points for which a model is chosen already."""
-    frozen = frozen_choice(study, directory)
-    keys = [] if frozen is None else frozen["point_key"].values.tolist()
-    return np.frombuffer(b"".join(bytes.fromhex(key) for key in keys), dtype="V16")
-
-
-def chosen_points(study: Study, points: Points, choice: xr.Dataset) -> Points:
-    """The points with what was chosen for each."""
-    rows = {key: row for row, key in enumerate(choice["point_key"].values.tolist())}
-    at = np.array([rows.get(key, 0) for key in _key_texts(study, points).tolist()])
-    chosen = {}
-    for name in _accuracy(study).parameters:
-        chosen[name] = study.simulator.parameters[name].column(choice[name].values[at].tolist())
-    names = [str(name) for name in choice["quantity"].values]
-    errors = {name: choice["error_estimate"].values[at, k] for k, name in enumerate(names)}
-    return replace(points, chosen=chosen, error_estimate=errors, accuracy_met=choice["accuracy_met"].values[at])
-
-
-def _key_texts(study: Study, points: Points) -> NDArray[np.str_]:
-    """Fingerprints of the points before anything is chosen, as text."""
-    return np.array([key.tobytes().hex() for key in point_keys(study, replace(points, chosen={}))])
 
 
 def pilot_price(study: Study, count: int) -> float:

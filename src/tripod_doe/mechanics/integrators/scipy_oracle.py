@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.integrate
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, Settings, accept
@@ -73,7 +74,19 @@ def _integrate(
     solver: str, tables: Tables, work: Work, positions: FloatArray, velocities: FloatArray, clock: FloatArray,
     end: float, count: int, settings: Settings,
 ) -> int:  # fmt: skip
-    """Advance with SciPy's step control; see `contract`. Its own flag is not trusted: the caller checks the result."""
+    """Advance with SciPy's step control; see `contract`. Its own flag is not trusted: the caller checks the result.
+
+    On one thread of linear algebra: on several, LU factors are rounded differently, and results must not depend on
+    the process that computes them.
+    """
+    with threadpool_limits(1, "blas"):
+        return _step_to_end(solver, tables, work, positions, velocities, clock, end, settings)
+
+
+def _step_to_end(
+    solver: str, tables: Tables, work: Work, positions: FloatArray, velocities: FloatArray, clock: FloatArray,
+    end: float, settings: Settings,
+) -> int:  # fmt: skip
     rates = np.empty(13 * (positions.shape[0] - 1))
 
     def right_hand_side(time: float, y: FloatArray) -> FloatArray:

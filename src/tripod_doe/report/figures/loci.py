@@ -26,7 +26,7 @@ def locus_chart(cube: xr.Dataset) -> Chart | None:
         for rank, index in enumerate(points):
             point = cube.isel(dict(zip(map(str, cube["outcome"].dims), map(int, index), strict=True)))
             travel, drift = point["travel_path_mm"].values, point["axial_path_mm"].values
-            axes.plot(travel, drift, LINES[rank], color=COLOURS[rank], label=point_text(cube, point))
+            axes.plot(travel, drift, ls=LINES[rank], color=COLOURS[rank], label=point_text(cube, point))
             data |= {f"travel_mm_{rank + 1}": travel, f"drift_mm_{rank + 1}": drift}
         axes.set_xlabel("travel along the plate's velocity (mm)")
         axes.set_ylabel("drift across it (mm)")

@@ -1,0 +1,105 @@
+"""The results of a study: its cube where it shows every finished point, else a cube made from the journal.
+
+While a study runs, and after an interrupt, finished points stand only in the journal.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tripod_doe.errors import CubeError
+from tripod_doe.study.journal import FOLDER, SHOWN, Journal
+from tripod_doe.study.netcdf import read_dataset
+
+if TYPE_CHECKING:  # a query reads cubes without xarray
+    import xarray as xr
+
+__all__ = ["cube_files", "cube_so_far", "is_shown", "open_cube"]
+
+
+def open_cube(path: str | Path) -> xr.Dataset:
+    """Open a result cube with its costs.
+
+    Parameters
+    ----------
+    path
+        A result directory, or a netCDF file.
+
+    Returns
+    -------
+    xarray.Dataset
+        In memory. For a directory the variables of cost.nc are joined; where the study is running or was interrupted,
+        its finished points, the others flagged as not_run.
+
+    Raises
+    ------
+    CubeError
+        If there is no cube and no finished point, or what is there is damaged.
+    """
+    if not is_shown(Path(path)):
+        return cube_so_far(Path(path))
+    cube, *others = (read_dataset(file) for file in cube_files(Path(path)))
+    return _joined(cube, *others)
+
+
+def _joined(cube: xr.Dataset, *costs: xr.Dataset) -> xr.Dataset:
+    for cost in costs:
+        cube = cube.assign({name: cost[name] for name in cost.data_vars})
+    return cube
+
+
+def cube_files(path: Path) -> list[Path]:
+    """The files of a cube: of a result directory its cube and, where there are any, its costs; else the file itself.
+
+    Raises
+    ------
+    CubeError
+        If a directory holds no cube.
+    """
+    if not path.is_dir():
+        return [path]
+    if not (path / "cube.nc").exists():
+        raise CubeError(f"{path}: no cube.nc and no finished point in this directory; run a study with --out {path}")
+    return [path / "cube.nc", *(file for file in [path / "cost.nc"] if file.exists())]
+
+
+def is_shown(path: Path) -> bool:
+    """Whether the cube of a result directory shows every block in its journal; true for what has no journal."""
+    if not (path / "journal.sqlite").is_file():
+        return True
+    try:
+        with closing(Journal(path, read_only=True)) as journal:
+            last, shown = journal.last_block(), journal.recall(SHOWN)
+    except sqlite3.Error:  # not ours to mend: a run says what is wrong with it
+        return True
+    has_cube = (path / "cube.nc").exists()
+    return last == 0 or (has_cube and (shown is None or int(shown) == last))
+
+
+def cube_so_far(path: Path) -> xr.Dataset:
+    """Cube and costs of the points that the journal of a directory holds; nothing is written.
+
+    Raises
+    ------
+    CubeError
+        If the journal is damaged.
+    InputError
+        If the study in it can no longer be read, for instance as its table is gone.
+    """
+    from tripod_doe.study.choice import chosen_points, frozen_choice
+    from tripod_doe.study.cube import build_cube
+    from tripod_doe.study.definition import parse_study
+    from tripod_doe.study.designs import make_points, point_keys
+
+    stored = path / "study.toml"
+    with closing(Journal(path, read_only=True)) as journal:
+        folder = journal.recall(FOLDER)
+        study = parse_study(stored.read_text(encoding="utf-8"), str(stored), Path(folder) if folder else None)
+        points = make_points(study)
+        choice = frozen_choice(study, path) if study.accuracy else None
+        if choice is not None:
+            points = chosen_points(study, points, choice)
+        return _joined(*build_cube(study, points, point_keys(study, points), journal.blocks()))
