@@ -1,4 +1,4 @@
-"""The command line: run, plan, query, simulate, report, workflow, compare, schema.
+"""The command line: run, plan, query, simulate, report, workflow, compare, schema, init, completion.
 
 Answers go to standard output; progress and messages go to standard error. Exit codes: 0 done, 1 internal error,
 2 wrong call or input (nothing started), 3 done, but something failed that was not expected, 130 interrupted.
@@ -13,7 +13,7 @@ import math
 import sys
 import traceback
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -53,6 +53,16 @@ class _Parser(argparse.ArgumentParser):
         print(f"{self.prog}: {message}", file=sys.stderr)
         print(f"try: {self.prog} --help", file=sys.stderr)
         raise SystemExit(WRONG_INPUT)
+
+
+class _Version(argparse.Action):
+    """Print the version, which is looked up only when it is asked for."""
+
+    def __call__(self, *call: Any) -> NoReturn:
+        from importlib.metadata import version
+
+        print(f"tripod-doe {version('tripod-doe')}")
+        raise SystemExit(DONE)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -120,6 +130,7 @@ class _Command:
 def _parser(arguments: Sequence[str]) -> _Parser:
     """The parser of all commands; the words of the call decide which scene's parameters are flags of `simulate`."""
     parser = _Parser(prog="tripod-doe", description="Parameter studies for the thrust force of tripod joints.")
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version")
     parsers = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_Parser)
     for name, command in _COMMANDS.items():
         own = parsers.add_parser(name, help=command.help, description=command.help)
@@ -223,6 +234,17 @@ def _add_compare(parser: _Parser, arguments: Sequence[str]) -> None:
 def _add_schema(parser: _Parser, arguments: Sequence[str]) -> None:
     parser.add_argument("kind", choices=("study", "workflow"), help="kind of file")
     parser.add_argument("--scene", default="joint", metavar="S", help="scene whose parameters are listed")
+    parser.add_argument("--brief", action="store_true", help="one line per key, parameter and output, to be read")
+
+
+def _add_init(parser: _Parser, arguments: Sequence[str]) -> None:
+    parser.add_argument("name", metavar="NAME", nargs="?", default="study", help="name of the study (default study)")
+    parser.add_argument("--kind", choices=("grid", "sensitivity", "contribution"), default="grid",
+                        help="kind of study: a grid (default), which parameter matters, or which friction")  # fmt: skip
+
+
+def _add_completion(parser: _Parser, arguments: Sequence[str]) -> None:
+    parser.add_argument("shell", choices=("bash", "zsh"), help="shell that reads it")
 
 
 def _scene_named_in(arguments: Sequence[str]) -> str:
@@ -430,12 +452,43 @@ def _schema(options: argparse.Namespace) -> int:
     if options.kind == "workflow":
         from tripod_doe.workflow.file import workflow_schema
 
+        if options.brief:
+            raise InputError("--brief: only of study files")
         print(json.dumps(workflow_schema(), indent=1))
         return DONE
-    from tripod_doe.study.schema import study_schema
+    from tripod_doe.study.schema import brief_schema, study_schema
 
-    print(json.dumps(study_schema(options.scene), indent=1))
+    print(brief_schema(options.scene) if options.brief else json.dumps(study_schema(options.scene), indent=1))
     return DONE
+
+
+def _init(options: argparse.Namespace) -> int:
+    from tripod_doe.study.template import write_template
+
+    path = write_template(options.name, options.kind)
+    print(path)
+    print(f"next: tripod-doe plan {path}", file=sys.stderr)
+    return DONE
+
+
+def _completion(options: argparse.Namespace) -> int:
+    import shtab
+
+    parser = _parser(["simulate"])  # with the flags of its parameters
+    for action in _path_arguments(parser):
+        action.complete = shtab.FILE  # type: ignore[attr-defined]
+    print(shtab.complete(parser, options.shell))
+    return DONE
+
+
+def _path_arguments(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    """Arguments of all commands that are files or directories."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for own in action.choices.values():
+                yield from _path_arguments(own)
+        elif action.type is Path:
+            yield action
 
 
 _COMMANDS = {
@@ -446,7 +499,9 @@ _COMMANDS = {
     "report": _Command("write the report of a result directory again", _add_report, _report),
     "workflow": _Command("run a chain of studies, analyses, figures and reports", _add_workflow, _workflow),
     "compare": _Command("compare a measurement with one point of a cube", _add_compare, _compare),
-    "schema": _Command("print the JSON schema of study or workflow files", _add_schema, _schema),
+    "schema": _Command("print the schema of study or workflow files", _add_schema, _schema),
+    "init": _Command("write a study file to start from", _add_init, _init),
+    "completion": _Command("print a script that completes commands in a shell", _add_completion, _completion),
 }
 """All commands by the word that calls them, in the order of the help."""
 

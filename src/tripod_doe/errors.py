@@ -6,11 +6,14 @@ Outcomes (`tripod_doe.simulator`) are for cubes: a point that fails is a flagged
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 
 __all__ = ["CubeError", "InputError", "StorageError", "TripodDoeError", "closest", "near_match"]
 
 _FEW = 16  # names that can still be read at a glance
+_MOST_MEANT = 4
+_NEAR, _NEAR_SHORT = 0.75, 0.6  # by difflib's ratio: two wrong letters in eight; one or two in a word of four
 
 
 class TripodDoeError(Exception):
@@ -53,6 +56,13 @@ def near_match(name: str, known: Iterable[str]) -> str:
 
 
 def closest(name: str, known: Iterable[str]) -> str:
-    """Say which known name was probably meant, without listing the others: ``"; did you mean 'a.toml'?"`` or empty."""
-    matches = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
-    return f"; did you mean {matches[0]!r}?" if matches else ""
+    """Say which known name was probably meant, without listing the others: ``"; did you mean 'a.toml'?"`` or empty.
+
+    Meant is a name with nearly the same letters, or one that holds all words of the name: speed_rpm for speed.
+    """
+    names = list(known)
+    words = set(re.findall(r"[^\W_]+", name))
+    same_words = [other for other in names if words and words <= set(re.findall(r"[^\W_]+", other))]
+    cutoff = _NEAR if len(name) > 4 else _NEAR_SHORT
+    meant = difflib.get_close_matches(name, names, n=1, cutoff=cutoff) or same_words
+    return f"; did you mean {' or '.join(map(repr, meant))}?" if 0 < len(meant) <= _MOST_MEANT else ""

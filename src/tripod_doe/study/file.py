@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from tripod_doe.errors import InputError, closest, near_match
 
 __all__ = [
+    "TABLES",
     "AccuracyTable",
     "DesignTable",
     "FactorTable",
@@ -198,8 +199,16 @@ def complaints(error: ValidationError, known: Callable[[list[str]], Iterable[str
 
 
 def _known_keys(path: list[str]) -> list[str]:
-    tables: dict[str, type[_Table]] = {
-        "study": StudyTable, "factors": FactorTable, "design": DesignTable, "designs": DesignTable, "keep": KeepTable,
-        "run": RunTable, "accuracy": AccuracyTable,
-    }  # fmt: skip
-    return list((tables[path[0]] if path else StudyFile).model_fields)
+    table = path and {"factors": "factors.PARAMETER", "designs": "design"}.get(path[0], path[0])
+    return list((TABLES[table] if table else StudyFile).model_fields)
+
+
+TABLES: Mapping[str, type[_Table]] = {
+    "study": StudyTable,
+    "factors.PARAMETER": FactorTable,
+    "design": DesignTable,
+    "keep": KeepTable,
+    "run": RunTable,
+    "accuracy": AccuracyTable,
+}
+"""Tables with fixed keys, as they are written in a file; [base] holds parameters, [analysis.NAME] settings."""

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
+from pydantic import BaseModel
+
 from tripod_doe.study.accuracy import AUTO
-from tripod_doe.study.file import StudyFile
+from tripod_doe.study.file import TABLES, StudyFile
 from tripod_doe.study.scenes import SCENES, load_simulator
 
-__all__ = ["study_schema"]
+__all__ = ["brief_schema", "study_schema"]
 
 
 def study_schema(scene: str = "joint") -> dict[str, Any]:
@@ -51,3 +54,34 @@ def study_schema(scene: str = "joint") -> dict[str, Any]:
         for output in simulator.outputs.values()
     }
     return schema
+
+
+def brief_schema(scene: str = "joint") -> str:
+    """Keys of a study file and parameters and outputs of a scene for people: one line each."""
+    simulator = load_simulator(scene)
+    blocks = [(f"[{table}]", _key_lines(model)) for table, model in TABLES.items()]
+    groups: dict[str, list[tuple[str, ...]]] = {}
+    for parameter in simulator.parameters.values():
+        default = "" if parameter.default is None else f"{parameter.default}"
+        line = (parameter.name, default, parameter.unit_text or "-", parameter.meaning, parameter.range_text)
+        groups.setdefault(parameter.group, []).append(line)
+    blocks += [(f"parameters: {group} (name, default, unit, meaning, range)", lines) for group, lines in groups.items()]
+    outputs = [
+        (output.name, output.unit_text or "-", output.meaning + (f" ({', '.join(output.dims)})" if output.dims else ""))
+        for output in simulator.outputs.values()
+    ]
+    blocks.append((f"outputs of the scene {scene} (name, unit, meaning and dimensions)", outputs))
+    return "\n\n".join("\n".join([title, *_aligned(lines)]) for title, lines in blocks)
+
+
+def _key_lines(table: type[BaseModel]) -> list[tuple[str, ...]]:
+    lines = []
+    for name, field in table.model_fields.items():
+        words = re.findall(r"'([^']+)'", str(field.annotation)) if "Literal" in str(field.annotation) else []
+        lines.append((name, (field.description or "") + (f": {', '.join(words)}" if words else "")))
+    return lines
+
+
+def _aligned(lines: list[tuple[str, ...]]) -> list[str]:
+    widths = [max(len(line[column]) for line in lines) for column in range(len(lines[0]))]
+    return ["  " + "  ".join(map(str.ljust, line, widths)).rstrip() for line in lines]

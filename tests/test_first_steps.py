@@ -1,0 +1,77 @@
+"""The first minutes: a study file to start from, the version, completion, the brief schema, near names."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+import tripod_doe as td
+from tripod_doe.cli import main
+from tripod_doe.errors import closest
+from tripod_doe.study.file import TABLES
+from tripod_doe.study.scenes import load_simulator
+from tripod_doe.study.template import TEMPLATES
+
+
+@pytest.mark.parametrize("kind", TEMPLATES)
+def test_init_writes_a_study_that_can_be_planned_also_with_all_its_options(kind, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["init", "mine", "--kind", kind]) == 0
+    assert capsys.readouterr().out == "mine.toml\n"
+    assert td.plan("mine.toml", timing=False).points > 1
+    text = Path("mine.toml").read_text()
+    lines = [line[2:] if re.match(r"# (\w+ = |\[)", line) else line for line in text.splitlines()]
+    assert lines != text.splitlines()
+    Path("all.toml").write_text("\n".join(lines))
+    assert td.plan("all.toml", timing=False).points > 1
+    assert main(["init", "mine.toml"]) == 2
+    assert "mine.toml: this file exists" in capsys.readouterr().err
+
+
+def test_the_version_is_that_of_the_package(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"tripod-doe {version('tripod-doe')}\n"
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
+def test_bash_completes_commands_flags_and_parameters(tmp_path, capsys):
+    assert main(["completion", "bash"]) == 0
+    script = tmp_path / "completion"
+    script.write_text(capsys.readouterr().out)
+    ask = 'COMP_WORDS=({}); COMP_CWORD={}; _shtab_tripod_doe; echo "${{COMPREPLY[@]}}"'
+    for words, place, reply in (
+        ("tripod-doe sim", 1, "simulate"),
+        ("tripod-doe simulate --joint-an", 2, "--joint-angle-deg"),
+    ):
+        asked = subprocess.run(
+            ["bash", "-c", f"source {script}; " + ask.format(words, place)], capture_output=True, text=True, check=True
+        )
+        assert asked.stdout.strip() == reply
+
+
+def test_the_brief_schema_names_every_key_parameter_and_output(capsys):
+    assert main(["schema", "study", "--brief"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    first = {line.split()[0] for line in lines if line.strip()}
+    simulator = load_simulator("joint")
+    keys = {name for table in TABLES.values() for name in table.model_fields}
+    assert {*keys, *simulator.parameters, *simulator.outputs} <= first
+
+
+@pytest.mark.parametrize(
+    ("wrong", "meant"),
+    [
+        ("joint_angel_deg", "; did you mean 'joint_angle_deg'?"),
+        ("torque", "; did you mean 'torque_n_m'?"),
+        ("skew", "; did you mean 'initial_skew_1_deg' or 'initial_skew_2_deg' or 'initial_skew_3_deg'?"),
+        ("temperature", ""),
+        ("density_x", ""),
+    ],
+)
+def test_only_near_names_are_suggested(wrong, meant):
+    assert closest(wrong, load_simulator("joint").parameters) == meant
