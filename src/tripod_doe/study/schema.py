@@ -66,7 +66,7 @@ def brief_schema(scene: str = "joint") -> str:
         line = (parameter.name, default, parameter.unit_text or "-", parameter.meaning, parameter.range_text)
         groups.setdefault(parameter.group, []).append(line)
     blocks += [(f"parameters: {group} (name, default, unit, meaning, range)", lines) for group, lines in groups.items()]
-    outputs = [
+    outputs: list[tuple[str, ...]] = [
         (output.name, output.unit_text or "-", output.meaning + (f" ({', '.join(output.dims)})" if output.dims else ""))
         for output in simulator.outputs.values()
     ]
@@ -75,7 +75,7 @@ def brief_schema(scene: str = "joint") -> str:
 
 
 def _key_lines(table: type[BaseModel]) -> list[tuple[str, ...]]:
-    lines = []
+    lines: list[tuple[str, ...]] = []
     for name, field in table.model_fields.items():
         words = re.findall(r"'([^']+)'", str(field.annotation)) if "Literal" in str(field.annotation) else []
         lines.append((name, (field.description or "") + (f": {', '.join(words)}" if words else "")))
