@@ -13,7 +13,7 @@ import math
 import sys
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -472,23 +472,10 @@ def _init(options: argparse.Namespace) -> int:
 
 
 def _completion(options: argparse.Namespace) -> int:
-    import shtab
+    from tripod_doe.completion import completion_script
 
-    parser = _parser(["simulate"])  # with the flags of its parameters
-    for action in _path_arguments(parser):
-        action.complete = shtab.FILE  # type: ignore[attr-defined]
-    print(shtab.complete(parser, options.shell))
+    print(completion_script(_parser(["simulate"]), options.shell))  # with the flags of its parameters
     return DONE
-
-
-def _path_arguments(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
-    """Arguments of all commands that are files or directories."""
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for own in action.choices.values():
-                yield from _path_arguments(own)
-        elif action.type is Path:
-            yield action
 
 
 _COMMANDS = {
