@@ -9,7 +9,7 @@ import xarray as xr
 
 from tripod_doe.analysis.stability import RunKind
 from tripod_doe.joint.models import MODELS
-from tripod_doe.report.responses import number
+from tripod_doe.quantities import number
 from tripod_doe.report.speed_accuracy import find_in_speed_accuracy, price_table
 from tripod_doe.report.stability import border_text, measured_border
 from tripod_doe.simulator import Outcome
@@ -107,7 +107,7 @@ def _choices(runs: xr.Dataset) -> list[list[str]]:
             kind = "step" if part["setting_kind"].values[at] == "step_s" else "tolerance"
             rows.append([
                 *start, str(part["model"].values[at]), f"{part['run_method'].values[at]}, {kind} "
-                f"{float(part['setting'].values[at]):g}", f"{100 * error[at]:.2g} %", number(float(f"{price[at]:.3g}")),
+                f"{float(part['setting'].values[at]):g}", f"{100 * error[at]:.2g} %", number(float(price[at])),
                 f"{of_default / price[at]:.3g}",
             ])  # fmt: skip
     return rows

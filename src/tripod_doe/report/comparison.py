@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from tripod_doe.report.responses import ORDINALS, number
+from tripod_doe.quantities import level, number
+from tripod_doe.report.responses import ORDINALS
 
 __all__ = ["ORDER_HEADS", "comparison_json", "comparison_text", "find_in_comparison", "order_rows"]
 
@@ -77,7 +78,7 @@ def _cautions(comparison: xr.Dataset) -> list[str]:
         if np.abs(speed - model_speed).max() > _SPEED_APART * model_speed:
             told.append(
                 f"The record turns at {number(float(speed.min()))} to {number(float(speed.max()))} rpm, the model's "
-                f"point at {number(model_speed)} rpm."
+                f"point at {level(model_speed)} rpm."
             )
     counts = (
         ("revolutions_left_out", "revolution", "left out for a gap wider than 14.4 deg or too few samples"),

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from tripod_doe.analysis.contribution import PAPER_SHARES
 from tripod_doe.analysis.kinds import of_kind
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, MECHANISMS
-from tripod_doe.report.responses import ORDINALS, factor_label, factor_unit, number, spoken, unit_text, with_unit
+from tripod_doe.quantities import level, number, with_unit
+from tripod_doe.report.responses import ORDINALS, factor_label, factor_unit, spoken, unit_text
 
 __all__ = [
     "DEFINITIONS",
@@ -172,7 +173,7 @@ def _labels(points: xr.Dataset, factors: list[str]) -> list[str]:
     for name in factors:
         values = points[name].values.tolist()
         if len(set(values)) > 1:
-            texts = [number(value) if isinstance(value, int | float) else str(value) for value in values]
+            texts = [level(value) if isinstance(value, int | float) else str(value) for value in values]
             unit = factor_unit(points, name)
             columns.append(
                 [with_unit(text, unit) if unit else f"{factor_label(points, name)} {text}" for text in texts]

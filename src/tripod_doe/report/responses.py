@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from tripod_doe.quantities import level, with_unit
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import COST_VARIABLES, EXCLUDED, RECORD_ROLE, SWITCH_ROLE
 
@@ -27,14 +28,12 @@ __all__ = [
     "finished",
     "listed",
     "main_effect",
-    "number",
     "numeric_factors",
     "point_text",
     "responses",
     "spoken",
     "unit_text",
     "with_all_on",
-    "with_unit",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -46,6 +45,7 @@ ORDINALS = (
 """Orders in words."""
 
 _CHECKS = ("energy_residual", "largest_penetration_um")  # of the numerics: shown among the settings
+_ERRORS = ("thrust_amplitude_error", "thrust_amplitude_scatter")
 _VISIBLE = 5e-3  # orders smaller than this part of the largest one are not worth a sentence
 _CLASSES = 10  # classes of a sampled factor
 _MOST_LEVELS = 40  # a factor with more values than this is a sampled one
@@ -66,12 +66,15 @@ class Response:
         Its unit for people, empty without dimension.
     values
         Over the dimensions of the design; NaN where the point did not finish.
+    error
+        Difference of two means that their numerical errors can make; 0 where none is known.
     """
 
     key: str
     label: str
     unit: str
     values: xr.DataArray
+    error: float = 0.0
 
     @property
     def axis(self) -> str:
@@ -124,16 +127,6 @@ def unit_text(unit: str) -> str:
     return {"1": "", "degree": "deg", "mm s-1": "mm/s", "kg m-3": "kg/m3", "s mm-1": "s/mm"}.get(unit, unit)
 
 
-def number(value: float) -> str:
-    """A number as text: four digits."""
-    return f"{value:.4g}" if value else "0"
-
-
-def with_unit(value: str, unit: str) -> str:
-    """Value and unit, without a trailing blank where there is no unit."""
-    return f"{value} {unit}" if unit else value
-
-
 def listed(names: list[str]) -> str:
     """Names as a sentence lists them: ``a, b and c``."""
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
@@ -160,7 +153,7 @@ def point_text(cube: xr.Dataset, point: xr.Dataset) -> str:
     parts = []
     for name in factor_names(cube):
         value = point[name].item()
-        text = number(value) if isinstance(value, int | float) else str(value)
+        text = level(value) if isinstance(value, int | float) else str(value)
         parts.append(f"{factor_label(cube, name)} {with_unit(text, factor_unit(cube, name))}")
     return ", ".join(parts)
 
@@ -226,10 +219,18 @@ def responses(cube: xr.Dataset) -> list[Response]:
         for order in (3, 2, 1):
             values = amplitude.sel(order=order, drop=True)
             if order == 3 or float(values.max()) > _VISIBLE * largest:
-                found.append(Response(f"thrust_amplitude_order_{order}", ORDINALS[order], "N", values))
+                error = _error_of_order(cube, order)
+                found.append(Response(f"thrust_amplitude_order_{order}", ORDINALS[order], "N", values, error))
         return found
     own = [str(name) for name in cube.data_vars if _is_own(cube, str(name)) and name not in _CHECKS]
     return [Response(name, _own_label(cube, name), _own_unit(cube, name), cube[name]) for name in own[:6]]
+
+
+def _error_of_order(cube: xr.Dataset, order: int) -> float:
+    """Twice the mean numerical error that the runs report: both of two means may have it."""
+    known = [cube[name].sel(order=order) for name in _ERRORS if name in cube]
+    errors = [float(values.mean()) for values in known if bool(values.notnull().any())]
+    return 2 * max(errors, default=0.0)
 
 
 def _is_own(cube: xr.Dataset, name: str) -> bool:

@@ -10,7 +10,7 @@ import xarray as xr
 
 from tripod_doe.analysis.speed_accuracy import Known
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.report.responses import number
+from tripod_doe.quantities import number
 from tripod_doe.simulator import Outcome
 
 __all__ = ["find_in_speed_accuracy", "price_table"]
@@ -194,4 +194,4 @@ def price_table(data: xr.Dataset) -> tuple[list[str], list[list[str]]]:
 
 
 def _or_dash(value: float) -> str:
-    return number(float(f"{value:.3g}")) if math.isfinite(value) else "–"
+    return number(value) if math.isfinite(value) else "–"

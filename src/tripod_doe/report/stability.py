@@ -8,8 +8,9 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analysis.stability import Agreement, Limit, RunKind
+from tripod_doe.quantities import level, with_unit
 from tripod_doe.report.figures.stability import map_of, maps
-from tripod_doe.report.responses import number, spoken, unit_text, with_unit
+from tripod_doe.report.responses import spoken, unit_text
 from tripod_doe.simulator import Outcome
 
 __all__ = ["border_text", "find_in_stability", "measured_border", "stability_table"]
@@ -94,7 +95,7 @@ def _first_failure(row: xr.Dataset) -> str:
 
 def _level(row: xr.Dataset, factor: str) -> str:
     unit = unit_text(str(row[factor].attrs.get("units", "1")))
-    return f"{spoken(factor)} {with_unit(number(float(row[factor])), unit)}"
+    return f"{spoken(factor)} {with_unit(level(float(row[factor])), unit)}"
 
 
 def border_text(borders: xr.Dataset, value: float) -> str:
@@ -127,7 +128,7 @@ def stability_table(borders: xr.Dataset) -> tuple[list[str], list[list[str]]]:
 def _row(borders: xr.Dataset, part: xr.Dataset, factor: str) -> list[str]:
     """One map of one method."""
     ends = [part.isel(case=c) for c in (0, -1)]
-    levels = " to ".join(number(float(end[factor])) for end in ends)
+    levels = " to ".join(level(float(end[factor])) for end in ends)
     ratio = part["ratio"].values[np.isfinite(part["ratio"].values)]
     agrees = part["agrees"].values
     decided = int((agrees != Agreement.NOT_DECIDED).sum())

@@ -16,7 +16,8 @@ from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
-from tripod_doe.report.responses import asked, factor_names, factor_unit, finished, number, unit_text
+from tripod_doe.quantities import duration, level, number
+from tripod_doe.report.responses import asked, factor_names, factor_unit, finished, unit_text
 from tripod_doe.simulator import OUTCOME_MEANINGS, Outcome, Parameter
 from tripod_doe.study.cube import THIS_STUDY
 from tripod_doe.study.journal import PILOT
@@ -104,7 +105,7 @@ def failed_points(cube: xr.Dataset, most: int = 50) -> list[FailedPoint]:
 def _text(value: Any) -> str:
     if isinstance(value, np.generic):
         value = value.item()
-    return f"{value:.8g}" if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
+    return level(value) if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
 
 
 def cost_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
@@ -114,11 +115,11 @@ def cost_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
     run = cube["cpu_seconds"].notnull().values
     count, cpu, wall = int(run.sum()), float(cube["cpu_seconds"].sum()), cube["wall_seconds"].values[run]
     rows = [
-        ("CPU time", _duration(cpu), "sum of all points, without compilation"),
-        ("CPU time per point", _duration(cpu / count), f"mean of {count:,} points that were run"),
+        ("CPU time", duration(cpu), "sum of all points, without compilation"),
+        ("CPU time per point", duration(cpu / count), f"mean of {count:,} points that were run"),
     ]
     if cpu > 0:
-        rows.append(("Points per CPU second", _rate(count / cpu), "one core, inside the blocks"))
+        rows.append(("Points per CPU second", number(count / cpu), "one core, inside the blocks"))
     if "worker" in cube:
         rows.extend(_worker_rows(cube["worker"].values[run].astype(str), wall))
     for name, label in (("steps", "Steps"), ("force_evaluations", "Force evaluations"), ("solves", "Solves")):
@@ -137,24 +138,12 @@ def _worker_rows(worker: NDArray[np.str_], wall: NDArray[np.float64]) -> list[tu
         names, which = np.unique(worker[here], return_inverse=True)
         busiest = float(np.bincount(which, wall[here]).max())
         rows.append(("Workers", f"{names.size}", ", ".join(names[:12]) + (", ..." if names.size > 12 else "")))
-        rows.append(("Wall-clock time", _duration(busiest), "of the busiest worker, inside its blocks"))
+        rows.append(("Wall-clock time", duration(busiest), "of the busiest worker, inside its blocks"))
         if busiest > 0:
-            rows.append(("Points per second", _rate(here.sum() / busiest), "all workers together, inside the blocks"))
+            rows.append(("Points per second", number(float(here.sum()) / busiest), "all workers together, inside the blocks"))
     if not here.all():
         rows.append(("Points from the pilot", f"{int((~here).sum()):,}", "computed before, to choose the model"))
     return rows
-
-
-def _rate(value: float) -> str:
-    return f"{value:,.0f}" if value >= 100 else number(value)
-
-
-def _duration(seconds: float) -> str:
-    if seconds >= 3600:
-        return f"{number(seconds / 3600)} h"
-    if seconds >= 0.1:
-        return f"{number(seconds)} s" + (f" ({seconds / 3600:.2g} h)" if seconds >= 36 else "")
-    return f"{number(1e3 * seconds)} ms" if seconds >= 1e-4 else f"{number(1e6 * seconds)} μs"
 
 
 def numerics_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
@@ -173,7 +162,7 @@ def numerics_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
                 )
             )
     rows.extend(
-        (name.replace("_", " "), f"{100 * float(cube[name].max()):.2g} %", cube[name].attrs["long_name"])
+        (name.replace("_", " "), f"{number(100 * float(cube[name].max()), 2)} %", cube[name].attrs["long_name"])
         for name in map(str, cube.data_vars)
         if name.endswith("_error_estimate") and bool(cube[name].notnull().any())
     )
@@ -206,7 +195,7 @@ def _levels(values: np.ndarray[Any, Any]) -> str:
     distinct = distinct[distinct == distinct]  # an open field of a table is no level
     if distinct.size <= 6 or distinct.dtype.kind not in "fiu":
         return ", ".join(_text(value) for value in distinct)
-    return f"{float(distinct[0]):.4g} to {float(distinct[-1]):.4g}" + (
+    return f"{number(float(distinct[0]))} to {number(float(distinct[-1]))}" + (
         f" ({distinct.size} values)" if distinct.size <= 200 else ", sampled"
     )
 

@@ -9,7 +9,8 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analysis.claims.verdicts import Verdict
-from tripod_doe.report.responses import number, unit_text, with_unit
+from tripod_doe.quantities import level, number, with_unit
+from tripod_doe.report.responses import unit_text
 
 __all__ = ["claim_limits", "claim_table", "claim_value", "claims_of_figures", "find_in_claims"]
 
@@ -79,8 +80,8 @@ def claim_value(row: xr.Dataset) -> str:
     value, error = float(row["value"]), float(row["error"])
     if not math.isfinite(value):
         return "unknown"
-    spread = f" +- {number(float(f'{error:.2g}'))}" if math.isfinite(error) and error > 0 else ""
-    digits = f"{value:.6g}" if abs(value - 1) < 1e-2 else number(float(f"{value:.3g}")) if value % 1 else f"{value:g}"
+    spread = f" +- {number(error, 2)}" if math.isfinite(error) and error > 0 else ""
+    digits = level(value) if abs(value - 1) < 1e-2 else number(value)
     return with_unit(digits + spread, unit_text(str(row["unit"].item())))
 
 
@@ -89,5 +90,5 @@ def claim_limits(row: xr.Dataset) -> str:
     low, high = float(row["low"]), float(row["high"])
     unit = unit_text(str(row["unit"].item()))
     if math.isfinite(low) and math.isfinite(high):
-        return with_unit(f"{low:g}" if low == high else f"{low:g} to {high:g}", unit)
-    return with_unit(f"at least {low:g}" if math.isfinite(low) else f"at most {high:g}", unit)
+        return with_unit(level(low) if low == high else f"{level(low)} to {level(high)}", unit)
+    return with_unit(f"at least {level(low)}" if math.isfinite(low) else f"at most {level(high)}", unit)

@@ -9,8 +9,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import FancyBboxPatch
 
+from tripod_doe.quantities import duration
 from tripod_doe.report.figures.chart import INK, MUTED, Chart, drawing
-from tripod_doe.report.responses import number
 
 __all__ = ["StepView", "chain_chart", "step_time"]
 
@@ -58,7 +58,7 @@ def step_time(step: StepView) -> str:
     """Wall time of a step as text with its unit, empty if it has none."""
     if step.seconds is None:
         return ""
-    return f"{number(step.seconds / 60)} min" if step.seconds >= 120 else f"{step.seconds:.2g} s"
+    return duration(step.seconds)
 
 
 def chain_chart(steps: Sequence[StepView]) -> Chart:

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from numpy.typing import NDArray
 
+from tripod_doe.quantities import level, with_unit
 from tripod_doe.report.figures.chart import COLOURS, INK, LINES, MARKERS, Chart, drawing, factor_ticks, legend_above
 from tripod_doe.report.responses import (
     Effect,
@@ -21,10 +22,8 @@ from tripod_doe.report.responses import (
     factor_names,
     factor_unit,
     main_effect,
-    number,
     numeric_factors,
     responses,
-    with_unit,
 )
 
 __all__ = ["ResponseCharts", "effect_charts"]
@@ -153,8 +152,8 @@ def _draw_cells(axes: Axes, across: FloatArray, up: FloatArray, values: FloatArr
                 column, row, f"{value:#.3g}".rstrip("."), ha="center", va="center", fontsize=7.5,
                 color="white" if dark else INK,
             )  # fmt: skip
-    axes.set_xticks(range(across.size), [number(float(v)) for v in across])
-    axes.set_yticks(range(up.size), [number(float(v)) for v in up])
+    axes.set_xticks(range(across.size), [level(float(v)) for v in across])
+    axes.set_yticks(range(up.size), [level(float(v)) for v in up])
     axes.grid(visible=False)
     axes.tick_params(length=0)
     for spine in axes.spines.values():

@@ -7,8 +7,9 @@ import pandas as pd
 import xarray as xr
 from matplotlib.patches import Patch
 
+from tripod_doe.quantities import level, number
 from tripod_doe.report.figures.chart import INK, Chart, drawing
-from tripod_doe.report.responses import axis_label, factor_names, number, numeric_factors, responses, spoken
+from tripod_doe.report.responses import axis_label, factor_names, numeric_factors, responses, spoken
 from tripod_doe.simulator import Outcome
 
 __all__ = ["outcome_charts"]
@@ -41,14 +42,14 @@ def _chart(cube: xr.Dataset, part: pd.DataFrame, what: str) -> Chart:
     word, factor = part.columns[:2]
     rows, levels = list(dict.fromkeys(part[word])), sorted(part[factor].unique())
     with drawing(1.6 + 0.62 * len(levels), 1.0 + 0.36 * len(rows)) as (figure, axes):
-        for name, level, outcome, value in part.itertuples(index=False):
-            x, y, ended = levels.index(level), rows.index(name), Outcome(int(outcome))
+        for name, at, outcome, value in part.itertuples(index=False):
+            x, y, ended = levels.index(at), rows.index(name), Outcome(int(outcome))
             axes.fill_between([x - 0.5, x + 0.5], y - 0.5, y + 0.5, fc=_COLOURS.get(ended, _FAILED), ec="white")
-            text = number(round(float(value), 3)) if np.isfinite(value) else ended.label.replace("_", "\n")
+            text = number(float(value)) if np.isfinite(value) else ended.label.replace("_", "\n")
             axes.text(x, y, text, ha="center", va="center", fontsize=7 if np.isfinite(value) else 6, color=INK)
         axes.set_xlim(-0.5, len(levels) - 0.5)
         axes.set_ylim(len(rows) - 0.5, -0.5)
-        axes.set_xticks(range(len(levels)), [number(float(level)) for level in levels])
+        axes.set_xticks(range(len(levels)), [level(float(value)) for value in levels])
         axes.set_yticks(range(len(rows)), rows)
         axes.grid(visible=False)
         axes.set_xlabel(axis_label(cube, factor))

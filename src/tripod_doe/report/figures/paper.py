@@ -10,8 +10,9 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
 
+from tripod_doe.quantities import level, number, with_unit
 from tripod_doe.report.figures.chart import COLOURS, HATCHES, INK, LINES, MARKERS, MUTED, Chart, drawing, legend_above
-from tripod_doe.report.responses import ORDINALS, factor_label, factor_names, finished, number, with_unit
+from tripod_doe.report.responses import ORDINALS, factor_label, factor_names, finished
 
 __all__ = [
     "SKEWS",
@@ -44,13 +45,13 @@ def point_label(cube: xr.Dataset, point: xr.Dataset) -> str:
     names = [name for name in factor_names(cube) if np.unique(cube[name].values).size > 1]
     told = []
     if skews := [point[name].item() for name in names if name in SKEWS]:
-        told.append(f"skew {', '.join(number(skew) for skew in skews)} deg")
+        told.append(f"skew {', '.join(level(skew) for skew in skews)} deg")
     told += [f"{factor_label(cube, name)} {_level(point[name].item())}" for name in names if name not in SKEWS]
     return "; ".join(told)
 
 
 def _level(value: object) -> str:
-    return number(value) if isinstance(value, int | float) else str(value)
+    return level(value) if isinstance(value, int | float) else str(value)
 
 
 def _order_wave(size: np.ndarray, phase_deg: np.ndarray, orders: tuple[int, ...], angle: np.ndarray) -> np.ndarray:
@@ -83,8 +84,8 @@ def waveforms_of_all(cube: xr.Dataset) -> list[Chart]:
             _over_rotation(axes, 720, 180, 2)
         sizes = point["thrust_amplitude"].values
         caption = (
-            f"Thrust force, {point_label(cube, point)}: third order {number(round(float(sizes[3]), 3))} N, second "
-            f"{number(round(float(sizes[2]), 3))} N. Envelope of the orders 2, 3 and 4."
+            f"Thrust force, {point_label(cube, point)}: third order {number(float(sizes[3]))} N, second "
+            f"{number(float(sizes[2]))} N. Envelope of the orders 2, 3 and 4."
         )
         charts.append(Chart(f"point-{rank + 1}", caption, figure, data))
     return charts
@@ -170,7 +171,7 @@ def spectrum_of_all(cube: xr.Dataset) -> Chart | None:
 
 
 def _newton(point: xr.Dataset, order: int) -> str:
-    return f"{number(round(float(point['thrust_amplitude'].sel(order=order)), 4))} N"
+    return f"{number(float(point['thrust_amplitude'].sel(order=order)))} N"
 
 
 def friction_law_chart(cube: xr.Dataset) -> Chart | None:

@@ -12,17 +12,10 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
 
 from tripod_doe.analysis.claims.rules import RULES
+from tripod_doe.quantities import level, with_unit
 from tripod_doe.report.figures.chart import COLOURS, HATCHES, INK, LINES, MARKERS, MUTED, Chart, drawing, legend_above
 from tripod_doe.report.figures.paper import SKEWS, first_points
-from tripod_doe.report.responses import (
-    axis_label,
-    factor_label,
-    factor_unit,
-    finished,
-    number,
-    numeric_factors,
-    with_unit,
-)
+from tripod_doe.report.responses import axis_label, factor_label, factor_unit, finished, numeric_factors
 
 __all__ = ["findings_over_skew_charts", "kept_skew_charts", "skew_chart"]
 
@@ -51,7 +44,7 @@ def skew_chart(cube: xr.Dataset) -> Chart | None:
                 axes.plot(x, start[k], MARKERS[3], color=COLOURS[1], label="initial" if at == k == 0 else None)
                 rows.append((at + 1, k + 1, start[k], mean[k], least[k], most[k]))
         axes.axhline(0, color=INK, lw=0.8)
-        axes.set_xticks(range(len(points)), ["\n".join(number(float(p[name])) for name in SKEWS) for p in points])
+        axes.set_xticks(range(len(points)), ["\n".join(level(float(p[name])) for name in SKEWS) for p in points])
         axes.grid(axis="x", visible=False)
         axes.set_xlabel("initial skew on trunnions 1, 2, 3 (deg)")
         axes.set_ylabel("skew in the last revolution (deg)")
@@ -127,7 +120,7 @@ def kept_skew_charts(cube: xr.Dataset) -> list[Chart]:
 def _bearing(cube: xr.Dataset, row: pd.Series) -> str:
     """The factors of a bearing as text."""
     return ", ".join(
-        f"{factor_label(cube, str(name))} {with_unit(number(value), factor_unit(cube, str(name)))}"
+        f"{factor_label(cube, str(name))} {with_unit(level(value), factor_unit(cube, str(name)))}"
         for name, value in row.items()
     )
 
@@ -162,7 +155,7 @@ def _kept_chart(
             axes.plot(
                 line[along], line[column], ls=LINES[dash % len(LINES)], marker=MARKERS[dash % len(MARKERS)],
                 color=COLOURS[colour % len(COLOURS)], mfc="white",
-                label=", ".join(number(value) for value in key),
+                label=", ".join(level(value) for value in key),
             )  # fmt: skip
         if column == "mean_deg":
             start = float(part["initial_deg"].iloc[0])

@@ -12,8 +12,9 @@ from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
 from tripod_doe.analysis.stability import RunKind
+from tripod_doe.quantities import level, with_unit
 from tripod_doe.report.figures.chart import COLOURS, INK, Chart, panels
-from tripod_doe.report.responses import number, spoken, unit_text, with_unit
+from tripod_doe.report.responses import spoken, unit_text
 from tripod_doe.simulator import Outcome
 
 __all__ = ["map_of", "maps", "stability_charts"]
@@ -115,7 +116,7 @@ def _label(panel: Axes, part: xr.Dataset, factor: str) -> None:
     """Ticks that all panels share."""
     values = part[factor].values
     panel.set_xlim(-0.5, values.size - 0.5)
-    panel.set_xticks(range(values.size), [number(float(value)) for value in values])
+    panel.set_xticks(range(values.size), [level(float(value)) for value in values])
     panel.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{10**value:.2g}"))
 
 

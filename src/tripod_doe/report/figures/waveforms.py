@@ -11,8 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
+from tripod_doe.quantities import number
 from tripod_doe.report.figures.chart import COLOURS, HATCHES, INK, LINES, Chart, drawing, legend_above
-from tripod_doe.report.responses import ORDINALS, finished, number, point_text
+from tripod_doe.report.responses import ORDINALS, finished, point_text
 
 __all__ = ["Chosen", "chosen_points", "spectrum_chart", "waveform_charts"]
 

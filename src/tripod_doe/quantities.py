@@ -1,0 +1,98 @@
+"""Numbers as people write them: one place for every number in a sentence, a table or a line of the terminal.
+
+Three significant digits, powers of ten only where nobody would write the digits, and a unit that suits the size.
+"""
+
+from __future__ import annotations
+
+import math
+
+__all__ = ["count_of", "duration", "interval", "level", "number", "pace", "rounded_up", "size", "with_unit"]
+
+_DIGITS = 3
+_GIVEN_DIGITS = 6  # of a value that somebody wrote down: enough to recognise it
+_PLAIN = (1e-4, 1e7)  # magnitudes that are written without a power of ten
+_GROUPED = 1e4  # from here on, digits are grouped by commas
+_TIMES = ((86400.0, "d", 2.0), (3600.0, "h", 2.0), (60.0, "min", 2.0), (1.0, "s", 1.0), (1e-3, "ms", 1.0),
+          (1e-6, "us", 1.0), (1e-9, "ns", 0.0))  # fmt: skip
+_SIZES = ((1e12, "TB"), (1e9, "GB"), (1e6, "MB"), (1e3, "kB"), (1.0, "bytes"))
+
+
+def number(value: float, digits: int = _DIGITS) -> str:
+    """A number to so many significant digits, without trailing zeros: ``0.019``, ``64.4``, ``12,300``, ``3e-14``.
+
+    Not a number is ``not known``.
+    """
+    if math.isnan(value):
+        return "not known"
+    if math.isinf(value):
+        return "infinite" if value > 0 else "-infinite"
+    rounded = float(f"{value:.{digits - 1}e}")
+    if rounded == 0:
+        return "0"
+    if not _PLAIN[0] <= abs(rounded) < _PLAIN[1]:
+        mantissa, exponent = f"{rounded:.{digits - 1}e}".split("e")
+        return f"{float(mantissa):g}e{int(exponent)}"
+    decimals = max(digits - 1 - math.floor(math.log10(abs(rounded))), 0)
+    text = f"{rounded:{',' if abs(rounded) >= _GROUPED else ''}.{decimals}f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def level(value: float) -> str:
+    """A value that was given, as it was written: ``1499``, ``0.005``."""
+    return number(value, _GIVEN_DIGITS)
+
+
+def rounded_up(value: float, digits: int = 2) -> str:
+    """A bound to so many significant digits, rounded away from zero, so that "at most" holds."""
+    if value == 0 or not math.isfinite(value):
+        return number(value)
+    unit = 10.0 ** (math.floor(math.log10(abs(value))) - digits + 1)
+    steps = math.ceil(abs(value) / unit * (1 - 1e-12))  # a value that already has so few digits stays as it is
+    return number(math.copysign(steps * unit, value), digits + 1)
+
+
+def interval(value: float, half: float) -> str:
+    """A number with the half width of its interval, to the digits that this leaves: ``0.7 +- 0.05``."""
+    if not math.isfinite(half) or not math.isfinite(value):
+        return number(value)
+    if half == 0 or value == 0:
+        return f"{number(value)} +- {number(half, 2)}"
+    told = math.floor(math.log10(abs(value))) - math.floor(math.log10(abs(half))) + 2
+    return f"{number(value, min(max(told, 1), _DIGITS + 1))} +- {number(half, 2)}"
+
+
+def with_unit(value: str, unit: str) -> str:
+    """Value and unit, without a trailing blank where there is no unit."""
+    return f"{value} {unit}" if unit else value
+
+
+def count_of(count: int, thing: str) -> str:
+    """A count with its noun: ``1 point``, ``1,664 points``."""
+    return f"{count:,} {thing}{'s' * (count != 1)}"
+
+
+def duration(seconds: float) -> str:
+    """A time in the unit that suits it: ``40 us``, ``68.3 s``, ``3.5 min``, ``12 h``."""
+    if not math.isfinite(seconds):
+        return number(seconds)
+    if seconds == 0:
+        return "0 s"
+    fitting = ((length, unit) for length, unit, least in _TIMES if abs(seconds) >= 0.9995 * least * length)
+    length, unit = next(fitting)
+    return f"{number(seconds / length)} {unit}"
+
+
+def pace(count: float, seconds: float, thing: str = "point") -> str:
+    """How fast things are made: ``350 points per second``, or ``12 s per point`` where one takes longer than that."""
+    if count <= 0 or seconds <= 0:
+        return ""
+    if count < seconds:
+        return f"{duration(seconds / count)} per {thing}"
+    return f"{number(count / seconds)} {thing}s per second"
+
+
+def size(count: float) -> str:
+    """Bytes in the unit that suits them: ``7.2 kB``."""
+    length, unit = next(((length, unit) for length, unit in _SIZES if count >= 0.9995 * length), _SIZES[-1])
+    return f"{number(count / length)} {unit}"

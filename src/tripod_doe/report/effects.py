@@ -1,0 +1,354 @@
+"""Sentences on the effect of each factor: only what its points support, see `analysis.factor_effects`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.analysis.additive_fit import Separation
+from tripod_doe.analysis.curve_shape import Shape, extreme_levels, mirror_level
+from tripod_doe.analysis.factor_effects import FactorEffect, Ground, factor_effects
+from tripod_doe.quantities import count_of, interval, level, number, rounded_up, with_unit
+from tripod_doe.report.responses import Response, factor_label, factor_names, factor_unit, listed
+
+__all__ = ["effects_on", "find_effects", "point_columns", "unseparated"]
+
+_MINOR = 0.05  # change over the range of the response below which a factor shares one sentence with others
+_ROUNDING = 1e-9  # part of the range of a response that is no effect
+_STRAIGHT = 0.98  # R^2 above which a line is a fair summary
+_EXACT = 0.9999  # R^2 above which nobody sees a difference from it
+_THROUGH_ZERO = 0.02  # offset of that line over its largest value below which it is a proportion
+_MANIFOLD = 2.0  # a single setting that changes so many times more than the mean is worth a remark
+_MOST_HELD = 3  # values of other factors that a sentence can list
+
+
+def point_columns(cube: xr.Dataset, rows: NDArray[np.bool_]) -> dict[str, NDArray[np.generic]]:
+    """Values of all factors at chosen points, shape (point,); words, and numbers with open fields, as text."""
+    columns = {}
+    for name in factor_names(cube):
+        values = xr.broadcast(cube["outcome"], cube[name])[1].values[rows]
+        words = values.dtype.kind not in "fiu" or bool(np.isnan(values.astype(float)).any())
+        columns[name] = values.astype(str) if words else values
+    return columns
+
+
+def effects_on(response: Response, cube: xr.Dataset) -> list[FactorEffect]:
+    """The effects of all factors that vary over the points with a number."""
+    rows = np.isfinite(response.values.values)
+    return factor_effects(point_columns(cube, rows), response.values.values[rows].astype(float), response.error)
+
+
+def find_effects(response: Response, cube: xr.Dataset, effects: Sequence[FactorEffect]) -> Iterator[str]:
+    """Yield one sentence per factor that changes the response, then one for those with little effect or none.
+
+    A factor has little effect only where no change at any setting of the others is large: one whose mean is flat while
+    single settings differ is told with its interactions.
+    """
+    values = response.values.values
+    span = float(np.nanmax(values) - np.nanmin(values))
+    teller = _Teller(response, cube, span)
+    told = [effect for effect in effects if effect.ground is not Ground.NOT_SEPARATED]
+    weak = [effect for effect in told if effect.largest <= _MINOR * span]
+    unseen = [effect for effect in told if effect.ground is Ground.REGRESSION and not _is_seen(effect)]
+    strong = [effect for effect in told if effect not in weak and effect not in unseen]
+    for effect in sorted(strong, key=lambda effect: -effect.rise):
+        yield teller.sentence(effect)
+    if weak:
+        yield teller.weak(weak)
+    if unseen:
+        yield teller.unseen(unseen)
+
+
+def _is_seen(effect: FactorEffect) -> bool:
+    """Whether a regression shows an effect above its interval: a course over classes, or else a trend."""
+    return effect.shape is not Shape.NONE or (effect.fit is not None and effect.fit.sure)
+
+
+def unseparated(cube: xr.Dataset, effects: Iterable[FactorEffect]) -> list[str]:
+    """State which factors the design does not separate, and why."""
+    lost = {effect.factor: effect.separation for effect in effects if effect.ground is Ground.NOT_SEPARATED}
+    groups = _tied_groups(lost)
+    sentences = [_told_together(cube, names, [name for name in names if name in lost]) for names in groups]
+    left = {name: found for name, found in lost.items() if not any(name in group for group in groups)}
+    for name, found in left.items():
+        if found.interaction:
+            product = listed([factor_label(cube, other) for other in found.tied_to])
+            sentences.append(
+                f"This design does not separate the effect of {factor_label(cube, name)} from the interaction of "
+                f"{product}, so it is not stated."
+            )
+    reasons = {
+        "there are too few points": [name for name, found in left.items() if found.too_few],
+        "most of its variation goes with theirs": [
+            name for name, found in left.items() if not (found.separated or found.too_few or found.interaction)
+        ],
+        "no two points differ in it alone": [name for name, found in left.items() if found.separated],
+    }
+    for why, names in reasons.items():
+        if names:
+            labels = listed([factor_label(cube, name) for name in names])
+            sentences.append(f"This design does not separate the effect of {labels} from those of the others: {why}.")
+    return sentences
+
+
+def _told_together(cube: xr.Dataset, names: list[str], lost: list[str]) -> str:
+    """Factors that change together; of some of them there may be points that differ in them alone."""
+    if len(lost) == len(names):
+        return (
+            f"{_at_head(cube, names)} change together in this design: it does not separate their effects, so none of "
+            "one alone is stated."
+        )
+    others = listed([factor_label(cube, name) for name in names if name not in lost])
+    labels = listed([factor_label(cube, name) for name in lost])
+    return f"This design does not separate the effect of {labels} from that of {others}: they change together."
+
+
+def _tied_groups(lost: Mapping[str, Separation]) -> list[list[str]]:
+    """Factors that change together, in groups, each named once."""
+    groups: list[list[str]] = []
+    for name, found in lost.items():
+        if found.tied_to and not found.interaction:
+            members = [name, *found.tied_to]
+            joined = [group for group in groups if set(group) & set(members)]
+            groups = [group for group in groups if group not in joined]
+            groups.append(list(dict.fromkeys(each for group in [*joined, members] for each in group)))
+    return groups
+
+
+def _at_head(cube: xr.Dataset, names: Sequence[str]) -> str:
+    """Factors at the head of a sentence; an argument of a user's function keeps its spelling."""
+    labels = [factor_label(cube, name) for name in names]
+    return listed([labels[0] if labels[0] == names[0] else _capital(labels[0]), *labels[1:]])
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+@dataclass(frozen=True)
+class _Teller:
+    """Words for the effects on one response.
+
+    Attributes
+    ----------
+    response, cube
+        What is told, and its cube for the names of the factors.
+    span
+        Largest less smallest value of the response.
+    """
+
+    response: Response
+    cube: xr.Dataset
+    span: float
+
+    @property
+    def name(self) -> str:
+        """The response within a sentence."""
+        return self.response.label if self.response.key == self.response.label else f"the {self.response.label}"
+
+    @property
+    def start(self) -> str:
+        """The response at the head of a sentence; the name of a user's variable keeps its spelling."""
+        return self.name if self.response.key == self.response.label else _capital(self.name)
+
+    def sentence(self, effect: FactorEffect) -> str:
+        """One factor that changes the response."""
+        if effect.ground is Ground.STEPS:
+            return self._steps(effect)
+        if effect.ground is Ground.REGRESSION and effect.shape is Shape.NONE:
+            return self._trend(effect)
+        if not effect.numeric:
+            return self._words(effect)
+        told = {
+            Shape.NONE: self._flat, Shape.RISING: self._one_way, Shape.FALLING: self._one_way,
+            Shape.VALLEY: self._optimum, Shape.PEAK: self._optimum, Shape.MIXED: self._mixed,
+        }[effect.shape](effect)  # fmt: skip
+        return f"{told}{self._alike(effect)}."
+
+    def value(self, value: float) -> str:
+        """A value of the response with its unit; rounding errors are zero."""
+        rounding = 1e-9 * float(np.nanmax(np.abs(self.response.values.values)))
+        return with_unit(number(0.0 if abs(value) <= rounding else value), self.response.unit)
+
+    def at(self, effect: FactorEffect, value: object) -> str:
+        """A level of a factor with its unit; a mean of a class is rounded."""
+        if not isinstance(value, int | float):
+            return str(value)
+        text = number(value) if effect.ground is Ground.REGRESSION else level(value)
+        return with_unit(text, factor_unit(self.cube, effect.factor))
+
+    def where(self, effect: FactorEffect) -> str:
+        """How the other factors are treated, with a comma in front; empty where there are none."""
+        parts = []
+        if effect.averaged:
+            several = len(effect.averaged) > 1
+            over = "the other factors" if several else factor_label(self.cube, effect.averaged[0])
+            parts.append(f"averaged over {over}")
+        if effect.held:
+            parts.append(self._held(effect))
+        if effect.settings < effect.of_settings:
+            parts.append(f"at the {effect.settings:,} of {effect.of_settings:,} settings of them without gaps")
+        if effect.ground is Ground.REGRESSION:
+            parts.append(f"means of {effect.mean.size} classes, +- {number(effect.error, 2)}")
+        return "".join(f", {part}" for part in parts)
+
+    def _held(self, effect: FactorEffect) -> str:
+        if "varied" in self.cube.coords:
+            return "others at their base values"
+        if len(effect.held) > _MOST_HELD:
+            return "the others at one of their values each"
+        told = [
+            f"{factor_label(self.cube, name)} "
+            + with_unit(level(value) if isinstance(value, int | float) else str(value), factor_unit(self.cube, name))
+            for name, value in effect.held.items()
+        ]
+        return f"at {listed(told)}"
+
+    def _alike(self, effect: FactorEffect) -> str:
+        """How single settings of the others differ from the mean over them, with semicolons in front."""
+        other, told = effect.settings - effect.alike, ""
+        if effect.ground is not Ground.CURVES or effect.shape is Shape.NONE:
+            return ""
+        if other and effect.shape is not Shape.MIXED:
+            told = f"; at {other:,} of {count_of(effect.settings, 'setting')} of the others the course is another"
+        if effect.largest > _MANIFOLD * effect.rise:
+            told += f"; at single settings of the others it changes by up to {self.value(effect.largest)}"
+        return told
+
+    def _one_way(self, effect: FactorEffect) -> str:
+        """A rise or a fall: proportional, along a straight line, or by its ends."""
+        levels, curve = effect.level.astype(float), effect.mean
+        label, own = factor_label(self.cube, effect.factor), factor_unit(self.cube, effect.factor)
+        verb = "increases" if effect.shape is Shape.RISING else "decreases"
+        slope, offset = np.polyfit(levels, curve, 1)
+        rest = curve - (slope * levels + offset)
+        straight = 1 - float(rest @ rest) / float(((curve - curve.mean()) ** 2).sum())
+        if straight < _STRAIGHT or levels.size < 3:
+            ends = self._extremes(effect)
+            ends = ends if effect.shape is Shape.RISING else ends[::-1]
+            return f"{self.start} {verb} with {label}, from {ends[0]} to {ends[1]}{self.where(effect)}"
+        # Without a unit "per 1" is far outside the range of a friction coefficient: say it per 0.01, for instance.
+        step = 1.0 if own else 10.0 ** math.floor(math.log10(float(np.ptp(levels))))
+        written = number if effect.ground is Ground.REGRESSION else level
+        over = with_unit(f"{written(float(levels[0]))} to {written(float(levels[-1]))}", own) + self.where(effect)
+        exact = straight > _EXACT
+        fit = f"R2 > {_EXACT}" if exact else f"R2 = {math.floor(straight * 1e4) / 1e4:.4f}"
+        if abs(offset) <= _THROUGH_ZERO * float(np.abs(curve).max()):
+            per = f"{self.value(slope * step)} per {own or number(step)}"
+            return f"{self.start} is {'' if exact else 'nearly '}proportional to {label}: {per} ({over}; {fit})"
+        per = f"{self.value(abs(slope) * step)} per {own or number(step)}"
+        return f"{self.start} {verb} with {label} by {per} ({over}; straight line with {fit})"
+
+    def _optimum(self, effect: FactorEffect) -> str:
+        levels, curve = effect.level.astype(float), effect.mean
+        inside = extreme_levels(levels, curve, effect.shape, effect.error)
+        best, verb = ("largest", "falls") if effect.shape is Shape.PEAK else ("smallest", "grows")
+        extreme = float(curve.max() if effect.shape is Shape.PEAK else curve.min())
+        spot = " to ".join(dict.fromkeys(self.at(effect, end.item()) for end in (inside[0], inside[-1])))
+        label = factor_label(self.cube, effect.factor)
+        head = f"Over {label}, {self.name} is {best}, {self.value(extreme)}, at {spot} and {verb} to both sides"
+        middle = mirror_level(levels, curve, effect.error)
+        if middle is not None:
+            far = f"{self.value(float(curve[[0, -1]].mean()))} at {self.at(effect, levels[0].item())} and "
+            far += self.at(effect, levels[-1].item())
+            return f"{head}, symmetrically: {far}{self.where(effect)}"
+        ends = [f"{self.value(float(curve[at]))} at {self.at(effect, levels[at].item())}" for at in (0, -1)]
+        return f"{head}: {ends[0]}, {ends[1]}{self.where(effect)}"
+
+    def _mixed(self, effect: FactorEffect) -> str:
+        least, most = self._extremes(effect)
+        label = factor_label(self.cube, effect.factor)
+        return f"Over {label}, {self.name} rises and falls between {least} and {most}{self.where(effect)}"
+
+    def _extremes(self, effect: FactorEffect) -> list[str]:
+        """Smallest and largest value of the mean curve, with their levels."""
+        return [
+            f"{self.value(float(effect.mean[at]))} (at {self.at(effect, effect.level[at].item())})"
+            for at in (int(np.argmin(effect.mean)), int(np.argmax(effect.mean)))
+        ]
+
+    def _words(self, effect: FactorEffect) -> str:
+        """A factor without an order, such as the model."""
+        if effect.shape is Shape.NONE:
+            return f"{self._flat(effect)}."
+        least, most = self._extremes(effect)
+        label = factor_label(self.cube, effect.factor)
+        return f"Over {label}, {self.name} lies between {least} and {most}{self.where(effect)}{self._alike(effect)}."
+
+    def _flat(self, effect: FactorEffect) -> str:
+        """No effect in the mean although single settings change: an interaction."""
+        return (
+            f"The mean of {self.name} does not depend on {factor_label(self.cube, effect.factor)} ("
+            f"{self.where(effect).removeprefix(', ')}), but at single settings of the others it changes by up to "
+            f"{self.value(effect.largest)}: its effect depends on theirs"
+        )
+
+    def _steps(self, effect: FactorEffect) -> str:
+        """The signs of the steps in one factor."""
+        label, pairs = factor_label(self.cube, effect.factor), effect.settings
+        alone = f"{'the only pair' if pairs == 1 else f'{pairs:,} pairs'} of points that differ in {label} alone"
+        most = f"by up to {self.value(effect.largest)}"
+        held = f" ({self._held(effect)})" if effect.held else ""
+        if not effect.numeric:
+            return f"In {alone}{held}, {self.name} changes {most}."
+        if effect.falling == 0 or effect.rising == 0:
+            verb, moved = ("increases", effect.rising) if effect.rising else ("decreases", effect.falling)
+            every = f"In {'all ' if pairs > 1 else ''}{alone}" if moved == pairs else f"In {moved:,} of {alone}"
+            rest = "" if moved == pairs else ", and stays in the others"
+            return f"{every}{held}, {self.name} {verb} with {label}, {most}{rest}."
+        return (
+            f"{self.start} has no single direction over {label}: with a larger value it increases in "
+            f"{effect.rising:,} and decreases in {effect.falling:,} of {alone}{held}, {most}."
+        )
+
+    def _trend(self, effect: FactorEffect) -> str:
+        """A trend by regression, where there are not enough points for a course."""
+        assert effect.fit is not None
+        verb = "increases" if effect.fit.trend > 0 else "decreases"
+        told = with_unit(interval(abs(effect.fit.trend), effect.fit.half), self.response.unit)
+        return (
+            f"By regression on all factors, {self.name} {verb} with {factor_label(self.cube, effect.factor)}, by "
+            f"{told} over its range (95 % interval, {effect.settings:,} points)."
+        )
+
+    def weak(self, effects: list[FactorEffect]) -> str:
+        """Factors that change the response little, or not at all, at every setting of the others."""
+        head = _at_head(self.cube, [effect.factor for effect in effects])
+        largest, several = max(effect.largest for effect in effects), len(effects) > 1
+        if largest <= max(effect.error for effect in effects):
+            verb = f"{'have' if several else 'has'} no effect on {self.name}"
+        else:
+            bound = f"{rounded_up(100 * largest / self.span, 1)} % of that range"
+            verb = f"{'change' if several else 'changes'} {self.name} by at most {bound}"
+        return f"{head} {verb}{self._everywhere(effects)}."
+
+    def _everywhere(self, effects: list[FactorEffect]) -> str:
+        """For which settings of the other factors that holds."""
+        if "varied" in self.cube.coords:
+            return ", others at their base values"
+        settings = {effect.of_settings for effect in effects}
+        if settings == {1}:
+            return f", {self._held(effects[0])}" if len(effects) == 1 and effects[0].held else ""
+        if any(effect.ground is Ground.STEPS for effect in effects):
+            return f" between any two points that differ in {'one of them' if len(effects) > 1 else 'it'} alone"
+        return ", at any setting of the other factors that was computed"
+
+    def unseen(self, effects: list[FactorEffect]) -> str:
+        """Factors whose effect does not stand out of the scatter."""
+        most = max(effect.fit.most for effect in effects if effect.fit)
+        labels, points = [factor_label(self.cube, effect.factor) for effect in effects], effects[0].settings
+        if most <= _ROUNDING * self.span:
+            head = _at_head(self.cube, [effect.factor for effect in effects])
+            return (
+                f"{head} {'have' if len(effects) > 1 else 'has'} no effect on {self.name} at these {points:,} points."
+            )
+        return (
+            f"No effect of {listed(labels)} on {self.name} stands out from the scatter of the {points:,} points; "
+            f"trends of up to {with_unit(rounded_up(most), self.response.unit)} over the range and interactions are "
+            "not excluded."
+        )

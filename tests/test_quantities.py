@@ -1,0 +1,80 @@
+"""Numbers as people write them."""
+
+from __future__ import annotations
+
+import math
+import random
+
+import pytest
+
+from tripod_doe.quantities import count_of, duration, interval, level, number, pace, rounded_up, size
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"), (-0.0, "0"), (100.4, "100"), (99.96, "100"), (64.41, "64.4"), (40.02, "40"), (0.0190123, "0.019"),
+        (-3.14159, "-3.14"), (1234.5, "1230"), (12345, "12,300"), (3.2e-14, "3.2e-14"), (1e-5, "1e-5"),
+        (0.00012345, "0.000123"), (2.5e9, "2.5e9"), (math.nan, "not known"), (math.inf, "infinite"),
+    ],
+)  # fmt: skip
+def test_three_significant_digits(value, text):
+    assert number(value) == text
+
+
+def test_given_values_keep_their_digits():
+    assert [level(value) for value in (1499, 8.25, 0.005, 0.1 + 0.2, 23456)] == [
+        "1499",
+        "8.25",
+        "0.005",
+        "0.3",
+        "23,456",
+    ]
+
+
+def test_a_number_reads_back_to_three_digits():
+    draw = random.Random(0)
+    for _ in range(2000):
+        value = draw.choice((-1, 1)) * 10 ** draw.uniform(-20, 20)
+        assert float(number(value).replace(",", "")) == pytest.approx(value, rel=0.006)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (0, "0 s"), (4e-5, "40 us"), (0.0034, "3.4 ms"), (0.99996, "1 s"), (68.34, "68.3 s"), (100.0, "100 s"),
+        (119.99, "2 min"), (3600, "60 min"), (7200, "2 h"), (400_000, "4.63 d"),
+    ],
+)  # fmt: skip
+def test_durations_have_the_unit_that_suits_them(seconds, text):
+    assert duration(seconds) == text
+
+
+def test_a_slow_pace_is_a_time_per_point():
+    assert pace(3, 36.6) == "12.2 s per point"
+    assert pace(1664, 4.0) == "416 points per second"
+    assert pace(0, 4.0) == ""
+
+
+def test_a_bound_holds_after_rounding():
+    draw = random.Random(1)
+    for _ in range(2000):
+        value = 10 ** draw.uniform(-6, 6)
+        told = float(rounded_up(value).replace(",", ""))
+        assert value <= told <= 1.1 * value
+    assert [rounded_up(value) for value in (0.3, 0.0, 31, 0.301)] == ["0.3", "0", "31", "0.31"]
+
+
+def test_intervals_keep_the_digits_that_are_known():
+    assert interval(0.55712, 0.0613) == "0.557 +- 0.061"
+    assert interval(14.1234, 3e-9) == "14.12 +- 3e-9"
+    assert interval(0.0, 0.01) == "0 +- 0.01"
+
+
+def test_counts_and_sizes():
+    assert [count_of(1, "point"), count_of(0, "point"), count_of(1664, "point")] == [
+        "1 point",
+        "0 points",
+        "1,664 points",
+    ]
+    assert [size(0), size(999.9), size(7200), size(1.7e10)] == ["0 bytes", "1 kB", "7.2 kB", "17 GB"]
