@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from tripod_doe.errors import InputError, TripodDoeError, near_match
 from tripod_doe.interrupts import INTERRUPTED, check_interrupt, leave_interrupted, take_interrupts
+from tripod_doe.quantities import count_of, duration, pace
 
 if TYPE_CHECKING:  # imports of a command stand in its function: each loads only what it needs
     from tripod_doe.simulator import Parameter, Simulator
@@ -284,7 +285,7 @@ def _run(options: argparse.Namespace) -> int:
     summary = run(
         options.study, options.out, options.workers, options.scheduler, options.retry_failed, options.fail_fast
     )
-    for sentence in summary.findings:
+    for sentence in [*summary.answers, *summary.findings]:
         print(sentence, file=sys.stderr)
     for name, reason in summary.analyses.items():
         if reason:
@@ -292,8 +293,8 @@ def _run(options: argparse.Namespace) -> int:
     for label, count in summary.failed.items():
         print(f"{count:,} points ended as {label}; see outcome_detail, or --retry-failed", file=sys.stderr)
     seconds, count = summary.seconds, summary.computed
-    rate = f" in {seconds:.1f} s ({count / seconds:,.0f} per second)" if count else ""
-    print(f"{count:,} points computed{rate}, {summary.reused:,} reused", file=sys.stderr)
+    rate = f" in {duration(seconds)} ({pace(count, seconds)})" if count else ""
+    print(f"{count_of(count, 'point')} computed{rate}, {summary.reused:,} reused", file=sys.stderr)
     print(f"cube    {summary.directory / 'cube.nc'}", file=sys.stderr)
     print(f"report  {summary.directory / 'report' / 'index.html'}", file=sys.stderr)
     return DONE if summary.good else SOME_FAILED
@@ -348,6 +349,7 @@ def _query_netcdf(options: argparse.Namespace) -> int:
 
 def _simulate(options: argparse.Namespace) -> int:
     from tripod_doe.simulator import Outcome
+    from tripod_doe.study.point_table import point_table
     from tripod_doe.study.scenes import load_simulator
     from tripod_doe.study.simulate import simulate_point
 
@@ -358,7 +360,7 @@ def _simulate(options: argparse.Namespace) -> int:
         if getattr(options, name) is not None
     }
     point = simulate_point(options.scene, **given)
-    print(json.dumps(_point_answer(point), allow_nan=False) if options.format == "json" else _point_table(point))
+    print(json.dumps(_point_answer(point), allow_nan=False) if options.format == "json" else point_table(point))
     return DONE if point.outcome is Outcome.FINISHED else SOME_FAILED
 
 
@@ -382,22 +384,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list):
         return [_plain(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _point_table(point: SimulatedPoint) -> str:
-    """A simulated point for people: one line per output; waveforms only by their range."""
-    import numpy as np
-
-    lines = [f"outcome  {point.outcome.label} {point.detail}".rstrip()]
-    for name, values in point.outputs.items():
-        output = point.simulator.outputs[name]
-        if "rotation_deg" in output.dims:
-            shown = f"{np.nanmin(values.data):.5g} .. {np.nanmax(values.data):.5g}"
-        else:
-            shown = np.array2string(values.data, precision=5, suppress_small=True, max_line_width=110, separator=" ")
-        lines.append(f"{name} [{output.unit_text or '-'}]\n    " + shown.replace("\n", "\n    "))
-    lines.append("cost  " + ", ".join(f"{key} {value:.4g}" for key, value in point.cost.items()))
-    return "\n".join(lines)
 
 
 def _report(options: argparse.Namespace) -> int:

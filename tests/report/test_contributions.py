@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tripod_doe.analysis.contribution import ContributionSettings, contribution_shares
+from tripod_doe.report.contribution_sentences import contribution_findings, contribution_notes
 from tripod_doe.report.contributions import (
     PAPER_SHARES,
-    contribution_findings,
-    contribution_notes,
     contributions,
     share_rows,
 )
-from tripod_doe.report.figures import contribution_chart
+from tripod_doe.report.figures import contribution_charts
 from tripod_doe.report.findings import find
 from tripod_doe.report.page import make_page
 from tripod_doe.simulator import Outcome
@@ -89,7 +90,7 @@ def test_the_paper_s_reading_is_the_definition_with_the_smallest_largest_differe
 def test_the_note_says_that_all_thrust_passes_by_groove_sliding(parts):
     third, second = parts
     assert contribution_notes(third)[0].startswith(
-        "All of the third order depends on groove sliding: without it the amplitude is zero."
+        "All of the third order depends on groove sliding: without it nothing is left."
     )
     assert contribution_notes(second)[0].startswith("The second order needs groove sliding and needle sliding together")
     assert "groove sliding and groove rolling" in contribution_notes(third)[1]
@@ -101,22 +102,22 @@ def test_closure_and_opponents_are_told(parts):
     assert below["closure: 100 - sum"][0] == f"{third.closure[0]:.1f}"
     assert float(below["closure: 100 - sum"][2]) == 0
     assert third.shares["share_off"][0, third.mechanisms.index("needle_sliding")] < 0
-    assert "needle sliding (-0.5 %) opposes the sum" in contribution_findings(third)[0]
+    assert "needle sliding with -0.5 % opposes the sum" in contribution_findings(third)[0]
 
 
 def test_the_csv_behind_the_chart_holds_the_shares(parts, read_table):
     third = parts[0]
-    data = contribution_chart(third).data.set_index("definition")
+    data = contribution_charts(third)[0].data.set_index("definition")
     for name, values in third.shares.items():
         assert (data.loc[name, third.mechanisms].to_numpy(float) == values[0]).all()
-    assert "needle rolling" in contribution_chart(third).svg()
-    assert "paper, 3.5" in contribution_chart(third).svg()
+    assert "needle rolling" in contribution_charts(third)[0].svg()
+    assert "paper, 3.5" in contribution_charts(third)[0].svg()
 
 
 def test_the_page_shows_the_joint_with_all_mechanisms_on(case_2):
     page = make_page(case_2, {"contribution": contribution_shares(case_2)})
     whole = float(case_2["thrust_amplitude"].isel(point=0).sel(order=3))
-    assert f"of the thrust force is the largest: {whole:.4g} N;" in find(case_2)[0]
+    assert f"of the thrust force is the largest: {whole:.3g} N;" in find(case_2)[0]
     assert '<section id="contribution">' in page
     assert 'href="#contribution"' in page
     assert page.count('class="shares"') == 2
@@ -129,7 +130,7 @@ def test_bars_of_several_operating_points_and_ranges_in_the_table(make_cube):
     assert third.labels == ["5 deg", "10 deg"]
     assert third.points["joint_angle_deg"].tolist() == [5, 10]
     assert list(third.shares) == ["share_off", "share_on"]
-    chart = contribution_chart(third)
+    chart = contribution_charts(third)[0]
     assert "by switching off, at 2 operating points" in chart.caption
     assert {"5 deg", "10 deg"} <= {text.split("</text>")[0].split(">")[-1] for text in chart.svg().split("<text")[1:]}
     assert len(chart.data) == 4
@@ -174,7 +175,7 @@ def test_one_missing_point_leaves_a_chart_that_says_so(uneven):
     cube = uneven.copy(deep=True)
     cube["outcome"][1] = Outcome.DIVERGED
     part = contributions({"shares": contribution_shares(cube, ContributionSettings(output="y"))})[0]
-    assert "incomplete" in contribution_chart(part).svg()
+    assert "incomplete" in contribution_charts(part)[0].svg()
     assert share_rows(part)[1][1][1:] == ["not known", f"{100 / 11:.1f}", "not known"]
     assert contribution_findings(part)
 
@@ -197,3 +198,51 @@ def test_the_direct_decomposition_stands_beside_the_ablation_and_says_where_they
     assert f"groove sliding (direct {direct[0]:.1f} %, there {off[0]:.1f} %)" in told
     close = np.abs(direct - off) <= 4
     assert ("groove spinning" in told.split("but not for")[0]) == close[third.mechanisms.index("groove_spinning")]
+
+
+MANY = """
+[study]
+name = "Many operating points"
+function = "report_functions:mechanisms"
+[factors]
+a = { values = [1, 2, 3, 4] }
+b = { values = [1, 2, 3] }
+[design]
+kind = "product"
+of = ["operating", "switches"]
+[design.operating]
+factors = ["a", "b"]
+[design.switches]
+kind = "ablation"
+factors = ["x", "z"]
+"""
+
+
+@pytest.fixture(scope="module")
+def many(make_cube):
+    return contributions({"s": contribution_shares(make_cube(MANY), ContributionSettings(output="y"))})[0]
+
+
+def test_many_operating_points_are_told_by_median_and_quartiles(many):
+    first, furthest = contribution_findings(many)
+    assert "by Shapley value, median (and quartiles) over 12 operating points: x 70.8 % (62.5 to 76.2), z" in first
+    assert furthest.startswith("The share furthest from its median in y is that of x: 400000.0 % at a 4, b 3, with a")
+    assert share_rows(many)[1][0][1] == "70.8 (62.5 to 76.2)"
+
+
+def test_one_unusual_operating_point_does_not_set_the_scale(many):
+    spread, of_two = contribution_charts(many)
+    assert "Beyond the axis (triangles): 2 shares, the furthest that of x at a 4, b 3, 400000.0 %." in spread.caption
+    low, high = spread.figure.axes[0].get_xlim()
+    assert -10 < low < high < 110
+    assert of_two.name.endswith("-map")
+    assert len(of_two.figure.axes) == 4  # two mechanisms, each with its scale
+    assert len(of_two.data) == 12 * 3  # full numbers, outlier included
+
+
+def test_a_direct_decomposition_beside_nothing_known_is_not_compared(parts):
+    third = replace(parts[0], shares={name: np.full_like(values, np.nan) for name, values in parts[0].shares.items()}
+                    | {"share_direct": np.full_like(parts[0].shares["share_off"], 20.0)})  # fmt: skip
+    (told,) = [note for note in contribution_notes(third) if note.startswith("Direct")]
+    assert "Within" not in told
+    assert "need not agree" not in told

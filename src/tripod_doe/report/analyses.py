@@ -27,9 +27,9 @@ from tripod_doe.analysis.stability import StabilitySettings, stability_borders
 from tripod_doe.report.claims.over_skew import find_over_skew, over_skew_table
 from tripod_doe.report.claims.verdicts import claim_table, find_in_claims
 from tripod_doe.report.comparison import find_in_comparison
-from tripod_doe.report.contributions import find_in_contribution
+from tripod_doe.report.contribution_sentences import find_in_contribution
 from tripod_doe.report.figures.comparison import comparison_charts
-from tripod_doe.report.figures.contributions import contribution_charts
+from tripod_doe.report.figures.contributions import contribution_figures
 from tripod_doe.report.figures.indices import indices_of_study
 from tripod_doe.report.figures.inputs import Figure, of_one
 from tripod_doe.report.figures.speed_accuracy import model_error_charts, speed_accuracy_charts
@@ -140,7 +140,7 @@ ANALYSES: dict[str, Analysis] = {
             designs=("ablation",),
             crossed=True,
             findings=find_in_contribution,
-            figures={"contribution": contribution_charts},
+            figures={"contribution": contribution_figures},
         ),
         Analysis(
             _of_cube(stability_borders),

@@ -19,12 +19,10 @@ from tripod_doe.report.responses import ORDINALS, factor_label, factor_unit, spo
 __all__ = [
     "DEFINITIONS",
     "Contribution",
-    "contribution_findings",
-    "contribution_notes",
     "contributions",
-    "find_in_contribution",
+    "percent",
     "share_rows",
-    "span",
+    "spread",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -38,9 +36,7 @@ DEFINITIONS = {
 """Definitions of a share by the variables that hold them."""
 
 _PAPER_POINT = {name: JOINT_PARAMETERS[name].default for name in ("joint_angle_deg", "torque_n_m", "speed_rpm")}
-_PRINTED = 0.05  # percent that still shows in the one digit after the point
-_AGREE = 4.0  # percentage points within which two shares count as agreeing
-_ALL_OF_IT = 0.5  # percent within which a share by switching off counts as the whole
+_MANY = 4  # operating points from which on quartiles say more than the ends
 
 
 @dataclass(frozen=True)
@@ -59,6 +55,8 @@ class Contribution:
         Names of the mechanisms.
     points
         Factors of the operating points, a row each; without columns where there is one point only.
+    units
+        Units of these factors as text.
     labels
         The operating points in words.
     shares
@@ -83,6 +81,7 @@ class Contribution:
     model: str
     mechanisms: list[str]
     points: pd.DataFrame
+    units: dict[str, str]
     labels: list[str]
     shares: dict[str, FloatArray]
     closure: FloatArray
@@ -93,6 +92,19 @@ class Contribution:
     paper: FloatArray | None
     like_paper: NDArray[np.bool_]
     missing: str
+
+    @property
+    def summarised(self) -> str:
+        """How shares at several operating points are told."""
+        count = len(self.labels)
+        if self.many:
+            return f"median (and quartiles) over {count:,} operating points"
+        return f"smallest to largest at {count} operating points"
+
+    @property
+    def many(self) -> bool:
+        """Whether there are so many operating points that only their distribution can be told."""
+        return len(self.labels) >= _MANY
 
     @property
     def fairest(self) -> str:
@@ -145,6 +157,7 @@ def _contribution(name: str, result: xr.Dataset, order: int | None) -> Contribut
         model=str(result.attrs.get("model", "")),
         mechanisms=mechanisms,
         points=pd.DataFrame({factor: points[factor].values for factor in factors}, index=range(points.sizes["at"])),
+        units={factor: factor_unit(points, factor) for factor in factors},
         labels=_labels(points, factors),
         shares={key: points[key].transpose("at", "mechanism").values for key in DEFINITIONS if key in points},
         closure=points["closure"].values,
@@ -189,17 +202,27 @@ def _amplitude(values: FloatArray, unit: str) -> str:
     return with_unit(low if low == high else f"{low} to {high}", unit)
 
 
-def _percent(values: FloatArray) -> str:
-    return f"{span(values)} %" if span(values) else "not known"
+def percent(values: FloatArray) -> str:
+    """Percent of one or of many operating points as text; ``not known`` where there is none."""
+    text = spread(values)
+    return text.replace(" (", " % (") if " (" in text else f"{text} %" if text else "not known"
 
 
-def span(values: FloatArray) -> str:
-    """Percent as text: one number, or the smallest and the largest of several; empty if none is known."""
+def spread(values: FloatArray) -> str:
+    """Percent as text: one number, the ends of a few, the median and quartiles of many; empty if none is known."""
     known = values[np.isfinite(values)]
     if known.size == 0:
         return ""
-    low, high = (f"{value:.1f}".replace("-0.0", "0.0") for value in (known.min(), known.max()))
-    return low if low == high else f"{low} to {high}"
+    low, middle, high = (_one_digit(value) for value in np.quantile(known, (0.25, 0.5, 0.75)))
+    if known.size < _MANY:
+        low, middle, high = (_one_digit(value) for value in (known.min(), np.nan, known.max()))
+        return low if low == high else f"{low} to {high}"
+    return middle if low == high else f"{middle} ({low} to {high})"
+
+
+def _one_digit(value: float) -> str:
+    text = f"{value:.1f}"
+    return "0.0" if text == "-0.0" else text
 
 
 def share_rows(part: Contribution) -> tuple[list[str], list[list[str]], list[list[str]]]:
@@ -208,18 +231,18 @@ def share_rows(part: Contribution) -> tuple[list[str], list[list[str]], list[lis
     Parameters
     ----------
     part
-        Shares of one order or output; of several operating points the least and the most are given.
+        Shares of one order or output; of several operating points as `spread` tells them.
     """
     heads = ["Mechanism", *(DEFINITIONS[name] for name in part.shares)]
     rows = [
-        [spoken(mechanism), *(span(values[:, at]) or "not known" for values in part.shares.values())]
+        [spoken(mechanism), *(spread(values[:, at]) or "not known" for values in part.shares.values())]
         for at, mechanism in enumerate(part.mechanisms)
     ]
     sums = [values.sum(axis=1) for values in part.shares.values()]
     below = [
-        ["sum", *(span(total) or "not known" for total in sums)],
-        ["closure: 100 - sum", *(span(100 - total) or "not known" for total in sums)],
-        ["all off, P(none)", *([span(part.none) or "not known"] + [""] * (len(sums) - 1))],
+        ["sum", *(spread(total) or "not known" for total in sums)],
+        ["closure: 100 - sum", *(spread(100 - total) or "not known" for total in sums)],
+        ["all off, P(none)", *([spread(part.none) or "not known"] + [""] * (len(sums) - 1))],
     ]
     if part.paper is not None:
         heads.append("paper, 3.5")
@@ -234,120 +257,3 @@ def share_rows(part: Contribution) -> tuple[list[str], list[list[str]], list[lis
         )
         below = [[*row, "100" if row[0] == "sum" else ""] for row in below]
     return heads, rows, below
-
-
-def find_in_contribution(name: str, result: xr.Dataset) -> list[str]:
-    """Sentences on a contribution analysis: the shares of the third and the second order."""
-    return [sentence for part in contributions({name: result}) for sentence in contribution_findings(part)]
-
-
-def contribution_findings(part: Contribution) -> list[str]:
-    """State the shares, the mechanisms that oppose the sum, and the definition closest to the paper's shares."""
-    if part.missing:
-        return [f"{_start(part.what)} has no shares: {part.missing} (analysis {part.analysis})."]
-    return [_who_makes_it(part), *_nearest_to_paper(part)]
-
-
-def contribution_notes(part: Contribution) -> list[str]:
-    """Notes on the shares: mechanisms on which all of the amplitude depends, and the strongest interaction."""
-    if part.missing:
-        return contribution_findings(part)
-    return _all_passes(part) + _strongest_interaction(part) + _agreement(part)
-
-
-def _agreement(part: Contribution) -> list[str]:
-    """State where the direct decomposition agrees with the ablation, and why it may differ."""
-    direct = part.shares.get("share_direct")
-    if direct is None or not np.isfinite(direct).all():
-        return []
-    told = [
-        f"{meaning} {_compared(part.mechanisms, direct, part.shares[name])}"
-        for name, meaning in DEFINITIONS.items()
-        if name != "share_direct" and name in part.shares and np.isfinite(part.shares[name]).all()
-    ]
-    return [
-        f"Direct decomposition of {part.what}: what each mechanism's force adds at the grooves while all are on. "
-        f"Within {_AGREE:.0f} percentage points {'; '.join(told)}. They need not agree: with a mechanism off, the "
-        "motion and the directions of the friction forces change; the decomposition takes the motion as it is. It "
-        f"leaves {span(100 - direct.sum(axis=1))} % to inertia, numerical error and mechanisms that are "
-        "not switched here."
-    ]
-
-
-def _compared(mechanisms: list[str], direct: FloatArray, values: FloatArray) -> str:
-    """For which mechanisms another definition gives the share by direct decomposition."""
-    gaps = np.abs(values - direct).max(axis=0)
-    same = [spoken(mechanism) for mechanism, gap in zip(mechanisms, gaps, strict=True) if gap <= _AGREE]
-    apart = [
-        f"{spoken(mechanisms[at])} (direct {span(direct[:, at])} %, there {span(values[:, at])} %)"
-        for at in np.flatnonzero(gaps > _AGREE)
-    ]
-    if not apart:
-        return "agrees for all"
-    return f"agrees for {', '.join(same) or 'none'}, but not for {', '.join(apart)}"
-
-
-def _strongest_interaction(part: Contribution) -> list[str]:
-    if not np.isfinite(part.interaction).any():
-        return []
-    strongest = int(np.nanargmax(np.abs(part.interaction)))
-    pair = " and ".join(spoken(name) for name in part.pairs[strongest].split(" + "))
-    size = float(part.interaction[strongest])
-    at = f", at {part.labels[strongest]}" if part.labels[strongest] else ""
-    they = "produce only together" if size > 0 else "each produce alone, but not twice when both are on"
-    return [
-        f"The strongest interaction in {part.what} is of {pair}: {abs(size):.1f} % of it they {they} (Shapley "
-        f"interaction index{at})."
-    ]
-
-
-def _start(text: str) -> str:
-    return text[0].upper() + text[1:] if text.startswith("the ") else text
-
-
-def _who_makes_it(part: Contribution) -> str:
-    values = part.shares[part.fairest]
-    means = np.nansum(values, axis=0) / np.maximum(np.isfinite(values).sum(axis=0), 1)
-    ranked = np.argsort(-means, kind="stable")
-    told = [f"{spoken(part.mechanisms[at])} {_percent(values[:, at])}" for at in ranked if means[at] >= -_PRINTED]
-    against = [f"{spoken(part.mechanisms[at])} ({span(values[:, at])} %)" for at in ranked if means[at] < -_PRINTED]
-    opposed = f"; {', '.join(against)} oppose{'s' if len(against) == 1 else ''} the sum" if against else ""
-    closure = f"; the shares by switching off leave a closure of {span(part.closure)} %" if span(part.closure) else ""
-    return (
-        f"Of {part.what}{f' ({part.amplitude})' if part.amplitude else ''}, by {DEFINITIONS[part.fairest]}: "
-        f"{', '.join(told)}{opposed}{closure} (analysis {part.analysis})."
-    )
-
-
-def _nearest_to_paper(part: Contribution) -> list[str]:
-    differences = part.differences()
-    if not differences:
-        return []
-    nearest = min(differences, key=lambda name: differences[name])
-    others = [f"{DEFINITIONS[name]}: {value:.1f}" for name, value in differences.items() if name != nearest]
-    told = f" ({', '.join(others)})" if others else ""
-    at = [label for label, is_there in zip(part.labels, part.like_paper, strict=True) if is_there]
-    where = f", at {'; '.join(at)}," if any(at) else ""
-    printed = ", ".join(f"{spoken(name)} {share:.0f} %" for name, share in PAPER_SHARES.items())
-    return [
-        f"The paper's shares of {part.what} ({printed}) are{where} closest to those by {DEFINITIONS[nearest]}: the "
-        f"largest difference is {differences[nearest]:.1f} percentage points{told}."
-    ]
-
-
-def _all_passes(part: Contribution) -> list[str]:
-    """A note if the amplitude vanishes without one mechanism: the consequence for each definition."""
-    whole = np.nan_to_num(np.abs(part.shares["share_off"] - 100), nan=np.inf).max(axis=0) < _ALL_OF_IT
-    needed = [spoken(name) for name, is_whole in zip(part.mechanisms, whole, strict=True) if is_whole]
-    if len(needed) == 1:
-        return [
-            f"All of {part.what} depends on {needed[0]}: without it the amplitude is zero. The Shapley value divides "
-            "what another mechanism adds equally between the two, so that one gets about half of its share by "
-            "switching off."
-        ]
-    if needed:
-        return [
-            f"{_start(part.what)} needs {' and '.join(needed)} together: switching off either takes all of it away, "
-            "each alone makes nothing, and the Shapley value shares it equally among them."
-        ]
-    return []

@@ -20,6 +20,7 @@ __all__ = ["effects_on", "find_effects", "point_columns", "unseparated"]
 
 _MINOR = 0.05  # change over the range of the response below which a factor shares one sentence with others
 _ROUNDING = 1e-9  # part of the range of a response that is no effect
+_INVISIBLE = 1e-6  # part of the largest value of a response below which a value is written as zero
 _STRAIGHT = 0.98  # R^2 above which a line is a fair summary
 _EXACT = 0.9999  # R^2 above which nobody sees a difference from it
 _THROUGH_ZERO = 0.02  # offset of that line over its largest value below which it is a proportion
@@ -172,7 +173,7 @@ class _Teller:
 
     def value(self, value: float) -> str:
         """A value of the response with its unit; rounding errors are zero."""
-        rounding = 1e-9 * float(np.nanmax(np.abs(self.response.values.values)))
+        rounding = _INVISIBLE * float(np.nanmax(np.abs(self.response.values.values)))
         return with_unit(number(0.0 if abs(value) <= rounding else value), self.response.unit)
 
     def at(self, effect: FactorEffect, value: object) -> str:
@@ -267,8 +268,9 @@ class _Teller:
 
     def _extremes(self, effect: FactorEffect) -> list[str]:
         """Smallest and largest value of the mean curve, with their levels."""
+        by = "at " if effect.numeric else ""
         return [
-            f"{self.value(float(effect.mean[at]))} (at {self.at(effect, effect.level[at].item())})"
+            f"{self.value(float(effect.mean[at]))} ({by}{self.at(effect, effect.level[at].item())})"
             for at in (int(np.argmin(effect.mean)), int(np.argmax(effect.mean)))
         ]
 

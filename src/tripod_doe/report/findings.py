@@ -22,8 +22,7 @@ from tripod_doe.simulator import Outcome
 
 __all__ = ["find"]
 
-_FLAT = 1e-6  # relative change below which a response is the same everywhere
-_ROUNDING = 1e-9  # part of the largest value below which a number is called zero
+_FLAT = 1e-6  # part of the largest value below which a value is zero, and a difference none
 _MOST_GIVEN = 40  # a factor with more values than this is a sampled one
 _MOST_NAMED = 3  # factors by which a point can be named
 
@@ -109,9 +108,12 @@ def _dominant_order(cube: xr.Dataset) -> str:
     if float(mean.sel(order=first)) == 0:
         return "The thrust force has no rotating order: all amplitudes are zero."
     over = " on average over the study" if int(finished(cube).sum()) > 1 else ""
+    rotating = amplitude.isel(order=slice(1, None)).fillna(-1)
+    other = int(((rotating.sel(order=first) < rotating.max("order")) & finished(cube)).sum())
+    told = f"; at {other:,} of {int(finished(cube).sum()):,} points another order is larger" if other else ""
     return (
         f"The {ORDINALS[first]} of the thrust force is the largest: {number(float(mean.sel(order=first)))} N{over}; "
-        f"the next is the {ORDINALS[second]} with {number(float(mean.sel(order=second)))} N."
+        f"the next is the {ORDINALS[second]} with {number(float(mean.sel(order=second)))} N{told}."
     )
 
 
@@ -128,7 +130,7 @@ def _range(response: Response, cube: xr.Dataset) -> str:
         return f"{name} is{same} {with_unit(number(high), response.unit)}."
     ends = []
     for value, at in ((low, np.nanargmin(values)), (high, np.nanargmax(values))):
-        text = with_unit(number(0.0 if abs(value) < _ROUNDING * largest else value), response.unit)
+        text = with_unit(number(0.0 if abs(value) < _FLAT * largest else value), response.unit)
         ends.append(text + _place(cube, int(at)))
     return f"{name} lies between {ends[0]} and {ends[1]}."
 

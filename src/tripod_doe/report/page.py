@@ -16,10 +16,11 @@ from tripod_doe.analysis.kinds import of_kind
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError
 from tripod_doe.report.analyses import findings_of
-from tripod_doe.report.contributions import contribution_notes, contributions, share_rows
+from tripod_doe.report.contribution_sentences import contribution_notes
+from tripod_doe.report.contributions import contributions, share_rows
 from tripod_doe.report.figures import (
     Chart,
-    contribution_chart,
+    contribution_charts,
     effect_charts,
     findings_over_skew_charts,
     index_charts,
@@ -41,7 +42,7 @@ from tripod_doe.report.tables import (
 from tripod_doe.study.netcdf import read_dataset
 from tripod_doe.study.results import is_shown, open_cube
 
-__all__ = ["make_page", "render", "write_report"]
+__all__ = ["make_page", "read_analyses", "render", "write_report"]
 
 _MOST_FAILED = 50
 
@@ -73,8 +74,13 @@ def write_report(directory: Path) -> Path:
         raise InputError(f"{directory}: this is a file; a report is made of the result directory it lies in")
     complete = is_shown(directory)  # else the analyses there, if any, are of fewer points than the cube
     cube = open_cube(directory)
-    analyses = {path.stem: read_dataset(path) for path in sorted((directory / "analysis").glob("*.nc")) if complete}
+    analyses = read_analyses(directory) if complete else {}
     return replace_text(directory / "report" / "index.html", make_page(cube, analyses))
+
+
+def read_analyses(directory: Path) -> dict[str, xr.Dataset]:
+    """The analyses of a result directory by their names."""
+    return {path.stem: read_dataset(path) for path in sorted((directory / "analysis").glob("*.nc"))}
 
 
 def make_page(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset]) -> str:
@@ -104,7 +110,7 @@ def make_page(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset]) -> str:
         effects=effect_charts(shown),
         indices=index_charts(analyses, cube),
         contributions=[
-            (part, contribution_notes(part), None if part.missing else (contribution_chart(part), share_rows(part)))
+            (part, contribution_notes(part), None if part.missing else (contribution_charts(part), share_rows(part)))
             for part in contributions(analyses)
         ],
         ablation=shown is not cube,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -10,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from tripod_doe.analysis.model_choice.pilot_results import pilot_results
 from tripod_doe.analysis.model_choice.study_choice import make_choice
 from tripod_doe.interrupts import check_interrupt
+from tripod_doe.report.analyses import findings_of
 from tripod_doe.report.findings import find
-from tripod_doe.report.page import write_report
+from tripod_doe.report.page import read_analyses, write_report
 from tripod_doe.study.choice import chosen_keys, chosen_points
 from tripod_doe.study.definition import Study, load_study
 from tripod_doe.study.designs import make_points
@@ -25,6 +24,7 @@ from tripod_doe.study.execution import Execution
 from tripod_doe.study.journal import PILOT
 from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.workflow.analyses import check_analyses, run_analyses
+from tripod_doe.workflow.progress import Progress
 
 __all__ = ["RunSummary", "run", "run_on"]
 
@@ -45,6 +45,8 @@ class RunSummary:
         Points whose outcome was neither finished nor expected, by outcome label.
     analyses
         By name, why an analysis could not be made; empty where it was.
+    answers
+        Sentences with numbers, from the analyses that the study asks for.
     findings
         Sentences with numbers, from the cube.
     complete
@@ -57,6 +59,7 @@ class RunSummary:
     seconds: float
     failed: Mapping[str, int]
     analyses: dict[str, str]
+    answers: Sequence[str]
     findings: Sequence[str]
     complete: bool
 
@@ -93,7 +96,7 @@ def run(
     fail_fast
         Stop at the first point that fails unexpectedly.
     progress
-        Whether to draw a progress bar on standard error.
+        Whether to tell on standard error how far the run is.
 
     Raises
     ------
@@ -130,6 +133,9 @@ def run_on(
         cube = directory.write_cube(asked, f"tripod-doe run: {computed} points computed")
     analyses = run_analyses(study, cube, directory.path)
     findings, failures = find(cube), asked.failures(cube["outcome"].values)
+    answers = [
+        sentence for name, result in read_analyses(directory.path).items() for sentence in findings_of(name, result)
+    ]
     del cube  # the report reads its own; a large cube need not be in memory twice
     write_report(directory.path)
     return RunSummary(
@@ -139,6 +145,7 @@ def run_on(
         execution.seconds if computed else 0.0,
         failures,
         analyses,
+        answers,
         findings,
         complete=computed == missing.size,
     )
@@ -171,19 +178,19 @@ def _compute(
     fail_fast: bool,
     progress: bool,
 ) -> int:
-    """Run the missing points under a progress bar and commit what comes back; returns how many did."""
+    """Run the missing points, telling how far that is, and commit what comes back; returns how many did."""
     if missing.size == 0:
         return 0
     computed = 0
     with (
-        tqdm(total=int(missing.size), unit="point", disable=not progress, file=sys.stderr, smoothing=0.05) as bar,
+        Progress(int(missing.size), progress) as told,
         directory.computing() as died_before,
         closing(execution.run(asked, missing, careful=died_before)) as finished,
     ):
         for block in finished:
             directory.commit(block)
             computed += block.keys.size
-            bar.update(block.keys.size)
+            told.add(block.keys.size)
             if fail_fast and not asked.good_outcomes.issuperset(block.result.outcome.tolist()):
                 break
     return computed

@@ -1,7 +1,7 @@
 """Figures: functions from a cube or an analysis to charts, in one style, each with its numbers."""
 
 from tripod_doe.report.figures.chart import Chart
-from tripod_doe.report.figures.contributions import contribution_chart
+from tripod_doe.report.figures.contributions import contribution_charts
 from tripod_doe.report.figures.effects import effect_charts
 from tripod_doe.report.figures.indices import index_charts
 from tripod_doe.report.figures.loci import locus_chart
@@ -10,7 +10,7 @@ from tripod_doe.report.figures.waveforms import spectrum_chart, waveform_charts
 
 __all__ = [
     "Chart",
-    "contribution_chart",
+    "contribution_charts",
     "effect_charts",
     "findings_over_skew_charts",
     "index_charts",

@@ -1,0 +1,66 @@
+"""One simulated point as text for people: outputs with their labels, three significant digits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.quantities import count_of, duration, number, with_unit
+from tripod_doe.simulator import Values
+from tripod_doe.study.simulate import SimulatedPoint
+
+__all__ = ["point_table"]
+
+_NOTHING = 1e-9  # part of the largest amplitude below which an amplitude is rounding, and has no phase
+_NO_PHASE = "-"
+
+
+def point_table(point: SimulatedPoint) -> str:
+    """Outcome, every output, cost. Waveforms are given by their range, phases only where there is an amplitude."""
+    lines = [f"outcome  {point.outcome.label} {point.detail}".rstrip()]
+    for name, values in point.outputs.items():
+        unit = point.simulator.outputs[name].unit_text
+        if "rotation_deg" in values.dims:
+            low, high = number(float(np.nanmin(values.data))), number(float(np.nanmax(values.data)))
+            lines.append(f"{name}  {with_unit(f'{low} to {high}', unit)} over the rotation angle")
+        elif values.data.ndim == 0:
+            lines.append(f"{name}  {with_unit(number(float(values.data)), unit)}")
+        else:
+            lines += [f"{name} [{unit or '-'}]", *_rows(point, values, _texts(name, values, point.outputs))]
+    cost = point.cost
+    lines.append(
+        f"cost  CPU {duration(cost['cpu_seconds'])}, wall {duration(cost['wall_seconds'])}, "
+        f"{count_of(int(cost['steps']), 'step')}, {count_of(int(cost['force_evaluations']), 'force evaluation')}"
+    )
+    return "\n".join(lines)
+
+
+def _texts(name: str, values: Values, outputs: Mapping[str, Values]) -> NDArray[Any]:
+    """Numbers as text; those that are rounding are zero, and phases of them are left out."""
+    data = np.asarray(values.data, float)
+    amplitude = outputs.get(name.replace("_phase_deg", "_amplitude"))
+    angle = name.endswith("_phase_deg") and amplitude is not None
+    size = np.abs(np.asarray(amplitude.data, float)) if angle and amplitude is not None else np.abs(data)
+    nothing = size <= _NOTHING * np.nanmax(size, initial=0.0)
+    texts = [
+        (_NO_PHASE if angle else "0") if zero else number(value)
+        for value, zero in zip(data.ravel().tolist(), nothing.ravel().tolist(), strict=True)
+    ]
+    return np.array(texts, dtype=object).reshape(data.shape)
+
+
+def _rows(point: SimulatedPoint, values: Values, texts: NDArray[Any]) -> list[str]:
+    """A table over the last dimension, with a row for each label of the dimensions before it."""
+    *before, last = values.dims
+    labels = {
+        dim: point.coordinates.get(dim, np.arange(size)) for dim, size in zip(values.dims, texts.shape, strict=True)
+    }
+    lines = [[last, *(str(label) for label in labels[last])]]
+    for place in np.ndindex(*texts.shape[:-1]):
+        head = ", ".join(f"{dim} {labels[dim][at]}" for dim, at in zip(before, place, strict=True))
+        lines.append([head, *texts[place]])
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return ["    " + "  ".join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])]) for line in lines]

@@ -1,0 +1,61 @@
+"""How far a run is: a bar on a terminal, a line now and then in a log."""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import TracebackType
+from typing import Self
+
+from tqdm import tqdm
+
+from tripod_doe.quantities import count_of, duration
+
+__all__ = ["Progress"]
+
+_FIRST_LINE = 30.0  # seconds after which a log gets a first line; shorter runs are told by their end alone
+_LONGEST_GAP = 600.0  # seconds between two lines, to which the gaps grow
+
+
+class Progress:
+    """Points that are done, told on standard error.
+
+    On a terminal a bar is drawn. A log gets a line after half a minute, and then whenever the time since the start has
+    doubled, at least every ten minutes: a run of a day takes some 150 lines.
+
+    Parameters
+    ----------
+    total
+        Points to compute.
+    shown
+        Whether anything is told at all.
+    """
+
+    def __init__(self, total: int, shown: bool) -> None:
+        self._total, self._done = total, 0
+        self._bar = tqdm(
+            total=total, unit="point", disable=None if shown else True, file=sys.stderr, smoothing=0.05
+        )  # None: only on a terminal
+        self._logged = shown and bool(self._bar.disable)
+        self._started = time.monotonic()
+        self._next_line = _FIRST_LINE
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.close()
+
+    def add(self, points: int) -> None:
+        """Count points that are done."""
+        self._done += points
+        self._bar.update(points)
+        passed = time.monotonic() - self._started
+        if self._logged and passed >= self._next_line and self._done < self._total:
+            left = duration(passed * (self._total - self._done) / self._done)
+            share = f"{100 * self._done / self._total:.0f} %"
+            print(f"{self._done:,} of {count_of(self._total, 'point')} ({share}) after {duration(passed)}, "
+                  f"about {left} left", file=sys.stderr, flush=True)  # fmt: skip
+            self._next_line = passed + min(passed, _LONGEST_GAP)
