@@ -102,6 +102,9 @@ def unit_points(kind: str, seed: int) -> np.ndarray:
     raise AssertionError(kind)
 
 
+CUBE = qmc.Sobol(3, rng=0).random(1024)
+"""Points over which means are taken."""
+
 KINDS = (
     "grid", "full-factorial", "fractional-factorial", "plackett-burman", "central-composite", "box-behnken",
     "one-at-a-time", "one-at-a-time x grid", "zip", "table", "latin-hypercube", "sobol", "halton", "saltelli", "morris",
@@ -142,11 +145,11 @@ class Truth:
         levels = np.unique(self.points[:, at])
         return np.mean([values for group, values in self.groups(at) if group.size == levels.size], axis=0)
 
-    def population_mean(self, at: int, level: float, width: float = 0.0) -> float:
-        """Mean of the response over the ranges of the other factors that the design fills, near one level."""
+    def population_mean(self, at: int, level: float) -> float:
+        """Mean of the response over the ranges of the other factors that the design fills, at one level."""
         low, high = self.points.min(axis=0), self.points.max(axis=0)
-        rows = low + (high - low) * qmc.Sobol(3, rng=0).random(4096)
-        rows[:, at] = np.clip(level + width * (rows[:, at] - rows[:, at].mean()), low[at], high[at])
+        rows = low + (high - low) * CUBE
+        rows[:, at] = level
         return float(self.function(*rows.T).mean())
 
     def largest_change(self, at: int) -> float:
@@ -198,7 +201,7 @@ def check_regression(sentence: str, truth: Truth, at: int) -> None:
     error = number_after(r"\+- ", sentence)
     ends = [float(each) for each in re.findall(r"\(at (-?[\d.e-]+)\)", sentence)]
     if "rises and falls" in sentence or "smallest" in sentence or "largest" in sentence:
-        levels = np.linspace(truth.points[:, at].min(), truth.points[:, at].max(), 65)
+        levels = np.linspace(truth.points[:, at].min(), truth.points[:, at].max(), 33)
         means = np.array([truth.population_mean(at, level) for level in levels])
         assert np.diff(means).max() > 0 > np.diff(means).min()
         return
@@ -264,9 +267,9 @@ def check(sentence: str, truth: Truth) -> str:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_sentence_lies(kind):
-    """Twelve random designs of a kind, all responses, with and without points that failed."""
+    """Six random designs of a kind, all responses, with and without points that failed."""
     seen = set()
-    for seed in range(12):
+    for seed in range(6):
         points = unit_points(kind, seed)
         for name, function in RESPONSES.items():
             values = function(*points[:, :3].T) + 0.0

@@ -126,7 +126,7 @@ def _maps(part: Contribution) -> list[Chart]:
     if any(table.size != len(part.points) for table in tables):
         return []
     shown = [which for which, table in enumerate(tables) if bool(table.notna().any(axis=None))]
-    with panels(len(shown), 3, _PANEL, _PANEL) as (figure, grid):
+    with panels(len(shown), min(len(shown), 3), _PANEL, _PANEL) as (figure, grid):
         for panel, which in zip(grid, shown, strict=True):
             table, name = tables[which], spoken(part.mechanisms[which])
             middle = float(np.nanmedian(table))
