@@ -69,6 +69,8 @@ def test_intervals_keep_the_digits_that_are_known():
     assert interval(0.55712, 0.0613) == "0.557 +- 0.061"
     assert interval(14.1234, 3e-9) == "14.12 +- 3e-9"
     assert interval(0.0, 0.01) == "0 +- 0.01"
+    assert interval(14.1234, 0.0) == "14.1"
+    assert interval(14.1234, math.nan) == "14.1"
 
 
 def test_counts_and_sizes():

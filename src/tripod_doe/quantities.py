@@ -53,11 +53,16 @@ def rounded_up(value: float, digits: int = 2) -> str:
 
 
 def interval(value: float, half: float) -> str:
-    """A number with the half width of its interval, to the digits that this leaves: ``0.7 +- 0.05``."""
+    """A number with the half width of its interval, to the digits that this leaves: ``0.7 +- 0.05``.
+
+    The number alone where no interval is known, or where it is exact.
+    """
     if not math.isfinite(half) or not math.isfinite(value):
         return number(value)
-    if half == 0 or value == 0:
-        return f"{number(value)} +- {number(half, 2)}"
+    if half == 0:
+        return number(value)
+    if value == 0:
+        return f"0 +- {number(half, 2)}"
     told = math.floor(math.log10(abs(value))) - math.floor(math.log10(abs(half))) + 2
     return f"{number(value, min(max(told, 1), _DIGITS + 1))} +- {number(half, 2)}"
 
@@ -72,7 +77,7 @@ def count_of(count: int, thing: str) -> str:
     return f"{count:,} {thing}{'s' * (count != 1)}"
 
 
-def duration(seconds: float) -> str:
+def duration(seconds: float, digits: int = _DIGITS) -> str:
     """A time in the unit that suits it: ``40 us``, ``68.3 s``, ``3.5 min``, ``12 h``."""
     if not math.isfinite(seconds):
         return number(seconds)
@@ -80,7 +85,7 @@ def duration(seconds: float) -> str:
         return "0 s"
     fitting = ((length, unit) for length, unit, least in _TIMES if abs(seconds) >= 0.9995 * least * length)
     length, unit = next(fitting)
-    return f"{number(seconds / length)} {unit}"
+    return f"{number(seconds / length, digits)} {unit}"
 
 
 def pace(count: float, seconds: float, thing: str = "point") -> str:

@@ -157,8 +157,10 @@ def test_a_factor_that_acts_by_interaction_alone_is_not_said_to_have_no_effect(m
 
 def sobol_result() -> xr.Dataset:
     index = np.array([[0.1, np.nan], [0.7, np.nan]])
+    half = np.array([[0.1, np.nan], [0.05, np.nan]])
+    dims = "factor", "order"
     return xr.Dataset(
-        dict.fromkeys(("S1", "S1_conf", "ST", "ST_conf"), (("factor", "order"), index)),
+        {"S1": (dims, index), "S1_conf": (dims, half), "ST": (dims, index), "ST_conf": (dims, half)},
         coords={"factor": ["torque_n_m", "joint_angle_deg"], "order": [3, 2]},
         attrs={"analysis_kind": "sobol"},
     )
@@ -167,8 +169,8 @@ def sobol_result() -> xr.Dataset:
 def test_the_largest_index_is_named_and_orders_without_numbers_are_left_out():
     sentences = findings_of("mine", sobol_result())
     assert len(sentences) == 1
-    assert "third order comes first from joint angle (total Sobol' index 0.7 +- 0.7), then torque (0.1" in sentences[0]
-    assert "80 % of it is the factors' own" in sentences[0]
+    assert "Total Sobol' indices of the third order: joint angle 0.7 +- 0.05; all others at most 0.2; " in sentences[0]
+    assert "the first-order indices add up to 0.8 +- 0.112: the rest are interactions" in sentences[0]
     assert "(analysis mine)" in sentences[0]
 
 

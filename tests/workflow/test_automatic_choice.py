@@ -256,7 +256,7 @@ def test_plan_tells_the_price_before_and_the_choice_after(wave, capsys):
     study = wave.write(STUDY)
     assert main(["plan", str(study), "--out", str(wave.folder / "out")]) == 0
     before = capsys.readouterr().out
-    assert "9 points on 2 candidates, about 9 CPU s" in before
+    assert "9 points on 2 candidates, CPU time about 9 s" in before
     assert "price        follows from the choice" in before
     wave.run(STUDY)
     assert main(["plan", str(study), "--out", str(wave.folder / "out")]) == 0

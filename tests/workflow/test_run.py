@@ -266,7 +266,7 @@ def test_an_existing_scheduler_gives_the_same_cube(write_study, tmp_path):
 def test_a_disk_that_is_too_small_is_told_before_anything_starts(write_study, tmp_path, monkeypatch):
     usage = shutil.disk_usage(tmp_path)._replace(free=1_000_000)
     monkeypatch.setattr("tripod_doe.study.directory.shutil.disk_usage", lambda path: usage)
-    with pytest.raises(td.InputError, match=r"1\.0 MB free, but journal and cube need 20\.0 MB"):
+    with pytest.raises(td.InputError, match=r"1 MB free, but journal and cube need 20 MB"):
         run(write_study(GRID), tmp_path / "out")
     assert not (tmp_path / "out" / "study.toml").exists()
 

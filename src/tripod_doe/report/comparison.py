@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from tripod_doe.quantities import level, number
+from tripod_doe.quantities import interval, level, number
 from tripod_doe.report.responses import ORDINALS
 
 __all__ = ["ORDER_HEADS", "comparison_json", "comparison_text", "find_in_comparison", "order_rows"]
@@ -23,6 +23,7 @@ ORDER_HEADS = (
 _FORCES = ("measured_amplitude", "model_amplitude", "amplitude_difference")
 _PHASES = ("measured_phase_deg", "model_phase_deg", "phase_difference_deg")
 _MOST_DECIMALS = 6
+_CONSTANT = 0.05  # percent about its mean below which nobody sees a beat
 _NOTHING = 1e-9  # part of the largest below which a number is rounding
 _SPEED_APART = 0.05  # of the model's speed, from which the reader should know
 
@@ -41,11 +42,8 @@ def find_in_comparison(comparison: xr.Dataset) -> list[str]:
         The third order first, then the second, the beat, the alignment, and what was lost.
     """
     sentences = [_order_sentence(comparison, order) for order in (3, 2)]
-    measured, model = (100 * _depth(comparison[f"{which}_envelope"].values) for which in ("measured", "model"))
-    sentences.append(
-        f"The beat changes the envelope by +-{measured:.2g} % of its mean height in the measurement and by "
-        f"+-{model:.2g} % in the model."
-    )
+    measured, model = (_beat(comparison[f"{which}_envelope"].values) for which in ("measured", "model"))
+    sentences.append(f"The envelope of the measured thrust force {measured}; that of the model {model}.")
     sentences.append(f"Reference angle {comparison.attrs['alignment']}.")
     return sentences + _cautions(comparison)
 
@@ -56,12 +54,19 @@ def _order_sentence(comparison: xr.Dataset, order: int) -> str:
     own, unsure = row["measured_amplitude_uncertainty"], row["amplitude_difference_uncertainty"]
     model, difference = row["model_amplitude"], row["amplitude_difference"]
     known = model > _NOTHING * float(comparison["model_amplitude"].max())
-    part = f" ({100 * difference / model:+.2g} %)" if known else ""
+    sign = "+" if difference > 0 else ""
+    part = f" ({sign}{number(100 * difference / model, 2)} %)" if known else ""
+    verdict = f", {'within' if row['agrees'] else 'beyond'} its uncertainty" if math.isfinite(unsure) else ""
     return (
-        f"The measured {ORDINALS[order]} is {_rounded(row['measured_amplitude'], own)} +- {_rounded(own, own)} N, the "
-        f"model's {_rounded(model, unsure)} N: a difference of {_rounded(difference, unsure)} +- "
-        f"{_rounded(unsure, unsure)} N{part}, {'within' if row['agrees'] else 'beyond'} its uncertainty."
+        f"The measured {ORDINALS[order]} is {interval(row['measured_amplitude'], own)} N, the model's {number(model)} "
+        f"N: a difference of {interval(difference, unsure)} N{part}{verdict}."
     )
+
+
+def _beat(envelope: np.ndarray[Any, Any]) -> str:
+    """What an envelope does over a revolution, as the end of a sentence."""
+    depth = 100 * _depth(envelope)
+    return f"rises and falls by {number(depth, 2)} % about its mean" if depth > _CONSTANT else "is constant"
 
 
 def _depth(envelope: np.ndarray[Any, Any]) -> float:

@@ -8,10 +8,12 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analysis.kinds import kind_of
+from tripod_doe.quantities import interval, rounded_up
 from tripod_doe.report.responses import ORDINALS, listed, spoken
 
 __all__ = ["SensitivityPart", "find_in_sensitivity", "sensitivity_parts"]
 
+_MOST_NAMED = 4  # factors that a sentence names
 _LARGEST_FIRST = {"sobol": "ST", "morris": "mu_star"}
 """The index by which factors are ranked, by the kind of the analysis."""
 
@@ -59,21 +61,25 @@ def sensitivity_parts(result: xr.Dataset) -> list[SensitivityPart]:
 
 
 def _sobol_sentence(name: str, what: str, part: xr.Dataset) -> str:
-    first, *others = _ranked(part, "ST")
-    then = listed([f"{spoken(factor)} ({value:.3g} +- {half:.2g})" for factor, value, half in others[:2]])
-    own = 100 * min(max(float(part["S1"].sum()), 0), 1)
-    return (
-        f"The variance of {what} comes first from {spoken(first[0])} (total Sobol' index {first[1]:.3g} +- "
-        f"{first[2]:.2g}){f', then {then}' if then else ''}; {own:.0f} % of it is the factors' own, the rest their "
-        f"interactions (analysis {name})."
-    )
+    ranked = _ranked(part, "ST")
+    shown = [row for row in ranked[:_MOST_NAMED] if row[1] > row[2]] or ranked[:1]
+    told = listed([f"{spoken(factor)} {interval(value, half)}" for factor, value, half in shown])
+    rest = [value + half for _, value, half in ranked[len(shown) :]]
+    others = f"; all others at most {rounded_up(max(rest))}" if rest else ""
+    first = {index: part[index].values[np.isfinite(part["S1"].values)] for index in ("S1", "S1_conf")}
+    total, half = float(first["S1"].sum()), float(np.sqrt((first["S1_conf"] ** 2).sum()))
+    alone = (
+        f"the first-order indices add up to {interval(total, half)}: "
+        + ("no interaction shows" if total + half >= 1 else "the rest are interactions")
+    )  # fmt: skip
+    return f"Total Sobol' indices of {what}: {told}{others}; {alone} (analysis {name})."
 
 
 def _morris_sentence(name: str, what: str, part: xr.Dataset) -> str:
-    told = [f"{spoken(factor)} {value:.3g} +- {half:.2g}" for factor, value, half in _ranked(part, "mu_star")[:3]]
+    told = [f"{spoken(factor)} {interval(value, half)}" for factor, value, half in _ranked(part, "mu_star")]
     return (
-        f"The largest mean elementary effects on {what}, in its unit over a factor's whole range: {listed(told)} "
-        f"(analysis {name})."
+        f"The largest mean elementary effects on {what}, in its unit over a factor's whole range: "
+        f"{listed(told[:_MOST_NAMED])} (analysis {name})."
     )
 
 

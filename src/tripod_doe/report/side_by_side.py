@@ -11,6 +11,7 @@ from tripod_doe.analysis.contribution import PAPER_SHARES
 from tripod_doe.analysis.kinds import of_kind
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.parameters import MECHANISMS
+from tripod_doe.quantities import number
 from tripod_doe.report.responses import ORDINALS, spoken
 
 __all__ = ["find_side_by_side", "of_one_ladder", "side_by_side_table"]
@@ -62,7 +63,7 @@ def side_by_side_table(ladder: Mapping[str, xr.Dataset]) -> tuple[list[str], lis
     rest = 100 - sum(PAPER_SHARES.values())
     rows = []
     for order in _ORDERS:
-        rows.append([f"{ORDINALS[order]} (N)", *(f"{value:.4g}" for value in _amplitudes(ladder, order)), ""])
+        rows.append([f"{ORDINALS[order]} (N)", *(number(value) for value in _amplitudes(ladder, order)), ""])
         for mechanism in MECHANISMS:
             paper = f"{PAPER_SHARES.get(mechanism, rest):g}{'' if mechanism in PAPER_SHARES else ' (rest)'}"
             cells = [_percent(value) for value in _shares(ladder, order, mechanism)]
@@ -88,7 +89,7 @@ def find_side_by_side(ladder: Mapping[str, xr.Dataset]) -> list[str]:
     for order in _ORDERS:
         *cheap, finest = _amplitudes(ladder, order)
         off = [100 * (value / finest - 1) for value in cheap]
-        told = f"the {ORDINALS[order]} ({finest:.3g} N; {_each(models, [f'{value:+.1f} %' for value in off])})"
+        told = f"the {ORDINALS[order]} ({number(finest)} N; {_each(models, [f'{value:+.1f} %' for value in off])})"
         (right if max(map(abs, off)) <= _RIGHT else wrong).append(told)
         shares = {mechanism: _shares(ladder, order, mechanism) for mechanism in MECHANISMS}
         apart = {name: max(abs(value - values[-1]) for value in values[:-1]) for name, values in shares.items()}

@@ -10,7 +10,7 @@ import xarray as xr
 
 from tripod_doe.analysis.speed_accuracy import Known
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.quantities import number
+from tripod_doe.quantities import level, number
 from tripod_doe.simulator import Outcome
 
 __all__ = ["find_in_speed_accuracy", "price_table"]
@@ -47,7 +47,7 @@ def find_in_speed_accuracy(data: xr.Dataset) -> list[str]:
             sentences.append(f"Failed in {_spoken(str(case))}: {failed}.")
         if lead and (missed := _missed(mine.sel(quantity=lead))):
             sentences.append(
-                f"Finished in {_spoken(str(case))} with an undetected error above {100 * _MISS:g} %: {missed}."
+                f"Finished in {_spoken(str(case))} with an undetected error above {level(100 * _MISS)} %: {missed}."
             )
     return sentences + _model_sentences(data)
 
@@ -74,10 +74,10 @@ def _front_sentence(row: xr.Dataset, case: str) -> str:
     default, best = str(row["default_method"].item()), str(row["best_method"].item())
     what, target = str(row["quantity_meaning"].item()), 100 * float(row.attrs["target"])
     sharp = 100 * float(row["reference_error"])
-    known_to = f"to {sharp:.2g} %" if sharp > 0 else "to rounding"
+    known_to = f"to {number(sharp, 2)} %" if sharp > 0 else "to rounding"
     start = f"{_spoken(case)[:1].upper()}{_spoken(case)[1:]}, {what}, reference known {known_to}"
     if not best:
-        return f"{start}: no method reaches {target:g} %."
+        return f"{start}: no method reaches {level(target)} %."
     over = float(row["default_over_best"])
     if not math.isfinite(over):
         known = (
@@ -85,16 +85,16 @@ def _front_sentence(row: xr.Dataset, case: str) -> str:
             if default in row["method"].values
             else "not run"
         )
-        return f"{start}: at {target:g} % error {best} is cheapest; the default {default}: {known}."
+        return f"{start}: at {level(target)} % error {best} is cheapest; the default {default}: {known}."
     verdict = (
         "the default is the cheapest" if best == default
-        else f"the default {default} costs {over:.3g} times the cheapest, {best}: "
+        else f"the default {default} costs {number(over)} times the cheapest, {best}: "
         + ("on the front within a factor of 1.5" if over <= _NEAR else "not on the front within a factor of 1.5")
     )  # fmt: skip
     own = Known(int(row["price_known"].sel({"method": default})))
     price = number(float(row["price"].sel({"method": default})))
     return (
-        f"{start}: at {target:g} % error {verdict} ({default} {price} s per simulated second, {_HOW[own]}). "
+        f"{start}: at {level(target)} % error {verdict} ({default} {price} s per simulated second, {_HOW[own]}). "
         f"Ratio to the default: {', '.join(_peers(row, own))}."
     )
 
@@ -114,7 +114,7 @@ def _peers(row: xr.Dataset, of_default: Known) -> list[str]:
         sure = [name for name in finite if known[name] is not Known.PRICE_ONLY] or finite
         if sure:
             name = min(sure, key=lambda name: ratios[name])
-            told.append(f"{group} {name} {ratios[name]:.3g}{_mark(known[name], of_default)}".strip())
+            told.append(f"{group} {name} {number(ratios[name])}{_mark(known[name], of_default)}".strip())
     return told
 
 
@@ -136,7 +136,7 @@ def _failures(runs: xr.Dataset) -> str:
         kind = Outcome(int(outcome))
         if kind not in (Outcome.FINISHED, Outcome.EVALUATION_LIMIT):
             key = str(method), kind.label.replace("_", " ")
-            settings.setdefault(key, []).append(f"{float(setting):g}")
+            settings.setdefault(key, []).append(level(float(setting)))
             reasons.setdefault(key, re.split(r", most after t = | at t = | up to t = |;", str(detail))[0])
     return "; ".join(f"{key[0]} {', '.join(values)} ({key[1]}: {reasons[key]})" for key, values in settings.items())
 
@@ -145,8 +145,8 @@ def _missed(runs: xr.Dataset) -> str:
     """Finished runs whose numerical error their own checks should have detected."""
     wrong = np.flatnonzero(runs["numerical_error"].values > _MISS)
     return ", ".join(
-        f"{runs['run_method'].values[at]} {runs['setting'].values[at]:g} "
-        f"({100 * runs['numerical_error'].values[at]:.2g} %)"
+        f"{runs['run_method'].values[at]} {level(float(runs['setting'].values[at]))} "
+        f"({number(100 * float(runs['numerical_error'].values[at]), 2)} %)"
         for at in wrong
     )
 
@@ -158,7 +158,7 @@ def _model_sentences(data: xr.Dataset) -> list[str]:
     for at in at_default:
         run = data.isel(run=int(at))
         parts = [
-            f"{100 * float(run['model_error'].sel(quantity=quantity)):.2g} % in the "
+            f"{number(100 * float(run['model_error'].sel(quantity=quantity)), 2)} % in the "
             f"{run['quantity_meaning'].sel(quantity=quantity).item()}"
             for quantity in run["quantity"].values
             if np.isfinite(run["model_error"].sel(quantity=quantity))

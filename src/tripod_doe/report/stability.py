@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analysis.stability import Agreement, Limit, RunKind
-from tripod_doe.quantities import level, with_unit
+from tripod_doe.quantities import duration, level, number, with_unit
 from tripod_doe.report.figures.stability import map_of, maps
 from tripod_doe.report.responses import spoken, unit_text
 from tripod_doe.simulator import Outcome
@@ -19,7 +19,6 @@ _HEADS = [
     "Varied", "Method", "Measured border", "Predicted border", "Limited by", "Measured / predicted", "Agree",
     "First failure", "Wrong, undetected",
 ]  # fmt: skip
-_TIMES = ((1.0, "s"), (1e-3, "ms"), (1e-6, "us"), (1e-9, "ns"))
 _LONG = 1e3  # seconds: a rate that small limits nothing
 _WORDS = {
     Limit.NONE: "nothing", Limit.FRICTION: "friction", Limit.CONTACT: "stiffest contact mode",
@@ -39,20 +38,21 @@ def find_in_stability(borders: xr.Dataset) -> list[str]:
     agrees = borders["agrees"].values
     decided = agrees != Agreement.NOT_DECIDED
     ratio = borders["ratio"].values[np.isfinite(borders["ratio"].values)]
+    ends = [number(float(end), 2) for end in (ratio.min(initial=np.inf), ratio.max(initial=-np.inf))]
     spread = (
-        f"; where both exist, the ratio of measured to predicted is {ratio.min():.2g} to {ratio.max():.2g}"
+        f"; where both exist, the ratio of measured to predicted is {' to '.join(dict.fromkeys(ends))}"
         if ratio.size
         else ""
     )
     sentences = [
         f"{int((agrees == Agreement.YES).sum())} of {int(decided.sum())} measured borders agree with the predicted "
-        f"ones within a factor of {borders.attrs['factor']:g}{spread}. A run counts as right if it lies within "
-        f"{100 * borders.attrs['limit']:g} % of the reference."
+        f"ones within a factor of {level(borders.attrs['factor'])}{spread}. A run counts as right if it lies within "
+        f"{level(100 * borders.attrs['limit'])} % of the reference."
     ]
     kind = borders["run_kind"].values
     refused, wrong = (int((kind == which).sum()) for which in (RunKind.REFUSED, RunKind.WRONG))
     error = borders["error"].values[kind == RunKind.WRONG]
-    worst = f", the worst by {100 * error.max():.3g} %" if wrong else ""
+    worst = f", the worst by {number(100 * error.max())} %" if wrong else ""
     sentences.append(
         f"Of {refused + wrong} runs that failed, {refused} were rejected by their own checks; {wrong} finished with a "
         f"wrong result{worst}."
@@ -103,9 +103,8 @@ def border_text(borders: xr.Dataset, value: float) -> str:
     if not math.isfinite(value):
         return "not known" if math.isnan(value) else "none"
     if borders.attrs["numerics"] != "step_s":
-        return f"{value:.2g}"
-    size, unit = next(((size, unit) for size, unit in _TIMES if value >= 0.999 * size), _TIMES[-1])
-    return f"{float(f'{value / size:.2g}'):g} {unit}" if value < _LONG else "none within reach"
+        return number(value, 2)
+    return duration(value, 2) if value < _LONG else "none within reach"
 
 
 def measured_border(borders: xr.Dataset, row: xr.Dataset) -> str:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError
+from tripod_doe.quantities import size
 from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import Study, canonical, parse_study
 from tripod_doe.study.journal import FOLDER, SHOWN, FinishedBlock, Journal
@@ -200,7 +201,7 @@ class ResultDirectory:
         free = shutil.disk_usage(self.path).free
         if free < needed:
             raise InputError(
-                f"--out {self.path}: {free / 1e6:.1f} MB free, but journal and cube need {needed / 1e6:.1f} MB; "
+                f"--out {self.path}: {size(free)} free, but journal and cube need {size(needed)}; "
                 "keep fewer outputs or choose another --out"
             )
 

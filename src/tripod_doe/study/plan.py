@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from tripod_doe.quantities import duration, size
 from tripod_doe.study.definition import Study, load_study, parse_study
 from tripod_doe.study.designs import Points, make_points, point_keys
 from tripod_doe.study.task import make_task, run_task
@@ -72,19 +73,13 @@ class Plan:
         elif self.cpu_hours is None:
             lines.append("price        not timed" if self.timed == 0 else "price        no point ended within 10 s")
         else:
-            low, mean, high = (_duration(hours * 3600) for hours in self.cpu_hours)
+            low, mean, high = (duration(hours * 3600) for hours in self.cpu_hours)
             lines.append(f"blocks       {self.blocks:,} of about a second")
             lines.append(f"CPU time     {mean} ({low} to {high}, from {self.timed} timed points)")
-            lines.append(f"wall time    {_duration(self.cpu_hours[1] * 3600 / workers)} on {workers} workers")
+            lines.append(f"wall time    {duration(self.cpu_hours[1] * 3600 / workers)} on {workers} workers")
         if self.cube_bytes is not None:
-            lines.append(f"cube         {self.cube_bytes / 1e6:,.1f} MB")
+            lines.append(f"cube         {size(self.cube_bytes)}")
         return "\n".join(lines + [f"warning      {text}" for text in self.warnings])
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 120:
-        return f"{seconds:.2g} s"
-    return f"{seconds / 60:.3g} min" if seconds < 7200 else f"{seconds / 3600:.3g} h"
 
 
 def plan(study: Study | str | Path, timing: bool = True) -> Plan:

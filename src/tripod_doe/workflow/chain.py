@@ -21,6 +21,7 @@ import xarray as xr
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.interrupts import check_interrupt
+from tripod_doe.quantities import duration
 from tripod_doe.report.analyses import ANALYSES
 from tripod_doe.report.chain import chain_page, step_page, write_charts
 from tripod_doe.report.figures.chain import StepView
@@ -215,7 +216,7 @@ class _Chain:
 
     def _tell(self, view: StepView) -> StepView:
         if self.progress:
-            time_text = f" in {view.seconds:.1f} s" if view.state in ("finished", "failed") and view.seconds else ""
+            time_text = f" in {duration(view.seconds)}" if view.state in ("finished", "failed") and view.seconds else ""
             print(f"{view.name}: {view.state}{time_text}{': ' if view.detail else ''}{view.detail}", file=sys.stderr)
         return view
 

@@ -21,6 +21,7 @@ from tripod_doe.analysis.model_choice.pilot_errors import PilotErrors, pilot_err
 from tripod_doe.analysis.model_choice.pilot_results import finished_in_pilot
 from tripod_doe.analysis.model_choice.selection import choose, without_pilot
 from tripod_doe.errors import InputError
+from tripod_doe.quantities import duration, number
 from tripod_doe.simulator import Candidate
 from tripod_doe.study.accuracy import Accuracy
 from tripod_doe.study.choice import CHOICE, chosen_points, frozen_choice, key_texts
@@ -173,8 +174,8 @@ def _check_budget(study: Study, price: float, what: str) -> None:
     budget = _accuracy(study).budget_cpu_s
     if budget is not None and price > budget:
         raise InputError(
-            f"{study.origin}: [accuracy]: budget_cpu_s = {budget:g}: {what} would take about {price:.3g} CPU seconds; "
-            "raise it, allow a larger error, or take fewer points"
+            f"{study.origin}: [accuracy]: budget_cpu_s = {budget:g}: {what} would take about "
+            f"{duration(price)} of CPU time; raise it, allow a larger error, or take fewer points"
         )
 
 
@@ -189,10 +190,10 @@ def describe_choice(study: Study, directory: Path | None) -> str:
         candidates, price = first_candidates(accuracy), pilot_price(study, count)
         usual = accuracy.candidates.index(candidates[-1])
         return "\n".join([
-            f"pilot        {count} points on {len(candidates)} candidates, about {price:.3g} CPU s; may grow",
-            f"study        at most {points.count * accuracy.candidates[usual].price:,.4g} CPU s, "
+            f"pilot        {count} points on {len(candidates)} candidates, CPU time about {duration(price)}; may grow",
+            f"study        at most {duration(points.count * accuracy.candidates[usual].price)} of CPU time, "
             f"with {candidates[-1].label}",
-            *(f"candidate    {candidate.label}: {candidate.price:.2g} CPU s per run" for candidate in candidates),
+            *(f"candidate    {candidate.label}: CPU time {duration(candidate.price, 2)} per run" for candidate in candidates),
         ])  # fmt: skip
     return "\n".join(_told(choice))
 
@@ -204,19 +205,19 @@ def _told(choice: xr.Dataset) -> list[str]:
         f"choice       from {pilot} pilot points; predicted errors up to {attrs['limit']:.0%} of the allowed one "
         f"are accepted; left out in turn, {attrs['misses']} of the points would miss the accuracy"
     ]
-    for number, label in enumerate(choice["candidate_label"].values):
-        row = choice.isel(candidate_number=number)
+    for at, label in enumerate(choice["candidate_label"].values):
+        row = choice.isel(candidate_number=at)
         found = row["pilot_error"].max("pilot_point") if pilot else row["pilot_error"].sum("pilot_point")
-        errors = ", ".join(f"{name} {float(e):.2g}" for name, e in zip(
+        errors = ", ".join(f"{name} {number(float(e), 2)}" for name, e in zip(
             choice["quantity"].values, found.values, strict=True))  # fmt: skip
         lines.append(
-            f"candidate    {label}: {int(row['points_of_candidate']):,} points, {float(row['price']):.2g} CPU s "
-            f"per run; largest errors: {errors}"
+            f"candidate    {label}: {int(row['points_of_candidate']):,} points, CPU time "
+            f"{duration(float(row['price']), 2)} per run; largest errors: {errors}"
         )
     unmet = int((choice["accuracy_met"] == 0).sum())
-    lines.append(f"price        {attrs['price_study_s']:.3g} CPU s, and {attrs['price_pilot_s']:.3g} for the pilot, "
-                 f"which ran {attrs['points_from_pilot']} of the points; "
-                 f"{attrs['price_reference_s']:.4g} with the last candidate everywhere")  # fmt: skip
+    lines.append(f"price        CPU time {duration(attrs['price_study_s'])}, and "
+                 f"{duration(attrs['price_pilot_s'])} for the pilot, which ran {attrs['points_from_pilot']} of the points; "
+                 f"{duration(attrs['price_reference_s'])} with the last candidate everywhere")  # fmt: skip
     if unmet:
         lines.append(
             f"warning      {unmet:,} points are not expected to meet the accuracy, not even with the finest candidate"
