@@ -27,7 +27,7 @@ def test_arrows_that_follow_from_others_are_left_out():
 def test_the_picture_names_steps_states_and_times():
     chart = chain_chart(STEPS)
     texts = re.findall(r"<text[^>]*>([^<]*)</text>", chart.svg())
-    assert {"map", "study · reused · 5 min", "figure · finished · 500 ms", "sobol · blocked"} <= set(texts)
+    assert {"map", "study · reused · 5 min", "figure · finished · 0.5 s", "sobol · blocked"} <= set(texts)
     assert "Failed: friction" in chart.caption
     assert chart.data["state"].tolist() == [step.state for step in STEPS]
 

@@ -193,7 +193,7 @@ def describe_choice(study: Study, directory: Path | None) -> str:
             f"pilot        {count} points on {len(candidates)} candidates, CPU time about {duration(price)}; may grow",
             f"study        at most {duration(points.count * accuracy.candidates[usual].price)} of CPU time, "
             f"with {candidates[-1].label}",
-            *(f"candidate    {candidate.label}: CPU time {duration(candidate.price, 2)} per run" for candidate in candidates),
+            *(f"candidate    {each.label}: CPU time {duration(each.price, 2)} per run" for each in candidates),
         ])  # fmt: skip
     return "\n".join(_told(choice))
 
@@ -216,8 +216,8 @@ def _told(choice: xr.Dataset) -> list[str]:
         )
     unmet = int((choice["accuracy_met"] == 0).sum())
     lines.append(f"price        CPU time {duration(attrs['price_study_s'])}, and "
-                 f"{duration(attrs['price_pilot_s'])} for the pilot, which ran {attrs['points_from_pilot']} of the points; "
-                 f"{duration(attrs['price_reference_s'])} with the last candidate everywhere")  # fmt: skip
+                 f"{duration(attrs['price_pilot_s'])} for the pilot, which ran "
+                 f"{attrs['points_from_pilot']} of the points; {duration(attrs['price_reference_s'])} with the last candidate everywhere")  # fmt: skip
     if unmet:
         lines.append(
             f"warning      {unmet:,} points are not expected to meet the accuracy, not even with the finest candidate"
