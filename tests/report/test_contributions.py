@@ -246,3 +246,13 @@ def test_a_direct_decomposition_beside_nothing_known_is_not_compared(parts):
     (told,) = [note for note in contribution_notes(third) if note.startswith("Direct")]
     assert "Within" not in told
     assert "need not agree" not in told
+
+
+def test_shares_of_an_amplitude_within_its_error_are_flagged(case_2):
+    scatter = 0.06 * case_2["thrust_amplitude"] * (case_2["thrust_amplitude"]["order"] == 2)
+    result = contribution_shares(case_2.assign(thrust_amplitude_scatter=scatter))
+    third, second = contributions({"c": result})
+    assert "These shares are uncertain: the numerical error of the second order is above 5 % of it." in (
+        contribution_findings(second)
+    )
+    assert not any("uncertain" in sentence for sentence in contribution_findings(third))

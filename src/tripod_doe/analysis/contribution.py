@@ -92,8 +92,10 @@ class _Projections:
         Number of mechanisms.
     total
         |A_all|, shape (operating point, own dimensions).
+    error
+        Its error: as known, at least rounding; same shape.
     weak
-        Where that is below its error, same shape.
+        Where the magnitude is not above its error, same shape.
     """
 
     def __init__(self, switched: NDArray[np.int64], operating: _Operating, values: ComplexArray, error: FloatArray):
@@ -111,7 +113,8 @@ class _Projections:
         np.fmax.at(largest, operating.of_point, _largest(values))
         known = np.concatenate([error, np.full_like(error[:1], 0)])[self._rows(self.all_on)]
         floor = _ROUNDING * largest.reshape(-1, *(1,) * (values.ndim - 1))
-        self.weak: NDArray[np.bool_] = self.total <= np.fmax(known, floor)
+        self.error: FloatArray = np.fmax(known, floor)
+        self.weak: NDArray[np.bool_] = self.total <= self.error
 
     def _rows(self, combination: int) -> NDArray[np.int64]:
         return np.array([self._row.get((at, combination), -1) for at in range(self._points)], np.int64)
@@ -173,9 +176,9 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
     -------
     xarray.Dataset
         share_off, share_on, share_shapley, share_direct (mechanism, dimensions of the output), closure,
-        direct_remainder, share_none = P(none), amplitude = \|A_all\|, interaction (pair, ...), strongest_pair and
-        strongest_interaction, in percent. Dimensions of the operating points stand in front: one per factor where they
-        fill a grid, else ``operating_point``.
+        direct_remainder, share_none = P(none), amplitude = \|A_all\| and its error amplitude_error, interaction
+        (pair, ...), strongest_pair and strongest_interaction, in percent. Dimensions of the operating points stand in
+        front: one per factor where they fill a grid, else ``operating_point``.
         Every variable X has a flag variable X_flag: NaN is either zero_amplitude (\|A_all\| not above its error: the
         cube's scatter of it, at least 1e-6 of the largest amplitude there) or point_missing (a point that it needs did
         not finish, or is not in the design).
@@ -294,6 +297,10 @@ def _shares(part: _Projections, own: tuple[str, ...], output: Mapping[str, Any])
         "amplitude": (
             own, part.total,
             {"long_name": "amplitude with all mechanisms on", "units": str(output.get("units", "1"))},
+        ),
+        "amplitude_error": (
+            own, part.error,
+            {"long_name": "scatter of that amplitude, at least rounding", "units": str(output.get("units", "1"))},
         ),
     }  # fmt: skip
 

@@ -30,7 +30,7 @@ def contribution_findings(part: Contribution) -> list[str]:
     """State the shares, who opposes the sum, the most unusual operating point, and what is closest to the paper."""
     if part.missing:
         return [f"{_start(part.what)} has no shares: {part.missing} (analysis {part.analysis})."]
-    return [_who_makes_it(part), *_furthest(part), *_nearest_to_paper(part)]
+    return [_who_makes_it(part), *_uncertain(part), *_furthest(part), *_nearest_to_paper(part)]
 
 
 def contribution_notes(part: Contribution) -> list[str]:
@@ -62,6 +62,17 @@ def _who_makes_it(part: Contribution) -> str:
         f"Of {part.what}{f' ({part.amplitude})' if part.amplitude else ''}, by {DEFINITIONS[part.fairest]}{over}: "
         f"{', '.join(told)}{opposed}{closure} (analysis {part.analysis})."
     )
+
+
+def _uncertain(part: Contribution) -> list[str]:
+    """Flag the operating points at which the amplitude is small beside its error."""
+    count = int(part.uncertain.sum())
+    if count == 0:
+        return []
+    if len(part.labels) == 1:
+        return [f"These shares are uncertain: the numerical error of {part.what} is above 5 % of it."]
+    of = f"{count:,} of {len(part.labels):,} operating points"
+    return [f"At {of} the numerical error of {part.what} is above 5 % of it, so that its shares there are uncertain."]
 
 
 def _furthest(part: Contribution) -> list[str]:

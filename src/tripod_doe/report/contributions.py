@@ -36,6 +36,7 @@ DEFINITIONS = {
 """Definitions of a share by the variables that hold them."""
 
 _PAPER_POINT = {name: JOINT_PARAMETERS[name].default for name in ("joint_angle_deg", "torque_n_m", "speed_rpm")}
+_UNSURE = 0.05  # error of an amplitude, as a part of it, above which its shares are flagged
 _MANY = 4  # operating points from which on quartiles say more than the ends
 
 
@@ -67,6 +68,8 @@ class Contribution:
         The pairs with that interaction.
     amplitude
         With all mechanisms on, as text with its unit.
+    uncertain
+        At which operating points the error of the amplitude is so large that shares there say little.
     paper
         The paper's shares of it, for each mechanism; None where it gives none.
     like_paper
@@ -89,6 +92,7 @@ class Contribution:
     interaction: FloatArray
     pairs: list[str]
     amplitude: str
+    uncertain: NDArray[np.bool_]
     paper: FloatArray | None
     like_paper: NDArray[np.bool_]
     missing: str
@@ -165,6 +169,7 @@ def _contribution(name: str, result: xr.Dataset, order: int | None) -> Contribut
         interaction=points["strongest_interaction"].values if "interaction" in points else nothing,
         pairs=[str(pair) for pair in points["strongest_pair"].values] if "interaction" in points else [],
         amplitude=_amplitude(amplitude, unit_text(str(points["amplitude"].attrs.get("units", "1")))),
+        uncertain=points["amplitude_error"].values > _UNSURE * amplitude,
         paper=np.array([PAPER_SHARES.get(each, rest) for each in mechanisms])
         if of_paper and like_paper.any()
         else None,

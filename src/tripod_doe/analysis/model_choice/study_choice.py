@@ -215,9 +215,11 @@ def _told(choice: xr.Dataset) -> list[str]:
             f"{duration(float(row['price']), 2)} per run; largest errors: {errors}"
         )
     unmet = int((choice["accuracy_met"] == 0).sum())
-    lines.append(f"price        CPU time {duration(attrs['price_study_s'])}, and "
-                 f"{duration(attrs['price_pilot_s'])} for the pilot, which ran "
-                 f"{attrs['points_from_pilot']} of the points; {duration(attrs['price_reference_s'])} with the last candidate everywhere")  # fmt: skip
+    chosen, of_pilot, finest = (duration(attrs[f"price_{which}_s"]) for which in ("study", "pilot", "reference"))
+    lines.append(
+        f"price        CPU time {chosen}, and {of_pilot} for the pilot, which ran {attrs['points_from_pilot']} of the "
+        f"points; {finest} with the last candidate everywhere"
+    )
     if unmet:
         lines.append(
             f"warning      {unmet:,} points are not expected to meet the accuracy, not even with the finest candidate"
