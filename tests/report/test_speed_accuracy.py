@@ -104,4 +104,4 @@ def test_a_study_of_many_methods_lists_them_and_passes_over_open_fields():
     told = {row.name: row.value for row in factor_rows(cube)}
     assert told["method"] == ", ".join(sorted(methods))
     assert told["step_s"] == "0.0001"
-    assert told["relative_tolerance"] == "1e-09 to 0.01 (8 values)"
+    assert told["relative_tolerance"] == "1e-9 to 0.01 (8 values)"
