@@ -140,7 +140,8 @@ def _worker_rows(worker: NDArray[np.str_], wall: NDArray[np.float64]) -> list[tu
         rows.append(("Workers", f"{names.size}", ", ".join(names[:12]) + (", ..." if names.size > 12 else "")))
         rows.append(("Wall-clock time", duration(busiest), "of the busiest worker, inside its blocks"))
         if busiest > 0:
-            rows.append(("Points per second", number(float(here.sum()) / busiest), "all workers together, inside the blocks"))
+            pace = number(float(here.sum()) / busiest)
+            rows.append(("Points per second", pace, "all workers together, inside the blocks"))
     if not here.all():
         rows.append(("Points from the pilot", f"{int((~here).sum()):,}", "computed before, to choose the model"))
     return rows
