@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import resource
 import subprocess
 import sys
@@ -278,6 +279,22 @@ def test_a_damaged_cube_is_rebuilt_from_the_journal(capsys, results):
     assert code == 0
     assert "0 points computed, 4 reused" in err
     assert np.isfinite(td.open_cube(results)["thrust_amplitude"].sel(joint_angle_deg=10, needle_count=27)).all()
+
+
+def test_the_terminal_prints_the_findings_of_the_analyses_that_a_study_asks_for(capsys, write_study, tmp_path):
+    (tmp_path / "two.py").write_text("def f(x, z):\n    return {'y': 3 * x + z + x * z}\n")
+    study = write_study(
+        '[study]\nname="s"\nfunction="two:f"\n[factors]\nx={low=0,high=1}\nz={low=0,high=1}\n[design]\n'
+        'kind="saltelli"\nsamples=64\n[analysis.sobol]\n'
+    )
+    code, out, err = call(capsys, "run", study, "--workers", 0, "--out", tmp_path / "out")
+    assert (code, out) == (0, "")
+    first, second, *_ = err.splitlines()
+    assert first.startswith("Total Sobol' indices of y: x 0.8")
+    assert "+-" in first
+    assert second.startswith("y lies between")
+    assert "\r" not in err
+    assert re.search(r"\n384 points computed in [\d.]+ m?s \([\d,.]+ points per second\), 0 reused\n", err)
 
 
 def limited(bytes_):

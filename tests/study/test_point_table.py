@@ -1,0 +1,45 @@
+"""A simulated point as people read it."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from tripod_doe.study.point_table import point_table
+from tripod_doe.study.simulate import simulate_point
+
+
+@pytest.fixture(scope="module")
+def table() -> str:
+    return point_table(simulate_point(model="equilibrium", joint_angle_deg=12, torque_n_m=80))
+
+
+def rows(table: str, name: str) -> list[list[str]]:
+    """Words of the lines below a name, the labels first."""
+    below = table.split(f"{name} [")[1].splitlines()[1:]
+    return [line.split() for line in below[: next(i for i, line in enumerate(below) if not line.startswith("    "))]]
+
+
+def test_an_amplitude_of_zero_has_no_phase(table):
+    amplitude = rows(table, "\nthrust_amplitude")[1]
+    phase = rows(table, "\nthrust_phase_deg")[1]
+    assert len(amplitude) == len(phase) == 13
+    assert [value == "0" for value in amplitude] == [value == "-" for value in phase]
+    assert amplitude[3] != "0"
+
+
+def test_rows_have_their_labels_and_numbers_three_digits(table):
+    first, *grooves = rows(table, "groove_thrust_amplitude")
+    assert first == ["order", *map(str, range(13))]
+    assert [row[:2] for row in grooves] == [["groove", str(groove)] for groove in (1, 2, 3)]
+    point = simulate_point(model="equilibrium", joint_angle_deg=12, torque_n_m=80)
+    expected = np.abs(np.asarray(point.outputs["groove_thrust_amplitude"].data)[0, 1])
+    assert grooves[0][3] == f"{expected:.3g}"
+    numbers = re.findall(r"(?<![\w.])\d+\.?\d*(?![\w.])", table)
+    assert all(len(number.replace(".", "").strip("0")) <= 3 for number in numbers)
+
+
+def test_the_cost_is_told_with_units(table):
+    assert re.search(r"\ncost  CPU [\d.]+ m?s, wall [\d.]+ m?s, [\d,]+ steps?, [\d,]+ force evaluations?$", table)
