@@ -294,7 +294,7 @@ def test_the_terminal_prints_the_findings_of_the_analyses_that_a_study_asks_for(
     assert "+-" in first
     assert second.startswith("y lies between")
     assert "\r" not in err
-    assert re.search(r"\n384 points computed in [\d.]+ m?s \([\d,.]+ points per second\), 0 reused\n", err)
+    assert re.search(r"\n256 points computed in [\d.]+ [mu]?s \([\d,.]+ points per second\), 0 reused\n", err)
 
 
 def limited(bytes_):

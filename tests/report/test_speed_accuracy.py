@@ -40,11 +40,11 @@ def joint():
 def test_sentences_tell_the_ratio_and_the_failures(roller):
     told = " ".join(findings_of("accuracy", roller))
     assert "the default bdf2 costs 1.41 times the cheapest, implicit-euler: on the front within a factor of 1.5" in told
-    assert "Ratio to the default: explicit rk4 1.06e+04 (extrapolated, error not known)." in told
+    assert "Ratio to the default: explicit rk4 10,600 (extrapolated, error not known)." in told
     assert (
-        "Finished in roller with an undetected error above 5 %: implicit-euler 0.01 (10 %), bdf2 0.01 (1e+02 %)" in told
+        "Finished in roller with an undetected error above 5 %: implicit-euler 0.01 (10 %), bdf2 0.01 (100 %)" in told
     )
-    assert "Failed in roller: symplectic-euler 1e-06, 1e-07 (inaccurate: it chatters)." in told
+    assert "Failed in roller: symplectic-euler 1e-6, 1e-7 (inaccurate: it chatters)." in told
 
 
 def test_sentences_tell_what_a_cheaper_model_is_off_by(joint):
