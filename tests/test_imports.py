@@ -18,6 +18,15 @@ LIBRARIES = {"dask", "distributed", "matplotlib", "netCDF4", "numba", "numpy", "
              "xarray"}  # fmt: skip
 
 
+FUNCTION = """
+[study]
+name = "doubled"
+function = "doubling:double"
+[factors.x]
+values = [1, 2]
+"""
+
+
 @pytest.fixture(scope="module")
 def cube(tmp_path_factory):
     path = tmp_path_factory.mktemp("cube") / "cube.nc"
@@ -46,3 +55,18 @@ def test_a_command_imports_only_what_it_needs(cube, command, needs):
     code, modules = json.loads(done.stdout.splitlines()[-1])
     assert code == 0, done.stderr
     assert LIBRARIES & set(modules) == needs
+
+
+def test_a_run_imports_what_draws_and_analyses_only_when_it_does(tmp_path):
+    """Its first point comes seconds earlier; a report without an analysis does without its libraries."""
+    (tmp_path / "doubling.py").write_text(
+        "import sys\ndef double(x):\n    print('imported', *sys.modules)\n    return {'y': 2 * x}\n"
+    )
+    (tmp_path / "study.toml").write_text(FUNCTION)
+    words = ["run", str(tmp_path / "study.toml"), "--out", str(tmp_path / "out"), "--workers", "0"]
+    script = f"import sys; from tripod_doe.cli import main; code = main({words!r}); print('imported', *sys.modules)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    first, _, last = (set(line.split()) for line in done.stdout.splitlines() if line.startswith("imported"))
+    assert {"distributed", "matplotlib", "numba", "SALib", "scipy"} & first == set()
+    assert {"numba", "SALib", "scipy.stats"} & last == set()
+    assert "matplotlib" in last

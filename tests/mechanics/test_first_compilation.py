@@ -10,14 +10,14 @@ import sys
 
 import pytest
 
-from tripod_doe.mechanics.first_compilation import first_compilation
+from tripod_doe.mechanics.first_compilation import compilations, first_compilation
 
 COPY = """
 import json, sys
 import numpy as np
 from tripod_doe.mechanics.first_compilation import first_compilation
 from tripod_doe.mechanics.motion import copy_vectors
-with first_compilation("model copy", 1):
+with first_compilation(sys.argv[1], 1):
     print("here", flush=True)
     sys.stdin.readline()
     copy_vectors(np.ones((1, 3)), np.ones((1, 3)))
@@ -34,11 +34,16 @@ def start(tmp_path):
     """Start a process that compiles into a folder which is empty at first."""
     started = []
 
-    def start():
+    def start(kernels="model copy"):
         pipe = subprocess.PIPE
         place = {"NUMBA_CACHE_DIR": str(tmp_path)}
         process = subprocess.Popen(
-            [sys.executable, "-c", COPY], env=os.environ | place, stdin=pipe, stdout=pipe, stderr=pipe, text=True
+            [sys.executable, "-c", COPY, kernels],
+            env=os.environ | place,
+            stdin=pipe,
+            stdout=pipe,
+            stderr=pipe,
+            text=True,
         )
         started.append(process)
         return process
@@ -61,7 +66,7 @@ def empty_cache(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_one_process_compiles_and_the_other_waits_for_its_machine_code(start):
+def test_one_process_compiles_and_the_other_waits_for_its_machine_code(start, tmp_path, monkeypatch):
     first = start()
     assert first.stdout.readline() == "here\n"
     second = start()
@@ -71,6 +76,13 @@ def test_one_process_compiles_and_the_other_waits_for_its_machine_code(start):
     assert messages == ["compiling kernels of model copy, once per version: about 1 s or less", messages[-1]]
     assert messages[-1].startswith("compiled in ")
     assert finish(second) == ([1, 0], [])
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert compilations("model copy") == {"tripod_doe.mechanics.motion.copy_vectors": 1}
+
+
+def test_other_kernels_are_compiled_meanwhile(start):
+    first, second = start("model a"), start("model b")
+    assert first.stdout.readline() == second.stdout.readline() == "here\n"
 
 
 def test_a_process_that_is_killed_lets_the_next_one_compile(start):

@@ -11,7 +11,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
-from scipy.stats import t as student
 
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.measurement import Measurement, read_measurement
@@ -158,13 +157,15 @@ def compare(
     InputError
         If the record is too short or has too many gaps, or fewer than two revolutions have such a speed.
     """
+    from scipy.special import stdtrit  # quantiles of Student's t
+
     tracked = track_orders(measurement.rotation_deg, measurement.thrust_n, measurement.time_s)
     chosen = _of_speed(tracked, speeds_rpm)
     each = _complex(chosen)
     model = _model_orders(point)
     shift, alignment = _alignment(each.mean(axis=0), model, reference_angle_deg, measurement.zero)
     each = each * np.exp(-1j * np.radians(shift) * ORDERS)
-    factor = float(student.ppf((1 + confidence) / 2, each.shape[0] - 1)) / np.sqrt(each.shape[0])
+    factor = float(stdtrit(each.shape[0] - 1, (1 + confidence) / 2)) / np.sqrt(each.shape[0])
     scatter = point["thrust_amplitude_scatter"].values if "thrust_amplitude_scatter" in point else np.zeros(ORDERS.size)
     variables = _order_variables(each, model, scatter, factor)
     compared = _within(measurement, chosen["revolution"].values)

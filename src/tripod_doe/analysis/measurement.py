@@ -19,8 +19,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.ndimage import median_filter
 
 from tripod_doe.errors import InputError, closest
 
@@ -195,6 +193,8 @@ def rotation_from_tachometer(
     InputError
         If there are no pulses, too few, or irregular ones.
     """
+    from scipy.interpolate import CubicSpline
+
     if pulses_per_revolution < 1:
         raise InputError(f"--pulses-per-revolution {pulses_per_revolution}: at least 1 is needed")
     edges = _without_loose_ends(edge_times(time_s, tacho))
@@ -264,6 +264,8 @@ def pulse_numbers(edges: FloatArray) -> NDArray[np.int64]:
     InputError
         If an interval is no whole multiple of the median of its neighbours, within 30 % of one.
     """
+    from scipy.ndimage import median_filter
+
     interval = np.diff(edges)
     ratio = interval / median_filter(interval, size=_NEIGHBOURS, mode="nearest")
     count = np.rint(ratio).astype(np.int64)

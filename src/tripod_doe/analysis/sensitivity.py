@@ -13,8 +13,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
-from SALib.analyze import morris as salib_morris
-from SALib.analyze import sobol as salib_sobol
 
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.errors import InputError, near_match
@@ -68,6 +66,8 @@ def sobol_indices(cube: xr.Dataset, settings: SobolSettings | None = None) -> xr
     InputError
         If the cube is of another design, or too few complete blocks are left.
     """
+    from SALib.analyze import sobol as salib_sobol  # with scipy.stats, a second of every start
+
     settings = settings or SobolSettings()
     design, names = _design_of(cube, "saltelli")
     second = design.second_order
@@ -108,6 +108,8 @@ def morris_effects(cube: xr.Dataset, settings: MorrisSettings | None = None) -> 
     InputError
         If the cube is of another design, or too few complete trajectories are left.
     """
+    from SALib.analyze import morris as salib_morris
+
     settings = settings or MorrisSettings()
     design, names = _design_of(cube, "morris")
     unit = unit_sample(design, names)

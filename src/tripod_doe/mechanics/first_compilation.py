@@ -1,29 +1,34 @@
 """The first compilation of kernels in a version: announced on the terminal, and done by one process at a time.
 
-What was compiled is noted by an empty file in the folder of the kernel cache. Where it is missing, a process locks the
-folder, compiles and makes the file; others wait for the lock, find the file and load the machine code. The system
-releases the lock of a process that ends in any way.
+What was compiled is noted by a file in the folder of the kernel cache, with the number of compilations of each kernel.
+Where it is missing, a process takes the lock of these kernels, compiles and writes the file; others wait for the lock,
+find the file and load the machine code. The system releases the lock of a process that ends in any way.
 """
 
 from __future__ import annotations
 
 import fcntl
+import json
 import multiprocessing
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
+from tripod_doe.atomic_files import replace_text
+from tripod_doe.errors import StorageError
 from tripod_doe.mechanics.sources import cache_root, source_hashes
 
-__all__ = ["first_compilation"]
+__all__ = ["compilations", "first_compilation"]
 
 _one_thread = threading.RLock()
-_locked_folders: set[Path] = set()
-"""Locked by this process: a compilation within a compilation would wait for itself."""
+_compiling = False
+"""Whether this process holds a lock: a compilation within a compilation does not ask for one, as it might wait for a
+process that waits for this one."""
 
 
 @contextmanager
@@ -42,41 +47,78 @@ def first_compilation(kernels: str, seconds: float) -> Iterator[None]:
     -----
     Without a lock where the folder cannot be written: then each process compiles.
     """
-    folder = cache_root() / f"kernels-{source_hashes().kernels}"
-    compiled = folder / f"{kernels.replace(' ', '-')}.compiled"
-    if compiled.exists():
+    note = _note(kernels)
+    if note.exists():
         yield
         return
-    with _one_thread, _locked(folder):
-        if compiled.exists():
+    with _one_thread, _locked(note.with_suffix(".lock")):
+        if note.exists():
             yield
             return
         _say(f"compiling kernels of {kernels}, once per version: about {seconds:.0f} s or less")
         started = time.perf_counter()
-        yield
+        with _counted(note):
+            yield
         _say(f"compiled in {time.perf_counter() - started:.0f} s")
-        with suppress(OSError):
-            compiled.touch()
+
+
+def compilations(kernels: str) -> dict[str, int]:
+    """How often each kernel was compiled in the first compilation of these: once, or arguments differ in type.
+
+    Kernels that were in the cache before are not counted, nor those that are inlined.
+
+    Raises
+    ------
+    FileNotFoundError
+        If these kernels have not been compiled.
+    """
+    counts: dict[str, int] = json.loads(_note(kernels).read_text())
+    return counts
 
 
 @contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Hold the lock of a folder; nothing where this process holds it already or the folder cannot be written."""
-    if folder in _locked_folders or (lock := _open_lock(folder)) is None:
+def _counted(note: Path) -> Iterator[None]:
+    """Count the compilations of a block by kernel, and note them at its end."""
+    from numba.core import event  # a process that compiles nothing does without
+
+    compiled = event.RecordingListener()
+    with event.install_listener("numba:compile", compiled):
+        yield
+    ended = (each.data["dispatcher"] for _, each in compiled.buffer if each.is_end)
+    names = (f"{one.py_func.__module__}.{one.py_func.__name__}" for one in ended if _is_kernel(one))
+    with suppress(StorageError):
+        replace_text(note, json.dumps(Counter(names), indent=1))
+
+
+def _is_kernel(compiled: Any) -> bool:
+    """Whether it is one of ours, and no formula that is inlined."""
+    ours = compiled.py_func.__module__.startswith("tripod_doe.")
+    return ours and "forceinline" not in compiled.targetoptions
+
+
+def _note(kernels: str) -> Path:
+    return cache_root() / f"kernels-{source_hashes().kernels}" / f"{kernels.replace(' ', '-')}.json"
+
+
+@contextmanager
+def _locked(place: Path) -> Iterator[None]:
+    """Hold a lock; nothing where this process holds one already or the folder cannot be written."""
+    global _compiling
+    if _compiling or (lock := _open_lock(place)) is None:
         yield
         return
     with lock:  # closing it releases it
-        _locked_folders.add(folder)
+        _compiling = True
         try:
             yield
         finally:
-            _locked_folders.remove(folder)
+            _compiling = False
 
 
-def _open_lock(folder: Path) -> IO[str] | None:
+def _open_lock(place: Path) -> IO[str] | None:
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        lock = (folder / "lock").open("a")
+        place.parent.mkdir(parents=True, exist_ok=True)
+        lock = place.open("a")
     except OSError:
         return None
     try:

@@ -13,9 +13,7 @@ from numpy.typing import NDArray
 from tripod_doe.analysis.claims import reasons
 from tripod_doe.analysis.claims.evidence import ANY, Evidence, Measured, MissingPointError, Point
 from tripod_doe.analysis.contribution import PAPER_SHARES, contribution_shares
-from tripod_doe.joint.multibody_scene import build_joint
 from tripod_doe.joint.parameters import point_values
-from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.study.cube import SWITCH_ROLE
 
 __all__ = ["RULES", "Cases", "Rule"]
@@ -334,6 +332,9 @@ def _skew_stays(evidence: Evidence, cases: Cases) -> Measured:
 
 def _degrees_of_freedom(evidence: Evidence, cases: Cases) -> Measured:
     """Free velocities of the scene of the reference joint, less its constraints."""
+    from tripod_doe.joint.multibody_scene import build_joint
+    from tripod_doe.mechanics.assembly import assemble
+
     tables = assemble(build_joint(point_values({}).point(0), needles=True)).tables
     free = int(tables.bodies["free"][tables.bodies["block"] >= 0].sum())
     return Measured(float(free - tables.rows.size), 0.0, f"{free} velocities minus {tables.rows.size} constraints.")

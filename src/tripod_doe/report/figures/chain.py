@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.patches import FancyBboxPatch
 
 from tripod_doe.quantities import duration
 from tripod_doe.report.figures.chart import INK, MUTED, Chart, drawing
+
+if TYPE_CHECKING:  # matplotlib is imported when something is drawn
+    from matplotlib.axes import Axes
 
 __all__ = ["StepView", "chain_chart", "step_time"]
 
@@ -138,6 +140,8 @@ def _draw_arrow(axes: Axes, start: tuple[int, int], end: tuple[int, int]) -> Non
 
 
 def _draw_box(axes: Axes, step: StepView, place: tuple[int, int]) -> None:
+    from matplotlib.patches import FancyBboxPatch
+
     x, y = _corner(place)
     dashed = "--" if step.state in ("blocked", "not asked") else "-"
     axes.add_patch(

@@ -7,14 +7,14 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import matplotlib as mpl
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:  # matplotlib is imported when something is drawn
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = [
     "COLOURS", "HATCHES", "INK", "LINES", "MARKERS", "MUTED", "WIDE", "Chart", "drawing", "factor_ticks",
@@ -97,6 +97,8 @@ class Chart:
 
     def svg(self) -> str:
         """The figure as an SVG element with text as text: the same figure gives the same characters."""
+        import matplotlib as mpl
+
         buffer = io.StringIO()
         with mpl.rc_context({**_STYLE, "svg.hashsalt": self.name}):
             self.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
@@ -120,6 +122,9 @@ def _inline(svg: str) -> str:
 @contextmanager
 def drawing(width: float, height: float) -> Iterator[tuple[Figure, Axes]]:
     """A figure with one pair of axes, drawn on in the common style; width and height in inches."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
         yield figure, figure.add_subplot()
@@ -128,6 +133,9 @@ def drawing(width: float, height: float) -> Iterator[tuple[Figure, Axes]]:
 @contextmanager
 def panels(count: int, columns: int, width: float, height: float) -> Iterator[tuple[Figure, list[Axes]]]:
     """A figure of several panels that share their axes, in rows; width and height of one panel in inches."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
     rows = -(-count // columns)
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(columns * width, rows * height), layout="constrained")
@@ -142,6 +150,8 @@ def factor_ticks(axes: Axes, levels: NDArray[Any]) -> None:
     if levels.size <= _OWN_TICKS:
         axes.set_xticks(levels, [f"{float(level):.3g}".replace("-", "\N{MINUS SIGN}") for level in levels])
     else:
+        from matplotlib.ticker import MaxNLocator
+
         axes.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
 
 

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 import xarray as xr
-from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from tripod_doe.report.figures.chart import COLOURS, INK, LINES, MARKERS, Chart, drawing, legend_above
 from tripod_doe.report.responses import ORDINALS
+
+if TYPE_CHECKING:  # matplotlib is imported when something is drawn
+    from matplotlib.axes import Axes
 
 __all__ = ["comparison_charts"]
 

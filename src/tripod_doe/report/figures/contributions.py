@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.colors import CenteredNorm
 from numpy.typing import NDArray
 
 from tripod_doe.quantities import count_of
 from tripod_doe.report.contributions import DEFINITIONS, Contribution, contributions, percent
 from tripod_doe.report.figures.chart import COLOURS, INK, MUTED, Chart, drawing, legend_above, panels
 from tripod_doe.report.responses import spoken
+
+if TYPE_CHECKING:  # matplotlib is imported when something is drawn
+    from matplotlib.axes import Axes
 
 __all__ = ["contribution_charts", "contribution_figures"]
 
@@ -120,6 +122,8 @@ def _maps(part: Contribution) -> list[Chart]:
     varying = [str(name) for name in part.points if part.points[str(name)].nunique() > 1]
     if len(varying) != 2 or not all(part.points[name].dtype.kind in "fiu" for name in varying):
         return []
+    from matplotlib.colors import CenteredNorm
+
     across, up = sorted(varying, key=lambda name: part.points[name].nunique())
     values = part.shares[part.fairest]
     tables = [part.points.assign(share=column).pivot_table("share", up, across, dropna=False) for column in values.T]

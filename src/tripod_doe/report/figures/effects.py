@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap
 from numpy.typing import NDArray
 
 from tripod_doe.quantities import level, with_unit
@@ -26,13 +25,17 @@ from tripod_doe.report.responses import (
     responses,
 )
 
+if TYPE_CHECKING:  # matplotlib is imported when something is drawn
+    from matplotlib.axes import Axes
+    from matplotlib.colors import Colormap
+
 __all__ = ["ResponseCharts", "effect_charts"]
 
 FloatArray = NDArray[np.float64]
 
 _MOST_LINES = 5
 _MOST_CELLS = (18, 8)  # rows and columns of a map whose cells still hold a readable number
-_SHADES = LinearSegmentedColormap.from_list("thrust", ["#f4f7fb", "#9dbfdf", "#3f7fb8", "#0b3f73"])
+_SHADES = ("#f4f7fb", "#9dbfdf", "#3f7fb8", "#0b3f73")  # of a map, from low to high
 
 
 @dataclass(frozen=True)
@@ -143,7 +146,7 @@ def _map_chart(response: Response, cube: xr.Dataset, factors: list[str]) -> Char
 
 def _draw_cells(axes: Axes, across: FloatArray, up: FloatArray, values: FloatArray) -> None:
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    axes.imshow(np.ma.masked_invalid(values), cmap=_SHADES, aspect="auto", origin="lower", interpolation="nearest")
+    axes.imshow(np.ma.masked_invalid(values), cmap=_shades(), aspect="auto", origin="lower", interpolation="nearest")
     for row, column in np.ndindex(*values.shape):
         value = values[row, column]
         if np.isfinite(value):
@@ -160,10 +163,16 @@ def _draw_cells(axes: Axes, across: FloatArray, up: FloatArray, values: FloatArr
         spine.set_visible(False)
 
 
+def _shades() -> Colormap:
+    from matplotlib.colors import LinearSegmentedColormap
+
+    return LinearSegmentedColormap.from_list("thrust", _SHADES)
+
+
 def _draw_contours(axes: Axes, across: FloatArray, up: FloatArray, values: FloatArray) -> None:
     masked = np.ma.masked_invalid(values)
     if float(masked.max()) > float(masked.min()):
-        axes.contourf(across, up, masked, levels=12, cmap=_SHADES)
+        axes.contourf(across, up, masked, levels=12, cmap=_shades())
         lines = axes.contour(across, up, masked, levels=6, colors=INK, linewidths=0.8)
         axes.clabel(lines, fontsize=7.5)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import xarray as xr
-from matplotlib.patches import Patch
 
 from tripod_doe.quantities import level, number
 from tripod_doe.report.figures.chart import INK, Chart, drawing
@@ -39,6 +38,8 @@ def outcome_charts(cube: xr.Dataset) -> list[Chart]:
 
 
 def _chart(cube: xr.Dataset, part: pd.DataFrame, what: str) -> Chart:
+    from matplotlib.patches import Patch
+
     word, factor = part.columns[:2]
     rows, levels = list(dict.fromkeys(part[word])), sorted(part[factor].unique())
     with drawing(1.6 + 0.62 * len(levels), 1.0 + 0.36 * len(rows)) as (figure, axes):

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter
 
 from tripod_doe.quantities import level, number, with_unit
 from tripod_doe.report.figures.chart import COLOURS, HATCHES, INK, LINES, MARKERS, MUTED, Chart, drawing, legend_above
 from tripod_doe.report.responses import ORDINALS, factor_label, factor_names, finished
+
+if TYPE_CHECKING:  # matplotlib is imported when something is drawn
+    from matplotlib.axes import Axes
 
 __all__ = [
     "SKEWS",
@@ -154,7 +156,7 @@ def spectrum_of_all(cube: xr.Dataset) -> Chart | None:
         largest = float(data.iloc[:, 1:].to_numpy().max())
         axes.set_yscale("log")
         axes.set_ylim(_FLOOR * largest, 2 * largest)
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
         axes.set_xticks(orders)
         axes.grid(axis="x", visible=False)
         axes.set_xlabel("rotating order (-)")
@@ -221,7 +223,7 @@ def order_angle_chart(cube: xr.Dataset) -> Chart | None:
                 rows += [(angle, label, order, value)
                          for angle, value in zip(part["joint_angle_deg"].values, effective, strict=True)]  # fmt: skip
         axes.set_yscale("log")  # the orders differ by a hundred
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
         axes.set_xlabel(with_unit("joint angle", "(deg)"))
         axes.set_ylabel("effective value of the thrust force (N)")
         legend_above(axes, 1)

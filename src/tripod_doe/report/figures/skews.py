@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter
 
 from tripod_doe.analysis.claims.rules import RULES
 from tripod_doe.quantities import level, with_unit
 from tripod_doe.report.figures.chart import COLOURS, HATCHES, INK, LINES, MARKERS, MUTED, Chart, drawing, legend_above
 from tripod_doe.report.figures.paper import SKEWS, first_points
 from tripod_doe.report.responses import axis_label, factor_label, factor_unit, finished, numeric_factors
+
+if TYPE_CHECKING:  # matplotlib is imported when something is drawn
+    from matplotlib.axes import Axes
 
 __all__ = ["findings_over_skew_charts", "kept_skew_charts", "skew_chart"]
 
@@ -221,7 +223,7 @@ def _over_skew(
         axes.set_xscale("log")
         if name == "orders":  # they differ by a hundred
             axes.set_yscale("log")
-            axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
         axes.set_xticks(np.unique(every["initial_deg"]), [f"{v:g}" for v in np.unique(every["initial_deg"])])
         axes.minorticks_off()
         axes.set_xlabel("initial skew (deg)")

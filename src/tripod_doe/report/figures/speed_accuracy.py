@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 import xarray as xr
-from matplotlib.axes import Axes
 
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.report.figures.chart import COLOURS, INK, MARKERS, MUTED, Chart, drawing
 from tripod_doe.simulator import Outcome
+
+if TYPE_CHECKING:  # matplotlib is imported when something is drawn
+    from matplotlib.axes import Axes
 
 __all__ = ["model_error_charts", "speed_accuracy_charts"]
 

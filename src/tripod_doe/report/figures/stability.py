@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
 from tripod_doe.analysis.stability import RunKind
@@ -16,6 +14,9 @@ from tripod_doe.quantities import level, with_unit
 from tripod_doe.report.figures.chart import COLOURS, INK, Chart, panels
 from tripod_doe.report.responses import spoken, unit_text
 from tripod_doe.simulator import Outcome
+
+if TYPE_CHECKING:  # matplotlib is imported when something is drawn
+    from matplotlib.axes import Axes
 
 __all__ = ["map_of", "maps", "stability_charts"]
 
@@ -48,6 +49,9 @@ def stability_charts(borders: xr.Dataset) -> list[Chart]:
 
 
 def _chart(borders: xr.Dataset, factor: str) -> Chart:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
     part = map_of(borders, factor)
     methods = [str(name) for name in part["method"].values]
     classes = _classes(part)
@@ -117,7 +121,7 @@ def _label(panel: Axes, part: xr.Dataset, factor: str) -> None:
     values = part[factor].values
     panel.set_xlim(-0.5, values.size - 0.5)
     panel.set_xticks(range(values.size), [level(float(value)) for value in values])
-    panel.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{10**value:.2g}"))
+    panel.yaxis.set_major_formatter(lambda value, _: f"{10**value:.2g}")
 
 
 def _caption(borders: xr.Dataset, factor: str) -> str:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
 from tripod_doe.quantities import number
 from tripod_doe.report.figures.chart import COLOURS, HATCHES, INK, LINES, Chart, drawing, legend_above
 from tripod_doe.report.responses import ORDINALS, finished, point_text
+
+if TYPE_CHECKING:  # matplotlib is imported when something is drawn
+    from matplotlib.axes import Axes
 
 __all__ = ["Chosen", "chosen_points", "spectrum_chart", "waveform_charts"]
 
@@ -168,7 +170,7 @@ def _draw_spectrum(
         axes.set_yscale("log")
         top = largest if spread is None else float(spread[1].max())
         axes.set_ylim(_FLOOR * largest, 2 * top)
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.set_xticks(order)
     axes.set_xlabel("rotating order (-)")
     axes.set_ylabel("amplitude of the thrust force (N)")
