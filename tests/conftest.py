@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import sys
 import textwrap
 from pathlib import Path
@@ -10,6 +11,25 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parent / "joint"))
 sys.path.insert(0, str(Path(__file__).parent / "analysis"))
+
+
+MODELS_OF_PROCESS = {
+    "gw0": ("rollers", "equilibrium", "kinetostatic"),
+    "gw1": ("equilibrium", "kinetostatic", "rollers"),
+}
+MANY = 500
+
+
+def pytest_collection_finish(session):
+    """Two processes of a long session fill an empty compile cache side by side, each with other models first.
+
+    Otherwise tests of both would compile the same kernels at the same time. From a full cache it takes two seconds.
+    """
+    from tripod_doe.joint.simulator import simulator
+
+    if len(session.items) > MANY:
+        for model in MODELS_OF_PROCESS.get(os.environ.get("PYTEST_XDIST_WORKER", ""), ()):
+            simulator.compile(model, next(iter(simulator.methods({"model": model}))))
 
 
 @pytest.fixture

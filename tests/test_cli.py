@@ -306,12 +306,22 @@ def test_a_full_disk_loses_nothing(write_study, tmp_path):
     """The file size limit stands in for a full disk: writes fail in mid-run."""
     (tmp_path / "wide.py").write_text("import numpy as np\ndef f(x):\n    return {'y': np.full(20000, x)}\n")
     study = write_study('[study]\nname="w"\nfunction="wide:f"\n[factors.x]\nlow=0\nhigh=1\ncount=60\n[run]\nblock=4\n')
-    command = [sys.executable, "-m", "tripod_doe.cli", "run", str(study), "--out", str(tmp_path / "out")]
+    command = [
+        sys.executable,
+        "-m",
+        "tripod_doe.cli",
+        "run",
+        str(study),
+        "--out",
+        str(tmp_path / "out"),
+        "--workers",
+        "0",
+    ]
     stopped = subprocess.run(command, preexec_fn=limited(3_000_000), capture_output=True, text=True, env=os.environ)
     assert stopped.returncode == 1, stopped.stderr
     assert "finished points are kept" in stopped.stderr
     assert "Traceback" not in stopped.stderr
-    summary = td.run(study, out=tmp_path / "out", progress=False)
+    summary = td.run(study, out=tmp_path / "out", workers=0, progress=False)
     assert summary.good
     assert summary.reused > 0
     assert summary.computed + summary.reused == 60

@@ -38,7 +38,7 @@ def test_counts_and_bytes():
 
 NINE = {"needle_count": 9, "needle_diameter_mm": 5.89, "spheres_per_needle": 3, "relative_tolerance": 0.02}
 SMALL = {
-    "joint": {"model": "needles", "samples_per_revolution": 30, "cycles": 3, **NINE},
+    "joint": {"model": "needles", "samples_per_revolution": 30, "cycles": 2, **NINE},
     "needle-between-plates": {"duration_s": 1e-3},
     "roller-in-groove": {"duration_s": 1e-3},
     "trunnion": {"cycles": 2, **NINE},

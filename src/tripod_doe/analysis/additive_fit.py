@@ -12,7 +12,6 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 __all__ = ["Fit", "Separation", "fit_factor", "separation"]
 
@@ -179,9 +178,16 @@ def fit_factor(columns: Mapping[str, Column], factor: str, response: FloatArray,
     others = _others(columns, factor)
     coefficient, covariances, free = _least_squares(np.column_stack([_basis(columns[factor]), others]), response)
     trend, half = 2 * float(coefficient[1]), 2 * float(np.sqrt(covariances[:, 1, 1].max()))
-    sure, told = (float(stats.t.ppf((1 + level) / 2, free)) for level in (_SURE, _INTERVAL))
+    sure, told = (_quantile((1 + level) / 2, free) for level in (_SURE, _INTERVAL))
     level, mean, apart = _class_means(columns[factor].astype(float), others, response)
     return Fit(trend, told * half, abs(trend) + sure * half, abs(trend) > max(sure * half, error), level, mean, apart)
+
+
+def _quantile(share: float, free: int) -> float:
+    """Quantile of Student's distribution."""
+    from scipy.special import stdtrit  # imported where a fit is made: every study would wait for it
+
+    return float(stdtrit(free, share))
 
 
 def _least_squares(columns: FloatArray, response: FloatArray) -> tuple[FloatArray, FloatArray, int]:
@@ -215,6 +221,6 @@ def _class_means(values: FloatArray, others: FloatArray, response: FloatArray) -
     variance = own.diagonal(axis1=1, axis2=2)
     apart = float((variance[:, :, None] + variance[:, None, :] - 2 * own).max())
     pairs = count.size * (count.size - 1) / 2
-    error = float(stats.t.ppf(1 - (1 - _SURE) / 2 / pairs, free) * np.sqrt(max(apart, 0.0)))
+    error = _quantile(1 - (1 - _SURE) / 2 / pairs, free) * float(np.sqrt(max(apart, 0.0)))
     mean = coefficient[0] + np.concatenate([[0.0], steps]) - float(steps @ count[1:]) / count.sum()
     return level, mean, error
