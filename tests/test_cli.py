@@ -138,6 +138,24 @@ def test_query_forms_and_conditions(capsys, results, tmp_path):
         assert answer["cpu_seconds"].dims == ("joint_angle_deg", "needle_count")
 
 
+@pytest.mark.parametrize(
+    ("name", "start"),
+    [("q.csv", b"joint_angle_deg,"), ("q.JSON", b"[{"), ("q.nc", b"\x89HDF"), ("q.txt", b"joint_angle_deg need")],
+)
+def test_the_name_of_the_output_decides_its_format(capsys, results, tmp_path, name, start):
+    """Regression: q.csv and q.nc held an aligned table."""
+    words = ["query", results, "--variable", "outcome", "--output", tmp_path / name]
+    assert call(capsys, *words)[0] == 0
+    assert (tmp_path / name).read_bytes().startswith(start)
+    other = "csv" if name == "q.txt" else "table"
+    code, _, err = call(capsys, *words, "--format", other)
+    assert code == 2
+    assert f"but --format is {other}" in err
+    code, _, err = call(capsys, *words[:-1], tmp_path / "q.data")
+    assert code == 2
+    assert "end the name in .csv" in err
+
+
 @pytest.fixture(scope="module")
 def whole_results(tmp_path_factory):
     folder = tmp_path_factory.mktemp("whole")

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from tripod_doe.errors import InputError, TripodDoeError, near_match
+from tripod_doe.errors import InputError, TripodDoeError, near_match, speaking_of_options
 from tripod_doe.interrupts import INTERRUPTED, check_interrupt, leave_interrupted, take_interrupts
 from tripod_doe.quantities import count_of, duration, pace
 
@@ -68,10 +68,11 @@ class _Version(argparse.Action):
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line, that of this process unless words are given; returns the exit code."""
-    if arguments is not None:
-        return _run_command([_dashes(word) for word in arguments])
-    take_interrupts()
-    code = _run_command([_dashes(word) for word in sys.argv[1:]])
+    with speaking_of_options():
+        if arguments is not None:
+            return _run_command([_dashes(word) for word in arguments])
+        take_interrupts()
+        code = _run_command([_dashes(word) for word in sys.argv[1:]])
     leave_interrupted()
     return code
 
@@ -161,12 +162,18 @@ def _add_selection(parser: _Parser, text: str) -> None:
     parser.add_argument("--nearest", action="store_true", help="take the nearest value where none matches")
 
 
+def _add_oversubscribe(parser: _Parser) -> None:
+    parser.add_argument("--oversubscribe", action="store_true",
+                        help="start all --workers, also more than this machine has processors")  # fmt: skip
+
+
 def _add_run(parser: _Parser, arguments: Sequence[str]) -> None:
     _add_study(parser)
     _add_out(parser)
     parser.add_argument("--workers", metavar="N", type=int,
                         help="worker processes; 0: compute in this process (default: 0 for studies of a few seconds, "
                         "else 2)")  # fmt: skip
+    _add_oversubscribe(parser)
     parser.add_argument("--scheduler", metavar="ADDRESS", help="address of a running Dask scheduler to use")
     parser.add_argument("--retry-failed", action="store_true", help="run failed points again")
     parser.add_argument("--fail-fast", action="store_true", help="stop at the first point that fails unexpectedly")
@@ -185,8 +192,11 @@ def _add_query(parser: _Parser, arguments: Sequence[str]) -> None:
     parser.add_argument("--variable", metavar="NAME", required=True, help="variable to print")
     _add_selection(parser, "a value, a list a,b,c or a range a:b of a coordinate")
     parser.add_argument("--where", metavar="EXPR", help="condition on coordinates, variables and outcome")
-    _add_format(parser, "csv", "netcdf")
-    parser.add_argument("--output", metavar="FILE", type=Path, help="write to this file instead of standard output")
+    parser.add_argument("--format", choices=("table", "json", "csv", "netcdf"),
+                        help="output format (default: as --output is named, else table)")  # fmt: skip
+    parser.add_argument("--output", metavar="FILE", type=Path,
+                        help="write to this file instead of standard output; its ending decides the format: .csv, "
+                        ".json, .nc or .txt")  # fmt: skip
 
 
 def _add_simulate(parser: _Parser, arguments: Sequence[str]) -> None:
@@ -213,6 +223,7 @@ def _add_workflow(parser: _Parser, arguments: Sequence[str]) -> None:
     parser.add_argument("--workers", metavar="N", type=int,
                         help="worker processes that all studies share; 0: compute in this process (default: 0 for "
                         "studies of a few seconds, else 2)")  # fmt: skip
+    _add_oversubscribe(parser)
     parser.add_argument("--retry-failed", action="store_true", help="run failed points again")
 
 
@@ -279,19 +290,21 @@ def _parameter_value(parameter: Parameter, text: str) -> Any:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from tripod_doe.study.failures import failure_lines
     from tripod_doe.workflow.run import run  # Dask and plotting are slow to import
 
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     summary = run(
-        options.study, options.out, options.workers, options.scheduler, options.retry_failed, options.fail_fast
-    )
+        options.study, options.out, options.workers, options.scheduler, options.retry_failed, options.fail_fast,
+        oversubscribe=options.oversubscribe,
+    )  # fmt: skip
     for sentence in [*summary.answers, *summary.findings]:
         print(sentence, file=sys.stderr)
     for name, reason in summary.analyses.items():
         if reason:
             print(f"analysis {name} failed: {reason}", file=sys.stderr)
-    for label, count in summary.failed.items():
-        print(f"{count:,} points ended as {label}; see outcome_detail, or --retry-failed", file=sys.stderr)
+    for line in failure_lines(summary.failures):
+        print(line, file=sys.stderr)
     seconds, count = summary.seconds, summary.computed
     rate = f" in {duration(seconds)} ({pace(count, seconds)})" if count else ""
     print(f"{count_of(count, 'point')} computed{rate}, {summary.reused:,} reused", file=sys.stderr)
@@ -321,11 +334,12 @@ def _query(options: argparse.Namespace) -> int:
     from tripod_doe.study.arrays import opened_arrays
     from tripod_doe.study.query import records, records_text
 
-    if options.format == "netcdf":
+    form = _query_format(options.format, options.output)
+    if form == "netcdf":
         return _query_netcdf(options)
     with opened_arrays(options.cube) as cube:
         columns = records(cube, options.variable, options.select, options.nearest, options.where)
-    text = records_text(columns, options.format)
+    text = records_text(columns, form)
     if options.output is None:
         print(text)
         return DONE
@@ -334,6 +348,24 @@ def _query(options: argparse.Namespace) -> int:
     except OSError as error:
         raise InputError(f"--output {options.output}: cannot write: {error.strerror}") from error
     return DONE
+
+
+_FORMATS = {".csv": "csv", ".json": "json", ".nc": "netcdf", ".txt": "table"}
+"""Formats of an answer by the ending of its file."""
+
+
+def _query_format(asked: str | None, output: Path | None) -> str:
+    """The format of an answer: as asked or as its file is named, which must not contradict each other."""
+    if output is None:
+        return asked or "table"
+    named = _FORMATS.get(output.suffix.lower())
+    if asked is None and named is None:
+        raise InputError(f"--output {output}: end the name in {', '.join(_FORMATS)}, or give --format")
+    if asked and named and asked != named:
+        raise InputError(
+            f"--output {output} is named as {named}, but --format is {asked}: change one, or leave out --format"
+        )
+    return asked or named or "table"
 
 
 def _query_netcdf(options: argparse.Namespace) -> int:
@@ -398,7 +430,8 @@ def _workflow(options: argparse.Namespace) -> int:
 
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     summary = run_workflow(
-        options.file, options.out, options.only, options.quick, options.workers, options.retry_failed
+        options.file, options.out, options.only, options.quick, options.workers, options.retry_failed,
+        oversubscribe=options.oversubscribe,
     )  # fmt: skip
     counts = Counter(step.state for step in summary.steps)
     print(", ".join(f"{count} {state}" for state, count in counts.items()), file=sys.stderr)

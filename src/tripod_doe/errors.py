@@ -7,13 +7,25 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
-__all__ = ["CubeError", "InputError", "StorageError", "TripodDoeError", "closest", "near_match"]
+__all__ = [
+    "CubeError",
+    "InputError",
+    "StorageError",
+    "TripodDoeError",
+    "closest",
+    "near_match",
+    "option",
+    "speaking_of_options",
+]
 
 _FEW = 16  # names that can still be read at a glance
 _MOST_MEANT = 4
 _NEAR, _NEAR_SHORT = 0.75, 0.6  # by difflib's ratio: two wrong letters in eight; one or two in a word of four
+_options = False
+"""Whether the user of this process wrote a command line."""
 
 
 class TripodDoeError(Exception):
@@ -30,6 +42,38 @@ class CubeError(InputError):
 
 class StorageError(TripodDoeError):
     """Writing failed in mid-run, for instance on a full disk; finished points stay in the journal (exit code 1)."""
+
+
+@contextmanager
+def speaking_of_options() -> Iterator[None]:
+    """Within this block, messages speak of options of the command line; elsewhere of Python's arguments."""
+    global _options
+    before, _options = _options, True
+    try:
+        yield
+    finally:
+        _options = before
+
+
+def option(name: str, value: object = None) -> str:
+    """An argument as the user of this process wrote or would write it.
+
+    Parameters
+    ----------
+    name
+        Its name in Python.
+    value
+        What was given; True for a switch.
+
+    Returns
+    -------
+    str
+        ``--retry-failed`` or ``retry_failed=True``, ``--out results`` or ``out='results'``.
+    """
+    if _options:
+        shown = "" if value is None or value is True else f" {value}"
+        return f"--{name.replace('_', '-')}{shown}"
+    return name if value is None else f"{name}={value!r}"
 
 
 def near_match(name: str, known: Iterable[str]) -> str:

@@ -47,6 +47,29 @@ def test_parts_that_do_not_fit_are_jammed(given, reason):
     assert reason in result.detail[0]
 
 
+@pytest.mark.parametrize(("angle", "torque"), [(2, 35), (10, -420), (25, 180)])
+def test_a_joint_at_rest_or_almost_has_no_thrust_to_compute(angle, torque):
+    """Exact physics: Coulomb friction does not depend on speed, so a lower thrust at a lower speed is the floor's.
+
+    Regression: 0 rpm finished with zeros, and 0.02 rpm with half of the thrust.
+    """
+    speeds = np.array([0, 1e-3, 0.01, 0.03, 0.1, 0.3, 1, 3, 10, 100])
+    result = simulate(joint_angle_deg=angle, torque_n_m=torque, speed_rpm=speeds)
+    finished = result.outcome == Outcome.FINISHED
+    assert finished[-1]
+    assert not finished[0]
+    assert set(result.outcome[~finished]) == {Outcome.OUT_OF_RANGE}
+    assert "raise speed_rpm" in result.detail[0]
+    third = result.outputs["thrust_amplitude"].data[finished, 3]
+    assert third == pytest.approx(third[-1], rel=2e-3)
+
+
+def test_a_straight_joint_turns_without_thrust():
+    result = simulate(joint_angle_deg=0, speed_rpm=300)
+    assert result.outcome.tolist() == [Outcome.FINISHED]
+    assert result.outputs["thrust_amplitude"].data[0].max() < 1e-9
+
+
 def test_a_roller_that_lifts_off_is_out_of_range():
     """Rough needles hold a roller back so hard that the balance wants its groove to pull."""
     result = simulate("equilibrium", joint_angle_deg=20, samples_per_revolution=30, needle_sliding_friction=0.6)

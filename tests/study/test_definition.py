@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+import time
+
 import pytest
 
 from tripod_doe.errors import InputError
@@ -75,3 +78,37 @@ def test_functions_get_their_arguments_checked(tmp_path):
     assert list(study.simulator.parameters) == ["x", "y"]
     with pytest.raises(InputError, match="needs x"):
         parse_study(text + "[factors]\ny={values=[1, 2]}", folder=tmp_path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a." * 20_000 + "a = 1",
+        '"a" . ' * 10_000 + "a = 1",
+        "[" + "a." * 20_000 + "a]",
+        "[analysis]\nx = {" + "a." * 10_000 + "a = 1}",
+        "[base]\nx = " + "[" * 900 + "]" * 900,
+        "[analysis]\nx = " + "{a = " * 900 + "1" + "}" * 900,
+        "[[factors.x]]\n" * 5000,
+    ],
+)
+def test_files_that_only_cost_time_are_refused_in_a_sentence(text):
+    """Regression: tomllib took 13 s for 40 kB of dotted names, and nested brackets ended in a RecursionError."""
+    started = time.perf_counter()
+    with pytest.raises(InputError) as refused:
+        parse_study('[study]\nname = "deep"\n' + text)
+    assert time.perf_counter() - started < 3
+    assert len(str(refused.value)) < 300
+
+
+def test_names_with_dots_in_a_text_are_no_keys():
+    study = parse_study('[study]\nname = "text"\nquestion = "' + "a_word-with/slashes " * 5000 + '"\n')
+    assert study.file.study.name == "text"
+
+
+def test_a_function_is_refused_from_the_text_before_anything_is_imported(tmp_path):
+    (tmp_path / "harmful.py").write_text("raise SystemExit('imported')\n")
+    text = '[study]\nname = "h"\nfunction = "harmful:f"\n'
+    with pytest.raises(InputError, match="functions are not allowed here"):
+        parse_study(text, folder=tmp_path, functions=False)
+    assert str(tmp_path) not in sys.path

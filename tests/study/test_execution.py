@@ -158,10 +158,23 @@ def test_kernels_are_prepared_once_and_while_the_workers_start(workers, monkeypa
 
 
 def test_places_that_cannot_be_used_are_refused():
-    with pytest.raises(td.InputError, match=r"--workers -1: must be 0 \(this process\) or more"):
+    with pytest.raises(td.InputError, match=r"workers=-1: must be 0 \(this process\) or more"):
         Execution(-1)
-    with pytest.raises(td.InputError, match="leave out --scheduler tcp://somewhere:1"):
+    with pytest.raises(td.InputError, match="leave out scheduler='tcp://somewhere:1'"):
         Execution(0, "tcp://somewhere:1")
+
+
+def test_no_more_workers_start_than_there_are_processors(workers, monkeypatch, capsys):
+    """Unless that is asked for by a second argument."""
+    monkeypatch.setattr(execution.os, "sched_getaffinity", lambda process: {0, 1, 2})
+    counts = []
+    monkeypatch.setattr(SlowStart, "start", lambda self, study: counts.append(self.count))
+    for options in ({"workers": 1000}, {"workers": 2}, {"workers": 1000, "oversubscribe": True}):
+        computed(asked(), **options)
+    assert counts == [3, 2, 1000]
+    assert capsys.readouterr().err == (
+        "workers=1000: this machine has 3 processors, so 3 workers start; oversubscribe=True starts all\n"
+    )
 
 
 def test_what_a_simulator_raises_reaches_the_caller(monkeypatch):

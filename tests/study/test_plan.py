@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import queue
-
 import numpy as np
 import pytest
 
 import tripod_doe as td
+from tripod_doe.joint.candidates import JOINT_CANDIDATES
 from tripod_doe.study import plan as plan_module
+from tripod_doe.study import timing
 from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points, point_keys
@@ -76,7 +76,7 @@ def test_a_length_that_a_factor_sets_is_counted():
 
 def test_price_is_the_mean_of_the_timed_points_with_their_quartiles(monkeypatch):
     """Exact: 2000 points; the clock is the test's."""
-    monkeypatch.setattr(plan_module, "_time_points", lambda study, points: [1.8, 3.6, 5.4, 7.2, 0.0])
+    monkeypatch.setattr(plan_module, "time_points", lambda study, seconds: [1.8, 3.6, 5.4, 7.2, 0.0])
     plan = td.plan(parse_study(TEXT))
     assert plan.cpu_hours == pytest.approx((1.0, 2.0, 3.0))
     assert plan.blocks == 7200
@@ -91,10 +91,8 @@ def test_points_are_timed_in_batches_of_a_fifth_of_a_second(monkeypatch):
         calls.append(task.count)
         return None, 1.0 if len(calls) == 1 else 0.002 * task.count, 0.0
 
-    monkeypatch.setattr(plan_module, "run_task", run)
-    answers = queue.SimpleQueue()
-    plan_module._timing_process(TEXT, "", None, answers)
-    seconds = list(iter(answers.get, None))
+    monkeypatch.setattr(timing, "run_task", run)
+    seconds = list(timing.timings(parse_study(TEXT)))
     assert seconds == pytest.approx([0.002] * 11)
     assert calls == [1, 1] + 11 * [100]
 
@@ -125,7 +123,54 @@ def test_timing_stops_a_point_that_would_take_hours(tmp_path, monkeypatch):
     )
     assert plan.timed == 0
     assert plan.cpu_hours is None
-    assert "not timed" in plan.describe()
+    assert "nothing was timed" in plan.describe()
+
+
+JAMMED = """
+[study]
+name = "jam"
+[base]
+needle_count = 30
+[factors]
+joint_angle_deg = {low = 3, high = 27, count = 5}
+torque_n_m = {values = [-180, 35, 420]}
+"""
+
+
+def test_a_study_whose_points_cannot_fit_is_told_before_anything_runs(monkeypatch):
+    monkeypatch.setattr(plan_module, "time_points", lambda study, seconds: pytest.fail("nothing is left to time"))
+    plan = td.plan(parse_study(JAMMED))
+    assert (plan.unique, plan.able) == (15, 0)
+    assert "jammed       15 of 15: the needles do not fit on the pitch circle: reduce needle_count" in plan.describe()
+    assert "price        none: no point can be run" in plan.describe()
+
+
+def test_the_price_leaves_out_points_that_are_known_to_fail(monkeypatch):
+    """Exact: of 3 needle counts on 5 angles one fits; the clock is the test's."""
+    monkeypatch.setattr(plan_module, "time_points", lambda study, seconds: [3600.0])
+    text = JAMMED.replace("[base]\nneedle_count = 30", "").replace("torque_n_m = {values = [-180, 35, 420]}",
+                                                                    "needle_count = {values = [27, 28, 29]}")  # fmt: skip
+    plan = td.plan(parse_study(text))
+    assert plan.able == 5
+    assert plan.cpu_hours == pytest.approx((5, 5, 5))
+
+
+@pytest.mark.parametrize("scene", ["joint", "trunnion"])
+def test_points_at_rest_are_foreseen(scene):
+    text = f'[study]\nname = "rest"\nscene = "{scene}"\n[factors]\nspeed_rpm = {{values = [0, 600]}}\n'
+    plan = td.plan(parse_study(text), timing=False)
+    assert [(failure.outcome.label, failure.count) for failure in plan.foreseen] == [("out_of_range", 1)]
+
+
+def test_a_price_that_cannot_be_timed_in_time_is_the_recorded_one(monkeypatch):
+    """Exact: the recorded price of the candidate with the same model and the nearest numerics."""
+    monkeypatch.setattr(plan_module, "time_points", lambda study, seconds: [])
+    for tolerance in (2e-3, 5e-4):
+        text = f'[study]\nname = "n"\n[base]\nmodel = "needles"\nrelative_tolerance = {tolerance}\n'
+        plan = td.plan(parse_study(text + "[factors.joint_angle_deg]\nvalues = [5, 21]\n"))
+        price = next(c.price for c in JOINT_CANDIDATES if c.full and c.values["relative_tolerance"] == tolerance)
+        assert plan.cpu_hours == pytest.approx((2 * price / 3600,) * 3)
+        assert "recorded on another machine" in plan.describe()
 
 
 @pytest.mark.parametrize("value", [1, 4])

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tripod_doe.errors import InputError
+from tripod_doe.errors import InputError, speaking_of_options
+from tripod_doe.simulator import OUTCOME_ATTRIBUTES
 from tripod_doe.study.arrays import cube_arrays, opened_arrays
 from tripod_doe.study.netcdf import write_dataset
 from tripod_doe.study.query import parse_selection, query, records, records_text
@@ -17,7 +18,12 @@ def cube():
     return xr.Dataset(
         {
             "f": (("point", "order"), np.arange(8.0).reshape(4, 2)),
-            "outcome": ("point", np.array([0, 0, 1, 0], np.int8)),
+            "outcome": ("point", np.array([0, 0, 1, 0], np.int8), OUTCOME_ATTRIBUTES),
+            "model_used": (
+                "point",
+                np.array([0, 1, -1, 1], np.int8),
+                {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "none equilibrium kinetostatic"},
+            ),
         },
         coords={
             "point": np.arange(4),
@@ -83,8 +89,25 @@ def test_records_as_text():
 
 @pytest.mark.parametrize("text", ["x", "=3", "x=", "x=a:b"])
 def test_selections_that_are_none(text):
-    with pytest.raises(InputError, match="--select"):
+    with pytest.raises(InputError, match=r"^select="):
         parse_selection(text)
+
+
+def test_flags_are_answered_and_asked_for_by_their_meanings(cube, tmp_path):
+    write_dataset(cube, tmp_path / "cube.nc")
+    with opened_arrays(tmp_path / "cube.nc") as stored:
+        for arrays in (stored, cube_arrays(cube)):
+            found = records(arrays, "model_used")["model_used"].tolist()
+            assert found == ["equilibrium", "kinetostatic", "none", "kinetostatic"]
+            assert records(arrays, "f", where="model_used == 'kinetostatic' and order == 2")["x"].tolist() == [0.2, 0.4]
+
+
+def test_messages_name_what_the_user_wrote(cube):
+    """In Python an argument, on the command line an option."""
+    with pytest.raises(InputError, match=r"^select='z': not a coordinate here"):
+        query(cube, "f", ["z=3"])
+    with speaking_of_options(), pytest.raises(InputError, match=r"^--select z: not a coordinate here"):
+        query(cube, "f", ["z=3"])
 
 
 def test_open_ranges():

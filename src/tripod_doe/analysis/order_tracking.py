@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from tripod_doe.errors import InputError
+from tripod_doe.errors import InputError, option
 from tripod_doe.joint.orders import ORDERS, amplitude_and_phase
 
 __all__ = ["CELLS", "resample", "track_orders"]
@@ -110,7 +110,7 @@ def _revolutions(rotation_deg: FloatArray) -> FloatArray:
     if count < 2:
         raise InputError(
             f"the record covers {span / 360:.2f} revolutions; at least two whole ones are needed to compute "
-            "the scatter between revolutions: measure longer, or check --pulses-per-revolution"
+            f"the scatter between revolutions: measure longer, or check {option('pulses_per_revolution')}"
         )
     bounds: FloatArray = rotation_deg[0] + 360.0 * np.arange(count + 1)
     return bounds

@@ -1,4 +1,4 @@
-"""Feasibility of a point: whether the parts fit together and can move; if not, it is jammed before anything is solved.
+"""Feasibility of a point: whether the parts fit together, can move and slide fast enough; if not, nothing is solved.
 
 Needles on their pitch circle, all skewed by psi, are lines of a hyperboloid: the axes of neighbours are apart by
 
@@ -10,6 +10,10 @@ a lasting dent. It cannot move where that alone holds the roller on its trunnion
 |T| / (3 R_p) presses it into its groove: then the roller would have to climb its groove by more than 45 deg before it
 slides on its trunnion. tanh friction never sticks, so a run of such a joint ends, with forces that a real one would not
 survive.
+
+At rest friction may have any value below its limit, so there is no thrust to compute; that of a quasi-static joint is
+the thrust at a low speed. Where parts slide so slowly that the floor of the transition velocities counts, the friction
+law fades out, and the thrust with it.
 """
 
 from __future__ import annotations
@@ -17,9 +21,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.joint.transition import slides_too_slowly
 from tripod_doe.joint.values import JointValues
+from tripod_doe.simulator import Outcome
 
-__all__ = ["misfits"]
+__all__ = ["infeasible", "misfits"]
 
 FloatArray = NDArray[np.float64]
 
@@ -27,6 +33,27 @@ _STATIC_PRESSURE = 4000.0
 """MPa; contact stress of the basic static load rating of roller bearings (ISO 76)."""
 
 _EXPONENT = 10 / 9
+
+_TOO_SLOW = (
+    "the parts rest or slide so slowly that friction has no value (transition velocities below 0.001 mm/s or 0.001 "
+    "rad/s): raise speed_rpm or joint_angle_deg; the quasi-static thrust is that of a low speed"
+)
+
+
+def infeasible(points: JointValues[FloatArray]) -> dict[int, tuple[Outcome, str]]:
+    """Points that no model can run, with outcome and reason.
+
+    Parameters
+    ----------
+    points
+        The points.
+    """
+    found: dict[int, tuple[Outcome, str]] = {}
+    for row, reason in misfits(points):
+        found.setdefault(row, (Outcome.JAMMED, reason))
+    for slow in np.flatnonzero(slides_too_slowly(points)):
+        found.setdefault(int(slow), (Outcome.OUT_OF_RANGE, _TOO_SLOW))
+    return found
 
 
 def misfits(points: JointValues[FloatArray]) -> list[tuple[int, str]]:

@@ -240,8 +240,6 @@ def compile_joint(values: JointValues[float], method: str) -> None:
 
 def _out_of_range(values: JointValues[float]) -> str:
     """Why the motion of this operating point has no thrust orders to be read off, or nothing."""
-    if not values.speed > 0:
-        return "a joint at rest never completes a revolution; use model equilibrium"
     if values.torque == 0:
         return "without torque no force presses the rollers into their grooves; set torque_n_m or use model equilibrium"
     return ""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.joint import models
 from tripod_doe.joint.candidates import JOINT_CANDIDATES
-from tripod_doe.joint.feasibility import misfits
+from tripod_doe.joint.feasibility import infeasible
 from tripod_doe.joint.outputs import JOINT_OUTPUTS
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values, point_values
 from tripod_doe.joint.values import JointValues
@@ -52,32 +52,45 @@ class JointSimulator(Simulator):
             full = self.effective({"model": model, "method": method, "samples_per_revolution": 30})
             models.MODELS[model].prepare(point_values(full), method)
 
+    def foreseen(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[int, Outcome, str]]:
+        """Points that are not run: parts that do not fit or slide, a method or numerics that a model does not have."""
+        found: list[tuple[int, Outcome, str]] = []
+        for (name, method, _, _), chosen in self._kinds(points):
+            model = models.MODELS[name]
+            if method not in model.methods:
+                text = f"method {method} is not one of {model.name}"
+                found += [(int(position), Outcome.NOT_APPLICABLE, text) for position in chosen]
+                continue
+            columns = {key: np.asarray(column)[chosen] for key, column in points.items()}
+            refused = _refused(model, method, columns, _values(model, method, columns))
+            found += [(int(chosen[row]), *why) for row, why in refused.items()]
+        return found
+
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
         """Simulate a block of points, those of one model, method and number of samples together."""
         block = BlockResult.blank(len(points["model"]), Outcome.NOT_APPLICABLE)
-        kinds = [
-            (*solver, int(samples), int(cycles))
-            for solver, samples, cycles in zip(
-                self.solvers(points), points["samples_per_revolution"], points["cycles"], strict=True
-            )
-        ]
-        for kind in sorted(set(kinds)):
-            name, method, samples, _ = kind
-            model = models.MODELS[name]
-            chosen = np.flatnonzero([other == kind for other in kinds])
-            columns = {key: np.asarray(column)[chosen] for key, column in points.items()}
-            if method not in model.methods:
-                block.end(chosen, Outcome.NOT_APPLICABLE, f"method {method} is not one of {model.name}")
-                continue
-            values = _values(model, method, columns)
-            usable = _reject(model, method, columns, values, chosen, block)
-            if usable.size:
+        usable = np.ones(block.count, bool)
+        for row, outcome, reason in self.foreseen(points):
+            block.end(row, outcome, reason)
+            usable[row] = False
+        for (name, method, samples, _), alike in self._kinds(points):
+            model, chosen = models.MODELS[name], alike[usable[alike]]
+            if chosen.size:
+                columns = {key: np.asarray(column)[chosen] for key, column in points.items()}
                 wanted = [output for output in keep if output in model.outputs]
-                result = model.simulate(values.take(usable), method, samples, wanted)
-                block.fill(chosen[usable], result)
+                block.fill(chosen, model.simulate(_values(model, method, columns), method, samples, wanted))
         first = {name: points[name][0] for name in ("samples_per_revolution", "cycles")}
         block.coordinates.update(self.labels(block.outputs, first))
         return block
+
+    def _kinds(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[tuple[str, str, int, int], NDArray[np.int64]]]:
+        """Positions of the points with the same model, method, samples per revolution and cycles."""
+        numbers = (np.asarray(points[name], float) for name in ("samples_per_revolution", "cycles"))
+        kinds = [(*solver, int(n), int(c)) for solver, n, c in zip(self.solvers(points), *numbers, strict=True)]
+        rows: dict[tuple[str, str, int, int], list[int]] = {}
+        for row, kind in enumerate(kinds):
+            rows.setdefault(kind, []).append(row)
+        return [(kind, np.array(rows[kind])) for kind in sorted(rows)]
 
 
 def _values(model: models.Model, method: str, columns: Mapping[str, NDArray[Any]]) -> JointValues[NDArray[np.float64]]:
@@ -91,26 +104,17 @@ def _values(model: models.Model, method: str, columns: Mapping[str, NDArray[Any]
     return internal_values(numbers)
 
 
-def _reject(
-    model: models.Model,
-    method: str,
-    columns: Mapping[str, NDArray[Any]],
-    values: JointValues[NDArray[np.float64]],
-    chosen: NDArray[np.int64],
-    block: BlockResult,
-) -> NDArray[np.int64]:
-    """Mark the points that the model cannot run, and return the positions within `chosen` of all others."""
-    usable = np.ones(chosen.size, bool)
+def _refused(
+    model: models.Model, method: str, columns: Mapping[str, NDArray[Any]], values: JointValues[NDArray[np.float64]]
+) -> dict[int, tuple[Outcome, str]]:
+    """Points of one model and method that are not run, with outcome and reason."""
+    refused: dict[int, tuple[Outcome, str]] = {}
     for name in NUMERICS:
         if name not in model.methods[method]:
-            given = np.array([is_set(value) for value in columns[name]])
-            block.end(chosen[given], Outcome.NOT_APPLICABLE, f"{name} is not used by {model.name} with {method}")
-            usable &= ~given
-    for misfit, reason in misfits(values):
-        if usable[misfit]:
-            block.end(int(chosen[misfit]), Outcome.JAMMED, reason)
-            usable[misfit] = False
-    return np.flatnonzero(usable)
+            text = f"{name} is not used by {model.name} with {method}"
+            given = np.flatnonzero([is_set(value) for value in columns[name]])
+            refused |= {int(row): (Outcome.NOT_APPLICABLE, text) for row in given}
+    return infeasible(values) | refused
 
 
 simulator = JointSimulator()

@@ -6,7 +6,7 @@ switching a mechanism off does not move it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.joint.values import JointValues
 
-__all__ = ["Transition", "transition_velocities"]
+__all__ = ["Transition", "slides_too_slowly", "transition_velocities"]
 
 FloatArray = NDArray[np.float64]
 
@@ -55,6 +55,24 @@ def transition_velocities(values: JointValues[Any]) -> Transition:
     plunging 4 e omega, since they slip on trunnion and bore alike. Rolling in the groove: R_p omega tan theta / R_s;
     on the trunnion that spin together with omega sin theta, out of phase. Spinning: theta omega.
     """
+    return Transition(*(np.maximum(velocity, _FLOOR) for velocity in astuple(_quarter_rule(values))))
+
+
+def slides_too_slowly(values: JointValues[FloatArray]) -> NDArray[np.bool_]:
+    """Points where the floor replaces the quarter rule, shape (point,): there friction fades with the slip.
+
+    At 10 deg that is so below 0.22 rpm; at 0.02 rpm the thrust is half of what it is at any higher speed. A straight
+    joint does not slip at all: its thrust is zero by symmetry, and it is left out unless it stands still.
+    """
+    unset = np.full_like(values.speed, np.nan)
+    own = _quarter_rule(replace(values, groove_transition_velocity=unset, needle_transition_velocity=unset))
+    ruled: FloatArray = np.array(astuple(own))
+    floored = np.any(ruled < _FLOOR, axis=0) & (values.joint_angle > 0)
+    return np.asarray(floored | (values.speed == 0), bool)
+
+
+def _quarter_rule(values: JointValues[Any]) -> Transition:
+    """Transition velocities as given or from ideal kinematics, without a floor."""
     theta, omega, ratio = values.joint_angle, values.speed, values.transition_ratio
     pitch, roller = values.pitch_radius, values.roller_radius
     travel = pitch * omega * np.tan(theta)
@@ -63,9 +81,9 @@ def transition_velocities(values: JointValues[Any]) -> Transition:
     needle = ratio * 2 * eccentricity * omega
     given_groove, given_needle = values.groove_transition_velocity, values.needle_transition_velocity
     return Transition(
-        groove_sliding=np.maximum(np.where(np.isnan(given_groove), groove, given_groove), _FLOOR),
-        needle_sliding=np.maximum(np.where(np.isnan(given_needle), needle, given_needle), _FLOOR),
-        groove_rolling=np.maximum(ratio * travel / roller, _FLOOR),
-        roller_spin=np.maximum(ratio * np.hypot(travel / roller, omega * np.sin(theta)), _FLOOR),
-        spinning=np.maximum(ratio * theta * omega, _FLOOR),
+        groove_sliding=np.where(np.isnan(given_groove), groove, given_groove),
+        needle_sliding=np.where(np.isnan(given_needle), needle, given_needle),
+        groove_rolling=ratio * travel / roller,
+        roller_spin=ratio * np.hypot(travel / roller, omega * np.sin(theta)),
+        spinning=ratio * theta * omega,
     )

@@ -13,20 +13,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.joint.feasibility import misfits
+from tripod_doe.joint.feasibility import infeasible
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.multibody_run import compile_joint, follow
 from tripod_doe.joint.multibody_scene import build_trunnion
 from tripod_doe.joint.numerical_error import amplitude_error, finer_thrust, judge
 from tripod_doe.joint.orders import amplitude_and_phase, complex_amplitudes
 from tripod_doe.joint.outputs import ORDER, ROTATION, rotation_angles
-from tripod_doe.joint.parameters import JOINT_PARAMETERS, point_values
+from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values, point_values
 from tripod_doe.joint.readings import groove_readings, needle_drift, needle_skews
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Run, method_named
 from tripod_doe.mechanics.scenes.simulator import RUN_OUTPUTS, SceneSimulator
-from tripod_doe.simulator import Output, Parameter, by_name
+from tripod_doe.simulator import Outcome, Output, Parameter, by_name
 
 __all__ = ["TrunnionSimulator", "simulator"]
 
@@ -74,10 +74,21 @@ class TrunnionSimulator(SceneSimulator):
     outputs = by_name(_OUTPUTS)
     numerics = _NEEDLES.methods
 
-    def misfit(self, values: Mapping[str, float]) -> str:
-        """Say why the parts do not fit, or nothing."""
-        found = misfits(point_values(values))
-        return found[0][1] if found else ""
+    def foreseen(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[int, Outcome, str]]:
+        """Points whose numerics are not used, whose parts do not fit or slide, or without torque."""
+        found = {i: (outcome, reason) for i, outcome, reason in super().foreseen(points)}
+        count = len(points["method"])
+        numbers = {
+            name: np.asarray(points.get(name, np.repeat(parameter.column([parameter.default]), count)), float)
+            for name, parameter in JOINT_PARAMETERS.items()
+            if parameter.kind != "choice"
+        }
+        values = internal_values(numbers)
+        without_torque = {
+            int(i): (Outcome.OUT_OF_RANGE, "without torque a trunnion has no thrust orders; set torque_n_m")
+            for i in np.flatnonzero(values.torque == 0)
+        }
+        return [(i, *why) for i, why in sorted((without_torque | infeasible(values) | found).items())]
 
     def compile(self, model: str, method: str) -> None:
         """Compile what a run needs, by a step of a joint without needle bodies."""
@@ -86,8 +97,6 @@ class TrunnionSimulator(SceneSimulator):
     def run(self, values: Mapping[str, float], method: str, step: float | None, settings: Settings) -> Run:
         """Simulate one point; its last revolution is run again, and its third order judged by the difference."""
         inside = point_values(values).point(0)
-        if not (inside.speed > 0 and inside.torque != 0):
-            raise ValueError("a trunnion at rest or without torque has no thrust orders; give speed_rpm and torque_n_m")
         assembly = assemble(build_trunnion(inside))
         result, again = follow(assembly, inside, method, _SAMPLES, step, settings)
         if again is None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tripod_doe.errors import InputError
 from tripod_doe.simulator.block import BlockResult
 from tripod_doe.simulator.candidate import Candidate
+from tripod_doe.simulator.outcome import Outcome
 from tripod_doe.simulator.output import Dimension, Output
 from tripod_doe.simulator.parameter import Parameter, Value, is_set
 
@@ -76,6 +77,32 @@ class Simulator(ABC):
         BlockResult
             In the order of the points; no point's values depend on the others in the block.
         """
+
+    def foreseen(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[int, Outcome, str]]:
+        """Points that are known to fail before anything is solved: position, outcome, reason; each point once.
+
+        Parameters
+        ----------
+        points
+            As `simulate` takes them.
+        """
+        return []
+
+    def recorded_price(self, values: Mapping[str, Value]) -> float | None:
+        """CPU seconds of a usual run with these values, as recorded for the candidate that is most like it.
+
+        None where no candidate has the same choices (model, method) as far as candidates make any.
+        """
+        full = self.effective(values)
+        words = [name for name, parameter in self.parameters.items() if parameter.kind == "choice"]
+        alike = [
+            candidate
+            for candidate in self.candidates
+            if all(full[name] == candidate.values[name] for name in words if name in candidate.values)
+        ]
+        if not alike:
+            return None
+        return max(alike, key=lambda candidate: sum(full[n] == v for n, v in candidate.values.items())).price
 
     def prepare(self, points: Mapping[str, NDArray[Any]]) -> None:
         """Compile what these points need, or load its machine code, so that the first block is timed like any other."""

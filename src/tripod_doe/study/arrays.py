@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,10 +32,13 @@ class Variable:
         Its dimensions.
     read
         Gives its values, of one axis per dimension.
+    words
+        Meanings of its values where it is a flag, by value; empty for numbers and texts.
     """
 
     dims: tuple[str, ...]
     read: Callable[[], NDArray[Any]]
+    words: Mapping[int, str] = field(default_factory=dict)
 
     @cached_property
     def values(self) -> NDArray[Any]:
@@ -66,7 +69,7 @@ def cube_arrays(cube: xr.Dataset) -> CubeArrays:
     """The arrays of an open cube."""
 
     def variable(array: xr.DataArray) -> Variable:
-        return Variable(tuple(map(str, array.dims)), lambda: np.asarray(array.values))
+        return Variable(tuple(map(str, array.dims)), lambda: np.asarray(array.values), _words(array.attrs))
 
     return CubeArrays(
         {str(dim): int(size) for dim, size in cube.sizes.items()},
@@ -122,4 +125,13 @@ def _stored_variable(array: netCDF4.Variable[Any], file: Path) -> Variable:
         is_switch = "dtype" in array.ncattrs() and array.getncattr("dtype") == "bool"  # xarray's way: netCDF has none
         return values.astype(bool) if is_switch else values
 
-    return Variable(tuple(array.dimensions), read)
+    attributes = {name: array.getncattr(name) for name in array.ncattrs() if name in ("flag_values", "flag_meanings")}
+    return Variable(tuple(array.dimensions), read, _words(attributes))
+
+
+def _words(attributes: Mapping[str, Any]) -> dict[int, str]:
+    """Meanings of a flag by its value, from its CF attributes; a flag of bits (flag_masks) is left as a number."""
+    if not {"flag_values", "flag_meanings"} <= attributes.keys():
+        return {}
+    values = np.atleast_1d(attributes["flag_values"]).tolist()
+    return dict(zip(map(int, values), str(attributes["flag_meanings"]).split(), strict=False))

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from tripod_doe.errors import InputError
+from tripod_doe.errors import InputError, option
 from tripod_doe.study.accuracy import Accuracy
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points, point_keys
@@ -46,8 +46,8 @@ def frozen_choice(study: Study, directory: Path) -> xr.Dataset | None:
     ]
     if told:
         raise InputError(
-            f"{study.origin}: the model was chosen in {directory} for another accuracy; choose another --out, or take "
-            "back\n" + "\n".join(told)
+            f"{study.origin}: the model was chosen in {directory} for another accuracy; choose another {option('out')}, "
+            "or take back\n" + "\n".join(told)
         )
     return frozen
 

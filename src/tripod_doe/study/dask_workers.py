@@ -1,4 +1,4 @@
-"""Blocks of points run on Dask workers: those of a local cluster, or of an existing scheduler."""
+"""Blocks of points run on Dask workers: processes of this machine, or those of an existing scheduler."""
 
 from __future__ import annotations
 
@@ -7,25 +7,27 @@ from contextlib import ExitStack
 
 import dask
 import numpy as np
-from distributed import Client, KilledWorker, LocalCluster, as_completed, get_worker
+from distributed import Client, KilledWorker, as_completed, get_worker
 from distributed import Future as DaskFuture
 from numpy.typing import NDArray
 
-from tripod_doe.errors import InputError
+from tripod_doe.errors import InputError, option
 from tripod_doe.study.definition import Study
 from tripod_doe.study.executor import Answer, Lost
+from tripod_doe.study.local_cluster import LocalWorkers
 from tripod_doe.study.task import Task, matching_simulator, run_task
 
-__all__ = ["DaskWorkers"]
+__all__ = ["QUIET", "DaskWorkers"]
 
 _IN_FLIGHT = 2  # blocks per worker: one at work, one waiting, so that no worker waits for this process
 _ALLOWED_FAILURES = 2
-_QUIET = {
+QUIET = {
     "distributed.scheduler.allowed-failures": _ALLOWED_FAILURES,
     "distributed.admin.tick.limit": "1h",
     "distributed.worker.profile.enabled": False,
     "distributed.comm.timeouts.connect": "30s",
 }
+"""Settings of Dask in every process of a study."""
 
 
 class DaskWorkers:
@@ -34,9 +36,9 @@ class DaskWorkers:
     Parameters
     ----------
     count
-        Worker processes of the local cluster, one thread each.
+        Worker processes of this machine, one thread each.
     scheduler
-        Address of an existing Dask scheduler, used in place of a local cluster.
+        Address of an existing Dask scheduler, used in place of own workers.
     """
 
     def __init__(self, count: int, scheduler: str | None = None) -> None:
@@ -71,37 +73,24 @@ class DaskWorkers:
         return OnDask(client, 1 if study.file.run.exclusive else _IN_FLIGHT * workers)
 
     def close(self) -> None:
-        """End the workers of the local cluster."""
+        """End the worker processes of this machine."""
         self._background.shutdown(wait=True, cancel_futures=True)
         self._stack.close()
 
     def _connect(self, study: Study) -> Client:
-        self._stack.enter_context(dask.config.set(_QUIET))
+        self._stack.enter_context(dask.config.set(QUIET))
         if self._scheduler:
             try:
                 client = Client(self._scheduler, timeout=5)
             except (OSError, ValueError) as error:
-                raise InputError(f"--scheduler {self._scheduler}: no Dask scheduler answers there") from error
+                raise InputError(f"{option('scheduler', self._scheduler)}: no Dask scheduler answers there") from error
         else:
-            cluster = _local_cluster(self._count)
-            self._stack.callback(cluster.close)
-            client = Client(cluster)
+            workers = LocalWorkers(self._count)
+            self._stack.callback(workers.close)
+            client = Client(workers.address)
         self._stack.callback(client.close)  # as a context manager it must be left by the thread that entered it
         _import_simulator(client, study)
         return client
-
-
-def _local_cluster(count: int) -> LocalCluster:
-    """A local cluster of single-threaded processes."""
-    return LocalCluster(
-        n_workers=count,
-        threads_per_worker=1,
-        processes=True,
-        dashboard_address="127.0.0.1:0",  # another run may have the default port
-        silence_logs=50,
-        memory_limit=0,
-        preload=["tripod_doe.study.worker"],
-    )
 
 
 def _import_simulator(client: Client, study: Study) -> None:

@@ -117,10 +117,24 @@ def load_study(path: str | Path) -> Study:
     return parse_study(read_text(path, "study file"), origin=str(path), folder=path.resolve().parent)
 
 
-def parse_study(text: str, origin: str = "study", folder: Path | None = None) -> Study:
-    """Check the text of a study file; see `load_study`."""
+def parse_study(text: str, origin: str = "study", folder: Path | None = None, functions: bool = True) -> Study:
+    """Check the text of a study file; see `load_study`.
+
+    Parameters
+    ----------
+    text
+        The study file.
+    origin
+        Where it came from, for messages.
+    folder
+        Folder from which tables and functions are found; the current one if omitted.
+    functions
+        Whether the study may name a function of its own; if not, nothing of it is imported.
+    """
     folder = folder or Path.cwd()
     file = parse_file(text, origin)
+    if file.study.function is not None and not functions:
+        raise InputError(f"{origin}: [study]: function = {file.study.function!r}: functions are not allowed here")
     simulator = _at(origin, "[study]", lambda: load_simulator(file.study.scene, file.study.function, str(folder)))
     auto = file.base.get("model") == AUTO
     given = {name: value for name, value in file.base.items() if not (auto and name == "model")}

@@ -20,6 +20,7 @@ from tripod_doe.study.definition import Factor, Study
 from tripod_doe.study.distributions import is_unbounded, quantile
 from tripod_doe.study.expressions import Expression
 from tripod_doe.study.file import DesignTable
+from tripod_doe.study.size import refuse_too_many_points
 
 __all__ = ["Points", "make_points", "point_keys", "salib_problem", "unit_sample"]
 
@@ -78,10 +79,12 @@ def make_points(study: Study) -> Points:
     Raises
     ------
     InputError
-        If the design lacks what it needs, excludes every point, or gives points outputs of different lengths.
+        If the design lacks what it needs, has more points than fit into memory, excludes every point, or gives points
+        outputs of different lengths.
     """
     design = study.file.design
     try:
+        refuse_too_many_points(study)
         columns, labels = _columns(study, design, dict(study.factors))
         names = list(columns)
         count = len(columns[names[0]]) if names else 1

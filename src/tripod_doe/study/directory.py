@@ -18,13 +18,14 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.atomic_files import replace_text
-from tripod_doe.errors import InputError
+from tripod_doe.errors import InputError, option
 from tripod_doe.quantities import size
 from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import Study, canonical, parse_study
 from tripod_doe.study.journal import FOLDER, SHOWN, FinishedBlock, Journal
 from tripod_doe.study.netcdf import stamp_history, write_dataset
 from tripod_doe.study.plan import cube_bytes
+from tripod_doe.study.size import check_memory
 from tripod_doe.study.study_points import StudyPoints
 
 __all__ = ["ResultDirectory", "make_directory"]
@@ -45,7 +46,7 @@ def make_directory(path: str | Path) -> Path:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"--out {path}: cannot make this directory: {error.strerror}") from error
+        raise InputError(f"{option('out', str(path))}: cannot make this directory: {error.strerror}") from error
     return path
 
 
@@ -119,7 +120,7 @@ class ResultDirectory:
         if kernels != study.simulator.source_hash:
             raise InputError(
                 f"{self.path}: its points were computed by another version of the kernels ({kernels}, now "
-                f"{study.simulator.source_hash}); choose another --out"
+                f"{study.simulator.source_hash}); choose another {option('out')}"
             )
         old = canonical(parse_study(stored.read_text(encoding="utf-8"), str(stored), study.folder))
         new = canonical(study)
@@ -129,8 +130,8 @@ class ResultDirectory:
             return
         listed = [f"  {key}: {old.get(key, 'not set')} -> {new.get(key, 'not set')}" for key in changed]
         raise InputError(
-            f"{study.origin}: the study changed under the results in {self.path}; choose another --out, or take back\n"
-            + "\n".join(listed or ["  the points of the table"])
+            f"{study.origin}: the study changed under the results in {self.path}; choose another {option('out')}, "
+            "or take back\n" + "\n".join(listed or ["  the points of the table"])
         )
 
     def adopt(self, study: Study) -> None:
@@ -196,13 +197,15 @@ class ResultDirectory:
         return cube
 
     def _check_space(self, asked: StudyPoints) -> None:
-        """Refuse (InputError) to start where journal and cube will not fit on the disk."""
-        needed = _SPARE_BYTES + 2 * (cube_bytes(asked.study, asked.points) or 0)
+        """Refuse (InputError) to start where the cube will not fit into memory, or with the journal on the disk."""
+        cube = cube_bytes(asked.study, asked.points) or 0
+        check_memory(cube, "a cube of this study", "keep fewer outputs, or split the study")
+        needed = _SPARE_BYTES + 2 * cube
         free = shutil.disk_usage(self.path).free
         if free < needed:
             raise InputError(
-                f"--out {self.path}: {size(free)} free, but journal and cube need {size(needed)}; "
-                "keep fewer outputs or choose another --out"
+                f"{option('out', str(self.path))}: {size(free)} free, but journal and cube need {size(needed)}; "
+                f"keep fewer outputs or choose another {option('out')}"
             )
 
 
@@ -211,10 +214,12 @@ def _lock(path: Path) -> int:
     try:
         lock = os.open(path / ".lock", os.O_CREAT | os.O_RDWR)
     except OSError as error:
-        raise InputError(f"{path}: cannot write here: {error.strerror}; choose another --out") from error
+        raise InputError(f"{path}: cannot write here: {error.strerror}; choose another {option('out')}") from error
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
         os.close(lock)
-        raise InputError(f"{path}: another run is writing here; wait for it or choose another --out") from error
+        raise InputError(
+            f"{path}: another run is writing here; wait for it or choose another {option('out')}"
+        ) from error
     return lock

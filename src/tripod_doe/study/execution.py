@@ -5,6 +5,8 @@ Where a point runs, beside which others and in which order never changes what it
 
 from __future__ import annotations
 
+import os
+import sys
 import time
 from collections.abc import Callable, Generator
 from contextlib import closing
@@ -13,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.errors import InputError
+from tripod_doe.errors import InputError, option
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.simulator import BlockResult, Outcome
 from tripod_doe.study.block_queue import BlockQueue
@@ -43,6 +45,8 @@ class Execution:
         two worker processes otherwise.
     scheduler
         Address of an existing Dask scheduler to use instead of own workers.
+    oversubscribe
+        Start as many workers as asked for, also more than this machine has processors.
 
     Attributes
     ----------
@@ -55,11 +59,13 @@ class Execution:
         If these cannot be used.
     """
 
-    def __init__(self, workers: int | None = None, scheduler: str | None = None) -> None:
+    def __init__(self, workers: int | None = None, scheduler: str | None = None, oversubscribe: bool = False) -> None:
         if workers is not None and workers < 0:
-            raise InputError(f"--workers {workers}: must be 0 (this process) or more")
+            raise InputError(f"{option('workers', workers)}: must be 0 (this process) or more")
         if workers == 0 and scheduler:
-            raise InputError(f"--workers 0 runs in this process: leave out --scheduler {scheduler}")
+            raise InputError(f"{option('workers', 0)} runs in this process: leave out {option('scheduler', scheduler)}")
+        if workers and not scheduler and not oversubscribe:
+            workers = _at_most_processors(workers)
         self._wanted, self._scheduler = workers, scheduler
         self._dask: DaskWorkers | None = None
         self.seconds = 0.0
@@ -159,6 +165,15 @@ class Execution:
 
             self._dask = DaskWorkers(self._wanted or _USUAL_WORKERS, self._scheduler)
         return self._dask
+
+
+def _at_most_processors(workers: int) -> int:
+    """As many workers as asked for, but no more than this process may use processors; tells where that is less."""
+    processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or workers
+    if workers > processors:
+        told = f"{option('workers', workers)}: this machine has {processors} processors, so {processors} workers start"
+        print(f"{told}; {option('oversubscribe', True)} starts all", file=sys.stderr)
+    return min(workers, processors)
 
 
 def _finished_block(keys: NDArray[np.void], answer: Answer | Lost) -> FinishedBlock:

@@ -28,6 +28,9 @@ _COMPARE: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "abs": np.abs, "min": np.minimum, "max": np.maximum, "sqrt": np.sqrt,
 }  # fmt: skip
+_LONGEST = 4_000  # characters of a condition
+_DEEPEST = 100  # operators within each other
+_SHOWN = 80  # characters of a condition that a message repeats
 _ALLOWED = "names, numbers, 'text', + - * / **, < <= > >= == !=, and or not, abs min max sqrt"
 
 
@@ -44,7 +47,7 @@ class Expression:
     Attributes
     ----------
     text
-        The condition.
+        The condition, or the beginning of a long one.
     used
         Names that it does use.
 
@@ -55,20 +58,31 @@ class Expression:
     """
 
     def __init__(self, text: str, names: Collection[str]) -> None:
-        self.text = text
+        self.text = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
         self.used: set[str] = set()
+        self._whole = text
+        if len(text) > _LONGEST:
+            raise InputError(f"{self.text!r}: {len(text):,} characters; at most {_LONGEST:,} are allowed")
         try:
             self._tree = ast.parse(text, mode="eval").body
         except (SyntaxError, ValueError) as error:
-            raise InputError(f"{text!r}: not an expression ({getattr(error, 'msg', error)})") from error
-        self._check(self._tree, names)
+            raise InputError(f"{self.text!r}: not an expression ({getattr(error, 'msg', error)})") from error
+        except (RecursionError, MemoryError) as error:
+            raise InputError(self._too_deep) from error
+        self._check(self._tree, names, 1)
 
-    def _check(self, node: ast.expr, names: Collection[str]) -> None:
+    @property
+    def _too_deep(self) -> str:
+        return f"{self.text!r}: more than {_DEEPEST} operators within each other"
+
+    def _check(self, node: ast.expr, names: Collection[str], depth: int) -> None:
+        if depth > _DEEPEST:
+            raise InputError(self._too_deep)
         children: list[ast.expr] = []
         match node:
             case ast.Name(id=name):
                 if name not in names:
-                    raise InputError(f"{self.text!r}: unknown name {name!r}{near_match(name, names)}")
+                    raise InputError(f"{self.text!r}: unknown name {name[:_SHOWN]!r}{near_match(name, names)}")
                 self.used.add(name)
             case ast.Constant(value=int() | float() | str()):
                 pass
@@ -85,9 +99,10 @@ class Expression:
                     raise InputError(f"{self.text!r}: wrong number of arguments for {function}")
                 children = arguments
             case _:
-                raise InputError(f"{self.text!r}: {ast.unparse(node)!r} is not allowed here; use {_ALLOWED}")
+                wrong = (ast.get_source_segment(self._whole, node) or "")[:_SHOWN]
+                raise InputError(f"{self.text!r}: {wrong!r} is not allowed here; use {_ALLOWED}")
         for child in children:
-            self._check(child, names)
+            self._check(child, names, depth + 1)
 
     def __call__(self, columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
         """Evaluate for every row of the columns; a comparison with NaN is false.
@@ -100,7 +115,7 @@ class Expression:
         try:
             with np.errstate(all="ignore"):
                 answer = np.asarray(self._value(self._tree, columns))
-        except TypeError as error:
+        except (TypeError, OverflowError) as error:
             raise InputError(f"{self.text!r}: {error}") from error
         rows = np.shape(next(iter(columns.values())))
         return np.broadcast_to(answer.astype(bool), rows)
@@ -109,8 +124,10 @@ class Expression:
         match node:
             case ast.Name(id=name):
                 return columns[name]
-            case ast.Constant(value=value):
+            case ast.Constant(value=str() as value):
                 return value
+            case ast.Constant(value=(int() | float()) as value):
+                return np.float64(value)  # Python's whole numbers grow without bounds: 9**9**9
             case ast.BinOp(left=left, op=op, right=right):
                 return _BINARY[type(op)](self._value(left, columns), self._value(right, columns))
             case ast.UnaryOp(op=op, operand=operand):

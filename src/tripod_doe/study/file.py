@@ -22,8 +22,15 @@ __all__ = [
     "StudyFile",
     "complaints",
     "parse_file",
+    "parse_toml",
     "read_text",
 ]
+
+_MOST_PARTS = 16
+_LONGEST_SHOWN = 80  # characters of a value
+_LONG_NAME = re.compile(
+    rf"""(?<![\w-])((?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}"""  # never looks back
+)
 
 Scalar = Annotated[float | int | str | bool, Field(union_mode="smart")]
 DesignKind = Literal[
@@ -50,7 +57,7 @@ class FactorTable(_Table):
     values: list[Scalar] | None = Field(None, description="the values it takes")
     low: float | None = Field(None, description="lower end of the range")
     high: float | None = Field(None, description="upper end of the range")
-    count: int | None = Field(None, ge=1, description="number of values from low to high, ends included")
+    count: int | None = Field(None, ge=1, le=1_000_000, description="number of values from low to high, ends included")
     scale: Literal["linear", "log"] = Field("linear", description="spacing of the values or samples from low to high")
     distribution: (
         Literal["uniform", "normal", "truncated-normal", "log-uniform", "triangular", "discrete"] | None
@@ -156,12 +163,28 @@ def read_text(path: Path, what: str) -> str:
         raise InputError(f"{path}: cannot read the {what}: {reason}{closest(path.name, beside)}") from error
 
 
-def parse_file(text: str, origin: str = "study") -> StudyFile:
-    """Parse the text of a study file without looking for its simulator: form is checked, parameters are not."""
+def parse_toml(text: str, origin: str) -> dict[str, Any]:
+    """The tables of a TOML text.
+
+    Raises
+    ------
+    InputError
+        If it is not valid TOML, or names or values are nested deeper than any file of ours: the time that tomllib takes
+        for a dotted name grows with the square of its parts.
+    """
+    if long := _LONG_NAME.search(text):
+        raise InputError(f"{origin}: {long[0][:40]}...: a name of more than {_MOST_PARTS} parts with dots between them")
     try:
-        raw = tomllib.loads(text)
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{origin}: not valid TOML: {error}") from error
+    except RecursionError as error:
+        raise InputError(f"{origin}: brackets are nested too deeply") from error
+
+
+def parse_file(text: str, origin: str = "study") -> StudyFile:
+    """Parse the text of a study file without looking for its simulator: form is checked, parameters are not."""
+    raw = parse_toml(text, origin)
     design = raw.get("design")
     if isinstance(design, dict):  # [design.NAME] are tables of their own
         raw["designs"] = {key: value for key, value in design.items() if isinstance(value, dict)}
@@ -192,10 +215,16 @@ def complaints(error: ValidationError, known: Callable[[list[str]], Iterable[str
             yield f"{place}: {key} is missing"
         elif item["type"] == "literal_error":
             words = re.findall(r"'([^']*)'", item["ctx"]["expected"])
-            yield f"{place}: {key} = {item['input']!r}: unknown{near_match(str(item['input']), words)}"
+            yield f"{place}: {key} = {_shown(item['input'])}: unknown{near_match(str(item['input']), words)}"
         else:
             message = item["msg"][0].lower() + item["msg"][1:]
-            yield f"{place}: {key} = {item['input']!r}: {message}"
+            yield f"{place}: {key} = {_shown(item['input'])}: {message}"
+
+
+def _shown(value: object) -> str:
+    """A value as a message repeats it: the beginning of a long one."""
+    text = repr(value)
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
 
 
 def _known_keys(path: list[str]) -> list[str]:

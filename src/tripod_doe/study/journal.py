@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.errors import CubeError, StorageError
+from tripod_doe.errors import CubeError, StorageError, option
 from tripod_doe.simulator import WORK, BlockResult, Retries, Values
 
 __all__ = ["FOLDER", "PILOT", "SHOWN", "FinishedBlock", "Journal"]
@@ -90,7 +90,7 @@ class Journal:
         except sqlite3.DatabaseError as error:
             self.close()
             raise CubeError(
-                f"{self.path}: not a readable journal ({error}); move it elsewhere or choose another --out"
+                f"{self.path}: not a readable journal ({error}); move it elsewhere or choose another {option('out')}"
             ) from error
 
     def close(self) -> None:

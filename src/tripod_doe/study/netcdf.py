@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tripod_doe.atomic_files import replace_file
-from tripod_doe.errors import CubeError
+from tripod_doe.errors import CubeError, option
 
 if TYPE_CHECKING:  # a query reads cubes without xarray
     import xarray as xr
@@ -55,7 +55,7 @@ def reading(path: Path) -> Iterator[None]:
         yield
     except (OSError, RuntimeError, ValueError, KeyError) as error:
         raise CubeError(
-            f"{path}: not a readable cube ({error}); run the study again with the same --out: "
+            f"{path}: not a readable cube ({error}); run the study again with the same {option('out')}: "
             "it is rebuilt from the journal"
         ) from error
 

@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 import math
-import multiprocessing
-import queue
-import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tripod_doe.quantities import duration, size
-from tripod_doe.study.definition import Study, load_study, parse_study
+from tripod_doe.study.definition import Study, load_study
 from tripod_doe.study.designs import Points, make_points, point_keys
-from tripod_doe.study.task import make_task, run_task
+from tripod_doe.study.failures import Failure, common_failures
+from tripod_doe.study.timing import time_points
 
 __all__ = ["Plan", "cube_bytes", "plan"]
 
 _TIMING_SECONDS = 10.0
-_SAMPLES = 12
-_BATCH_SECONDS = 0.2
 _BLOCK_SECONDS = 1.0
+_PRICED = 100  # points whose recorded prices are averaged
+_CHUNK = 10_000  # points that are looked at together
 
 
 @dataclass(frozen=True)
@@ -38,17 +36,19 @@ class Plan:
     excluded
         Cells that a constraint leaves out.
     blocks
-        Tasks of about a second each; None without timing.
+        Tasks of about a second each; None without a price.
     cpu_hours
-        Lower quartile, mean and upper quartile of the total; None without timing.
+        Lower quartile, mean and upper quartile of the total; None without a price.
     cube_bytes
         Size of the cube, where the outputs' shapes are known beforehand.
     timed
-        Points that were timed.
+        Batches of points that were timed; 0 where the price is a recorded one, or none is known.
     chosen
         Whether a pilot chooses the models, so that nothing can be timed before it has run.
     warnings
         What the user should know.
+    foreseen
+        Points that are known to fail before anything is solved, by outcome and reason.
     """
 
     points: int
@@ -60,6 +60,12 @@ class Plan:
     timed: int
     chosen: bool
     warnings: tuple[str, ...]
+    foreseen: tuple[Failure, ...] = field(default=())
+
+    @property
+    def able(self) -> int:
+        """Points to compute without those that are known to fail."""
+        return self.unique - sum(failure.count for failure in self.foreseen)
 
     def describe(self, workers: int = 2) -> str:
         """The plan as text, with the wall time on so many workers."""
@@ -68,14 +74,18 @@ class Plan:
             lines[0] += f" ({self.points - self.unique - self.excluded:,} of them repeated and computed once)"
         if self.excluded:
             lines.append(f"excluded     {self.excluded:,} by constraints")
-        if self.cpu_hours is None and self.chosen:
+        lines += [f"{f.outcome.label:12} {f.count:,} of {self.unique:,}: {f.reason}" for f in self.foreseen]
+        if not self.able:
+            lines.append("price        none: no point can be run")
+        elif self.cpu_hours is None and self.chosen:
             lines.append("price        follows from the choice of model")
         elif self.cpu_hours is None:
-            lines.append("price        not timed" if self.timed == 0 else "price        no point ended within 10 s")
+            lines.append("price        not known: nothing was timed")
         else:
             low, mean, high = (duration(hours * 3600) for hours in self.cpu_hours)
+            source = f"{low} to {high}, from {self.timed} timed points" if self.timed else "recorded on another machine"
             lines.append(f"blocks       {self.blocks:,} of about a second")
-            lines.append(f"CPU time     {mean} ({low} to {high}, from {self.timed} timed points)")
+            lines.append(f"CPU time     {mean} ({source})")
             lines.append(f"wall time    {duration(self.cpu_hours[1] * 3600 / workers)} on {workers} workers")
         if self.cube_bytes is not None:
             lines.append(f"cube         {size(self.cube_bytes)}")
@@ -95,28 +105,56 @@ def plan(study: Study | str | Path, timing: bool = True) -> Plan:
     if not isinstance(study, Study):
         study = load_study(study)
     points = make_points(study)
-    unique = np.unique(point_keys(study, points)[points.allowed]).size
-    seconds = _time_points(study, points) if timing and study.accuracy is None else []
+    keys = point_keys(study, points)
+    _, rows = np.unique(keys[points.allowed], return_index=True)
+    different = np.flatnonzero(points.allowed)[rows]
+    able, foreseen = _foreseen(study, points, different)
+    timed, prices = 0, np.array([])
+    if able.size and timing and study.accuracy is None:
+        seconds = time_points(study, _TIMING_SECONDS)
+        timed, prices = len(seconds), np.array(seconds) if seconds else _recorded_prices(study, points, able)
     hours, blocks = None, None
-    if seconds:
-        total = unique / 3600
-        hours = (
-            float(np.quantile(seconds, 0.25)) * total,
-            float(np.mean(seconds)) * total,
-            float(np.quantile(seconds, 0.75)) * total,
-        )
+    if prices.size:
+        total = able.size / 3600
+        low, high = np.quantile(prices, (0.25, 0.75))
+        hours = float(low * total), float(np.mean(prices) * total), float(high * total)
         blocks = max(1, round(hours[1] * 3600 / _BLOCK_SECONDS))
     return Plan(
         points.count,
-        unique,
+        different.size,
         int((~points.allowed).sum()),
         blocks,
         hours,
         cube_bytes(study, points),
-        len(seconds),
+        timed,
         study.accuracy is not None,
         study.warnings,
+        tuple(foreseen),
     )
+
+
+def _foreseen(study: Study, points: Points, different: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[Failure]]:
+    """Points that can be run, and why others will fail."""
+    if study.accuracy:  # a pilot sets what decides
+        return different, []
+    fails = np.zeros(different.size, bool)
+    ends: list[tuple[int, str]] = []
+    for start in range(0, different.size, _CHUNK):
+        chosen = different[start : start + _CHUNK]
+        varied = {name: column[chosen] for name, column in points.settings.items()}
+        for row, outcome, reason in study.simulator.foreseen(study.simulator.columns(study.base, varied, chosen.size)):
+            fails[start + row] = True
+            ends.append((outcome, reason))
+    return different[~fails], common_failures(ends)
+
+
+def _recorded_prices(study: Study, points: Points, able: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Recorded CPU seconds of points spread over the design; none where a point has no recorded price."""
+    prices = []
+    for row in able[np.unique(np.linspace(0, able.size - 1, _PRICED).astype(int))]:
+        varied = {name: column[[row]].tolist()[0] for name, column in points.settings.items()}
+        prices.append(study.simulator.recorded_price({**study.base, **varied}))
+    return np.array([price for price in prices if price is not None] if None not in prices else [])
 
 
 def cube_bytes(study: Study, points: Points) -> int | None:
@@ -127,45 +165,3 @@ def cube_bytes(study: Study, points: Points) -> int | None:
     values = study.simulator.effective({**study.base, **first})  # lengths that differ between points are refused
     numbers = sum(math.prod(study.simulator.outputs[name].shape(values)) for name in study.keep)
     return points.count * (8 * numbers + 1)
-
-
-def _time_points(study: Study, points: Points) -> list[float]:
-    """Seconds a point, for points spread over the design, measured in a process that can be stopped in time."""
-    context = multiprocessing.get_context("spawn")
-    answers: Any = context.Queue()
-    arguments = (study.text, study.origin, study.folder, answers)
-    process = context.Process(target=_timing_process, args=arguments, daemon=True)
-    process.start()
-    seconds: list[float] = []
-    deadline = time.monotonic() + _TIMING_SECONDS
-    while (left := deadline - time.monotonic()) > 0:
-        try:
-            answer = answers.get(timeout=min(left, 0.2))
-        except queue.Empty:
-            if not process.is_alive():
-                break
-            continue
-        if answer is None:
-            break
-        seconds.append(answer)
-    process.kill()
-    process.join()
-    return seconds
-
-
-def _timing_process(text: str, origin: str, folder: Any, answers: Any) -> None:
-    study = parse_study(text, origin, folder)
-    points = make_points(study)
-    allowed = np.flatnonzero(points.allowed)
-    columns = {name: column[allowed] for name, column in points.columns.items()}
-    study.simulator.prepare(study.simulator.columns(study.base, columns, allowed.size))
-    run_task(make_task(study, points, allowed[:1]))  # the first call of a process is no measure
-    random, batch = np.random.default_rng(0), 1
-    for _ in range(_SAMPLES):
-        chosen = random.choice(allowed, min(batch, allowed.size), replace=False)
-        seconds = run_task(make_task(study, points, chosen))[1] / chosen.size
-        wanted = int(np.clip(_BATCH_SECONDS / max(seconds, 1e-6), 1, min(allowed.size, 10_000)))
-        if 2 * batch >= wanted:  # smaller batches are mostly overhead, and no measure of a block
-            answers.put(seconds)
-        batch = wanted
-    answers.put(None)

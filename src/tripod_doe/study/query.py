@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.errors import InputError, near_match
-from tripod_doe.simulator import Outcome
+from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.study.arrays import CubeArrays, Variable, cube_arrays
 from tripod_doe.study.expressions import Expression
 from tripod_doe.study.results import open_cube
@@ -33,7 +32,7 @@ Columns = dict[str, NDArray[Any]]
 
 @dataclass(frozen=True)
 class Selection:
-    """One ``--select``: a coordinate, and the values or the range that it may take."""
+    """One selection: a coordinate, and the values or the range that it may take."""
 
     name: str
     values: tuple[float | str, ...] = ()
@@ -52,12 +51,12 @@ def parse_selection(text: str) -> Selection:
     name, equals, wanted = text.partition("=")
     name = name.strip().replace("-", "_")
     if not equals or not name or not wanted:
-        raise InputError(f"--select {text!r}: write name=value, name=a,b,c or name=a:b")
+        raise InputError(f"{option('select', text)}: write name=value, name=a,b,c or name=a:b")
     if ":" in wanted:
         try:
             low, high = (float(end) if end.strip() else None for end in wanted.split(":"))
         except ValueError as error:
-            raise InputError(f"--select {text!r}: a range is two numbers, a:b") from error
+            raise InputError(f"{option('select', text)}: a range is two numbers, a:b") from error
         return Selection(name, (), -math.inf if low is None else low, math.inf if high is None else high)
     return Selection(name, tuple(_word(part.strip()) for part in wanted.split(",")))
 
@@ -89,7 +88,7 @@ def query(
     nearest
         Take the nearest value of a coordinate where none matches.
     where
-        Condition on coordinates, scalar variables, the variable itself and ``outcome`` (by its label).
+        Condition on coordinates, scalar variables, the variable itself and ``outcome``; flags by their meanings.
 
     Returns
     -------
@@ -122,14 +121,14 @@ def records(
     Returns
     -------
     dict
-        The coordinates by name, the variable, and the outcome by its label.
+        The coordinates by name, the variable and the outcome; flags by their meanings.
     """
     chosen = _choose(cube, variable, select, nearest)
     cells = chosen.shape
     kept = np.ones(cells, bool) if where is None else chosen.meeting(where)
     dims = chosen.target.dims
     columns = {dim: chosen.spread(Variable((dim,), partial(np.arange, cube.sizes[dim]))) for dim in dims}
-    columns |= {name: chosen.spread(labels) for name, labels in chosen.coordinates.items() if dims}
+    columns |= {name: chosen.column(name) for name in chosen.coordinates if dims}
     columns |= {name: chosen.column(name) for name in chosen.variables}
     return {name: column[kept] for name, column in columns.items()}
 
@@ -177,9 +176,9 @@ class _Choice:
         return np.broadcast_to(np.expand_dims(taken.transpose(order), missing), self.shape)
 
     def column(self, name: str) -> NDArray[Any]:
-        """A variable or a coordinate at the chosen cells, the outcome by its label."""
-        values = self.spread(self.cube.variables[name] if name in self.cube.variables else self.coordinates[name])
-        return _labels(values) if name == "outcome" else values
+        """A variable or a coordinate at the chosen cells, flags by their meanings."""
+        source = self.cube.variables[name] if name in self.cube.variables else self.coordinates[name]
+        return _decoded(self.spread(source), source.words)
 
     def meeting(self, where: str) -> NDArray[np.bool_]:
         """Cells that meet a condition."""
@@ -190,7 +189,7 @@ class _Choice:
 
 def _choose(cube: CubeArrays, variable: str, select: Sequence[Selection | str], nearest: bool) -> _Choice:
     if variable not in cube.variables:
-        raise InputError(f"--variable {variable!r}: not in this cube{near_match(variable, cube.variables)}")
+        raise InputError(f"{option('variable', variable)}: not in this cube{near_match(variable, cube.variables)}")
     dims = set(cube.variables[variable].dims)
     along = {name: other for name, other in cube.variables.items() if set(other.dims) <= dims}
     shown = {name: along[name] for name in (variable, "outcome") if name in along}
@@ -200,10 +199,10 @@ def _choose(cube: CubeArrays, variable: str, select: Sequence[Selection | str], 
         selection = parse_selection(item) if isinstance(item, str) else item
         if selection.name not in coordinates:
             known = near_match(selection.name, coordinates)
-            raise InputError(f"--select {selection.name}: not a coordinate here{known}")
+            raise InputError(f"{option('select', selection.name)}: not a coordinate here{known}")
         labels = coordinates[selection.name]
         if len(labels.dims) != 1:
-            raise InputError(f"--select {selection.name}: it has only one value, so it cannot be selected")
+            raise InputError(f"{option('select', selection.name)}: it has only one value, so it cannot be selected")
         dim = labels.dims[0]
         left = rows.get(dim, np.arange(labels.values.size))
         rows[dim] = left[_matching(labels.values[left], selection, nearest)]
@@ -221,7 +220,7 @@ def _matching(values: NDArray[Any], selection: Selection, nearest: bool) -> NDAr
     keep = np.zeros(values.size, bool)
     for wanted in selection.values:
         if isinstance(wanted, str):
-            raise InputError(f"--select {selection.name}={wanted}: expected numbers")
+            raise InputError(f"{option('select', f'{selection.name}={wanted}')}: expected numbers")
         match = np.abs(values - wanted) <= _MATCH * max(abs(wanted), 1e-300)
         if nearest and not match.any() and values.size:
             match = values == values[np.argmin(np.abs(values - wanted))]
@@ -229,9 +228,13 @@ def _matching(values: NDArray[Any], selection: Selection, nearest: bool) -> NDAr
     return keep
 
 
-def _labels(outcome: NDArray[Any]) -> NDArray[Any]:
-    words: NDArray[Any] = np.array([kind.label for kind in Outcome], dtype=object)
-    return np.take(words, outcome.astype(int))
+def _decoded(values: NDArray[Any], words: Mapping[int, str]) -> NDArray[Any]:
+    """Meanings of flags; values without one, and what is no flag, as they are."""
+    if not words:
+        return values
+    known, inverse = np.unique(values, return_inverse=True)
+    meanings: NDArray[Any] = np.array([words.get(int(value), str(value)) for value in known.tolist()], dtype=object)
+    return meanings[inverse].reshape(values.shape)
 
 
 def narrowed(answer: xr.Dataset) -> xr.Dataset:

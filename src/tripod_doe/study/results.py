@@ -10,7 +10,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tripod_doe.errors import CubeError
+from tripod_doe.errors import CubeError, option
 from tripod_doe.study.journal import FOLDER, SHOWN, Journal
 from tripod_doe.study.netcdf import read_dataset
 
@@ -62,7 +62,8 @@ def cube_files(path: Path) -> list[Path]:
     if not path.is_dir():
         return [path]
     if not (path / "cube.nc").exists():
-        raise CubeError(f"{path}: no cube.nc and no finished point in this directory; run a study with --out {path}")
+        told = option("out", str(path))
+        raise CubeError(f"{path}: no cube.nc and no finished point in this directory; run a study with {told}")
     return [path / "cube.nc", *(file for file in [path / "cost.nc"] if file.exists())]
 
 

@@ -57,8 +57,9 @@ def _import_object(reference: str) -> Any:
         raise InputError(f"function = {reference!r}: write it as package.module:function")
     try:
         module = importlib.import_module(module_name)
-    except ImportError as error:
-        raise InputError(f"function = {reference!r}: cannot import {module_name}: {error}") from error
+    except Exception as error:  # whatever a user's module does when it is imported
+        kind = "" if isinstance(error, ImportError) else f"{type(error).__name__}: "
+        raise InputError(f"function = {reference!r}: cannot import {module_name}: {kind}{error}") from error
     if not hasattr(module, name):
         raise InputError(f"function = {reference!r}: no {name} in {module_name}{near_match(name, dir(module))}")
     return getattr(module, name)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,11 @@ from numpy.typing import NDArray
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points, point_keys
+from tripod_doe.study.failures import Failure, common_failures
 from tripod_doe.study.task import Task, make_task
+
+if TYPE_CHECKING:  # for its name only
+    import xarray as xr
 
 __all__ = ["StudyPoints"]
 
@@ -67,17 +70,8 @@ class StudyPoints:
         """The task that simulates some points."""
         return make_task(self.study, self.points, chosen)
 
-    def failures(self, outcome: NDArray[np.int8]) -> Mapping[str, int]:
-        """Points of a cube whose outcome is not good, counted by its label.
-
-        Parameters
-        ----------
-        outcome
-            Outcomes over the dimensions of the cube.
-        """
-        found = outcome.ravel()[self.points.allowed]
-        return {
-            kind.label: int((found == kind).sum())
-            for kind in Outcome
-            if int(kind) not in self.good_outcomes and (found == kind).any()
-        }
+    def failures(self, cube: xr.Dataset) -> list[Failure]:
+        """Points of the cube whose outcome is not good, grouped by outcome and reason, the most frequent first."""
+        inside = self.points.allowed
+        ends = (cube[name].values.ravel()[inside].tolist() for name in ("outcome", "outcome_detail"))
+        return common_failures(zip(*ends, strict=True), self.good_outcomes)

@@ -28,6 +28,7 @@ from tripod_doe.report.figures.chain import StepView
 from tripod_doe.report.figures.registry import FIGURES
 from tripod_doe.study.directory import make_directory
 from tripod_doe.study.execution import Execution
+from tripod_doe.study.failures import failure_lines
 from tripod_doe.study.netcdf import stamp_history, write_dataset
 from tripod_doe.study.results import open_cube
 from tripod_doe.workflow.definition import Step, Workflow, fed_study, load_workflow
@@ -71,6 +72,7 @@ def run_workflow(
     workers: int | None = None,
     retry_failed: bool = False,
     progress: bool = True,
+    oversubscribe: bool = False,
 ) -> WorkflowSummary:
     """Run what is missing of a workflow, then make its page.
 
@@ -94,6 +96,8 @@ def run_workflow(
         Run points again that failed before.
     progress
         Whether to tell each step on standard error, with a progress bar for studies.
+    oversubscribe
+        Start more workers than this machine has processors, if asked for.
 
     Raises
     ------
@@ -104,7 +108,7 @@ def run_workflow(
     """
     workflow = load_workflow(path, quick)
     wanted = list(workflow.steps) if only is None else workflow.needed_for(only)
-    with Execution(workers) as execution:
+    with Execution(workers, oversubscribe=oversubscribe) as execution:
         directory = make_directory(out)
         chain = _Chain(workflow, directory, execution, retry_failed, progress)
         views = chain.run(wanted)
@@ -236,7 +240,7 @@ class _Chain:
             study = fed_study(study, open_cube(self.folder(source)), source)
         summary = run_on(self._execution, study, self.folder(step.name), self.retry_failed, progress=self.progress)
         if not summary.good:
-            reasons = [f"{count:,} points ended as {label}" for label, count in summary.failed.items()]
+            reasons = failure_lines(summary.failures)
             reasons += [f"analysis {name}: {reason}" for name, reason in summary.analyses.items() if reason]
             raise InputError("; ".join(reasons) or "not all points were run")
         return f"{summary.computed + summary.reused:,} points"

@@ -14,7 +14,7 @@ import xarray as xr
 from pydantic import BaseModel
 
 import tripod_doe
-from tripod_doe.errors import InputError, near_match
+from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.report.analyses import ANALYSES
 from tripod_doe.study.definition import Study, parse_study
 from tripod_doe.study.designs import make_points, point_keys
@@ -105,7 +105,7 @@ class Workflow:
             If there is no such step.
         """
         if name not in self.steps:
-            raise InputError(f"--only {name}: no such step in {self.origin}{near_match(name, self.steps)}")
+            raise InputError(f"{option('only', name)}: no such step in {self.origin}{near_match(name, self.steps)}")
         needed = {name}
         for other in reversed(list(self.steps)):
             if other in needed:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable
 from typing import Any, Literal
 
@@ -11,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.report.analyses import ANALYSES
 from tripod_doe.report.figures.registry import FIGURES
-from tripod_doe.study.file import FactorTable, Scalar, complaints
+from tripod_doe.study.file import FactorTable, Scalar, complaints, parse_toml
 
 __all__ = [
     "AnalysisStep",
@@ -110,10 +109,9 @@ def parse_workflow(text: str, origin: str) -> WorkflowFile:
     InputError
         If it is no TOML, or a key is unknown, missing or of the wrong type.
     """
+    raw = parse_toml(text, origin)
     try:
-        return WorkflowFile.model_validate(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{origin}: not valid TOML: {error}") from error
+        return WorkflowFile.model_validate(raw)
     except ValidationError as error:
         raise InputError("\n".join(f"{origin}: {line}" for line in complaints(error, _known_keys))) from error
 

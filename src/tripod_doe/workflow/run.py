@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +21,7 @@ from tripod_doe.study.definition import Study, load_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.directory import ResultDirectory
 from tripod_doe.study.execution import Execution
+from tripod_doe.study.failures import Failure
 from tripod_doe.study.journal import PILOT
 from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.workflow.analyses import check_analyses, run_analyses
@@ -41,8 +42,8 @@ class RunSummary:
         Points that ran now, and that were there before, those of a pilot included.
     seconds
         Wall time in which blocks of points were at work: neither compilation nor the start of workers.
-    failed
-        Points whose outcome was neither finished nor expected, by outcome label.
+    failures
+        Points whose outcome was neither finished nor expected, by outcome and reason, the most frequent first.
     analyses
         By name, why an analysis could not be made; empty where it was.
     answers
@@ -57,16 +58,24 @@ class RunSummary:
     computed: int
     reused: int
     seconds: float
-    failed: Mapping[str, int]
+    failures: Sequence[Failure]
     analyses: dict[str, str]
     answers: Sequence[str]
     findings: Sequence[str]
     complete: bool
 
     @property
+    def failed(self) -> dict[str, int]:
+        """Number of points whose outcome was neither finished nor expected, by outcome label."""
+        counts: dict[str, int] = {}
+        for failure in self.failures:
+            counts[failure.outcome.label] = counts.get(failure.outcome.label, 0) + failure.count
+        return counts
+
+    @property
     def good(self) -> bool:
         """Whether all points are there, none failed unexpectedly, and all analyses could be made."""
-        return self.complete and not self.failed and not any(self.analyses.values())
+        return self.complete and not self.failures and not any(self.analyses.values())
 
 
 def run(
@@ -77,6 +86,7 @@ def run(
     retry_failed: bool = False,
     fail_fast: bool = False,
     progress: bool = True,
+    oversubscribe: bool = False,
 ) -> RunSummary:
     """Run what is missing of a study, then make cube, costs, analyses and report.
 
@@ -87,8 +97,8 @@ def run(
     out
         Result directory; made if it is not there.
     workers
-        Worker processes of the local cluster; 0 runs everything in this process; None takes this process where that
-        is done sooner than workers would have started, and two workers otherwise.
+        Worker processes, at most as many as this machine has processors; 0 runs everything in this process; None takes
+        this process where that is done sooner than workers would have started, and two workers otherwise.
     scheduler
         Address of an existing Dask scheduler to use instead.
     retry_failed
@@ -97,6 +107,8 @@ def run(
         Stop at the first point that fails unexpectedly.
     progress
         Whether to tell on standard error how far the run is.
+    oversubscribe
+        Start more workers than this machine has processors, if asked for.
 
     Raises
     ------
@@ -105,7 +117,7 @@ def run(
     StorageError
         If writing fails; finished points stay in the journal.
     """
-    with Execution(workers, scheduler) as execution:
+    with Execution(workers, scheduler, oversubscribe) as execution:
         return run_on(execution, study, out, retry_failed, fail_fast, progress)
 
 
@@ -132,7 +144,7 @@ def run_on(
         check_interrupt()
         cube = directory.write_cube(asked, f"tripod-doe run: {computed} points computed")
     analyses = run_analyses(study, cube, directory.path)
-    findings, failures = find(cube), asked.failures(cube["outcome"].values)
+    findings, failures = find(cube), asked.failures(cube)
     answers = [
         sentence for name, result in read_analyses(directory.path).items() for sentence in findings_of(name, result)
     ]

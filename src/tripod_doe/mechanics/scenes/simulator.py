@@ -87,9 +87,14 @@ class SceneSimulator(Simulator):
     def answer(self, values: Mapping[str, float], result: Run) -> dict[str, Any]:
         """Compute every output of the scene from a run, except those of `RUN_OUTPUTS` and `RATE_OUTPUTS`."""
 
-    def misfit(self, values: Mapping[str, float]) -> str:
-        """Say why the parts do not fit, or nothing."""
-        return ""
+    def foreseen(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[int, Outcome, str]]:
+        """Points whose method does not use a step or tolerance that they set."""
+        found: list[tuple[int, Outcome, str]] = []
+        for i, method in enumerate(points["method"]):
+            used = self.numerics.get(str(method), {})
+            if unused := [name for name in reversed(NUMERICS) if is_set(points[name][i]) and name not in used]:
+                found.append((i, Outcome.NOT_APPLICABLE, f"{' and '.join(unused)} is not used by {method}"))
+        return found
 
     def methods(self, values: Mapping[str, Value]) -> Methods:
         """Methods of the scene, whatever the values."""
@@ -108,21 +113,18 @@ class SceneSimulator(Simulator):
             dims, shape = self.outputs[name].dims, self.outputs[name].shape({})
             block.put(name, dims, slice(None), np.full((block.count, *shape), np.nan))
         block.coordinates.update(self.labels(keep, {}))
+        foreseen = {i: (outcome, reason) for i, outcome, reason in self.foreseen(points)}
         for i in range(block.count):
+            if i in foreseen:
+                block.end(i, *foreseen[i])
+                continue
             given = {name: column[i] if is_set(column[i]) else None for name, column in points.items()}
             method = str(given["method"])
-            unused = [n for n in NUMERICS if given[n] is not None and n not in self.numerics.get(method, {})]
-            if unused:
-                block.end(i, Outcome.NOT_APPLICABLE, f"{' and '.join(reversed(unused))} is not used by {method}")
-                continue
             values = {
                 name: float(value)
                 for name, value in self.effective(given).items()
                 if isinstance(value, int | float | np.number) and self.parameters[name].kind != "choice"
             }
-            if reason := self.misfit(values):
-                block.end(i, Outcome.JAMMED, reason)
-                continue
             try:
                 result = self._run_point(values, method)
                 found = self._answer_point(values, result, keep)

@@ -1,0 +1,51 @@
+"""Modules of this package run as programs of their own, which answer a running study over standard output.
+
+Python's multiprocessing starts a process by importing the main module of the one that starts it. Where that is a script
+without a guard, the script would run again in every child; where it is standard input or a notebook, there is nothing
+to import. The main module of a child that is started here is one of this package, whose import does nothing.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from typing import IO
+
+__all__ = ["answers", "start_child"]
+
+_NO_LEAKS = "ignore::UserWarning:multiprocessing.resource_tracker"  # the system frees what a child that is killed had
+
+
+def start_child(module: str, *words: str) -> subprocess.Popen[str]:
+    """Start a module as a program with piped standard input and output.
+
+    It imports from the same places as this process, so that it finds the same functions.
+
+    Parameters
+    ----------
+    module
+        Full name of the module.
+    words
+        Arguments of the program.
+    """
+    places = os.pathsep.join(place or os.getcwd() for place in sys.path)
+    return subprocess.Popen(
+        [sys.executable, "-P", "-W", _NO_LEAKS, "-m", module, *words],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env=os.environ | {"PYTHONPATH": places},
+        text=True,
+    )
+
+
+def answers() -> IO[str]:
+    """In a child: the stream to the process that started it; what functions print goes to standard error from now on.
+
+    Ctrl-C goes to all processes of a terminal: the one that started the others decides when they end.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    stream = os.fdopen(os.dup(sys.stdout.fileno()), "w")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    return stream

@@ -1,0 +1,90 @@
+"""Why points failed: outcomes and reasons that many points share, with their counts and what to do about them."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+
+from tripod_doe.errors import option
+from tripod_doe.simulator import Outcome
+
+__all__ = ["Failure", "common_failures", "failure_lines"]
+
+_SHOWN = 3
+
+_NUMBER = re.compile(r"-?\d+\.?\d*(e[+-]?\d+)?")
+_CHANCE = {Outcome.WORKER_LOST, Outcome.TIME_LIMIT, Outcome.ERROR}
+"""Outcomes that the same point need not have again: a machine, or a function that was mended meanwhile, decides."""
+_NUMERICS = {Outcome.DIVERGED, Outcome.INACCURATE, Outcome.STEP_LIMIT}
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Points that failed in the same way.
+
+    Attributes
+    ----------
+    outcome
+        How they ended.
+    reason
+        The reason, that of the first of them where reasons differ in numbers only.
+    count
+        How many there are.
+    """
+
+    outcome: Outcome
+    reason: str
+    count: int
+
+    def __str__(self) -> str:
+        points = "1 point" if self.count == 1 else f"{self.count:,} points"
+        return f"{points} ended as {self.outcome.label}" + (f": {self.reason}" if self.reason else "")
+
+
+def common_failures(ends: Iterable[tuple[int, str]], good: Collection[int] = (Outcome.FINISHED,)) -> list[Failure]:
+    """Group points by outcome and reason, the most frequent first.
+
+    Parameters
+    ----------
+    ends
+        Outcome and detail of every point.
+    good
+        Outcomes that are left out.
+    """
+    counts: Counter[tuple[int, str]] = Counter()
+    first: dict[tuple[int, str], str] = {}
+    for (outcome, detail), count in Counter((int(o), d) for o, d in ends if int(o) not in good).items():
+        kind = outcome, _NUMBER.sub("0", detail)
+        counts[kind] += count
+        first.setdefault(kind, detail)
+    return [Failure(Outcome(kind[0]), first[kind], count) for kind, count in counts.most_common()]
+
+
+def failure_lines(failures: Sequence[Failure]) -> list[str]:
+    """The most frequent failures, one a line, then what may help.
+
+    Parameters
+    ----------
+    failures
+        From `common_failures`.
+    """
+    lines = [str(failure) for failure in failures[:_SHOWN]]
+    if left := sum(failure.count for failure in failures[_SHOWN:]):
+        lines.append(f"{left:,} more failed for other reasons: see outcome_detail in the cube")
+    return lines + _advice({failure.outcome for failure in failures})
+
+
+def _advice(found: set[Outcome]) -> list[str]:
+    """What may help where the reasons do not say it themselves: a retry only where the answer can be another one."""
+    told = []
+    if again := sorted(outcome.label for outcome in found & _CHANCE):
+        told.append(
+            f"{option('retry_failed', True)} runs failed points again: {' and '.join(again)} may then end otherwise"
+        )
+    if found & _NUMERICS:
+        told.append('[run] retry = ["smaller-step"] in the study file tries smaller steps or tolerances')
+    if Outcome.EVALUATION_LIMIT in found:
+        told.append("[base] evaluation_budget in the study file is what ended runs at evaluation_limit")
+    return told

@@ -1,0 +1,80 @@
+"""Worker processes of this machine behind a Dask scheduler, in a program of its own (see `child_process` for why).
+
+The program answers with the address of its scheduler, then reads standard input: a line closes the workers in order;
+the end of the input ends them at once, as the process that wanted them is gone.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+from tripod_doe.errors import TripodDoeError, option
+from tripod_doe.study.child_process import answers, start_child
+
+__all__ = ["LocalWorkers"]
+
+
+class LocalWorkers:
+    """Worker processes of this machine.
+
+    Parameters
+    ----------
+    count
+        Number of worker processes, one thread each.
+
+    Attributes
+    ----------
+    address
+        Of their Dask scheduler.
+
+    Raises
+    ------
+    TripodDoeError
+        If they cannot be started.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._program = start_child(__name__, str(count))
+        assert self._program.stdout is not None
+        self.address = self._program.stdout.readline().strip()
+        if not self.address:
+            self.close()
+            raise TripodDoeError(
+                f"worker processes could not be started, see the lines above; {option('workers', 0)} computes in this "
+                "process"
+            )
+
+    def close(self) -> None:
+        """End the worker processes."""
+        self._program.communicate("close\n")
+
+
+def _serve(count: int) -> None:
+    """Start workers, say where they are, and keep them until they are to close."""
+    stream = answers()
+
+    import dask
+    from distributed import LocalCluster
+
+    from tripod_doe.study.dask_workers import QUIET
+
+    with (
+        dask.config.set(QUIET),
+        LocalCluster(
+            n_workers=count,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address="127.0.0.1:0",  # another run may have the default port
+            silence_logs=50,
+            memory_limit=0,
+        ) as cluster,
+    ):
+        stream.write(f"{cluster.scheduler_address}\n")
+        stream.close()
+        if not sys.stdin.readline():
+            os._exit(1)
+
+
+if __name__ == "__main__":
+    _serve(int(sys.argv[1]))

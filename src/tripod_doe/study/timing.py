@@ -1,0 +1,67 @@
+"""Timing of some points of a study, in a process that can be stopped in time."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from tripod_doe.study.child_process import answers, start_child
+from tripod_doe.study.definition import Study, parse_study
+from tripod_doe.study.designs import make_points
+from tripod_doe.study.task import make_task, run_task
+
+__all__ = ["time_points", "timings"]
+
+_SAMPLES = 12
+_BATCH_SECONDS = 0.2
+
+
+def time_points(study: Study, seconds: float) -> list[float]:
+    """CPU seconds per point, for points spread over the design.
+
+    Parameters
+    ----------
+    study
+        What is timed.
+    seconds
+        Time after which it is stopped; what was measured until then counts.
+    """
+    process = start_child(__name__)
+    asked = json.dumps({"text": study.text, "origin": study.origin, "folder": str(study.folder)})
+    try:
+        measured, _ = process.communicate(asked, timeout=seconds)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        measured, _ = process.communicate()
+    return [float(line) for line in measured.splitlines()]
+
+
+def timings(study: Study) -> Iterator[float]:
+    """Yield the CPU seconds per point of some batches of points, of a fifth of a second each."""
+    points = make_points(study)
+    allowed = np.flatnonzero(points.allowed)
+    columns = {name: column[allowed] for name, column in points.columns.items()}
+    full = study.simulator.columns(study.base, columns, allowed.size)
+    allowed = np.delete(allowed, [row for row, *_ in study.simulator.foreseen(full)])  # these cost nothing
+    study.simulator.prepare(full)
+    run_task(make_task(study, points, allowed[:1]))  # the first call of a process is no measure
+    random, batch = np.random.default_rng(0), 1
+    for _ in range(_SAMPLES):
+        chosen = random.choice(allowed, min(batch, allowed.size), replace=False)
+        seconds = run_task(make_task(study, points, chosen))[1] / chosen.size
+        wanted = int(np.clip(_BATCH_SECONDS / max(seconds, 1e-6), 1, min(allowed.size, 10_000)))
+        if 2 * batch >= wanted:  # smaller batches are mostly overhead, and no measure of a block
+            yield seconds
+        batch = wanted
+
+
+if __name__ == "__main__":
+    stream = answers()
+    asked = json.load(sys.stdin)
+    for seconds in timings(parse_study(asked["text"], asked["origin"], Path(asked["folder"]))):
+        print(seconds, file=stream, flush=True)
