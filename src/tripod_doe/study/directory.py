@@ -9,6 +9,7 @@ from __future__ import annotations
 import fcntl
 import os
 import shutil
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,6 +26,7 @@ from tripod_doe.study.definition import Study, canonical, parse_study
 from tripod_doe.study.journal import FOLDER, SHOWN, FinishedBlock, Journal
 from tripod_doe.study.netcdf import stamp_history, write_dataset
 from tripod_doe.study.plan import cube_bytes
+from tripod_doe.study.salvage import salvage
 from tripod_doe.study.size import check_memory
 from tripod_doe.study.study_points import StudyPoints
 
@@ -53,6 +55,8 @@ def make_directory(path: str | Path) -> Path:
 class ResultDirectory:
     """The results of one study, held by this process until it is closed.
 
+    Of a damaged journal all blocks are kept that can be read, and standard error tells what is lost.
+
     Parameters
     ----------
     path
@@ -63,13 +67,15 @@ class ResultDirectory:
     InputError
         If another process holds it, or it cannot be written.
     CubeError
-        If its journal is damaged.
+        If nothing of its journal can be read.
     """
 
     def __init__(self, path: str | Path) -> None:
         self.path = make_directory(path)
         self._lock = _lock(self.path)
         try:
+            if lost := salvage(self.path):
+                print(f"tripod-doe: {lost}", file=sys.stderr)
             self._journal = Journal(self.path)
         except BaseException:
             os.close(self._lock)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import json
 import sqlite3
+import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,7 +19,18 @@ from numpy.typing import NDArray
 from tripod_doe.errors import CubeError, StorageError, option
 from tripod_doe.simulator import WORK, BlockResult, Retries, Values
 
-__all__ = ["FOLDER", "PILOT", "SHOWN", "FinishedBlock", "Journal"]
+__all__ = [
+    "BLOCK_COLUMNS",
+    "FOLDER",
+    "PILOT",
+    "SCHEMA",
+    "SHOWN",
+    "FinishedBlock",
+    "Journal",
+    "is_whole",
+    "journal_path",
+    "unreadable",
+]
 
 PILOT = "pilot"
 """Stands for the worker of points that were run by the pilot of their study."""
@@ -25,7 +38,7 @@ PILOT = "pilot"
 SHOWN, FOLDER = "shown", "folder"
 """Notes: the newest block that the cube shows, and the folder of the study file."""
 
-_SCHEMA = """
+SCHEMA = """
 CREATE TABLE IF NOT EXISTS block (
     id INTEGER PRIMARY KEY,
     keys BLOB NOT NULL,          -- fingerprints of its points, 16 bytes each
@@ -36,6 +49,12 @@ CREATE TABLE IF NOT EXISTS block (
 );
 CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
 """
+"""Tables of a journal."""
+
+BLOCK_COLUMNS = ("keys", "payload", "cpu_seconds", "wall_seconds", "worker")
+"""What is stored of a block."""
+
+_SELECT = f"SELECT {', '.join(BLOCK_COLUMNS)} FROM block"
 
 
 @dataclass(frozen=True)
@@ -78,7 +97,7 @@ class Journal:
     """
 
     def __init__(self, directory: Path, read_only: bool = False) -> None:
-        self.path = directory / "journal.sqlite"
+        self.path = journal_path(directory)
         if read_only:
             self._connection = sqlite3.connect(f"{self.path.absolute().as_uri()}?mode=ro", uri=True)
             return
@@ -86,12 +105,10 @@ class Journal:
         try:
             self._connection.execute("PRAGMA journal_mode = WAL")
             self._connection.execute("PRAGMA synchronous = FULL")
-            self._connection.executescript(_SCHEMA)
+            self._connection.executescript(SCHEMA)
         except sqlite3.DatabaseError as error:
             self.close()
-            raise CubeError(
-                f"{self.path}: not a readable journal ({error}); move it elsewhere or choose another {option('out')}"
-            ) from error
+            raise unreadable(self.path) from error
 
     def close(self) -> None:
         """Close the file."""
@@ -123,8 +140,8 @@ class Journal:
         """
         with self._writing():
             self._connection.execute(
-                "INSERT INTO block (keys, payload, cpu_seconds, wall_seconds, worker) VALUES (?, ?, ?, ?, ?)",
-                (block.keys.tobytes(), _pack(block.result), block.cpu_seconds, block.wall_seconds, block.worker),
+                f"INSERT INTO block ({', '.join(BLOCK_COLUMNS)}) VALUES (?, ?, ?, ?, ?)",
+                (block.keys.tobytes(), _pack(block), block.cpu_seconds, block.wall_seconds, block.worker),
             )
 
     @contextmanager
@@ -148,16 +165,39 @@ class Journal:
 
     def blocks(self) -> Iterator[FinishedBlock]:
         """All committed blocks, oldest first, one at a time."""
-        rows = self._connection.execute(
-            "SELECT keys, payload, cpu_seconds, wall_seconds, worker FROM block ORDER BY id"
-        )
+        rows = self._connection.execute(f"{_SELECT} ORDER BY id")
         for keys, payload, cpu, wall, worker in rows:
             yield FinishedBlock(np.frombuffer(keys, "V16"), _unpack(payload), cpu, wall, worker)
 
 
-def _pack(result: BlockResult) -> bytes:
+def journal_path(directory: Path) -> Path:
+    """The journal's file in a result directory."""
+    return directory / "journal.sqlite"
+
+
+def unreadable(path: Path) -> CubeError:
+    """The error of a journal of which nothing can be read."""
+    return CubeError(f"{path}: not a readable journal; move it elsewhere or choose another {option('out')}")
+
+
+def is_whole(keys: Any, payload: Any, cpu_seconds: Any, wall_seconds: Any, worker: Any) -> bool:
+    """Whether the stored columns of a block are as they were written, by the checksums in them."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(payload)) as archive:
+            if archive.testzip() is not None:
+                return False
+            header = json.loads(np.lib.format.read_array(archive.open("header.npy"), allow_pickle=False).tobytes())
+        known = header.get("keys_crc32", zlib.crc32(keys)) == zlib.crc32(keys)
+    except (zipfile.BadZipFile, ValueError, KeyError, TypeError, EOFError, OSError, NotImplementedError):
+        return False
+    return known and isinstance(cpu_seconds, float) and isinstance(wall_seconds, float) and isinstance(worker, str)
+
+
+def _pack(block: FinishedBlock) -> bytes:
+    result = block.result
     header: dict[str, Any] = {
         "dims": {name: values.dims for name, values in result.outputs.items()}, "detail": result.detail,
+        "keys_crc32": zlib.crc32(block.keys.tobytes()),
     }  # fmt: skip
     arrays: dict[str, Any] = {f"output/{name}": values.data for name, values in result.outputs.items()}
     arrays |= {f"coordinate/{name}": labels for name, labels in result.coordinates.items()}
