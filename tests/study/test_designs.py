@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tripod_doe.errors import InputError
+from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import load_study, parse_study
 from tripod_doe.study.designs import make_points, point_keys
 
@@ -27,6 +28,24 @@ def test_grid_runs_in_file_order():
     assert points.shape == (2, 3)
     assert points.columns["torque_n_m"].tolist() == [50, 50, 50, 25, 25, 25]
     assert points.columns["joint_angle_deg"].tolist() == [4, 6, 8, 4, 6, 8]
+
+
+@pytest.mark.parametrize(
+    ("values", "axis"),
+    [([50, 100, 25, 75], [25, 50, 75, 100]), ([100, 50, 25], [100, 50, 25]), ([7], [7])],
+)
+def test_the_axes_of_a_grid_are_sorted(values, axis):
+    """Regression: a grid that grew had its axis in the order of arrival, and no range could be selected."""
+    study = parse_study(
+        f'[study]\nname = "g"\n[factors]\ntorque_n_m = {{values = {values}}}\nmodel = {{values = ["rollers", "equilibrium"]}}\n'
+    )
+    points = make_points(study)
+    cube, _ = build_cube(study, points, point_keys(study, points), iter([]))
+    assert cube["torque_n_m"].values.tolist() == axis
+    assert cube["model"].values.tolist() == ["rollers", "equilibrium"]
+    assert points.columns["torque_n_m"].reshape(points.shape)[:, 0].tolist() == axis
+    ends = (axis[0], axis[-1])
+    assert cube.sel(torque_n_m=slice(*ends)).sizes["torque_n_m"] == len(axis)
 
 
 def test_logarithmic_levels():

@@ -24,7 +24,7 @@ from tripod_doe.simulator import (
     Value,
 )
 from tripod_doe.study.definition import Study
-from tripod_doe.study.designs import Points
+from tripod_doe.study.designs import Points, axis_levels
 from tripod_doe.study.journal import PILOT, FinishedBlock
 
 __all__ = [
@@ -301,8 +301,7 @@ def _coordinates(study: Study, points: Points, labels: Mapping[str, NDArray[Any]
         if points.dims == ("point",):
             coordinates[name] = xr.Variable(("point",), _cf_type(column), attrs)
         else:
-            levels = np.array(study.factors[name].values, dtype=column.dtype)
-            coordinates[name] = xr.Variable((name,), _cf_type(levels), attrs)
+            coordinates[name] = xr.Variable((name,), _cf_type(axis_levels(study.factors[name])), attrs)
     if points.dims == ("point",):
         coordinates["point"] = xr.Variable(("point",), np.arange(points.count, dtype=np.int32), _POINT_ATTRIBUTES)
     for name, column in points.labels.items():

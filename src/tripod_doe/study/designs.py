@@ -22,7 +22,7 @@ from tripod_doe.study.expressions import Expression
 from tripod_doe.study.file import DesignTable
 from tripod_doe.study.size import refuse_too_many_points
 
-__all__ = ["Points", "make_points", "point_keys", "salib_problem", "unit_sample"]
+__all__ = ["Points", "axis_levels", "make_points", "point_keys", "salib_problem", "unit_sample"]
 
 Column = NDArray[Any]
 
@@ -156,8 +156,19 @@ def _column(factor: Factor, values: Iterable[Any]) -> Column:
     return factor.parameter.column(list(values))
 
 
+def axis_levels(factor: Factor) -> Column:
+    """Levels of a factor along an axis of a grid: numbers ascend, or descend where the study lists them so.
+
+    An axis in the order in which levels were added could not be asked for a range.
+    """
+    levels = _levels(factor)
+    if levels.dtype.kind not in "iuf" or (np.diff(levels) < 0).all():
+        return levels
+    return np.sort(levels)
+
+
 def _grid(factors: Mapping[str, Factor]) -> dict[str, Column]:
-    levels = [_levels(factor) for factor in factors.values()]
+    levels = [axis_levels(factor) for factor in factors.values()]
     for name, values in zip(factors, levels, strict=True):
         if len(set(values.tolist())) < len(values):
             raise InputError(f"[factors.{name}]: the same value occurs twice; a grid needs different values")
