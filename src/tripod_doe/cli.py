@@ -230,8 +230,10 @@ def _add_workflow(parser: _Parser, arguments: Sequence[str]) -> None:
 def _add_compare(parser: _Parser, arguments: Sequence[str]) -> None:
     _add_cube(parser)
     parser.add_argument("measurement", metavar="MEASUREMENT.csv", type=Path,
-                        help="columns thrust_n and rotation_deg, or thrust_n, time_s and tacho")  # fmt: skip
-    _add_selection(parser, "the value of a factor, so that one point is left")
+                        help="table with thrust_n and rotation_deg, or thrust_n, time_s and tacho")  # fmt: skip
+    _add_selection(parser, "the value of a factor, so that one point is left, or the points over speed_rpm")
+    parser.add_argument("--column", metavar="NAME=HEADING", action="append", default=[],
+                        help="heading of the file for thrust_n, rotation_deg, time_s or tacho; may be repeated")  # fmt: skip
     parser.add_argument("--pulses-per-revolution", metavar="N", type=int, default=1,
                         help="rising edges of tacho per revolution (default 1)")  # fmt: skip
     parser.add_argument("--reference-angle", metavar="DEG", type=float,
@@ -449,12 +451,20 @@ def _compare(options: argparse.Namespace) -> int:
     if options.reference_angle is not None and not math.isfinite(options.reference_angle):
         raise InputError(f"--reference-angle {options.reference_angle}: must be a finite angle in degrees")
     point = model_point(open_cube(options.cube), options.select, options.nearest)
-    measurement = read_measurement(options.measurement, options.pulses_per_revolution)
+    columns = dict(_column_heading(text) for text in options.column)
+    measurement = read_measurement(options.measurement, options.pulses_per_revolution, columns)
     comparison = compare(measurement, point, options.reference_angle, _speed_range(options.speeds))
     print(comparison_json(comparison) if options.format == "json" else comparison_text(comparison))
     if options.output is not None:
         print(f"report  {write_comparison(comparison, options.output)}", file=sys.stderr)
     return DONE
+
+
+def _column_heading(text: str) -> tuple[str, str]:
+    name, equals, heading = text.partition("=")
+    if not equals:
+        raise InputError(f"--column {text!r}: write NAME=HEADING")
+    return name.strip().replace("-", "_"), heading.strip()
 
 
 def _speed_range(text: str | None) -> tuple[float, float] | None:
@@ -504,7 +514,7 @@ _COMMANDS = {
     "simulate": _Command("simulate one point", _add_simulate, _simulate),
     "report": _Command("write the report of a result directory again", _add_report, _report),
     "workflow": _Command("run a chain of studies, analyses, figures and reports", _add_workflow, _workflow),
-    "compare": _Command("compare a measurement with one point of a cube", _add_compare, _compare),
+    "compare": _Command("compare a measurement with one point, or with the points over speed", _add_compare, _compare),
     "schema": _Command("print the schema of study or workflow files", _add_schema, _schema),
     "init": _Command("write a study file to start from", _add_init, _init),
     "completion": _Command("print a script that completes commands in a shell", _add_completion, _completion),

@@ -1,4 +1,8 @@
-"""Comparison of a measured thrust force with one point of a cube: orders, phases, beat, and their uncertainties."""
+"""Comparison of a measured thrust force with a cube: orders, phases, beat, and their uncertainties.
+
+The model is one point of the cube, or its points over speed: then each revolution of a run-up is compared with the
+model at its own speed.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +19,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.measurement import Measurement, read_measurement
 from tripod_doe.analysis.order_tracking import CELLS, resample, track_orders
-from tripod_doe.errors import InputError
+from tripod_doe.analysis.record_doubts import record_doubts
+from tripod_doe.errors import InputError, option
 from tripod_doe.joint.orders import ORDERS, amplitude_and_phase, complex_amplitudes
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.query import query
@@ -27,6 +32,7 @@ ComplexArray = NDArray[np.complex128]
 
 _BEAT = (2, 3, 4)  # the third order and its neighbours, whose sum beats once a revolution (paper 3.3)
 _MODEL_OUTPUTS = ("thrust_amplitude", "thrust_phase_deg", "thrust_amplitude_scatter", "thrust")
+_SPEED = "speed_rpm"
 _NOTHING = 1e-9  # part of the largest amplitude below which a model's order has no phase
 
 
@@ -38,6 +44,7 @@ class ComparisonSettings(BaseModel):
     select: list[str] = Field([], description="name=value of each factor, so that one point is left")
     nearest: bool = Field(False, description="take the nearest value where none matches")
     pulses_per_revolution: int = Field(1, ge=1, description="rising edges of tacho per revolution")
+    columns: dict[str, str] = Field({}, description="headings of the file by our names of the columns")
     reference_angle_deg: float | None = Field(None, description="housing's rotation angle at the measurement's zero")
     speeds_rpm: tuple[float, float] | None = Field(None, description="range of the speeds that are compared")
     confidence: float = Field(0.95, gt=0, lt=1, description="level of the uncertainties")
@@ -55,19 +62,19 @@ def compare_file(cubes: Mapping[str, xr.Dataset], settings: ComparisonSettings, 
     if len(cubes) != 1:
         raise InputError(f"a comparison needs one study as its input, it has {len(cubes)}")
     point = model_point(next(iter(cubes.values())), settings.select, settings.nearest)
-    measurement = read_measurement(folder / settings.measurement, settings.pulses_per_revolution)
+    measurement = read_measurement(folder / settings.measurement, settings.pulses_per_revolution, settings.columns)
     return compare(measurement, point, settings.reference_angle_deg, settings.speeds_rpm, settings.confidence)
 
 
 def model_point(cube: xr.Dataset, select: Sequence[str] = (), nearest: bool = False) -> xr.Dataset:
-    """The one point of a cube that a measurement is compared with.
+    """The point of a cube that a measurement is compared with, or its points over speed where several are left.
 
     Parameters
     ----------
     cube
         An open cube.
     select
-        ``name=value`` for each factor with more than one value.
+        ``name=value`` for each factor with more than one value; speed_rpm may keep several.
     nearest
         Take the nearest value where none matches.
 
@@ -75,12 +82,13 @@ def model_point(cube: xr.Dataset, select: Sequence[str] = (), nearest: bool = Fa
     -------
     xarray.Dataset
         thrust_amplitude, thrust_phase_deg and thrust_amplitude_scatter (order), thrust(rotation_deg), as far as the
-        cube has them; the factors as scalar coordinates.
+        cube has them, over ``speed_rpm`` where several speeds are left; the other factors as scalar coordinates.
 
     Raises
     ------
     InputError
-        If the cube holds no thrust force, the selection leaves none or several points, or the point did not finish.
+        If the cube holds no thrust force, the selection leaves none or several points other than over speed, or the
+        point did not finish.
     """
     wanted = [name for name in _MODEL_OUTPUTS if name in cube]
     if "thrust" not in wanted and not {"thrust_amplitude", "thrust_phase_deg"} <= set(wanted):
@@ -91,18 +99,28 @@ def model_point(cube: xr.Dataset, select: Sequence[str] = (), nearest: bool = Fa
     chosen = xr.merge([query(cube, name, select, nearest) for name in wanted], compat="equals", join="exact")
     design = [str(dim) for dim in chosen["outcome"].dims]
     counts = {dim: chosen.sizes[dim] for dim in design if chosen.sizes[dim] != 1}
+    if counts.keys() == {_SPEED} and chosen.sizes[_SPEED] > 1:
+        return _over_speed(chosen.squeeze([dim for dim in design if dim != _SPEED])).assign_attrs(cube.attrs)
     if counts:
         none = [dim for dim, count in counts.items() if count == 0]
         told = (
-            f"no point has this {none[0]}; --nearest takes the nearest value"
+            f"no point has this {none[0]}; {option('nearest', True)} takes the nearest value"
             if none
-            else "choose one point: --select " + (" --select ".join(f"{dim}={_levels(chosen[dim])}" for dim in counts))
+            else "choose one point: " + " ".join(option("select", f"{dim}={_levels(chosen[dim])}") for dim in counts)
         )
         raise InputError(f"the selection leaves {int(np.prod(list(counts.values())))} points; {told}")
     point = chosen.squeeze(design)
     if (outcome := Outcome(int(point["outcome"]))) is not Outcome.FINISHED:
         raise InputError(f"this point of the cube has no thrust force: its outcome is {outcome.label}; choose another")
     return point.assign_attrs(cube.attrs)
+
+
+def _over_speed(points: xr.Dataset) -> xr.Dataset:
+    """The finished points over speed, by growing speed."""
+    finished = points.isel({_SPEED: np.flatnonzero(points["outcome"].values == Outcome.FINISHED)}).sortby(_SPEED)
+    if finished.sizes[_SPEED] < 2:
+        raise InputError(f"only {finished.sizes[_SPEED]} of {points.sizes[_SPEED]} points over speed finished")
+    return finished
 
 
 def _levels(labels: xr.DataArray) -> str:
@@ -131,7 +149,8 @@ def compare(
     measurement
         Thrust force over the rotation angle.
     point
-        One point of a cube, see `model_point`.
+        One point of a cube, or points over speed, see `model_point`. Over speed, the model's complex amplitudes are
+        interpolated to the speed of each revolution, and the uncertainty is that of the mean difference.
     reference_angle_deg
         Rotation angle phi of the housing (0 with roller 1 between both axes in their plane) at the zero of
         the measurement. If omitted, the measurement is aligned by the phase of its third order; of the three
@@ -149,7 +168,8 @@ def compare(
         measured_phase_deg, model_phase_deg, phase_difference_deg, their ``_uncertainty`` and ``agrees`` (1 where the
         amplitudes differ by no more than the uncertainty). Over ``rotation_deg``: measured_thrust, its deviation
         measured_thrust_scatter, model_thrust, measured_envelope with its uncertainty, model_envelope. Over
-        ``revolution``: the tracked orders. Phases of orders that do not differ significantly from
+        ``revolution``: the tracked orders, and over speed model_amplitude_at_speed, NaN outside of the cube's speeds.
+        The attribute ``doubts`` holds sentences on what does not fit in the large, one a line. Phases of orders that do not differ significantly from
         zero are NaN.
 
     Raises
@@ -160,13 +180,20 @@ def compare(
     from scipy.special import stdtrit  # quantiles of Student's t
 
     tracked = track_orders(measurement.rotation_deg, measurement.thrust_n, measurement.time_s)
-    chosen = _of_speed(tracked, speeds_rpm)
+    at_speed = _at_speeds(tracked, point)
+    if at_speed is not None:
+        tracked["model_amplitude_at_speed"] = (("revolution", "order"), np.abs(at_speed), _attrs(
+            "N", "amplitude of the model at the speed of the revolution"))  # fmt: skip
+    chosen = _of_speed(tracked, _common_speeds(point, speeds_rpm))
     each = _complex(chosen)
-    model = _model_orders(point)
+    models = None if at_speed is None else at_speed[np.isin(tracked["revolution"], chosen["revolution"])]
+    model = _model_orders(point) if models is None else models.mean(axis=0)
     shift, alignment = _alignment(each.mean(axis=0), model, reference_angle_deg, measurement.zero)
     each = each * np.exp(-1j * np.radians(shift) * ORDERS)
+    if models is not None:  # what speed changes is no scatter
+        each = each - models + model
     factor = float(stdtrit(each.shape[0] - 1, (1 + confidence) / 2)) / np.sqrt(each.shape[0])
-    scatter = point["thrust_amplitude_scatter"].values if "thrust_amplitude_scatter" in point else np.zeros(ORDERS.size)
+    scatter = _model_scatter(point)
     variables = _order_variables(each, model, scatter, factor)
     compared = _within(measurement, chosen["revolution"].values)
     variables |= _angle_variables(measurement.rotation_deg + shift, compared, point, each, model, factor)
@@ -175,6 +202,7 @@ def compare(
         "shift_deg": shift,
         "confidence_level": confidence,
         "revolutions_compared": each.shape[0],
+        "doubts": "\n".join(record_doubts(measurement, model)),
     }
     rotation = ("rotation_deg", np.arange(CELLS, dtype=float), _attrs("degree", "rotation angle of the housing"))
     return tracked.assign(variables).assign_coords(rotation_deg=rotation).assign_attrs(attrs)
@@ -191,6 +219,7 @@ def _provenance(measurement: Measurement, point: xr.Dataset) -> dict[str, Any]:
         "study": point.attrs.get("title", "a cube"),
         "study_hash": point.attrs.get("study_hash", "not recorded"),
         "source": point.attrs.get("source", "not recorded"),
+        "columns": measurement.columns,
         "lost_samples": measurement.lost_samples,
         "lost_pulses": measurement.lost_pulses,
         "point": json.dumps(factors),
@@ -201,15 +230,50 @@ def _of_speed(tracked: xr.Dataset, speeds: tuple[float, float] | None) -> xr.Dat
     if speeds is None:
         return tracked
     if "speed_rpm" not in tracked:
-        raise InputError("--speeds needs a time column: add time_s to the measurement")
+        raise InputError("the speed of the record is not known: add a column time_s to the measurement")
     speed = tracked["speed_rpm"].values
     chosen = tracked.isel(revolution=np.flatnonzero((speed >= speeds[0]) & (speed <= speeds[1])))
     if chosen.sizes["revolution"] < 2:
         raise InputError(
-            f"--speeds {speeds[0]:g}:{speeds[1]:g}: {chosen.sizes['revolution']} revolutions have such a speed, two "
+            f"speeds from {speeds[0]:g} to {speeds[1]:g} rpm: {chosen.sizes['revolution']} revolutions have such a speed, two "
             f"are needed; those of the record lie between {speed.min():.4g} and {speed.max():.4g} rpm"
         )
     return chosen
+
+
+def _at_speeds(tracked: xr.Dataset, point: xr.Dataset) -> ComplexArray | None:
+    """Complex amplitudes of the model at the speed of every revolution, NaN outside of its speeds; shape (revolution, order).
+
+    None for a model of one speed.
+    """
+    if _SPEED not in point.dims:
+        return None
+    if _SPEED not in tracked:
+        raise InputError(
+            "the cube has several speeds and the record none: add a column time_s to the measurement, or choose a "
+            f"speed: {option('select', f'{_SPEED}={_levels(point[_SPEED])}')}"
+        )
+    speeds, known = tracked[_SPEED].values, point[_SPEED].values
+    orders = np.array([_model_orders(point.isel({_SPEED: i})) for i in range(known.size)])
+    parts = [np.interp(speeds, known, part, left=np.nan, right=np.nan) for part in (*orders.real.T, *orders.imag.T)]
+    real, imaginary = np.split(np.array(parts).T, 2, axis=1)
+    return np.asarray(real + 1j * imaginary, np.complex128)
+
+
+def _common_speeds(point: xr.Dataset, wanted: tuple[float, float] | None) -> tuple[float, float] | None:
+    """The speeds that are compared: as wanted, and within those of a cube over speed."""
+    if _SPEED not in point.dims:
+        return wanted
+    low, high = float(point[_SPEED].min()), float(point[_SPEED].max())
+    return (low, high) if wanted is None else (max(low, wanted[0]), min(high, wanted[1]))
+
+
+def _model_scatter(point: xr.Dataset) -> FloatArray:
+    """Difference between the last two revolutions of the model, the mean over speed."""
+    if "thrust_amplitude_scatter" not in point:
+        return np.zeros(ORDERS.size)
+    scatter = point["thrust_amplitude_scatter"]
+    return np.asarray(scatter.mean(_SPEED) if _SPEED in scatter.dims else scatter, float)
 
 
 def _complex(orders: xr.Dataset) -> ComplexArray:
@@ -308,7 +372,7 @@ def _angle_variables(
 
 def _model_waveform(point: xr.Dataset, model: ComplexArray, wave: ComplexArray) -> FloatArray:
     """The model's last revolution over 0 .. 359 deg; of a cube without waveforms the sum of its orders."""
-    if "thrust" not in point:
+    if "thrust" not in point or _SPEED in point.dims:
         return np.asarray((wave @ model).real, float)
     rotation, thrust = point["rotation_deg"].values, point["thrust"].values
     last = rotation >= 360

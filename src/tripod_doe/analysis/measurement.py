@@ -1,6 +1,6 @@
 """A measured thrust force over the rotation angle: read from a file, with the angle from a tachometer where needed.
 
-Columns, found by their names; others are ignored:
+Columns, found by their names or what people call them (`record_file`); others are ignored:
 
 - ``thrust_n``: thrust force on the housing in N, positive towards the intermediate shaft; empty or NaN at a dropout;
 - ``rotation_deg``: rotation angle of the housing in degrees, growing; a jump back by a whole turn is taken as one;
@@ -12,15 +12,15 @@ With ``rotation_deg`` a column ``time_s`` is optional: it gives the speeds.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
-from tripod_doe.errors import InputError, closest
+from tripod_doe.analysis.record_file import Record, read_record
+from tripod_doe.errors import InputError, closest, option
 
 __all__ = ["Measurement", "edge_times", "pulse_numbers", "read_measurement", "rotation_from_tachometer"]
 
@@ -53,6 +53,10 @@ class Measurement:
         Missing pulses, inferred from their neighbours and counted.
     name, digest
         The file and its SHA-256 (16 hex digits), for the record.
+    columns
+        In words, which headings of the file were taken for which columns; empty where they are named as ours.
+    pulses_per_revolution
+        Rising edges of the tachometer per revolution that were given; None with an angle of its own.
     """
 
     rotation_deg: FloatArray
@@ -63,17 +67,23 @@ class Measurement:
     lost_pulses: int = 0
     name: str = ""
     digest: str = ""
+    columns: str = ""
+    pulses_per_revolution: int | None = None
 
 
-def read_measurement(path: str | Path, pulses_per_revolution: int = 1) -> Measurement:
+def read_measurement(
+    path: str | Path, pulses_per_revolution: int = 1, columns: Mapping[str, str] | None = None
+) -> Measurement:
     """Read a measured thrust signal and put it over the rotation angle.
 
     Parameters
     ----------
     path
-        CSV file with one line of column names; lines that start with # are ignored.
+        Text file with one line of column names; lines that start with # are ignored.
     pulses_per_revolution
         Rising edges of the tachometer per revolution of the housing.
+    columns
+        Headings of the file by our names of the columns, where they are not known.
 
     Returns
     -------
@@ -86,34 +96,32 @@ def read_measurement(path: str | Path, pulses_per_revolution: int = 1) -> Measur
         runs backwards, or the tachometer shows no regular pulses. The message says what to change.
     """
     path = Path(path)
-    table = _read_table(path)
     try:
-        measured = _from_table(table, pulses_per_revolution)
-        return replace(measured, name=path.name, digest=hashlib.sha256(path.read_bytes()).hexdigest()[:16])
+        record = read_record(path, columns)
+        measured = _from_record(record, pulses_per_revolution)
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+        return replace(measured, columns=record.taken, name=path.name, digest=digest)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
 
 
-def _read_table(path: Path) -> pd.DataFrame:
-    try:
-        return pd.read_csv(path, comment="#", skipinitialspace=True)
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the measurement: {error.strerror}") from error
-    except (UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        reason = str(error).strip()
-        raise InputError(f"{path}: not a CSV file with one line of column names: {reason}") from error
-
-
-def _from_table(table: pd.DataFrame, pulses: int) -> Measurement:
-    over_angle = "rotation_deg" in table or not {"time_s", "tacho"} & set(table.columns)
+def _from_record(record: Record, pulses: int) -> Measurement:
+    over_angle = "rotation_deg" in record.columns or not {"time_s", "tacho"} & record.columns.keys()
     needed = ["thrust_n", "rotation_deg"] if over_angle else ["thrust_n", "time_s", "tacho"]
-    axes = [*needed[1:], *(["time_s"] if over_angle and "time_s" in table else [])]
-    columns = {name: _column(table, name) for name in ["thrust_n", *axes]}
+    for name in needed:
+        if name not in record.columns:
+            raise InputError(
+                f"no column {name}{closest(name, record.headings)}; needed are thrust_n and rotation_deg, or thrust_n, "
+                f"time_s and tacho; the file has {', '.join(record.headings)}; {option('column', f'{name}=HEADING')} "
+                "names another one"
+            )
+    axes = [*needed[1:], *(["time_s"] if over_angle and "time_s" in record.columns else [])]
+    columns = {name: record.columns[name] for name in ["thrust_n", *axes]}
     placed = np.logical_and.reduce([np.isfinite(columns[name]) for name in axes])
     lost = int(np.sum(~(placed & np.isfinite(columns["thrust_n"]))))
-    if lost > _MOST_LOST * len(table):
+    if lost > _MOST_LOST * placed.size:
         raise InputError(
-            f"{lost} of {len(table)} samples have no number in {', '.join(columns)}; at most {_MOST_LOST:.0%} may be "
+            f"{lost} of {placed.size} samples have no number in {', '.join(columns)}; at most {_MOST_LOST:.0%} may be "
             "missing: cut the record to its good part"
         )
     kept = {name: values[placed] for name, values in columns.items()}
@@ -124,24 +132,6 @@ def _from_table(table: pd.DataFrame, pulses: int) -> Measurement:
     rotation = _unwrapped(kept["rotation_deg"])
     _check_growing("rotation_deg", rotation, np.flatnonzero(placed), strictly=False)
     return Measurement(rotation, kept["thrust_n"], kept.get("time_s"), "the zero of rotation_deg", lost)
-
-
-def _column(table: pd.DataFrame, name: str) -> FloatArray:
-    if name not in table:
-        known = [str(column) for column in table.columns]
-        if len(known) == 1 and (";" in known[0] or "\t" in known[0]):
-            raise InputError("the columns are not separated by commas: write a, b, c with decimal points")
-        raise InputError(
-            f"no column {name}{closest(name, known)}; needed are thrust_n and rotation_deg, or thrust_n, time_s and "
-            f"tacho; the file has {', '.join(known)}"
-        )
-    numbers = pd.to_numeric(table[name], errors="coerce").to_numpy(float)
-    words = np.flatnonzero(np.isnan(numbers) & table[name].notna().to_numpy())
-    if words.size:
-        raise InputError(
-            f"{name} = {table[name].iloc[words[0]]!r} in row {words[0] + 1}: expected a number, or nothing at a dropout"
-        )
-    return numbers
 
 
 def _unwrapped(degrees: FloatArray) -> FloatArray:
@@ -196,7 +186,7 @@ def rotation_from_tachometer(
     from scipy.interpolate import CubicSpline
 
     if pulses_per_revolution < 1:
-        raise InputError(f"--pulses-per-revolution {pulses_per_revolution}: at least 1 is needed")
+        raise InputError(f"{option('pulses_per_revolution', pulses_per_revolution)}: at least 1 is needed")
     edges = _without_loose_ends(edge_times(time_s, tacho))
     if edges.size < 2:
         raise InputError(
@@ -213,7 +203,15 @@ def rotation_from_tachometer(
         )
     lost_pulses = int(numbers[-1]) + 1 - edges.size
     zero = "the first rising edge of tacho"
-    return Measurement(rotation, thrust_n[between], time_s[between], zero, lost_samples, lost_pulses)
+    return Measurement(
+        rotation,
+        thrust_n[between],
+        time_s[between],
+        zero,
+        lost_samples,
+        lost_pulses,
+        pulses_per_revolution=pulses_per_revolution,
+    )
 
 
 def edge_times(time_s: FloatArray, tacho: FloatArray) -> FloatArray:

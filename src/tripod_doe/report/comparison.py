@@ -39,9 +39,13 @@ def find_in_comparison(comparison: xr.Dataset) -> list[str]:
     Returns
     -------
     list of str
-        The third order first, then the second, the beat, the alignment, and what was lost.
+        What does not fit in the large first, then the third order, the second, the run-up, the beat, the alignment, and
+        what was lost.
     """
-    sentences = [_order_sentence(comparison, order) for order in (3, 2)]
+    sentences = comparison.attrs.get("doubts", "").splitlines()
+    sentences += [_order_sentence(comparison, order) for order in (3, 2)]
+    if "model_amplitude_at_speed" in comparison:
+        sentences.append(_run_up_sentence(comparison))
     measured, model = (_beat(comparison[f"{which}_envelope"].values) for which in ("measured", "model"))
     sentences.append(f"The envelope of the measured thrust force {measured}; that of the model {model}.")
     sentences.append(f"Reference angle {comparison.attrs['alignment']}.")
@@ -60,6 +64,22 @@ def _order_sentence(comparison: xr.Dataset, order: int) -> str:
     return (
         f"The measured {ORDINALS[order]} is {interval(row['measured_amplitude'], own)} N, the model's {number(model)} "
         f"N: a difference of {interval(difference, unsure)} N{part}{verdict}."
+    )
+
+
+def _run_up_sentence(comparison: xr.Dataset) -> str:
+    """State the third order at both ends of a run-up, as means over a tenth of the revolutions compared."""
+    third = comparison.sel(order=3)
+    inside = third.isel(revolution=np.flatnonzero(third["model_amplitude_at_speed"].notnull().values)).sortby("speed_rpm")
+    tenth = max(inside.sizes["revolution"] // 10, 1)
+    ends = [inside.isel(revolution=part).mean("revolution") for part in (slice(None, tenth), slice(-tenth, None))]
+    speeds, measured, model = (
+        [number(float(end[name])) for end in ends]
+        for name in ("speed_rpm", "thrust_amplitude", "model_amplitude_at_speed")
+    )
+    return (
+        f"From {speeds[0]} to {speeds[1]} rpm the measured third order goes from {measured[0]} to {measured[1]} N, the "
+        f"model's from {model[0]} to {model[1]} N."
     )
 
 
@@ -90,6 +110,8 @@ def _cautions(comparison: xr.Dataset) -> list[str]:
         ("lost_samples", "sample", "without a number"),
         ("lost_pulses", "pulse", "of the tachometer missing and counted from the neighbours"),
     )
+    if attrs.get("columns"):
+        told.append(f"Columns: {attrs['columns']}.")
     lost = [f"{attrs[key]} {what}{'s' * (attrs[key] > 1)} {words}" for key, what, words in counts if attrs[key]]
     return told + ([f"Lost: {', '.join(lost)}."] if lost else [])
 

@@ -58,7 +58,9 @@ def salvage(directory: Path) -> str:
     os.replace(fresh, path)
     lost = len(rows) - len(whole)
     told = f"{len(whole):,} blocks can be read, {f'at least {lost:,} cannot' if lost else 'others may be lost'}"
-    return f"{path}: the journal is damaged: {told}; what is lost is computed again; the old file is kept as {kept.name}"
+    return (
+        f"{path}: the journal is damaged: {told}; what is lost is computed again; the old file is kept as {kept.name}"
+    )
 
 
 def _is_whole(journal: sqlite3.Connection) -> bool:

@@ -131,15 +131,24 @@ def _run_up(comparison: xr.Dataset, speed: NDArray[np.float64]) -> Chart:
                 data["speed_rpm"], data[f"amplitude_n_order_{order}"], MARKERS[which], color=COLOURS[which], ms=3.5,
                 ls="-", lw=0.8, label=ORDINALS[order],
             )  # fmt: skip
-            level = float(comparison["model_amplitude"].sel(order=order))
-            axes.axhline(level, color=COLOURS[which], ls=(0, (5, 3)), lw=1)
+            _model_over_speed(axes, comparison.sel(order=order), COLOURS[which])
         axes.set_ylim(bottom=0)
         axes.set_xlabel("speed (rpm)")
         axes.set_ylabel("amplitude of the thrust force (N)")
         legend_above(axes, 2)
     what = "every revolution" if len(classes) == speed.size else f"means of {_CLASSES} classes of speed"
-    caption = f"Run-up: measured orders over speed, {what}; dashed lines are the model's point of the cube."
+    caption = f"Run-up: measured orders over speed, {what}; dashed lines are the model."
     return Chart("run-up", caption, figure, data)
+
+
+def _model_over_speed(axes: Axes, of_order: xr.Dataset, colour: str) -> None:
+    """One order of the model: over the speeds of the revolutions, or the same everywhere."""
+    dashed = {"color": colour, "ls": (0, (5, 3)), "lw": 1}
+    if "model_amplitude_at_speed" not in of_order:
+        axes.axhline(float(of_order["model_amplitude"]), **dashed)
+        return
+    sorted_by_speed = of_order.sortby("speed_rpm")
+    axes.plot(sorted_by_speed["speed_rpm"], sorted_by_speed["model_amplitude_at_speed"], **dashed)
 
 
 def _classes(speed: NDArray[np.float64]) -> list[NDArray[np.int64]]:
