@@ -233,7 +233,7 @@ def _add_compare(parser: _Parser, arguments: Sequence[str]) -> None:
                         help="table with thrust_n and rotation_deg, or thrust_n, time_s and tacho")  # fmt: skip
     _add_selection(parser, "the value of a factor, so that one point is left, or the points over speed_rpm")
     parser.add_argument("--column", metavar="NAME=HEADING", action="append", default=[],
-                        help="heading of the file for thrust_n, rotation_deg, time_s or tacho; may be repeated")  # fmt: skip
+                        help="heading in the file of thrust_n, rotation_deg, time_s or tacho; repeatable")  # fmt: skip
     parser.add_argument("--pulses-per-revolution", metavar="N", type=int, default=1,
                         help="rising edges of tacho per revolution (default 1)")  # fmt: skip
     parser.add_argument("--reference-angle", metavar="DEG", type=float,
@@ -334,9 +334,9 @@ def _plan(options: argparse.Namespace) -> int:
 
 def _query(options: argparse.Namespace) -> int:
     from tripod_doe.study.arrays import opened_arrays
-    from tripod_doe.study.query import records, records_text
+    from tripod_doe.study.query import answer_format, records, records_text
 
-    form = _query_format(options.format, options.output)
+    form = answer_format(options.format, options.output)
     if form == "netcdf":
         return _query_netcdf(options)
     with opened_arrays(options.cube) as cube:
@@ -350,24 +350,6 @@ def _query(options: argparse.Namespace) -> int:
     except OSError as error:
         raise InputError(f"--output {options.output}: cannot write: {error.strerror}") from error
     return DONE
-
-
-_FORMATS = {".csv": "csv", ".json": "json", ".nc": "netcdf", ".txt": "table"}
-"""Formats of an answer by the ending of its file."""
-
-
-def _query_format(asked: str | None, output: Path | None) -> str:
-    """The format of an answer: as asked or as its file is named, which must not contradict each other."""
-    if output is None:
-        return asked or "table"
-    named = _FORMATS.get(output.suffix.lower())
-    if asked is None and named is None:
-        raise InputError(f"--output {output}: end the name in {', '.join(_FORMATS)}, or give --format")
-    if asked and named and asked != named:
-        raise InputError(
-            f"--output {output} is named as {named}, but --format is {asked}: change one, or leave out --format"
-        )
-    return asked or named or "table"
 
 
 def _query_netcdf(options: argparse.Namespace) -> int:
@@ -442,8 +424,9 @@ def _workflow(options: argparse.Namespace) -> int:
 
 
 def _compare(options: argparse.Namespace) -> int:
-    from tripod_doe.analysis.comparison import compare, model_point
+    from tripod_doe.analysis.comparison import compare, model_point, parse_speeds
     from tripod_doe.analysis.measurement import read_measurement
+    from tripod_doe.analysis.record_file import parse_column
     from tripod_doe.report.comparison import comparison_json, comparison_text
     from tripod_doe.report.comparison_page import write_comparison
     from tripod_doe.study.results import open_cube
@@ -451,30 +434,13 @@ def _compare(options: argparse.Namespace) -> int:
     if options.reference_angle is not None and not math.isfinite(options.reference_angle):
         raise InputError(f"--reference-angle {options.reference_angle}: must be a finite angle in degrees")
     point = model_point(open_cube(options.cube), options.select, options.nearest)
-    columns = dict(_column_heading(text) for text in options.column)
+    columns = dict(map(parse_column, options.column))
     measurement = read_measurement(options.measurement, options.pulses_per_revolution, columns)
-    comparison = compare(measurement, point, options.reference_angle, _speed_range(options.speeds))
+    comparison = compare(measurement, point, options.reference_angle, parse_speeds(options.speeds))
     print(comparison_json(comparison) if options.format == "json" else comparison_text(comparison))
     if options.output is not None:
         print(f"report  {write_comparison(comparison, options.output)}", file=sys.stderr)
     return DONE
-
-
-def _column_heading(text: str) -> tuple[str, str]:
-    name, equals, heading = text.partition("=")
-    if not equals:
-        raise InputError(f"--column {text!r}: write NAME=HEADING")
-    return name.strip().replace("-", "_"), heading.strip()
-
-
-def _speed_range(text: str | None) -> tuple[float, float] | None:
-    if text is None:
-        return None
-    try:
-        low, high = (float(end) for end in text.split(":"))
-    except ValueError as error:
-        raise InputError(f"--speeds {text!r}: write two speeds in rpm, LOW:HIGH") from error
-    return low, high
 
 
 def _schema(options: argparse.Namespace) -> int:

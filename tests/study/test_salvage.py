@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import shutil
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -67,12 +68,11 @@ def test_damage_anywhere_costs_the_blocks_that_it_hits(whole, tmp_path, capsys, 
     start = rng.randrange(0 if seed % 10 == 0 else 4096, len(content) - length)
     content[start : start + length] = rng.randbytes(length)
     (out / "journal.sqlite").write_bytes(content)
-    try:
-        ResultDirectory(out).close()
-    except CubeError as error:
-        assert "not a readable journal" in str(error)
-        assert start < 4096 * 3
+    if start < 4096:
+        with suppress(CubeError):  # page 1 tells where all others belong
+            ResultDirectory(out).close()
         return
+    ResultDirectory(out).close()
     told = capsys.readouterr().err
     left = numbers(out)
     assert left == sorted(set(left))

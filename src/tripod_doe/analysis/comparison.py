@@ -25,7 +25,7 @@ from tripod_doe.joint.orders import ORDERS, amplitude_and_phase, complex_amplitu
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.query import query
 
-__all__ = ["ComparisonSettings", "compare", "compare_file", "model_point"]
+__all__ = ["ComparisonSettings", "compare", "compare_file", "model_point", "parse_speeds"]
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -64,6 +64,23 @@ def compare_file(cubes: Mapping[str, xr.Dataset], settings: ComparisonSettings, 
     point = model_point(next(iter(cubes.values())), settings.select, settings.nearest)
     measurement = read_measurement(folder / settings.measurement, settings.pulses_per_revolution, settings.columns)
     return compare(measurement, point, settings.reference_angle_deg, settings.speeds_rpm, settings.confidence)
+
+
+def parse_speeds(text: str | None) -> tuple[float, float] | None:
+    """A range of speeds in rpm from ``LOW:HIGH``; None for no text.
+
+    Raises
+    ------
+    InputError
+        If the text has another form.
+    """
+    if text is None:
+        return None
+    try:
+        low, high = (float(end) for end in text.split(":"))
+    except ValueError as error:
+        raise InputError(f"{option('speeds', text)}: write two speeds in rpm, LOW:HIGH") from error
+    return low, high
 
 
 def model_point(cube: xr.Dataset, select: Sequence[str] = (), nearest: bool = False) -> xr.Dataset:
@@ -169,8 +186,8 @@ def compare(
         amplitudes differ by no more than the uncertainty). Over ``rotation_deg``: measured_thrust, its deviation
         measured_thrust_scatter, model_thrust, measured_envelope with its uncertainty, model_envelope. Over
         ``revolution``: the tracked orders, and over speed model_amplitude_at_speed, NaN outside of the cube's speeds.
-        The attribute ``doubts`` holds sentences on what does not fit in the large, one a line. Phases of orders that do not differ significantly from
-        zero are NaN.
+        The attribute ``doubts`` holds sentences on what does not fit in the large, one a line. Phases of orders that do
+        not differ significantly from zero are NaN.
 
     Raises
     ------
@@ -235,16 +252,16 @@ def _of_speed(tracked: xr.Dataset, speeds: tuple[float, float] | None) -> xr.Dat
     chosen = tracked.isel(revolution=np.flatnonzero((speed >= speeds[0]) & (speed <= speeds[1])))
     if chosen.sizes["revolution"] < 2:
         raise InputError(
-            f"speeds from {speeds[0]:g} to {speeds[1]:g} rpm: {chosen.sizes['revolution']} revolutions have such a speed, two "
-            f"are needed; those of the record lie between {speed.min():.4g} and {speed.max():.4g} rpm"
+            f"speeds from {speeds[0]:g} to {speeds[1]:g} rpm: {chosen.sizes['revolution']} revolutions have such a "
+            f"speed, two are needed; those of the record lie between {speed.min():.4g} and {speed.max():.4g} rpm"
         )
     return chosen
 
 
 def _at_speeds(tracked: xr.Dataset, point: xr.Dataset) -> ComplexArray | None:
-    """Complex amplitudes of the model at the speed of every revolution, NaN outside of its speeds; shape (revolution, order).
+    """Complex amplitudes of the model at the speed of every revolution, shape (revolution, order).
 
-    None for a model of one speed.
+    NaN outside of the model's speeds; None for a model of one speed.
     """
     if _SPEED not in point.dims:
         return None

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, closest, option
 
-__all__ = ["ROLES", "Record", "read_record"]
+__all__ = ["ROLES", "Record", "parse_column", "read_record"]
 
 FloatArray = NDArray[np.float64]
 
@@ -106,6 +106,20 @@ def read_record(path: Path, given: Mapping[str, str] | None = None) -> Record:
     return Record(columns, tuple(headings), ", ".join(taken))
 
 
+def parse_column(text: str) -> tuple[str, str]:
+    """Our name of a column and its heading in a file, from ``NAME=HEADING``.
+
+    Raises
+    ------
+    InputError
+        If the text has another form.
+    """
+    name, equals, heading = (part.strip() for part in text.partition("="))
+    if not equals or not heading or name.replace("-", "_") not in ROLES:
+        raise InputError(f"{option('column', text)}: write NAME=HEADING, a NAME of {', '.join(ROLES)}")
+    return name.replace("-", "_"), heading
+
+
 def _lines(path: Path) -> list[str]:
     try:
         content = path.read_bytes()
@@ -177,10 +191,6 @@ def _positions(headings: Sequence[str], given: Mapping[str, str]) -> dict[str, i
     """Position of every column that is known, by our name of it."""
     positions = {}
     for role, heading in given.items():
-        if role not in ROLES:
-            raise InputError(
-                f"{option('column', f'{role}={heading}')}: write NAME=HEADING, a NAME of {', '.join(ROLES)}"
-            )
         if heading not in headings:
             raise InputError(
                 f"{option('column', f'{role}={heading}')}: no such heading{closest(heading, headings)}; the file has "
@@ -220,7 +230,7 @@ def _factor(role: str, heading: str) -> float:
     units = ROLES[role].units
     if not units or heading == role:
         return 1.0
-    name, unit = _split(heading)
+    unit = _split(heading)[1]
     if not unit or heading.replace("_", " ").replace("-", " ").strip().lower() in ROLES[role].words:
         return 1.0
     if unit == "mN":
@@ -233,9 +243,9 @@ def _factor(role: str, heading: str) -> float:
 def _numbers(column: pd.Series[float], heading: str, decimal: str) -> FloatArray:
     """A column as numbers, NaN where a field is empty."""
     if pd.api.types.is_numeric_dtype(column):
-        return column.to_numpy(float)
+        return np.asarray(column, float)
     text = column.astype("string").str.strip().str.replace(decimal, ".", regex=False)
-    numbers = pd.to_numeric(text, errors="coerce").to_numpy(float, na_value=np.nan)
+    numbers = np.asarray(pd.to_numeric(text, errors="coerce").to_numpy(float, na_value=np.nan))
     words = np.flatnonzero(np.isnan(numbers) & column.notna().to_numpy())
     if words.size:
         raise InputError(

@@ -42,7 +42,7 @@ def find_in_comparison(comparison: xr.Dataset) -> list[str]:
         What does not fit in the large first, then the third order, the second, the run-up, the beat, the alignment, and
         what was lost.
     """
-    sentences = comparison.attrs.get("doubts", "").splitlines()
+    sentences = str(comparison.attrs.get("doubts", "")).splitlines()
     sentences += [_order_sentence(comparison, order) for order in (3, 2)]
     if "model_amplitude_at_speed" in comparison:
         sentences.append(_run_up_sentence(comparison))
@@ -70,7 +70,9 @@ def _order_sentence(comparison: xr.Dataset, order: int) -> str:
 def _run_up_sentence(comparison: xr.Dataset) -> str:
     """State the third order at both ends of a run-up, as means over a tenth of the revolutions compared."""
     third = comparison.sel(order=3)
-    inside = third.isel(revolution=np.flatnonzero(third["model_amplitude_at_speed"].notnull().values)).sortby("speed_rpm")
+    inside = third.isel(revolution=np.flatnonzero(third["model_amplitude_at_speed"].notnull().values)).sortby(
+        "speed_rpm"
+    )
     tenth = max(inside.sizes["revolution"] // 10, 1)
     ends = [inside.isel(revolution=part).mean("revolution") for part in (slice(None, tenth), slice(-tenth, None))]
     speeds, measured, model = (

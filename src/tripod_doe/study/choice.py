@@ -46,8 +46,8 @@ def frozen_choice(study: Study, directory: Path) -> xr.Dataset | None:
     ]
     if told:
         raise InputError(
-            f"{study.origin}: the model was chosen in {directory} for another accuracy; choose another {option('out')}, "
-            "or take back\n" + "\n".join(told)
+            f"{study.origin}: the model was chosen in {directory} for another accuracy; choose another "
+            f"{option('out')}, or take back\n" + "\n".join(told)
         )
     return frozen
 

@@ -23,7 +23,7 @@ from tripod_doe.study.results import open_cube
 if TYPE_CHECKING:  # the command line answers without xarray
     import xarray as xr
 
-__all__ = ["Selection", "narrowed", "parse_selection", "query", "records", "records_text"]
+__all__ = ["Selection", "answer_format", "narrowed", "parse_selection", "query", "records", "records_text"]
 
 _MATCH = 1e-9
 
@@ -262,6 +262,31 @@ def records_text(columns: Columns, form: str) -> str:
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     aligned = [" ".join(word.rjust(width) for word, width in zip(line, widths, strict=True)) for line in lines]
     return "\n".join(aligned) if rows else "no cell matches"
+
+
+_FORMATS = {".csv": "csv", ".json": "json", ".nc": "netcdf", ".txt": "table"}
+"""Formats of an answer by the ending of its file."""
+
+
+def answer_format(asked: str | None, output: Path | None) -> str:
+    """The format of an answer: as asked or as its file is named, else a table.
+
+    Raises
+    ------
+    InputError
+        If both contradict each other, or neither decides for a file.
+    """
+    if output is None:
+        return asked or "table"
+    named = _FORMATS.get(output.suffix.lower())
+    told = option("output", str(output))
+    if asked is None and named is None:
+        raise InputError(f"{told}: end the name in {', '.join(_FORMATS)}, or give {option('format')}")
+    if asked and named and asked != named:
+        raise InputError(
+            f"{told} is named as {named}, but {option('format')} is {asked}: change one, or leave out the latter"
+        )
+    return asked or named or "table"
 
 
 def _json_value(value: Any) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -143,7 +143,7 @@ def _run_up(comparison: xr.Dataset, speed: NDArray[np.float64]) -> Chart:
 
 def _model_over_speed(axes: Axes, of_order: xr.Dataset, colour: str) -> None:
     """One order of the model: over the speeds of the revolutions, or the same everywhere."""
-    dashed = {"color": colour, "ls": (0, (5, 3)), "lw": 1}
+    dashed: Any = {"color": colour, "ls": (0, (5, 3)), "lw": 1}
     if "model_amplitude_at_speed" not in of_order:
         axes.axhline(float(of_order["model_amplitude"]), **dashed)
         return
