@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import runpy
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -250,6 +252,89 @@ def test_speeds_choose_the_revolutions_that_are_compared(measure):
         compare(got, model(), 0.0, speeds_rpm=(100, 200))
     with pytest.raises(td.InputError, match="add a column time_s"):
         compare(replace(got, time_s=None), model(), 0.0, speeds_rpm=(580, 620))
+
+
+def over_speed(speeds, orders_at):
+    """A model's points over speed, as `model_point` gives them."""
+    points = [model(orders_at(speed)) for speed in speeds]
+    return xr.concat(points, xr.DataArray(speeds, dims="speed_rpm", name="speed_rpm"))
+
+
+def test_a_run_up_is_compared_with_the_model_at_each_speed(measure):
+    """The record's third order grows by a fifth from 300 to 900 rpm, and so does the model's: nothing differs.
+
+    With one point in the middle, the growth would stand as a scatter of 1.6 N.
+    """
+    grown = {3: (14.0, -75.0)}
+    got = measure(Recorder(grown, rpm=(300, 900), revolutions=60.2), columns=("rotation_deg", "thrust_n", "time_s"))
+    turn = 6 * 300 * got.time_s + 6 * 600 * got.time_s**2 / (2 * got.time_s[-1])
+    speed = np.gradient(turn, got.time_s) / 6
+    got = replace(got, thrust_n=got.thrust_n * (0.9 + speed / 3000))
+    at = lambda rpm: {3: (14.0 * (0.9 + rpm / 3000), -75.0)}  # noqa: E731
+    result = compare(got, over_speed([250.0, 600.0, 1000.0], at), 0.0)
+    assert result.attrs["revolutions_compared"] == 60
+    assert float(result["amplitude_difference"].sel(order=3)) == pytest.approx(0, abs=0.01)
+    assert float(result["measured_amplitude_uncertainty"].sel(order=3)) < 0.02
+    each = np.abs(result["model_amplitude_at_speed"] - result["thrust_amplitude"]).sel(order=3)
+    assert float(each.max()) < 0.1
+    single = compare(got, model(at(600.0)), 0.0)
+    assert float(single["measured_amplitude_uncertainty"].sel(order=3)) > 0.1
+    part = compare(got, over_speed([500.0, 700.0], at), 0.0)
+    assert 10 < part.attrs["revolutions_compared"] < 30
+    assert int(part["model_amplitude_at_speed"].sel(order=3).notnull().sum()) == part.attrs["revolutions_compared"]
+    with pytest.raises(td.InputError, match="add a column time_s"):
+        compare(replace(got, time_s=None), over_speed([500.0, 700.0], at), 0.0)
+
+
+def test_points_over_speed_are_kept(four_points):
+    cube = four_points.copy(deep=True).rename(needle_count="speed_rpm").assign_coords(speed_rpm=[800.0, 300.0])
+    cube["outcome"][:] = 0
+    assert model_point(cube, ["joint_angle_deg=10"])["speed_rpm"].values.tolist() == [300, 800]
+    cube["outcome"][1, 0] = 7
+    with pytest.raises(td.InputError, match="only 1 of 2 points over speed finished"):
+        model_point(cube, ["joint_angle_deg=10"])
+
+
+@pytest.mark.parametrize(("true", "given"), [(3, 1), (2, 1), (1, 2), (6, 1), (1, 3), (60, 20), (4, 8)])
+def test_a_wrong_number_of_pulses_is_told(measure, true, given):
+    """Regression: amplitudes and phases of orders that are none, without a word."""
+    recorder = Recorder(KNOWN, rpm=(500, 700), revolutions=60.2, pulses=true, noise_n=0.5)
+    doubts = compare(measure(recorder, pulses_per_revolution=given), model()).attrs["doubts"]
+    assert f"with pulses_per_revolution={true} they would be the same" in doubts
+    assert compare(measure(recorder, pulses_per_revolution=true), model()).attrs["doubts"] == ""
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1e-3, "kN"), (1e3, "mN")])
+def test_a_force_in_another_unit_is_told(measure, factor, unit):
+    got = measure(Recorder(KNOWN, noise_n=0.5), columns=("rotation_deg", "thrust_n"))
+    assert compare(got, model(), 0.0).attrs["doubts"] == ""
+    doubts = compare(replace(got, thrust_n=got.thrust_n * factor), model(), 0.0).attrs["doubts"]
+    assert f"as if the record were in {unit}" in doubts
+
+
+def test_an_angle_in_radians_is_told(measure):
+    got = measure(Recorder(KNOWN, revolutions=200.2, rate_hz=2000), columns=("rotation_deg", "thrust_n"))
+    doubts = compare(replace(got, rotation_deg=np.radians(got.rotation_deg)), model(), 0.0).attrs["doubts"]
+    assert "as if rotation_deg were in rad" in doubts
+
+
+@pytest.mark.parametrize("strong", [{1: (40.0, 10.0)}, {2: (30.0, 0.0)}, {0: (500.0, 0.0)}])
+def test_a_joint_that_differs_is_no_mistake(measure, strong):
+    """A third order of half the model's beside an imbalance, a beat or an offset: nothing to doubt."""
+    recorder = Recorder({3: (7.0, -75.0)} | strong, rpm=(500, 700), noise_n=0.5)
+    record = measure(replace(recorder, orders=recorder.orders | {3: (14.0, -75.0)}))
+    assert compare(record, model()).attrs["doubts"] == ""
+
+
+def test_the_synthetic_run_up_is_made_as_told():
+    """Its maker gives the file again, and what it says of the third order is found."""
+    folder = Path(__file__).parents[2] / "measurements"
+    made = runpy.run_path(str(folder / "make_run_up.py"))
+    assert (folder / "run_up.csv").read_text(encoding="utf-8") == made["run_up"]()
+    tracked = track(read_measurement(folder / "run_up.csv"))
+    third, speed = tracked["thrust_amplitude"].sel(order=3).values, tracked["speed_rpm"].values
+    low, high, _ = made["ORDERS"][3]
+    assert np.abs(third - np.interp(speed, [300, 900], [low, high])).max() < 0.8
 
 
 def test_a_model_and_its_own_waveform_agree_exactly():

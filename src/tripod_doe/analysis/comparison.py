@@ -33,6 +33,7 @@ ComplexArray = NDArray[np.complex128]
 _BEAT = (2, 3, 4)  # the third order and its neighbours, whose sum beats once a revolution (paper 3.3)
 _MODEL_OUTPUTS = ("thrust_amplitude", "thrust_phase_deg", "thrust_amplitude_scatter", "thrust")
 _SPEED = "speed_rpm"
+_DECIMALS = 9  # of an angle in deg; what is smaller is rounding
 _NOTHING = 1e-9  # part of the largest amplitude below which a model's order has no phase
 
 
@@ -334,7 +335,7 @@ def _order_variables(each: ComplexArray, model: ComplexArray, scatter: FloatArra
     sure, both = np.degrees(np.arctan2(across, amplitude)), np.hypot(along, scatter)
     _, difference = amplitude_and_phase(mean * np.conj(model))
     difference[~(told & model_told)] = np.nan
-    phase, sure = np.where(told, phase, np.nan), np.where(told, sure, np.nan)
+    phase, sure = (np.where(told, np.round(angle, _DECIMALS), np.nan) for angle in (phase, sure))
     rows = {
         "measured_amplitude": (amplitude, "N", "amplitude of the measured mean over revolutions"),
         "measured_amplitude_uncertainty": (along, "N", "its uncertainty from the scatter between revolutions"),

@@ -184,6 +184,8 @@ def _table(rows: Sequence[str], separator: str | None, decimal: str, width: int)
             )  # fmt: skip
     except (pd.errors.ParserError, pd.errors.ParserWarning, ValueError) as error:
         raise InputError(f"rows of different length: {str(error).strip()}") from error
+    if table.iloc[:, width:].notna().any(axis=None):
+        raise InputError("rows of different length: some have more fields than there are column names")
     return {int(position): table[position] for position in range(width)}
 
 
