@@ -26,7 +26,6 @@ _MEMBERS = 20  # points a class needs: its mean, its slope, and enough to see th
 _LEVERAGE = 1e-6  # least part of a point's residual that the fit leaves to it
 _SURE = 0.999  # level at which an effect is told: one false sentence in a thousand
 _INTERVAL = 0.95  # level of the intervals that are printed
-_ALIASING_ROWS = 4096  # points that are enough to find a column among the products of others
 
 
 @dataclass(frozen=True)
@@ -139,12 +138,11 @@ def separation(columns: Mapping[str, Column], factor: str) -> Separation:
 
 def _aliased(columns: Mapping[str, Column], factor: str) -> Separation:
     """Look for the column of a factor among the products of two and of three others."""
-    rows = np.random.default_rng(0).permutation(len(columns[factor]))[:_ALIASING_ROWS]
     if not _numeric(columns[factor]):
         return Separation(True)
-    line = _scaled(columns[factor])[rows]
+    line = _scaled(columns[factor])
     line = line - line.mean()
-    numbers = {name: _scaled(column)[rows] for name, column in columns.items() if name != factor and _numeric(column)}
+    numbers = {name: _scaled(column) for name, column in columns.items() if name != factor and _numeric(column)}
     centred = {name: column - column.mean() for name, column in numbers.items()}
     for width in (2, 3):
         for names in combinations(centred, width):

@@ -34,6 +34,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Column = NDArray[np.generic]
 
+_MOST_ROWS = 4096  # points of a regression: more make its intervals narrower than anybody needs
 _ROUNDING = 1e-9  # part of the largest value within which two values are the same
 
 
@@ -185,8 +186,10 @@ def _by_steps(
 
 def _by_regression(name: str, columns: Mapping[str, Column], response: FloatArray, error: float) -> FactorEffect:
     """Fit where the columns separate the factor; words and single points are left to the other grounds."""
-    numeric = columns[name].dtype.kind in "fiu"
-    found = separation(columns, name)
+    rows = np.random.default_rng(0).permutation(response.size)[:_MOST_ROWS]
+    numeric, response = columns[name].dtype.kind in "fiu", response[rows]
+    columns = {other: column[rows] for other, column in columns.items() if np.unique(column[rows]).size > 1}
+    found = separation(columns, name) if name in columns else Separation(False, too_few=True)
     if not (numeric and found.separated):
         return FactorEffect(name, numeric, Ground.NOT_SEPARATED, separation=found)
     fit = fit_factor(columns, name, response, error)

@@ -9,7 +9,7 @@ import xarray as xr
 
 from tripod_doe.analysis.stability import RunKind
 from tripod_doe.joint.models import MODELS
-from tripod_doe.quantities import number
+from tripod_doe.quantities import level, number
 from tripod_doe.report.speed_accuracy import find_in_speed_accuracy, price_table
 from tripod_doe.report.stability import border_text, measured_border
 from tripod_doe.simulator import Outcome
@@ -67,7 +67,7 @@ def choosing_page(accuracy: xr.Dataset, borders: Mapping[str, xr.Dataset]) -> st
         _table(["Model", "Lacks", "Ignores"], [_blind_spots(name) for name in MODELS]),
         _VIBRATING,
         "\n## Which method\n\nA study without `method` uses the default. Price at "
-        f"{100 * float(accuracy.attrs['target']):g} % error of each scene's first quantity:\n",
+        f"{level(100 * float(accuracy.attrs['target']))} % error of each scene's first quantity:\n",
         _table(*price_table(accuracy)),
         "\n## Stability limits\n\nLargest step or tolerance up to which all runs are right, in the base case of each "
         "study; the limit that theory predicts; and, over all cases of the study, how many runs were rejected by their "
@@ -99,16 +99,17 @@ def _choices(runs: xr.Dataset) -> list[list[str]]:
         known_to = float(error[good].min()) if good.any() else np.nan
         for allowed in _ALLOWED if good.any() else ():
             found = np.flatnonzero(good & (error <= allowed))
-            start = [str(part["quantity_meaning"].item()), f"{100 * allowed:g} %"]
+            start = [str(part["quantity_meaning"].item()), f"{level(100 * allowed)} %"]
             if not found.size:
-                rows.append([*start, "–", "–", f"{100 * known_to:.2g} % at best", "–", "–"])
+                rows.append([*start, "–", "–", f"{number(100 * known_to, 2)} % at best", "–", "–"])
                 continue
             at = found[np.argmin(price[found])]
             kind = "step" if part["setting_kind"].values[at] == "step_s" else "tolerance"
+            setting = level(float(part["setting"].values[at]))
             rows.append([
-                *start, str(part["model"].values[at]), f"{part['run_method'].values[at]}, {kind} "
-                f"{float(part['setting'].values[at]):g}", f"{100 * error[at]:.2g} %", number(float(price[at])),
-                f"{of_default / price[at]:.3g}",
+                *start, str(part["model"].values[at]), f"{part['run_method'].values[at]}, {kind} {setting}",
+                f"{number(100 * error[at], 2)} %", number(float(price[at])),
+                number(of_default / price[at]),
             ])  # fmt: skip
     return rows
 

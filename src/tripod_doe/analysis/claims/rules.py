@@ -14,6 +14,7 @@ from tripod_doe.analysis.claims import reasons
 from tripod_doe.analysis.claims.evidence import ANY, Evidence, Measured, MissingPointError, Point
 from tripod_doe.analysis.contribution import PAPER_SHARES, contribution_shares
 from tripod_doe.joint.parameters import point_values
+from tripod_doe.quantities import level, number
 from tripod_doe.study.cube import SWITCH_ROLE
 
 __all__ = ["RULES", "Cases", "Rule"]
@@ -43,7 +44,7 @@ class Cases:
     @property
     def text(self) -> str:
         """The skews of all cases."""
-        told = (f"case {case} ({', '.join(f'{skew:g}' for skew in self.skews(case))})" for case in (1, 2, 3, 4))
+        told = (f"case {case} ({', '.join(level(skew) for skew in self.skews(case))})" for case in (1, 2, 3, 4))
         return f"{', '.join(told)} deg on trunnions 1, 2, 3; chosen, since the paper does not print them"
 
     def skews(self, case: int) -> tuple[float, float, float]:
@@ -114,7 +115,7 @@ def _line(evidence: Evidence, cases: Cases, case: int, factor: str, order: int) 
 
 
 def _told(levels: FloatArray, amplitudes: list[Measured], unit: str) -> str:
-    pairs = (f"{a.value:.4g} N at {level:g}{unit}" for level, a in zip(levels, amplitudes, strict=True))
+    pairs = (f"{number(a.value)} N at {level(value)}{unit}" for value, a in zip(levels, amplitudes, strict=True))
     return f"Values: {', '.join(pairs)}."
 
 
@@ -144,7 +145,7 @@ def _third_dominates(evidence: Evidence, cases: Cases) -> Measured:
         sizes[3] = 0
         other = int(np.argmax(sizes))
         third = point.amplitude(3).value
-        note = f"Next largest is order {other}: {sizes[other]:.3g} N, the third {third:.4g} N (case {case})."
+        note = f"Next largest is order {other}: {number(sizes[other])} N, the third {number(third, 4)} N (case {case})."
         found.append(_ratio(point.amplitude(other), point.amplitude(3), note=note))
     return max(found, key=lambda ratio: ratio.value)
 
@@ -164,7 +165,8 @@ def _straight(evidence: Evidence, cases: Cases) -> Measured:
     for case in (1, 2):
         angles, amplitudes = _line(evidence, cases, case, "joint_angle_deg", 3)
         slope, offset, straight = _fit(angles, amplitudes)
-        note = f"Case {case}: {slope:.4g} N/deg times the joint angle {offset:+.3g} N."
+        sign = "plus" if offset >= 0 else "minus"
+        note = f"Case {case}: {number(slope)} N/deg times the joint angle {sign} {number(abs(offset))} N."
         found.append(Measured(straight, math.nan, f"{note} {_told(angles, amplitudes, ' deg')}"))
     return min(found, key=lambda fit: fit.value)
 
@@ -179,7 +181,7 @@ def _offset(evidence: Evidence, cases: Cases) -> Measured:
 
 def _same_third(evidence: Evidence, cases: Cases) -> Measured:
     amplitudes = [_point(evidence, cases, case).amplitude(3) for case in (1, 2, 3, 4)]
-    return _spread(amplitudes, note=f"Cases 1 to 4: {', '.join(f'{a.value:.4g}' for a in amplitudes)} N.")
+    return _spread(amplitudes, note=f"Cases 1 to 4: {', '.join(number(a.value, 4) for a in amplitudes)} N.")
 
 
 def _same_third_over_angle(evidence: Evidence, cases: Cases) -> Measured:
@@ -192,7 +194,7 @@ def _same_third_over_angle(evidence: Evidence, cases: Cases) -> Measured:
 
 def _beat(evidence: Evidence, cases: Cases) -> Measured:
     point = _point(evidence, cases, 2)
-    return _ratio(point.amplitude(2), point.amplitude(3), 100, f"Second order: {point.amplitude(2).value:.3g} N.")
+    return _ratio(point.amplitude(2), point.amplitude(3), 100, f"Second order: {number(point.amplitude(2).value)} N.")
 
 
 def _second_above_fourth(evidence: Evidence, cases: Cases) -> Measured:
@@ -203,7 +205,7 @@ def _second_above_fourth(evidence: Evidence, cases: Cases) -> Measured:
 def _with_skew(evidence: Evidence, cases: Cases) -> Measured:
     first, second = (_point(evidence, cases, case).amplitude(2) for case in (1, 2))
     skews = cases.large / cases.small
-    return _ratio(second, first, 1 / skews, f"{first.value:.3g} N in case 1, {second.value:.3g} N in case 2.")
+    return _ratio(second, first, 1 / skews, f"{number(first.value)} N in case 1, {number(second.value)} N in case 2.")
 
 
 def _without_skew(evidence: Evidence, cases: Cases) -> Measured:
@@ -230,7 +232,7 @@ def _second_over_angle(evidence: Evidence, cases: Cases) -> Measured:
 def _equal_skews(evidence: Evidence, cases: Cases) -> Measured:
     equal = _point(evidence, cases, 3)
     left, uneven = equal.amplitude(2), _point(evidence, cases, 2).amplitude(2)
-    note = f"Second order: {left.value:.3g} N in case 3, {uneven.value:.3g} N in case 2. {_skews_at_end(equal)}"
+    note = f"Second order: {number(left.value)} N in case 3, {number(uneven.value)} N in case 2. {_skews_at_end(equal)}"
     return _ratio(left, uneven, 100, note.strip())
 
 
@@ -248,13 +250,13 @@ def _regular(evidence: Evidence, cases: Cases) -> Measured:
     if not np.abs(local).min() > 0:
         raise MissingPointError("a local second order is zero and has no phase")
     steps = np.degrees(np.angle(np.roll(local, -1) * local.conj() * np.exp(-2j * np.radians(120))))
-    return Measured(float(np.abs(steps).max()), note=f"Local second orders of {np.abs(local).mean():.3g} N.")
+    return Measured(float(np.abs(steps).max()), note=f"Local second orders of {number(float(np.abs(local).mean()))} N.")
 
 
 def _local_first(evidence: Evidence, cases: Cases) -> Measured:
     point = _point(evidence, cases, 2)
     local = float(np.abs(point.at_grooves(1)).mean())
-    return _ratio(point.amplitude(1), Measured(local, 0.0), 100, f"Mean of the grooves: {local:.3g} N.")
+    return _ratio(point.amplitude(1), Measured(local, 0.0), 100, f"Mean of the grooves: {number(local)} N.")
 
 
 def _three_local(evidence: Evidence, cases: Cases) -> Measured:
@@ -267,7 +269,7 @@ def _local_orders(evidence: Evidence, cases: Cases) -> Measured:
     size = {order: float(np.abs(point.at_grooves(order)).mean()) for order in range(1, 13)}
     others = max(size[order] for order in range(4, 13))
     ranked = sorted(size, key=lambda order: -size[order])
-    told = ", ".join(f"order {order} {size[order]:.3g} N" for order in ranked[: max(5, ranked.index(2) + 1)])
+    told = ", ".join(f"order {order} {number(size[order])} N" for order in ranked[: max(5, ranked.index(2) + 1)])
     return Measured(others / min(size[order] for order in (1, 2, 3)), note=f"Means of the grooves: {told}.")
 
 
@@ -310,7 +312,7 @@ def _ablates(cube: Any, point: Point, cases: Cases) -> bool:
 def _needle_sliding(evidence: Evidence, cases: Cases) -> Measured:
     off = _point(evidence, cases, 2, needle_sliding=0).amplitude(2)
     whole = _point(evidence, cases, 2).amplitude(2)
-    return _ratio(off, whole, 100, f"{off.value:.3g} N without needle sliding, {whole.value:.3g} N with it.")
+    return _ratio(off, whole, 100, f"{number(off.value)} N without needle sliding, {number(whole.value)} N with it.")
 
 
 def _skew_stays(evidence: Evidence, cases: Cases) -> Measured:
@@ -320,7 +322,7 @@ def _skew_stays(evidence: Evidence, cases: Cases) -> Measured:
         mean, least, most = (summary.sel(statistic=name).values for name in ("mean", "min", "max"))
         start = np.array(cases.skews(case))
         told = ", ".join(
-            f"{s:g} -> {m:.2f} (range {low:.2f} to {high:.2f})"
+            f"{level(s)} -> {m:.2f} (range {low:.2f} to {high:.2f})"
             for s, m, low, high in zip(start, mean, least, most, strict=True)
         )
         change = 100 * float(np.abs(mean / start - 1).max())
@@ -351,8 +353,8 @@ def _friction_from_rest(evidence: Evidence, cases: Cases) -> Measured:
     felt = np.array([float(point.output("axial_force_n")) for point in points]) / normal / full
     slow, fast = int(velocity.argmin()), int(velocity.argmax())
     note = (
-        f"The coefficient is {100 * felt[slow]:.3g} % of its full value at {velocity[slow]:g} times the transition "
-        f"velocity, {100 * felt[fast]:.4g} % at {velocity[fast]:g} times."
+        f"The coefficient is {number(100 * felt[slow])} % of its full value at {level(velocity[slow])} times the "
+        f"transition velocity, {number(100 * felt[fast], 4)} % at {level(velocity[fast])} times."
     )
     return Measured(100 * float(np.abs(felt - np.tanh(velocity)).max()), note=note)
 
@@ -371,7 +373,7 @@ def _loci(evidence: Evidence) -> dict[str, tuple[float, float]]:
 
 def _locus_straight(evidence: Evidence, cases: Cases) -> Measured:
     drift, travel = _loci(evidence)["equal"]
-    return Measured(100 * abs(drift / travel), note=f"Drift {drift:.3g} mm, travel {travel:.3g} mm.")
+    return Measured(100 * abs(drift / travel), note=f"Drift {number(drift)} mm, travel {number(travel)} mm.")
 
 
 def _loci_apart(evidence: Evidence, cases: Cases) -> Measured:

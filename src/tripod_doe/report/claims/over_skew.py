@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analysis.claims.verdicts import Verdict
+from tripod_doe.quantities import level
 from tripod_doe.report.claims.verdicts import claim_limits, claim_value
 
 __all__ = ["find_over_skew", "over_skew_table"]
@@ -28,7 +29,7 @@ def find_over_skew(claims: xr.Dataset) -> list[str]:
         else:
             sentences.append(f"Depends on the skew: {what}. It holds at {_listed(skews[known][holds])} deg; "
                              f"{row['quantity'].item()}: {_course(row, known)}.")  # fmt: skip
-    ends = f"{skews.min():g} to {skews.max():g} deg"
+    ends = f"{level(skews.min())} to {level(skews.max())} deg"
     first = (
         f"The paper does not print its skews. With skews from {ends} in cases 2 to 4 and half of that in case 1, "
         f"{len(groups[True])} of {claims.sizes['claim']} claims hold at every skew, {len(groups[False])} at none, and "
@@ -46,11 +47,11 @@ def _course(row: xr.Dataset, known: np.ndarray) -> str:
     """The value at the least and at the greatest skew."""
     places = np.flatnonzero(known)
     ends = [row.isel(skew_deg=int(at)) for at in (places[0], places[-1])]
-    return " and ".join(f"{claim_value(end)} at {float(end['skew_deg']):g} deg" for end in ends)
+    return " and ".join(f"{claim_value(end)} at {level(float(end['skew_deg']))} deg" for end in ends)
 
 
 def _listed(values: np.ndarray) -> str:
-    told = [f"{value:g}" for value in values]
+    told = [level(value) for value in values]
     return told[0] if len(told) == 1 else f"{', '.join(told[:-1])} and {told[-1]}"
 
 
@@ -71,4 +72,4 @@ def over_skew_table(claims: xr.Dataset) -> tuple[list[str], list[list[str]]]:
                 claim_limits(row),
             ]
         )
-    return ["Claim", *(f"{skew:g} deg" for skew in claims["skew_deg"].values), "Holds if"], rows
+    return ["Claim", *(f"{level(skew)} deg" for skew in claims["skew_deg"].values), "Holds if"], rows
