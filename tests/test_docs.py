@@ -13,6 +13,7 @@ import pytest
 
 import tripod_doe as td
 from tripod_doe.cli import _parser
+from tripod_doe.joint.model_error import RECORDED, STEPS
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.simulator import simulator as joint
 from tripod_doe.mechanics.integrators.registry import METHODS
@@ -73,6 +74,24 @@ def test_models_and_what_they_ignore():
     assert [row[0] for row in table("models.md", "models")] == [f"`{name}`" for name in MODELS]
     for name, ignored in table("models.md", "ignored parameters"):
         assert set(names(ignored)) == MODELS[name.strip("`")].ignores
+
+
+def test_the_ranges_of_the_models_are_those_of_the_code():
+    told = [(f"`{name}`", valid.text, valid.reason) for name, model in MODELS.items() for valid in model.valid]
+    assert [tuple(row) for row in table("models.md", "ranges")] == told
+
+
+def test_the_measured_errors_are_those_of_the_record():
+    """Exact: medians and ninth deciles over the joint angle, as printed."""
+    record = pd.read_csv(RECORDED, comment="#")
+    rows = table("models.md", "measured errors")
+    for angle, *cells in rows:
+        low, high = (float(end) for end in re.findall(r"[\d.]+", angle))
+        part = record[record["joint_angle_deg"].between(low, high, inclusive="left")]
+        for (model, _), cell in zip(STEPS, cells, strict=True):
+            errors = 100 * part[model].abs().dropna()
+            median, decile = (f"{float(f'{value:.2g}'):g}" for value in (errors.median(), errors.quantile(0.9)))
+            assert cell == f"{median} ({decile}), {errors.size} points"
 
 
 def test_which_model_computes_which_output():

@@ -300,7 +300,7 @@ def _run(options: argparse.Namespace) -> int:
         options.study, options.out, options.workers, options.scheduler, options.retry_failed, options.fail_fast,
         oversubscribe=options.oversubscribe,
     )  # fmt: skip
-    for sentence in [*summary.answers, *summary.findings]:
+    for sentence in [*summary.answers, *summary.findings, *summary.model_notes]:
         print(sentence, file=sys.stderr)
     for name, reason in summary.analyses.items():
         if reason:
@@ -341,6 +341,8 @@ def _query(options: argparse.Namespace) -> int:
         return _query_netcdf(options)
     with opened_arrays(options.cube) as cube:
         columns = records(cube, options.variable, options.select, options.nearest, options.where)
+        for note in cube.model_notes:
+            print(note, file=sys.stderr)
     text = records_text(columns, form)
     if options.output is None:
         print(text)
@@ -391,6 +393,7 @@ def _point_answer(point: SimulatedPoint) -> dict[str, Any]:
         "coordinates": {name: _plain(labels.tolist()) for name, labels in point.coordinates.items()},
         "outcome": point.outcome.label,
         "outcome_detail": point.detail,
+        "model_notes": point.model_notes,
         "cost": point.cost,
     }
 

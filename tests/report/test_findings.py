@@ -194,3 +194,22 @@ def test_main_effect_of_a_sampled_factor_is_the_mean_of_its_classes(make_cube):
     lowest = cube["y"].values[cube["x"].values < np.quantile(cube["x"], 0.1)]
     assert effect.mean[0] == pytest.approx(lowest.mean())
     assert effect.lower[0] == pytest.approx(np.quantile(lowest, 0.25))
+
+
+STILL = """
+[study]
+name = "Speed"
+[base]
+model = "{model}"
+[factors]
+speed_rpm = {{ values = [300, 600, 1200] }}
+[keep]
+outputs = ["thrust_amplitude"]
+"""
+
+
+def test_an_effect_that_the_model_leaves_out_is_told_as_such(make_cube):
+    """The third order of `equilibrium` does not change with speed, since it has no inertia; others have it."""
+    told = "What speed changes is not all there: this model has no inertia."
+    assert told in find(make_cube(STILL.format(model="equilibrium")))
+    assert told not in find(make_cube(STILL.format(model="kinetostatic")))

@@ -170,3 +170,17 @@ def test_a_metric_that_is_not_finite_does_not_pass():
     result.outputs["thrust_amplitude"].data[3, 3] = np.nan
     with pytest.raises(td.CubeError, match="thrust_amplitude: a finished point is not finite"):
         build_cube(study, points, keys, iter([FinishedBlock(keys, result, cpu, wall, "0")]))
+
+
+def test_a_cube_names_its_model_and_the_error_known_for_it():
+    study = parse_study(
+        '[study]\nname = "m"\n[factors]\njoint_angle_deg = {values = [1, 10, 30]}\n[keep]\noutputs = ["thrust_amplitude"]\n'
+    )
+    points = make_points(study)
+    cube, _ = build_cube(study, points, point_keys(study, points), iter([]))
+    assert cube.attrs["models"] == "kinetostatic"
+    assert cube.attrs["model_notes"].startswith("Model kinetostatic: its third order differs from that of needles by")
+    assert "its error is not known at 1 of 3 points (33 %): joint_angle_deg is outside" in cube.attrs["model_notes"]
+    assert np.isfinite(cube["model_error"].values).tolist() == [True, True, False]
+    assert (cube["model_error"] <= cube["model_error_limit"]).values.tolist() == [True, True, False]
+    assert cube["joint_angle_deg"].attrs["source"] == "this study"

@@ -178,3 +178,15 @@ def test_wall_time_counts_the_workers(value):
     plan = td.Plan(10, 10, 0, 3, (0.5, 1.0, 2.0), 100, 5, False, ("careful",))
     assert f"on {value} workers" in plan.describe(value)
     assert "careful" in plan.describe(value)
+
+
+def test_a_plan_warns_of_points_outside_the_range_of_their_model():
+    text = (
+        '[study]\nname = "w"\n[base]\nmodel = "equilibrium"\n[factors]\njoint_angle_deg = {values = [1, 2, 10, 12]}\n'
+    )
+    plan = td.plan(parse_study(text), timing=False)
+    assert any(
+        text.startswith("Model equilibrium holds for swing_ratio") and "2 of 4 points (50 %)" in text
+        for text in plan.warnings
+    )
+    assert "model        equilibrium: its third order differs" in plan.describe()

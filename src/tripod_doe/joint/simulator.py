@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,11 +11,23 @@ from numpy.typing import NDArray
 from tripod_doe.joint import models
 from tripod_doe.joint.candidates import JOINT_CANDIDATES
 from tripod_doe.joint.feasibility import infeasible
+from tripod_doe.joint.model_error import FINEST, QUANTITY, known_errors
+from tripod_doe.joint.operating_ratios import RATIOS, operating_ratios
 from tripod_doe.joint.outputs import JOINT_OUTPUTS
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values, point_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.sources import source_hashes
-from tripod_doe.simulator import NUMERICS, BlockResult, Methods, Outcome, Simulator, Value, is_set
+from tripod_doe.simulator import (
+    NUMERICS,
+    BlockResult,
+    Departure,
+    Methods,
+    ModelErrors,
+    Outcome,
+    Simulator,
+    Value,
+    is_set,
+)
 
 __all__ = ["JointSimulator", "simulator"]
 
@@ -28,6 +40,7 @@ class JointSimulator(Simulator):
     outputs = JOINT_OUTPUTS
     source_hash = source_hashes().results
     candidates = JOINT_CANDIDATES
+    model_names = tuple(models.MODELS)
 
     def methods(self, values: Mapping[str, Value]) -> Methods:
         """Methods of the model that these values name."""
@@ -45,6 +58,47 @@ class JointSimulator(Simulator):
             for name in factors
             if all(name in model.ignores for model in in_play)
         ]
+
+    def model_errors(self, points: Mapping[str, NDArray[Any]]) -> ModelErrors:
+        """Errors of the third order against `needles`, from measured points like these."""
+        count = len(points["model"])
+        expected, limit, unknown = np.empty(count), np.empty(count), np.empty(count, object)
+        for model, rows, own in _by_model(points):
+            expected[rows], limit[rows], unknown[rows] = known_errors(model.name, own)
+        return ModelErrors(QUANTITY, FINEST, np.asarray(points["model"], object), expected, limit, unknown)
+
+    def departures(self, points: Mapping[str, NDArray[Any]]) -> list[Departure]:
+        """The ranges in which the models of some points hold, each with the points that leave it."""
+        found = []
+        for model, rows, own in _by_model(points):
+            quantities = own | operating_ratios(own)
+            for left in model.valid:
+                outside = np.zeros(len(points["model"]), bool)
+                outside[rows] = ~((quantities[left.quantity] >= left.low) & (quantities[left.quantity] <= left.high))
+                found.append(Departure(model.name, left, outside))
+        return found
+
+    def describe_model(self, model: str) -> dict[str, Any]:
+        """What a model ignores and where it holds, as plain data."""
+        found = models.MODELS[model]
+        return {
+            "ignores": sorted(found.ignores),
+            "holds": [
+                {
+                    "quantity": valid.quantity,
+                    "minimum": valid.low if np.isfinite(valid.low) else None,
+                    "maximum": valid.high if np.isfinite(valid.high) else None,
+                    "unit": valid.unit,
+                    "meaning": RATIOS.get(valid.quantity) or self.parameters[valid.quantity].meaning,
+                    "reason": valid.reason,
+                }
+                for valid in found.valid
+            ],
+        }
+
+    def missing_effects(self, model: str) -> Mapping[str, str]:
+        """Parameters that lack an effect in a model, each with what the model leaves out."""
+        return models.MODELS[model].lacks
 
     def compile(self, model: str, method: str) -> None:
         """Compile the kernels of a model and a method, or load their machine code, by a short run."""
@@ -91,6 +145,15 @@ class JointSimulator(Simulator):
         for row, kind in enumerate(kinds):
             rows.setdefault(kind, []).append(row)
         return [(kind, np.array(rows[kind])) for kind in sorted(rows)]
+
+
+def _by_model(
+    points: Mapping[str, NDArray[Any]],
+) -> Iterator[tuple[models.Model, NDArray[np.int64], dict[str, NDArray[Any]]]]:
+    """The points of each model: their positions and all their parameters."""
+    for name in dict.fromkeys(map(str, points["model"])):
+        rows = np.flatnonzero(points["model"] == name)
+        yield models.MODELS[name], rows, {key: np.asarray(column)[rows] for key, column in points.items()}
 
 
 def _values(model: models.Model, method: str, columns: Mapping[str, NDArray[Any]]) -> JointValues[NDArray[np.float64]]:

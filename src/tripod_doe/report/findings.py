@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import xarray as xr
 
 from tripod_doe.quantities import level, number, with_unit
 from tripod_doe.report.effects import effects_on, find_effects, point_columns, unseparated
+from tripod_doe.report.model_choice import asked_orders
 from tripod_doe.report.responses import (
     ORDINALS,
     Response,
     asked,
     factor_label,
+    factor_names,
     factor_unit,
     finished,
     listed,
@@ -45,8 +49,9 @@ def find(cube: xr.Dataset) -> list[str]:
         return [f"None of {total:,} points finished: {_reasons(cube)}."]
     sentences, shown = [], with_all_on(cube)
     if bool(finished(shown).any()):
-        sentences = [_dominant_order(shown)] if "thrust_amplitude" in cube else []
-        sentences += _responses(shown)
+        every_order = "thrust_amplitude" in cube and asked_orders(cube) is None
+        sentences = [_dominant_order(shown)] if every_order else []
+        sentences += _responses(shown) + _missing_effects(shown)
     if "attempt" in cube and (changed := int(((cube["attempt"] > 0) & finished(cube)).sum())):
         sentences.append(f"{changed:,} of {total:,} points finished only after a retry.")
     if "accuracy_met" in cube:
@@ -71,6 +76,16 @@ def _responses(cube: xr.Dataset) -> list[str]:
     return sentences + unseparated(cube, lost) + _one_level(cube)
 
 
+def _missing_effects(cube: xr.Dataset) -> list[str]:
+    """State of which factors the effect is not complete, since no model of the study has all of it."""
+    missing = json.loads(str(cube.attrs.get("missing_effects", "{}")))
+    return [
+        f"What {factor_label(cube, factor)} changes is not all there: {missing[factor]}."
+        for factor in factor_names(cube)
+        if factor in missing and np.unique(cube[factor].values).size > 1
+    ]
+
+
 def _notes(cube: xr.Dataset) -> list[str]:
     """State how many finished points have a note, with the first note."""
     if "outcome_detail" not in cube:
@@ -92,7 +107,20 @@ def _chosen(cube: xr.Dataset) -> str:
         told = ": " + ", ".join(f"{words.get(m, f'{m:g}')} at {n:,}" for m, n in zip(models, counts, strict=True))
     unmet = int((cube["accuracy_met"].values[inside] == 0).sum())
     short = f"; {unmet:,} are not expected to meet the accuracy" if unmet else ""
-    return f"The model was chosen for each point{told} of {int(inside.sum()):,} points{short}."
+    return f"The model was chosen for each point{told} of {int(inside.sum()):,} points{short}.{_not_asked(cube)}"
+
+
+def _not_asked(cube: xr.Dataset) -> str:
+    """State that other orders and the waveform are not shown; empty where they are not in the cube."""
+    orders = asked_orders(cube)
+    if orders is None:
+        return ""
+    others = " and the waveform" if "thrust" in cube else ""
+    told = listed([ORDINALS[order] for order in orders])
+    return (
+        f" Accuracy was asked for the {told} only: other orders{others} are not shown, since they come from models of "
+        "different error."
+    )
 
 
 def _reasons(cube: xr.Dataset) -> str:

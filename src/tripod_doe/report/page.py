@@ -26,10 +26,12 @@ from tripod_doe.report.figures import (
     index_charts,
     kept_skew_charts,
     locus_chart,
+    model_choice_chart,
     spectrum_chart,
     waveform_charts,
 )
 from tripod_doe.report.findings import find
+from tripod_doe.report.model_choice import asked_orders
 from tripod_doe.report.responses import asked, design_kind, factor_names, factor_unit, finished, spoken, with_all_on
 from tripod_doe.report.tables import (
     cost_rows,
@@ -39,6 +41,8 @@ from tripod_doe.report.tables import (
     numerics_rows,
     outcome_counts,
 )
+from tripod_doe.simulator import NOTABLE_ERROR
+from tripod_doe.study.model_records import MODEL_ERROR
 from tripod_doe.study.netcdf import read_dataset
 from tripod_doe.study.results import is_shown, open_cube
 
@@ -104,8 +108,12 @@ def make_page(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset]) -> str:
         findings=find(cube),
         answers=[sentence for name, result in analyses.items() for sentence in findings_of(name, result)],
         loci=locus_chart(shown),
-        waveforms=waveform_charts(shown),
-        spectrum=spectrum_chart(shown),
+        model_notes=str(cube.attrs.get("model_notes", "")).splitlines(),
+        notable=MODEL_ERROR in cube and bool((cube[MODEL_ERROR] > NOTABLE_ERROR).any()),
+        choice=model_choice_chart(cube),
+        asked_orders=asked_orders(cube),
+        waveforms=waveform_charts(shown) if asked_orders(cube) is None else [],
+        spectrum=spectrum_chart(shown) if asked_orders(cube) is None else None,
         skews=kept_skew_charts(shown) + findings_over_skew_charts(shown),
         effects=effect_charts(shown),
         indices=index_charts(analyses, cube),

@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.quantities import level, with_unit
+from tripod_doe.report.model_choice import asked_orders
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import COST_VARIABLES, EXCLUDED, RECORD_ROLE, SWITCH_ROLE
 
@@ -210,15 +211,17 @@ def numeric_factors(cube: xr.Dataset) -> list[str]:
 def responses(cube: xr.Dataset) -> list[Response]:
     """The responses that sentences and figures show: orders of the thrust, or a function's own numbers.
 
-    Orders that are small against the largest one are left out, as are checks of the numerics.
+    Orders that are small against the largest one are left out, as are checks of the numerics, and orders for which no
+    accuracy was asked where a pilot chose the models: from point to point they are those of different models.
     """
     if "thrust_amplitude" in cube:
         amplitude = cube["thrust_amplitude"]
         largest = float(amplitude.max()) if amplitude.notnull().any() else 0.0
         found = []
-        for order in (3, 2, 1):
+        wanted = asked_orders(cube)
+        for order in (3, 2, 1) if wanted is None else wanted:
             values = amplitude.sel(order=order, drop=True)
-            if order == 3 or float(values.max()) > _VISIBLE * largest:
+            if order == 3 or wanted is not None or float(values.max()) > _VISIBLE * largest:
                 error = _error_of_order(cube, order)
                 found.append(Response(f"thrust_amplitude_order_{order}", ORDINALS[order], "N", values, error))
         return found

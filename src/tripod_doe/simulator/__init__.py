@@ -2,29 +2,44 @@
 
 from tripod_doe.simulator.block import WORK, BlockResult, Retries, Values
 from tripod_doe.simulator.candidate import Candidate
+from tripod_doe.simulator.model_error import (
+    NOTABLE_ERROR,
+    Departure,
+    ModelErrors,
+    ValidRange,
+    departure_texts,
+    model_error_texts,
+)
 from tripod_doe.simulator.outcome import DETAIL_ATTRIBUTES, OUTCOME_ATTRIBUTES, OUTCOME_MEANINGS, Outcome
 from tripod_doe.simulator.output import Dimension, Output
 from tripod_doe.simulator.parameter import Parameter, Value, check_parameters, is_set
-from tripod_doe.simulator.simulator import NUMERICS, Methods, Simulator, by_name
+from tripod_doe.simulator.simulator import NUMERICS, Methods, Simulator, by_name, model_notes
 
 __all__ = [
     "DETAIL_ATTRIBUTES",
+    "NOTABLE_ERROR",
     "NUMERICS",
     "OUTCOME_ATTRIBUTES",
     "OUTCOME_MEANINGS",
     "WORK",
     "BlockResult",
     "Candidate",
+    "Departure",
     "Dimension",
     "Methods",
+    "ModelErrors",
     "Outcome",
     "Output",
     "Parameter",
     "Retries",
     "Simulator",
+    "ValidRange",
     "Value",
     "Values",
     "by_name",
     "check_parameters",
+    "departure_texts",
     "is_set",
+    "model_error_texts",
+    "model_notes",
 ]

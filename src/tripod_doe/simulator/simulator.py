@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from tripod_doe.errors import InputError
 from tripod_doe.simulator.block import BlockResult
 from tripod_doe.simulator.candidate import Candidate
+from tripod_doe.simulator.model_error import Departure, ModelErrors, departure_texts, model_error_texts
 from tripod_doe.simulator.outcome import Outcome
 from tripod_doe.simulator.output import Dimension, Output
 from tripod_doe.simulator.parameter import Parameter, Value, is_set
 
-__all__ = ["NUMERICS", "Methods", "Simulator", "by_name"]
+__all__ = ["NUMERICS", "Methods", "Simulator", "by_name", "model_notes"]
 
 Methods = Mapping[str, Mapping[str, float]]
 """Methods of a model by name, the default first: the numerics parameters that each uses, with their values where they
@@ -53,6 +54,8 @@ class Simulator(ABC):
         Hash of the sources that decide the results; results with different hashes are not mixed.
     candidates
         What model = "auto" may choose from, from the cheapest to the finest; empty with one model.
+    model_names
+        Names of its models, from the cheapest to the finest; empty with one.
     """
 
     name: str
@@ -60,6 +63,7 @@ class Simulator(ABC):
     outputs: Mapping[str, Output]
     source_hash: str = ""
     candidates: tuple[Candidate, ...] = ()
+    model_names: tuple[str, ...] = ()
 
     @abstractmethod
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
@@ -153,6 +157,28 @@ class Simulator(ABC):
         self._check_numerics(base, factors)
         self.check_lengths(factors, keep)
         return []
+
+    def model_errors(self, points: Mapping[str, NDArray[Any]]) -> ModelErrors | None:
+        """What is known of the errors that the models of some points make; None where there is one model only.
+
+        Parameters
+        ----------
+        points
+            Every parameter by name, as for `simulate`.
+        """
+        return None
+
+    def departures(self, points: Mapping[str, NDArray[Any]]) -> list[Departure]:
+        """The ranges in which the models of some points hold, each with the points that leave it."""
+        return []
+
+    def describe_model(self, model: str) -> dict[str, Any]:
+        """What a model ignores and where it holds, as plain data."""
+        raise KeyError(model)
+
+    def missing_effects(self, model: str) -> Mapping[str, str]:
+        """Parameters that have no effect in a model, or lack a part of it, each with what the model leaves out."""
+        return {}
 
     def effective(self, values: Mapping[str, Value]) -> dict[str, Value]:
         """Complete the values of one point: defaults, what follows from other parameters, and the method's numerics."""
@@ -268,3 +294,19 @@ class Simulator(ABC):
             return
         for model in factors.get("model") or [base.get("model") or self.parameters["model"].default]:
             yield str(model), self.methods({"model": model})
+
+
+def model_notes(simulator: Simulator, points: Mapping[str, NDArray[Any]]) -> list[str]:
+    """Sentences that name the models of some points, the errors known for them, and what ranges the points leave.
+
+    Parameters
+    ----------
+    simulator
+        What simulates the points.
+    points
+        Every parameter by name, as for `Simulator.simulate`.
+    """
+    errors = simulator.model_errors(points)
+    if errors is None:
+        return []
+    return [*model_error_texts(errors), *departure_texts(simulator.departures(points), errors.models)]

@@ -48,7 +48,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class CubeArrays:
-    """A cube without its attributes.
+    """A cube without its attributes, but for the notes on its models.
 
     Attributes
     ----------
@@ -58,11 +58,14 @@ class CubeArrays:
         Labels along the dimensions, and other coordinates such as the factors of a list of points.
     variables
         Everything else.
+    model_notes
+        Sentences on the models behind it and the errors known for them; none in a cube of one model.
     """
 
     sizes: Mapping[str, int]
     coordinates: Mapping[str, Variable]
     variables: Mapping[str, Variable]
+    model_notes: tuple[str, ...] = ()
 
 
 def cube_arrays(cube: xr.Dataset) -> CubeArrays:
@@ -75,6 +78,7 @@ def cube_arrays(cube: xr.Dataset) -> CubeArrays:
         {str(dim): int(size) for dim, size in cube.sizes.items()},
         {str(name): variable(array) for name, array in cube.coords.items()},
         {str(name): variable(array) for name, array in cube.data_vars.items()},
+        _notes(cube.attrs),
     )
 
 
@@ -104,10 +108,14 @@ def opened_arrays(path: str | Path) -> Iterator[CubeArrays]:
                 sizes |= {name: dimension.size for name, dimension in stored[-1].dimensions.items()}
             for name, array in stored[-1].variables.items():
                 (coordinates if name in labels else variables)[name] = _stored_variable(array, file)
-        yield CubeArrays(sizes, coordinates, variables)
+        yield CubeArrays(sizes, coordinates, variables, _notes(stored[0].__dict__))
     finally:
         for dataset in stored:
             dataset.close()
+
+
+def _notes(attributes: Mapping[str, Any]) -> tuple[str, ...]:
+    return tuple(str(attributes.get("model_notes", "")).splitlines())
 
 
 def _coordinate_names(stored: netCDF4.Dataset) -> set[str]:

@@ -26,6 +26,7 @@ from tripod_doe.simulator import (
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points, axis_levels
 from tripod_doe.study.journal import PILOT, FinishedBlock
+from tripod_doe.study.model_records import model_records
 
 __all__ = [
     "COST_VARIABLES",
@@ -90,7 +91,9 @@ def build_cube(
     for block in blocks:
         table.fill(block, *_places(sorted_keys, by_key, block.keys))
     table.detail[~points.allowed] = "excluded by a constraint"
-    attributes = _attributes(study, points)
+    used = _used_columns(study, table, points)
+    models = model_records(study, points, used)
+    attributes = _attributes(study, points) | (models.attributes if models else {})
     cube = xr.Dataset(
         {
             name: _variable(study.simulator.outputs.get(name), dims, data, points)
@@ -98,7 +101,11 @@ def build_cube(
         }
         | _outcome_variables(table, points)
         | _choice_variables(table, points)
-        | _used_variables(study, table, points)
+        | {
+            name: _shaped(points, (), values, {"long_name": meaning, "units": "1", "role": RECORD_ROLE})
+            for name, (values, meaning) in (models.columns if models else {}).items()
+        }
+        | _used_variables(study, used, points)
         | _retry_variables(study, table, points),
         coords=_coordinates(study, points, table.coordinates),
         attrs=attributes,
@@ -229,11 +236,15 @@ def _retry_variables(study: Study, table: _Table, points: Points) -> dict[str, x
     }
 
 
-def _used_variables(study: Study, table: _Table, points: Points) -> dict[str, xr.Variable]:
+def _used_columns(study: Study, table: _Table, points: Points) -> dict[str, NDArray[Any]]:
     """What each point used of the parameters that a pilot chose, or that retries may change."""
     used = dict(points.chosen)
     for name, column in table.used.items():
         used[name] = np.where(table.attempt == _UNKNOWN, points.chosen.get(name, column), column)
+    return used
+
+
+def _used_variables(study: Study, used: Mapping[str, NDArray[Any]], points: Points) -> dict[str, xr.Variable]:
     parameters = study.simulator.parameters
     return {f"{name}_used": _used_variable(parameters[name], column, points) for name, column in used.items()}
 

@@ -13,6 +13,7 @@ from tripod_doe.quantities import duration, size
 from tripod_doe.study.definition import Study, load_study
 from tripod_doe.study.designs import Points, make_points, point_keys
 from tripod_doe.study.failures import Failure, common_failures
+from tripod_doe.study.model_records import model_records
 from tripod_doe.study.timing import time_points
 
 __all__ = ["Plan", "cube_bytes", "plan"]
@@ -46,9 +47,11 @@ class Plan:
     chosen
         Whether a pilot chooses the models, so that nothing can be timed before it has run.
     warnings
-        What the user should know.
+        What the user should know, the ranges of the models that points leave included.
     foreseen
         Points that are known to fail before anything is solved, by outcome and reason.
+    models
+        The models of the points, with the errors known for them.
     """
 
     points: int
@@ -61,6 +64,7 @@ class Plan:
     chosen: bool
     warnings: tuple[str, ...]
     foreseen: tuple[Failure, ...] = field(default=())
+    models: tuple[str, ...] = ()
 
     @property
     def able(self) -> int:
@@ -89,6 +93,7 @@ class Plan:
             lines.append(f"wall time    {duration(self.cpu_hours[1] * 3600 / workers)} on {workers} workers")
         if self.cube_bytes is not None:
             lines.append(f"cube         {size(self.cube_bytes)}")
+        lines += [f"model        {text.removeprefix('Model ')}" for text in self.models]
         return "\n".join(lines + [f"warning      {text}" for text in self.warnings])
 
 
@@ -114,6 +119,7 @@ def plan(study: Study | str | Path, timing: bool = True) -> Plan:
         seconds = time_points(study, _TIMING_SECONDS)
         timed, prices = len(seconds), np.array(seconds) if seconds else _recorded_prices(study, points, able)
     hours, blocks = None, None
+    models = model_records(study, points, {})
     if prices.size:
         total = able.size / 3600
         low, high = np.quantile(prices, (0.25, 0.75))
@@ -128,8 +134,9 @@ def plan(study: Study | str | Path, timing: bool = True) -> Plan:
         cube_bytes(study, points),
         timed,
         study.accuracy is not None,
-        study.warnings,
+        (*study.warnings, *(models.warnings if models else ())),
         tuple(foreseen),
+        tuple(models.told_errors) if models else (),
     )
 
 

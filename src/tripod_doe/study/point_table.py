@@ -19,8 +19,8 @@ _NO_PHASE = "-"
 
 
 def point_table(point: SimulatedPoint) -> str:
-    """Outcome, every output, cost. Waveforms are given by their range, phases only where there is an amplitude."""
-    lines = [f"outcome  {point.outcome.label} {point.detail}".rstrip()]
+    """Outcome, model with its known error, outputs (waveforms by range, phases where there is an amplitude), cost."""
+    lines = [f"outcome  {point.outcome.label} {point.detail}".rstrip(), *point.model_notes]
     for name, values in point.outputs.items():
         unit = point.simulator.outputs[name].unit_text
         if "rotation_deg" in values.dims:

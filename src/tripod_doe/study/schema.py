@@ -48,6 +48,7 @@ def study_schema(scene: str = "joint") -> dict[str, Any]:
         "properties": schema["$defs"]["DesignTable"]["properties"],
         "additionalProperties": sub_designs,
     }
+    schema["x-models"] = {name: simulator.describe_model(name) for name in simulator.model_names}
     schema["x-scenes"] = sorted(SCENES)
     schema["x-outputs"] = {
         output.name: {"unit": output.unit, "dims": list(output.dims), "description": output.meaning}

@@ -17,6 +17,7 @@ from tripod_doe.simulator import (
     Value,
     Values,
     check_parameters,
+    model_notes,
 )
 from tripod_doe.study.scenes import load_simulator
 from tripod_doe.study.task import Task, run_task
@@ -45,6 +46,8 @@ class SimulatedPoint:
         How the point ended, and the reason for failure or a note.
     cost
         CPU and wall seconds without compilation, steps, force evaluations.
+    model_notes
+        The model with the error that is known for such points, and the ranges of the model that the point leaves.
     """
 
     simulator: Simulator
@@ -54,6 +57,7 @@ class SimulatedPoint:
     outcome: Outcome
     detail: str
     cost: Mapping[str, float]
+    model_notes: tuple[str, ...] = ()
 
 
 def simulate_point(scene: str = "joint", **parameters: Any) -> SimulatedPoint:
@@ -78,6 +82,7 @@ def simulate_point(scene: str = "joint", **parameters: Any) -> SimulatedPoint:
             "steps": int(result.steps[0]),
             "force_evaluations": int(result.force_evaluations[0]),
         },
+        tuple(model_notes(simulator, simulator.columns(values, {}, 1))),
     )
 
 
@@ -95,8 +100,9 @@ def simulate(scene: str = "joint", **parameters: Any) -> xr.Dataset:
     -------
     xarray.Dataset
         Every output of the model but those on request, ``outcome`` and ``outcome_detail``; the attributes
-        ``parameters`` (all values that were used) and ``cost`` (CPU and wall seconds without compilation, steps, force
-        evaluations). Outputs are missing where the point did not finish.
+        ``parameters`` (all values that were used), ``model_notes`` (the model and the error known for it) and ``cost``
+        (CPU and wall seconds without compilation, steps, force evaluations). Outputs are missing where the point did
+        not finish.
 
     Raises
     ------
@@ -129,5 +135,6 @@ def simulate(scene: str = "joint", **parameters: Any) -> xr.Dataset:
             "parameters": dict(point.parameters),
             "cost": dict(point.cost),
             "finished": point.outcome is Outcome.FINISHED,
+            "model_notes": point.model_notes,
         },
     )

@@ -50,6 +50,8 @@ class RunSummary:
         Sentences with numbers, from the analyses that the study asks for.
     findings
         Sentences with numbers, from the cube.
+    model_notes
+        The models with the errors known for them, and the ranges of theirs that points leave.
     complete
         Whether every point has been run.
     """
@@ -62,6 +64,7 @@ class RunSummary:
     analyses: dict[str, str]
     answers: Sequence[str]
     findings: Sequence[str]
+    model_notes: Sequence[str]
     complete: bool
 
     @property
@@ -145,6 +148,7 @@ def run_on(
         cube = directory.write_cube(asked, f"tripod-doe run: {computed} points computed")
     analyses = run_analyses(study, cube, directory.path)
     findings, failures = find(cube), asked.failures(cube)
+    notes = str(cube.attrs.get("model_notes", "")).splitlines()
     answers = [
         sentence for name, result in read_analyses(directory.path).items() for sentence in findings_of(name, result)
     ]
@@ -159,6 +163,7 @@ def run_on(
         analyses,
         answers,
         findings,
+        notes,
         complete=computed == missing.size,
     )
 

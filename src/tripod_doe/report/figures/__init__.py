@@ -5,6 +5,7 @@ from tripod_doe.report.figures.contributions import contribution_charts
 from tripod_doe.report.figures.effects import effect_charts
 from tripod_doe.report.figures.indices import index_charts
 from tripod_doe.report.figures.loci import locus_chart
+from tripod_doe.report.figures.model_choice import model_choice_chart
 from tripod_doe.report.figures.skews import findings_over_skew_charts, kept_skew_charts
 from tripod_doe.report.figures.waveforms import spectrum_chart, waveform_charts
 
@@ -16,6 +17,7 @@ __all__ = [
     "index_charts",
     "kept_skew_charts",
     "locus_chart",
+    "model_choice_chart",
     "spectrum_chart",
     "waveform_charts",
 ]

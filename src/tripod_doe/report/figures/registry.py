@@ -6,6 +6,7 @@ from tripod_doe.report.analyses import ANALYSES
 from tripod_doe.report.figures.effects import effect_charts
 from tripod_doe.report.figures.inputs import Figure, of_one, one_chart
 from tripod_doe.report.figures.loci import locus_chart
+from tripod_doe.report.figures.model_choice import model_choice_chart
 from tripod_doe.report.figures.outcomes import outcome_charts
 from tripod_doe.report.figures.paper import (
     friction_law_chart,
@@ -32,6 +33,7 @@ _OF_STUDIES: dict[str, Figure] = {
     "findings-over-skew": of_one(findings_over_skew_charts),
     "spectrum-of-all": one_chart(spectrum_of_all),
     "friction-law": one_chart(friction_law_chart),
+    "model-choice": one_chart(model_choice_chart),
     "outcome-map": of_one(outcome_charts),
 }
 

@@ -1,0 +1,158 @@
+"""The error of each model of the joint at any operating point, from errors that were measured at others.
+
+`model_errors.csv` holds the third order of each model relative to that of a model above it, at operating points that
+cover the field in which joints are used (`benchmarks/model_error.py` makes it from two studies). A point is compared
+with the measured ones that are most like it, by the ratios on which the errors depend: their median is the error to
+expect, and what nine in ten of them do not exceed its limit. The error against `needles` is the sum of those of the
+steps to it. Nothing is known outside of what was measured, and where most of such joints vibrate by themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.joint.operating_ratios import operating_ratios
+from tripod_doe.joint.parameters import JOINT_PARAMETERS
+
+__all__ = ["FINEST", "QUANTITY", "RECORDED", "STEPS", "known_errors"]
+
+FloatArray = NDArray[np.float64]
+
+RECORDED = Path(__file__).with_name("model_errors.csv")
+"""File of the measured errors."""
+
+STEPS = (("equilibrium", "rollers"), ("kinetostatic", "rollers"), ("rollers", "needles"))
+"""Models, and the one above that the error of each was measured against; `needles` are the end of the ladder."""
+
+QUANTITY, FINEST = "third order", "needles"
+"""What the errors are of, and the model that they are measured against in the end."""
+
+_NEAREST = 10
+"""Measured points that a point is compared with."""
+_CHUNK = 1000
+"""Points that are compared at once."""
+_NO_REFERENCE = "this is the finest model, which the others are measured against"
+_NOT_COMPARED = "it was not compared with the others"
+_VIBRATING = "at most measured points like it the joint vibrates by itself, or one of the models has no answer"
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """Points at which the models were compared.
+
+    Attributes
+    ----------
+    names
+        Names of the ratios.
+    low, high
+        Least and largest value of each ratio, shape (ratio,).
+    places
+        Logarithms of the ratios, over the spread of each, shape (measured, ratio).
+    spread
+        Standard deviations of the logarithms, shape (ratio,).
+    errors
+        By model: relative error of its third order, shape (measured,); NaN where the model above has no answer, and
+        infinite where it was not asked.
+    """
+
+    names: tuple[str, ...]
+    low: FloatArray
+    high: FloatArray
+    places: FloatArray
+    spread: FloatArray
+    errors: dict[str, FloatArray]
+
+    def told(self, ratio: int) -> str:
+        """Why nothing is known of points that lie outside in a ratio."""
+        return f"{self.names[ratio]} is outside of the measured {self.low[ratio]:.3g} to {self.high[ratio]:.3g}"
+
+    def near(self, model: str, places: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Median and ninth decile of the errors of a model at the measured points nearest to some places.
+
+        NaN where most of those have no answer.
+        """
+        asked = ~np.isinf(self.errors[model])
+        known_places, known_errors = self.places[asked], self.errors[model][asked]
+        median, decile = np.empty(len(places)), np.empty(len(places))
+        for start in range(0, len(places), _CHUNK):
+            rows = slice(start, start + _CHUNK)
+            apart = np.square(places[rows, None] - known_places).sum(axis=2)
+            nearest = np.argpartition(apart, _NEAREST - 1, axis=1)[:, :_NEAREST]
+            found = np.sort(known_errors[nearest], axis=1)  # NaN last
+            median[rows], decile[rows] = _quantile(found, 0.5), _quantile(found, 0.9)
+        return median, decile
+
+
+def _quantile(found: FloatArray, share: float) -> FloatArray:
+    """Quantile of the numbers of each row, which NaN follow; NaN where those are the most."""
+    known = np.isfinite(found).sum(axis=1)
+    at = np.ceil(share * np.maximum(known - 1, 0)).astype(int)
+    return np.where(2 * known > found.shape[1], found[np.arange(len(found)), at], np.nan)
+
+
+@cache
+def _measured() -> _Measured:
+    with RECORDED.open(encoding="utf-8") as file:
+        table = np.genfromtxt(file, delimiter=",", names=True, skip_header=1)
+    given = set(table.dtype.names or ())
+    ratios = operating_ratios(
+        {
+            name: table[name] if name in given else parameter.column([parameter.default] * table.size)
+            for name, parameter in JOINT_PARAMETERS.items()
+        }
+    )
+    values = np.stack(list(ratios.values()), axis=1)
+    spread = np.log(values).std(axis=0)
+    errors = {}
+    for model, above in STEPS:
+        answered = table[f"{above}_finished"]  # NaN where it was not asked, or the model itself has no answer
+        errors[model] = np.where(np.isnan(answered), np.inf, np.where(answered == 1, np.abs(table[model]), np.nan))
+    return _Measured(tuple(ratios), values.min(axis=0), values.max(axis=0), np.log(values) / spread, spread, errors)
+
+
+def known_errors(model: str, points: Mapping[str, NDArray[Any]]) -> tuple[FloatArray, FloatArray, NDArray[np.object_]]:
+    """What is known of the error that a model makes in the third order of some points.
+
+    Parameters
+    ----------
+    model
+        Name of the model that answers at all of them.
+    points
+        Every parameter by name, in the unit of its name, each of shape (point,).
+
+    Returns
+    -------
+    expected, limit, unknown
+        See `simulator.`; each of shape (point,).
+    """
+    count = len(points["torque_n_m"])
+    expected, limit = np.full((2, count), np.nan)
+    if model not in dict(STEPS):
+        return expected, limit, np.full(count, _NO_REFERENCE if model == FINEST else _NOT_COMPARED, object)
+    measured, ratios = _measured(), operating_ratios(points)
+    values = np.stack([ratios[name] for name in measured.names], axis=1)
+    inside = (values >= measured.low) & (values <= measured.high)
+    within = inside.all(axis=1)
+    places = np.log(values[within]) / measured.spread
+    steps = [measured.near(step, places) for step in _steps_above(model)]
+    expected[within], limit[within] = (sum(found) for found in zip(*steps, strict=True))
+    unknown = np.where(np.isnan(expected), _VIBRATING, "").astype(object)
+    for ratio in range(len(measured.names))[::-1]:  # of several, the first is told
+        unknown[~inside[:, ratio]] = measured.told(ratio)
+    return expected, limit, unknown
+
+
+def _steps_above(model: str) -> list[str]:
+    """Models from this one to the one below the finest."""
+    found, steps = [], dict(STEPS)
+    while model in steps:
+        found.append(model)
+        model = steps[model]
+    return found

@@ -1,0 +1,53 @@
+"""Ratios of an operating point on which it depends how much each model of the joint leaves out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.joint.roller_inertia import roller_inertia
+
+__all__ = ["RATIOS", "operating_ratios"]
+
+FloatArray = NDArray[np.float64]
+
+RATIOS = {
+    "joint_angle_deg": "joint angle",
+    "groove_friction": "sliding friction coefficient mu_s of the grooves",
+    "swing_ratio": "what friction swings a roller in its groove, 2 mu_s (R_g - R_s), over the amplitude of its slip "
+    "along the groove, R_p tan(theta) sin(theta) / 2",
+    "needle_ratio": "sliding friction coefficient of the needles over the joint angle in rad",
+    "inertia_ratio": "force that keeps a roller on its orbit, m_r R_p omega^2, over the mean normal force of a groove, "
+    "|T| / (3 R_p)",
+}
+"""What each ratio is."""
+
+
+def operating_ratios(points: Mapping[str, NDArray[Any]]) -> dict[str, FloatArray]:
+    """Ratios of a block of points, each of shape (point,): those of `RATIOS`; infinite or NaN without angle or torque.
+
+    Parameters
+    ----------
+    points
+        Every parameter by name, in the unit of its name, each of shape (point,).
+    """
+    theta, pitch, roller = np.radians(points["joint_angle_deg"]), points["pitch_radius_mm"], points["roller_radius_mm"]
+    friction = points["groove_sliding_friction"] * points["groove_sliding"]
+    play = (points["groove_radius_ratio"] - 1) * roller
+    slip = pitch * np.tan(theta) * np.sin(theta) / 2
+    bore = (points["needle_pitch_diameter_mm"] + points["needle_diameter_mm"]) / 2 + points[
+        "bearing_radial_clearance_mm"
+    ]
+    mass = roller_inertia(roller, points["roller_width_mm"], bore, 1e-9 * points["density_kg_m3"])[0]  # kg
+    orbit = mass * 1e-3 * pitch * (np.pi / 30 * points["speed_rpm"]) ** 2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return {
+            "joint_angle_deg": np.asarray(points["joint_angle_deg"], float),
+            "groove_friction": friction,
+            "swing_ratio": 2 * friction * play / slip,
+            "needle_ratio": points["needle_sliding_friction"] * points["needle_sliding"] / theta,
+            "inertia_ratio": orbit * 3e-3 * pitch / np.abs(points["torque_n_m"]),
+        }

@@ -1,0 +1,38 @@
+"""What a cube tells of the choice of its models by a pilot: what was asked for, which model answers, its error."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+__all__ = ["asked_orders", "chosen_models", "estimated_errors"]
+
+_ESTIMATE = "_error_estimate"
+
+
+def asked_orders(cube: xr.Dataset) -> list[int] | None:
+    """Orders of the thrust whose accuracy was asked for; None where the study names its model: then all are alike."""
+    if "accuracy_met" not in cube or "thrust_amplitude" not in cube:
+        return None
+    found = (re.fullmatch(rf"thrust_amplitude_(\d+){_ESTIMATE}", str(name)) for name in cube.data_vars)
+    return sorted(int(match[1]) for match in found if match)
+
+
+def chosen_models(cube: xr.Dataset) -> NDArray[np.object_]:
+    """The model that answers at every point, over the dimensions of the design."""
+    used = cube["model_used"] if "model_used" in cube else xr.full_like(cube["outcome"], np.nan, dtype=float)
+    if "flag_meanings" not in used.attrs:
+        return np.asarray(used.values, dtype=object)
+    words = dict(zip(np.asarray(used.attrs["flag_values"]).tolist(), used.attrs["flag_meanings"].split(), strict=True))
+    return np.array([words[flag] for flag in used.values.ravel().tolist()], dtype=object).reshape(used.shape)
+
+
+def estimated_errors(cube: xr.Dataset) -> NDArray[np.float64]:
+    """Largest estimated error over the allowed one of all that was asked for, over the dimensions of the design."""
+    allowed = tomllib.loads(str(cube.attrs["study"])).get("accuracy", {})
+    names = [str(name).removesuffix(_ESTIMATE) for name in cube.data_vars if str(name).endswith(_ESTIMATE)]
+    return np.asarray(np.max([cube[name + _ESTIMATE].values / float(allowed[name]) for name in names], axis=0))

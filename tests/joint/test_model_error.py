@@ -1,0 +1,111 @@
+"""Errors of the models at any operating point: true of what was measured, flagged where large, silent where unknown."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import tripod_doe as td
+from tripod_doe.joint import model_error
+from tripod_doe.joint.model_error import RECORDED, STEPS, known_errors
+from tripod_doe.joint.models import MODELS
+from tripod_doe.joint.simulator import simulator
+from tripod_doe.simulator import model_notes
+from tripod_doe.study.definition import load_study
+
+STUDIES = [f"studies/{name}.toml" for name in ("rungs", "rungs_needles", "joint_angle", "speed_torque")]
+
+
+def points(**varied):
+    """A block of points of the reference joint, but for some columns."""
+    count = max(np.size(value) for value in varied.values())
+    columns = {name: np.broadcast_to(np.asarray(value), (count,)) for name, value in varied.items()}
+    return simulator.columns(
+        {}, {name: simulator.parameters[name].column(column.tolist()) for name, column in columns.items()}, count
+    )
+
+
+def test_the_record_is_made_from_the_studies_as_they_stand(pytestconfig):
+    """Regression: a study that was changed after its run has another hash than the record names."""
+    head = RECORDED.read_text().splitlines()[0]
+    for study in STUDIES:
+        assert load_study(pytestconfig.rootpath / study).hash in head
+
+
+def test_nine_in_ten_of_the_measured_errors_are_within_their_limit(monkeypatch):
+    """Exact by its meaning: each measured point left out in turn; the share is known to 5 % from some 100 points."""
+    measured = model_error._measured()
+    for model, _ in STEPS[:2]:
+        errors = measured.errors[model]
+        within = []
+        for at in np.flatnonzero(np.isfinite(errors)):
+            others = np.arange(errors.size) != at
+            alone = model_error._Measured(
+                measured.names, measured.low, measured.high, measured.places[others], measured.spread,
+                {model: errors[others]},
+            )  # fmt: skip
+            limit = alone.near(model, measured.places[[at]])[1]
+            within.append(errors[at] <= limit[0] if np.isfinite(limit[0]) else None)
+        known = [one for one in within if one is not None]
+        assert len(known) > 50
+        assert 0.8 < np.mean(known) < 0.97, model
+
+
+@pytest.mark.parametrize(("angle", "torque"), [(2, 100), (1, -300)])
+def test_the_equilibrium_is_flagged_at_small_angles(angle, torque):
+    """Published number (issue): at 2 deg, 100 N m it is 56 % off `needles`, `kinetostatic` less than 1 %."""
+    block = points(joint_angle_deg=angle, torque_n_m=torque, model=np.array(["equilibrium", "kinetostatic"], object))
+    found = simulator.model_errors(block)
+    assert found.expected[0] > 0.1
+    assert not found.expected[1] >= found.expected[0] / 2
+    told = model_notes(simulator, {name: column[:1] for name, column in block.items()})
+    assert "above 5 %: take a finer model" in told[0]
+
+
+def test_nothing_is_known_outside_of_what_was_measured():
+    expected, limit, unknown = known_errors("kinetostatic", points(joint_angle_deg=[10.0, 40.0, 0.0]))
+    assert np.isfinite([expected[0], limit[0]]).all()
+    assert np.isnan(expected[1:]).all()
+    assert all("is outside of the measured" in reason for reason in unknown[1:])
+    assert unknown[0] == ""
+
+
+def test_models_that_nothing_is_measured_against_say_so():
+    assert "finest model" in known_errors("needles", points(joint_angle_deg=10.0))[2][0]
+    assert "not compared" in known_errors("closed-form", points(joint_angle_deg=10.0))[2][0]
+
+
+def test_the_error_against_needles_is_the_sum_of_the_steps():
+    """Exact: that of the balance against the rollers, and that of the rollers."""
+    block = points(joint_angle_deg=[6.0, 12.0])
+    balance, rollers = (known_errors(model, block)[0] for model in ("kinetostatic", "rollers"))
+    assert (balance > rollers).all()
+
+
+def test_every_range_is_of_a_parameter_or_a_ratio_and_only_points_outside_leave_it():
+    block = points(joint_angle_deg=[1.0, 15.0], model=np.array(["equilibrium"] * 2, object))
+    left = {departure.left.quantity: departure.outside for departure in simulator.departures(block)}
+    assert left["swing_ratio"].tolist() == [True, False]
+    assert not left["bearing_radial_clearance_mm"].any()
+    for name, model in MODELS.items():
+        assert {valid.quantity for valid in model.valid} <= set(left), name
+        assert simulator.describe_model(name)["ignores"] == sorted(model.ignores)
+
+
+@pytest.mark.parametrize("model", ["equilibrium", "kinetostatic"])
+def test_inside_its_range_a_model_is_within_five_per_cent_at_nine_in_ten_measured_points(model):
+    """Measured; the ranges are the widest round ones of which this is true."""
+    table = np.genfromtxt(RECORDED, delimiter=",", names=True, skip_header=1)
+    names = [name for name in table.dtype.names if name in simulator.parameters]
+    block = points(model=np.array([model] * table.size, object), **{name: table[name] for name in names})
+    inside = ~np.any([departure.outside for departure in simulator.departures(block)], axis=0)
+    errors = np.abs(table[model][inside & np.isfinite(table[model])])
+    assert errors.size >= 15
+    assert np.quantile(errors, 0.9) < 0.05
+
+
+def test_an_answer_names_its_model_and_error():
+    result = td.simulate(joint_angle_deg=8, samples_per_revolution=60)
+    assert result.attrs["model_notes"][0].startswith(
+        "Model kinetostatic: its third order differs from that of needles by"
+    )
