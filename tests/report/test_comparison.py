@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from measured import Recorder
 import tripod_doe as td
 from tripod_doe.analysis.comparison import compare
 from tripod_doe.analysis.measurement import rotation_from_tachometer
-from tripod_doe.report.comparison import comparison_json, comparison_text, find_in_comparison
+from tripod_doe.report.comparison import comparison_json, comparison_text, find_in_comparison, order_rows
 from tripod_doe.report.comparison_page import comparison_page, write_comparison
 from tripod_doe.report.figures.comparison import comparison_charts
 
@@ -42,6 +43,21 @@ def test_sentences_say_what_differs_and_what_was_lost(comparison):
     assert told[4].startswith("The record turns at 3")
     assert told[5].startswith("Lost: 2 revolutions left out")
     assert "401 samples" in told[5]
+
+
+def test_an_order_that_the_model_does_not_have_has_no_phase(comparison):
+    for order, row in zip(comparison["order"].values, order_rows(comparison), strict=True):
+        there = float(comparison["model_amplitude"].sel(order=order)) > 1e-9
+        assert (row[7] != "-") == there
+        assert row[8] == "-" or there
+
+
+def test_the_beat_is_told_in_words(comparison):
+    (told,) = [sentence for sentence in find_in_comparison(comparison) if "envelope" in sentence]
+    assert re.fullmatch(r"The envelope of the measured thrust force rises and falls by [\d.]+ % about its mean; that of "
+                        r"the model rises and falls by [\d.]+ % about its mean\.", told)  # fmt: skip
+    still = comparison.assign(model_envelope=0 * comparison["model_envelope"] + 5)
+    assert "that of the model is constant." in " ".join(find_in_comparison(still))
 
 
 def test_table_and_json_hold_the_numbers(comparison):

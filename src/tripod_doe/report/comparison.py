@@ -126,14 +126,16 @@ def comparison_text(comparison: xr.Dataset) -> str:
 
 
 def order_rows(comparison: xr.Dataset) -> list[list[str]]:
-    """The orders as text, every number to the digits that its uncertainty leaves."""
-    rows = []
+    """The orders as text, every number to the digits that its uncertainty leaves; an amplitude of zero has no phase."""
+    rows, nothing = [], _NOTHING * float(comparison["model_amplitude"].max())
     for order in comparison["order"].values.tolist():
         of_order = comparison.sel(order=order)
         cells = [str(order)]
         for names, unsure in (_FORCES, "measured_amplitude_uncertainty"), (_PHASES, "measured_phase_uncertainty_deg"):
             sure = float(of_order[unsure])
             measured, model, difference = (_rounded(float(of_order[name]), sure) for name in names)
+            if names is _PHASES and float(of_order["model_amplitude"]) <= nothing:
+                model = difference = "-"
             cells += [measured, _rounded(sure, sure), model, difference]
         rows.append(cells)
     return rows
