@@ -241,6 +241,11 @@ def check_steps(sentence: str, truth: Truth, at: int) -> None:
 def check_weak(sentence: str, truth: Truth, factors: list[int]) -> None:
     """What changes little does so between all points that can be compared."""
     change = max(truth.largest_change(at) for at in factors)
+    if "at any setting" in sentence:  # no point stands at a setting that lacks a level
+        for at in factors:
+            every = [levels.size for levels, _ in truth.groups(at)]
+            assert min(every) == np.unique(truth.points[:, at]).size
+            assert sum(every) == len(np.unique(truth.points, axis=0))
     if "at most" in sentence:
         assert change <= 1.0000001 * number_after("at most ", sentence) / 100 * truth.span
     elif "at these" in sentence:

@@ -333,12 +333,10 @@ class _Teller:
         """For which settings of the other factors that holds."""
         if "varied" in self.cube.coords:
             return ", others at their base values"
-        settings = {effect.of_settings for effect in effects}
-        if settings == {1}:
-            return f", {self._held(effects[0])}" if len(effects) == 1 and effects[0].held else ""
-        if any(effect.ground is Ground.STEPS for effect in effects):
-            return f" between any two points that differ in {'one of them' if len(effects) > 1 else 'it'} alone"
-        return ", at any setting of the other factors that was computed"
+        points = int(np.isfinite(self.response.values.values).sum())
+        if all(effect.settings * effect.level.size >= points for effect in effects):  # all settings, without gaps
+            return ", at any setting of the other factors that was computed"
+        return f" between any two points that differ in {'one of them' if len(effects) > 1 else 'it'} alone"
 
     def unseen(self, effects: list[FactorEffect]) -> str:
         """Factors whose effect does not stand out of the scatter."""

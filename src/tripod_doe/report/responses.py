@@ -107,16 +107,6 @@ class Effect:
     count: NDArray[np.int64]
     sampled: bool
 
-    @property
-    def standard_error(self) -> float:
-        """Largest standard error of the means, taken from the quartiles as of a normal distribution."""
-        return float(((self.upper - self.lower) / 1.35 / np.sqrt(self.count)).max()) if self.mean.size else 0.0
-
-    @property
-    def rise(self) -> float:
-        """Largest less smallest mean."""
-        return float(np.ptp(self.mean)) if self.mean.size else 0.0
-
 
 def spoken(name: str) -> str:
     """A parameter's name in words, without its unit: ``joint_angle_deg`` becomes ``joint angle``."""
