@@ -47,7 +47,7 @@ def one_point(**factors: float) -> float:
     """The task of xyzpy: one point through the kernel."""
     scene = load_simulator("joint")
     columns = {name: np.array([value]) for name, value in factors.items()}
-    result = scene.simulate(scene.columns({}, columns, 1), ["thrust_amplitude"])
+    result = scene.simulate(scene.columns({"model": "equilibrium"}, columns, 1), ["thrust_amplitude"])
     return float(result.outputs["thrust_amplitude"].data[0, 3])
 
 

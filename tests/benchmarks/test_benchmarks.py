@@ -45,6 +45,7 @@ def test_balances_of_the_regression_count_the_same_work_twice(benchmark, name):
 @pytest.mark.parametrize("name", ["rollers", "needles"])
 def test_multibody_workloads_of_the_regression_count_their_steps(benchmark, name):
     counted = benchmark("workload").solve_block(name, 1)["counted"]
+    assert counted["finished"] == 1
     assert counted["steps"] > 100
 
 
@@ -107,9 +108,38 @@ def test_savings_of_a_choice(benchmark):
     assert saved["cheaper_with_pilot"] == 20.0
 
 
+def test_the_reference_of_a_choice_is_its_last_candidate_at_the_points_that_are_compared(benchmark):
+    """Exact: the same points, all with the model that the pilot took as its reference."""
+    auto = benchmark("auto")
+    study = auto.td.load_study(auto.STUDIES / "auto_map.toml")
+    points, last = auto.make_points(study), study.accuracy.candidates[-1]
+    choice = auto.xr.Dataset({"candidate_label": ("candidate_number", ["another", last.label])})
+    chosen = np.array([2, 0])
+    reference = auto.make_points(auto.reference_study(study, choice, chosen)).columns
+    for name, column in points.columns.items():
+        assert reference[name].tolist() == column[chosen].tolist()
+    for name, value in last.values.items():
+        assert reference[name].tolist() == [value, value]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("module", "package"), [("exudyn_needle", "exudyn"), ("roller_peers", "mujoco")])
-def test_peers_import(benchmark, module, package):
-    """Peers are no dependency: where they are installed, their scenes build on today's sources."""
-    pytest.importorskip(package)
-    assert benchmark(module).__all__
+def test_exudyn_finds_the_same_drift_and_force(benchmark):
+    """Where it is installed: the same equations, 1 ms of the needle and of the roller, to what a step of 1e-5 s leaves."""
+    pytest.importorskip("exudyn")
+    scene = benchmark("needle_scene")
+    plates = scene.numbers(scene.needle_between_plates.simulator, duration_s=1e-3)
+    ours = scene.timed(scene.needle_between_plates.build(plates), "rosenbrock", 1e-9, 1e-3)[0].positions[-1, 1, 1]
+    assert benchmark("exudyn_needle").simulate_in_exudyn(plates, 1e-5)[0] == pytest.approx(ours, rel=0.01)
+    groove = scene.numbers(scene.roller_in_groove.simulator)
+    expected = scene.roller_in_groove.closed_form(groove)
+    assert scene.roller_in_exudyn(groove, 1e-4)[0] == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_mujoco_finds_nearly_the_same_force(benchmark):
+    """Where it is installed: another law of friction, so against the force of sharp friction, mu N sin(tilt)."""
+    pytest.importorskip("mujoco")
+    scene = benchmark("needle_scene")
+    groove = scene.numbers(scene.roller_in_groove.simulator)
+    sharp = groove["friction"] * groove["load_n"] * np.sin(np.radians(groove["tilt_deg"]))
+    assert scene.roller_in_mujoco(groove, 1e-4)[0] == pytest.approx(sharp, rel=0.01)
