@@ -1,7 +1,7 @@
 r"""The thrust split into what each friction mechanism adds at the grooves, from the balance of each roller.
 
 A groove is a cylinder along the housing: its normal force has no axial part, so all thrust is sliding friction f of the
-rollers, and asking for the force itself names one mechanism only. What makes that friction is told by its direction.
+rollers, and asking for the force itself names one mechanism only. The direction of the friction shows what causes it.
 With n the normal at the contact, h the roller's own axis through its centre and l = R_s h x n,
 
     f = f_l l / |l| + f_s s,        s across l in the tangent plane:

@@ -6,7 +6,7 @@ energy
     Change of energy against work put in and lost. An explicit step beyond the friction limit chatters: the power mu f
     |v| at its sampled velocities is not the work it does. A ball comes back as much too low as energy is missing.
 slip reversals
-    A slip that reverses from step to step is chatter, not motion: on that part of the slip path nobody knows where
+    A slip that reverses from step to step is chatter, not motion: on that part of the slip path it is unknown where
     friction points. Rolling leaves a slip that reverses over next to no path.
 halved step
     The run, or windows of it, is run again with half the step (or a tenth of the tolerance): `halved_steps`. The error

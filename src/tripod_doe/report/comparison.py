@@ -23,7 +23,7 @@ ORDER_HEADS = (
 _FORCES = ("measured_amplitude", "model_amplitude", "amplitude_difference")
 _PHASES = ("measured_phase_deg", "model_phase_deg", "phase_difference_deg")
 _MOST_DECIMALS = 6
-_CONSTANT = 0.05  # percent about its mean below which nobody sees a beat
+_CONSTANT = 0.05  # percent about its mean below which no beat can be seen
 _NOTHING = 1e-9  # part of the largest below which a number is rounding
 _SPEED_APART = 0.05  # of the model's speed, from which the reader should know
 

@@ -99,7 +99,7 @@ class Contribution:
 
     @property
     def summarised(self) -> str:
-        """How shares at several operating points are told."""
+        """How shares at several operating points are stated."""
         count = len(self.labels)
         if self.many:
             return f"median (and quartiles) over {count:,} operating points"
@@ -107,7 +107,7 @@ class Contribution:
 
     @property
     def many(self) -> bool:
-        """Whether there are so many operating points that only their distribution can be told."""
+        """Whether there are so many operating points that only their distribution can be stated."""
         return len(self.labels) >= _MANY
 
     @property
@@ -236,7 +236,7 @@ def share_rows(part: Contribution) -> tuple[list[str], list[list[str]], list[lis
     Parameters
     ----------
     part
-        Shares of one order or output; of several operating points as `spread` tells them.
+        Shares of one order or output; of several operating points as `spread` says.
     """
     heads = ["Mechanism", *(DEFINITIONS[name] for name in part.shares)]
     rows = [

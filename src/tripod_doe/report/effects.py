@@ -22,7 +22,7 @@ _MINOR = 0.05  # change over the range of the response below which a factor shar
 _ROUNDING = 1e-9  # part of the range of a response that is no effect
 _INVISIBLE = 1e-6  # part of the largest value of a response below which a value is written as zero
 _STRAIGHT = 0.98  # R^2 above which a line is a fair summary
-_EXACT = 0.9999  # R^2 above which nobody sees a difference from it
+_EXACT = 0.9999  # R^2 above which no difference from it can be seen
 _THROUGH_ZERO = 0.02  # offset of that line over its largest value below which it is a proportion
 _MANIFOLD = 2.0  # a single setting that changes so many times more than the mean is worth a remark
 _MOST_HELD = 3  # values of other factors that a sentence can list
@@ -48,7 +48,7 @@ def find_effects(response: Response, cube: xr.Dataset, effects: Sequence[FactorE
     """Yield one sentence per factor that changes the response, then one for those with little effect or none.
 
     A factor has little effect only where no change at any setting of the others is large: one whose mean is flat while
-    single settings differ is told with its interactions.
+    single settings differ is stated with its interactions.
     """
     values = response.values.values
     span = float(np.nanmax(values) - np.nanmin(values))
@@ -138,7 +138,7 @@ class _Teller:
     Attributes
     ----------
     response, cube
-        What is told, and its cube for the names of the factors.
+        What is stated, and its cube for the names of the factors.
     span
         Largest less smallest value of the response.
     """

@@ -132,7 +132,7 @@ def cost_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
 
 
 def _worker_rows(worker: NDArray[np.str_], wall: NDArray[np.float64]) -> list[tuple[str, str, str]]:
-    """Who computed the points, and how fast: those that the pilot has run before are told by themselves."""
+    """Who computed the points, and how fast: those that the pilot ran before are listed separately."""
     rows, here = [], worker != PILOT
     if here.any():
         names, which = np.unique(worker[here], return_inverse=True)

@@ -221,7 +221,7 @@ def _study_of(workflow: Workflow, name: str, table: StudyStep) -> Study:
 
 
 def fed_study(study: Study, table: xr.Dataset, name: str) -> Study:
-    """A study with the points of a table, for instance of a choice of model: its text tells them all.
+    """A study with the points of a table, for instance of a choice of model; its text lists them all.
 
     Parameters
     ----------
@@ -279,7 +279,7 @@ def _overridden(text: str, overrides: Overrides, where: str, suffix: str) -> str
 
 
 class _Digest:
-    """A hash over texts and bytes, each told apart by its length."""
+    """A hash over texts and bytes, each preceded by its length."""
 
     def __init__(self, *texts: str) -> None:
         self._sha = hashlib.sha256()

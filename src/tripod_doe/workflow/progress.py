@@ -13,12 +13,12 @@ from tripod_doe.quantities import count_of, duration
 
 __all__ = ["Progress"]
 
-_FIRST_LINE = 30.0  # seconds after which a log gets a first line; shorter runs are told by their end alone
+_FIRST_LINE = 30.0  # seconds after which a log gets a first line; shorter runs print only their end
 _LONGEST_GAP = 600.0  # seconds between two lines, to which the gaps grow
 
 
 class Progress:
-    """Points that are done, told on standard error.
+    """Points that are done, printed on standard error.
 
     On a terminal a bar is drawn. A log gets a line after half a minute, and then whenever the time since the start has
     doubled, at least every ten minutes: a run of a day takes some 150 lines.
@@ -28,7 +28,7 @@ class Progress:
     total
         Points to compute.
     shown
-        Whether anything is told at all.
+        Whether anything is printed at all.
     """
 
     def __init__(self, total: int, shown: bool) -> None:
