@@ -1,0 +1,63 @@
+"""The README works as pasted: its commands in their order, its Python block as a plain script."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+TEXT = (ROOT / "README.md").read_text()
+FIRST, ACTIVATE, TESTS, *OTHERS = re.findall(r"```bash\n(.*?)```", TEXT, re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def clone(tmp_path_factory):
+    """What a fresh clone holds after the installation; results and new files stay here."""
+    folder = tmp_path_factory.mktemp("clone")
+    for name in ("studies", "workflows", "measurements"):
+        (folder / name).symlink_to(ROOT / name)
+    (folder / ".venv").symlink_to(sys.prefix)
+    return folder
+
+
+def run(clone, script):
+    """Run a script as somebody would who has pasted it, with nothing of this environment on the path."""
+    path = os.pathsep.join(part for part in os.environ["PATH"].split(os.pathsep) if not part.startswith(sys.prefix))
+    return subprocess.run(
+        ["bash", "-euo", "pipefail", "-c", script], cwd=clone, env=os.environ | {"PATH": path},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+def test_the_commands_that_install_are_the_ones_that_ci_runs():
+    installed = r"python3 -m venv --without-pip \.venv && python3 -m pip --python \.venv/bin/python install -q "
+    assert re.fullmatch(installed + r"\. && \.venv/bin/tripod-doe run studies/\w+\.toml --out results/\w+\n", FIRST)
+    assert re.fullmatch(installed + r"-e '\.\[test\]' && \.venv/bin/python -m pytest .*\n", TESTS)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not (Path(sys.prefix) / "bin" / "activate").exists(), reason="not in a virtual environment")
+def test_the_commands_work_as_pasted_in_their_order(clone):
+    first = FIRST.rpartition("&& ")[2]
+    done = run(clone, "".join([first, ACTIVATE, *OTHERS]))
+    assert done.returncode == 0, done.stderr[-2000:]
+
+
+@pytest.mark.slow
+def test_the_python_block_works_as_a_plain_script(clone):
+    """Without a guard of __main__, from a file and from standard input."""
+    block = re.search(r"```python\n(.*?)```", TEXT, re.DOTALL)[1]
+    (clone / "script.py").write_text(block)
+    for arguments, text in (["script.py"], None), (["-"], block):
+        shutil.rmtree(clone / "results", ignore_errors=True)
+        done = subprocess.run(
+            [sys.executable, *arguments], cwd=clone, input=text, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr[-2000:]
+        assert (clone / "results" / "thrust_map" / "cube.nc").exists()
