@@ -45,7 +45,9 @@ def test_the_commands_that_install_are_the_ones_that_ci_runs():
 @pytest.mark.skipif(not (Path(sys.prefix) / "bin" / "activate").exists(), reason="not in a virtual environment")
 def test_the_commands_work_as_pasted_in_their_order(clone):
     first = FIRST.rpartition("&& ")[2]
-    done = run(clone, "".join([first, ACTIVATE, *OTHERS]))
+    script = "".join([first, ACTIVATE, *OTHERS])
+    assert "workflows/paper.toml" in script  # takes minutes; the small one has the same kinds of steps
+    done = run(clone, script.replace("workflows/paper.toml", "workflows/small.toml"))
     assert done.returncode == 0, done.stderr[-2000:]
 
 
