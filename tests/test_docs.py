@@ -12,8 +12,12 @@ import pandas as pd
 import pytest
 
 import tripod_doe as td
+<<<<<<< HEAD
 from tripod_doe.cli import _parser
 from tripod_doe.joint.model_error import RECORDED, STEPS
+=======
+from tripod_doe.cli.main import build_parser
+>>>>>>> 868306c (The command line as a package: parser, commands that compute, that answer, and to start from)
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.simulator import simulator as joint
 from tripod_doe.mechanics.integrators.registry import METHODS
@@ -41,7 +45,7 @@ def names(cell):
 def test_the_readme_is_short_and_names_every_command():
     readme = (ROOT / "README.md").read_text()
     assert len(readme.split()) <= 1000
-    for command in _parser(["simulate"])._subparsers._group_actions[0].choices:
+    for command in build_parser(["simulate"])._subparsers._group_actions[0].choices:
         assert f"tripod-doe {command}" in readme, command
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import tripod_doe as td
-from tripod_doe.cli import _parser
+from tripod_doe.cli.main import build_parser
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.study.file import StudyFile
@@ -84,7 +84,7 @@ def test_every_key_of_a_study_file_is_described():
 
 
 def test_every_flag_has_help():
-    parsers = _parser(["simulate"])._subparsers._group_actions[0].choices
+    parsers = build_parser(["simulate"])._subparsers._group_actions[0].choices
     for command, parser in parsers.items():
         for action in parser._actions:
             assert action.help, f"{command} {action.option_strings or action.dest}"

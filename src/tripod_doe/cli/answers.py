@@ -1,0 +1,201 @@
+"""Commands that answer: query, simulate, compare."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tripod_doe.cli.parser import (
+    DONE,
+    SOME_FAILED,
+    Command,
+    Parser,
+    add_cube,
+    add_format,
+    add_selection,
+)
+from tripod_doe.errors import InputError
+
+if TYPE_CHECKING:
+    from tripod_doe.simulator import Parameter, Simulator
+    from tripod_doe.study.simulate import SimulatedPoint
+
+
+__all__ = ["COMMANDS"]
+
+
+def _add_query(parser: Parser, arguments: Sequence[str]) -> None:
+    add_cube(parser)
+    parser.add_argument("--variable", metavar="NAME", required=True, help="variable to print")
+    add_selection(parser, "a value, a list a,b,c or a range a:b of a coordinate")
+    parser.add_argument("--where", metavar="EXPR", help="condition on coordinates, variables and outcome")
+    parser.add_argument("--format", choices=("table", "json", "csv", "netcdf"),
+                        help="output format (default: as --output is named, else table)")  # fmt: skip
+    parser.add_argument("--output", metavar="FILE", type=Path,
+                        help="write to this file instead of standard output; its ending decides the format: .csv, "
+                        ".json, .nc or .txt")  # fmt: skip
+
+
+def _add_simulate(parser: Parser, arguments: Sequence[str]) -> None:
+    """The parameters of the scene are flags; they are added only where `simulate` is called, as they take imports."""
+    scene = parser.add_argument("--scene", default="joint", metavar="S")
+    scene.help = "what to simulate (default joint)"
+    add_format(parser)
+    if "simulate" in arguments[:1]:
+        from tripod_doe.study.scenes import SCENES, load_simulator
+
+        scene.help = f"what to simulate: {', '.join(SCENES)} (default joint)"
+        _add_parameters(parser, load_simulator(_scene_named_in(arguments)))
+
+
+def _add_compare(parser: Parser, arguments: Sequence[str]) -> None:
+    add_cube(parser)
+    parser.add_argument("measurement", metavar="MEASUREMENT.csv", type=Path,
+                        help="table with thrust_n and rotation_deg, or thrust_n, time_s and tacho")  # fmt: skip
+    add_selection(parser, "the value of a factor, so that one point is left, or the points over speed_rpm")
+    parser.add_argument("--column", metavar="NAME=HEADING", action="append", default=[],
+                        help="heading in the file of thrust_n, rotation_deg, time_s or tacho; repeatable")  # fmt: skip
+    parser.add_argument("--pulses-per-revolution", metavar="N", type=int, default=1,
+                        help="rising edges of tacho per revolution (default 1)")  # fmt: skip
+    parser.add_argument("--reference-angle", metavar="DEG", type=float,
+                        help="rotation angle of the housing at the first rising edge, or at rotation_deg = 0; "
+                        "if omitted, the measurement is aligned by the phase of its third order")  # fmt: skip
+    parser.add_argument("--speeds", metavar="LOW:HIGH", help="use only revolutions within this range of speed, rpm")
+    add_format(parser)
+    parser.add_argument("--output", metavar="FILE|DIR", type=Path,
+                        help="write a report page: FILE.html, or DIR/index.html with DIR/comparison.nc")  # fmt: skip
+
+
+def _scene_named_in(arguments: Sequence[str]) -> str:
+    """The scene decides which flags exist, so it is looked for before they are parsed."""
+    finder = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    finder.add_argument("--scene", default="joint")
+    return str(finder.parse_known_args(list(arguments))[0].scene)
+
+
+def _add_parameters(parser: argparse.ArgumentParser, simulator: Simulator) -> None:
+    groups: dict[str, Any] = {}
+    for parameter in simulator.parameters.values():
+        group = groups.setdefault(parameter.group, parser.add_argument_group(parameter.group))
+        text = f"{parameter.meaning} ({parameter.unit_text + '; ' if parameter.unit_text else ''}{parameter.range_text}"
+        text += f"; default {parameter.default}" if parameter.default is not None else ""
+        group.add_argument(
+            "--" + parameter.name.replace("_", "-"), dest=parameter.name, metavar=parameter.symbol or "VALUE",
+            help=text.replace("%", "%%") + f"; {parameter.source})",
+        )  # fmt: skip
+
+
+def _parameter_value(parameter: Parameter, text: str) -> Any:
+    if parameter.kind == "choice":
+        return text
+    try:
+        return float(text)
+    except ValueError as error:
+        raise InputError(
+            f"--{parameter.name.replace('_', '-')} {text!r}: expected a number ({parameter.range_text})"
+        ) from error
+
+
+def _query(options: argparse.Namespace) -> int:
+    from tripod_doe.study.arrays import opened_arrays
+    from tripod_doe.study.query import answer_format, records, records_text
+
+    form = answer_format(options.format, options.output)
+    if form == "netcdf":
+        return _query_netcdf(options)
+    with opened_arrays(options.cube) as cube:
+        columns = records(cube, options.variable, options.select, options.nearest, options.where)
+        for note in cube.model_notes:
+            print(note, file=sys.stderr)
+    text = records_text(columns, form)
+    if options.output is None:
+        print(text)
+        return DONE
+    try:
+        options.output.write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"--output {options.output}: cannot write: {error.strerror}") from error
+    return DONE
+
+
+def _query_netcdf(options: argparse.Namespace) -> int:
+    from tripod_doe.study.netcdf import write_dataset
+    from tripod_doe.study.query import narrowed, query
+
+    if options.output is None:
+        raise InputError("--format netcdf needs --output FILE")
+    answer = query(options.cube, options.variable, options.select, options.nearest, options.where)
+    write_dataset(narrowed(answer), options.output)
+    return DONE
+
+
+def _simulate(options: argparse.Namespace) -> int:
+    from tripod_doe.simulator import Outcome
+    from tripod_doe.study.point_table import point_table
+    from tripod_doe.study.scenes import load_simulator
+    from tripod_doe.study.simulate import simulate_point
+
+    simulator = load_simulator(options.scene)
+    given = {
+        name: _parameter_value(parameter, getattr(options, name))
+        for name, parameter in simulator.parameters.items()
+        if getattr(options, name) is not None
+    }
+    point = simulate_point(options.scene, **given)
+    print(json.dumps(_point_answer(point), allow_nan=False) if options.format == "json" else point_table(point))
+    return DONE if point.outcome is Outcome.FINISHED else SOME_FAILED
+
+
+def _point_answer(point: SimulatedPoint) -> dict[str, Any]:
+    """A simulated point for programs; outputs are null where the point did not get that far."""
+    usual = [name for name, output in point.simulator.outputs.items() if not output.on_request]
+    outputs = {name: _plain(values.data.tolist()) for name, values in point.outputs.items()}
+    return {
+        "scene": point.simulator.name,
+        "parameters": point.parameters,
+        **(dict.fromkeys(usual) | outputs),
+        "coordinates": {name: _plain(labels.tolist()) for name, labels in point.coordinates.items()},
+        "outcome": point.outcome.label,
+        "outcome_detail": point.detail,
+        "model_notes": point.model_notes,
+        "cost": point.cost,
+    }
+
+
+def _plain(value: Any) -> Any:
+    """Numbers and lists for JSON, NaN as None."""
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _compare(options: argparse.Namespace) -> int:
+    from tripod_doe.analysis.comparison import compare, model_point, parse_speeds
+    from tripod_doe.analysis.measurement import read_measurement
+    from tripod_doe.analysis.record_file import parse_column
+    from tripod_doe.report.comparison import comparison_json, comparison_text
+    from tripod_doe.report.comparison_page import write_comparison
+    from tripod_doe.study.results import open_cube
+
+    if options.reference_angle is not None and not math.isfinite(options.reference_angle):
+        raise InputError(f"--reference-angle {options.reference_angle}: must be a finite angle in degrees")
+    point = model_point(open_cube(options.cube), options.select, options.nearest)
+    columns = dict(map(parse_column, options.column))
+    measurement = read_measurement(options.measurement, options.pulses_per_revolution, columns)
+    comparison = compare(measurement, point, options.reference_angle, parse_speeds(options.speeds))
+    print(comparison_json(comparison) if options.format == "json" else comparison_text(comparison))
+    if options.output is not None:
+        print(f"report  {write_comparison(comparison, options.output)}", file=sys.stderr)
+    return DONE
+
+
+COMMANDS = {
+    "query": Command("select values of a cube and print them", _add_query, _query),
+    "simulate": Command("simulate one point", _add_simulate, _simulate),
+    "compare": Command("compare a measurement with one point, or with the points over speed", _add_compare, _compare),
+}

@@ -1,0 +1,97 @@
+"""The command line: run, plan, query, simulate, report, workflow, compare, schema, init, completion.
+
+Answers go to standard output; progress and messages go to standard error. Exit codes: 0 done, 1 internal error,
+2 wrong call or input (nothing started), 3 done, but something failed that was not expected, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import traceback
+from collections.abc import Sequence
+from typing import Any, NoReturn
+
+from tripod_doe.cli import answers, starting, studies
+from tripod_doe.cli.parser import DONE, INTERNAL, WRONG_INPUT, Parser
+from tripod_doe.errors import InputError, TripodDoeError, speaking_of_options
+from tripod_doe.interrupts import INTERRUPTED, check_interrupt, leave_interrupted, take_interrupts
+
+__all__ = ["build_parser", "main"]
+
+
+COMMANDS = {**studies.COMMANDS, **answers.COMMANDS, **starting.COMMANDS}
+"""All commands by the word that calls them, in the order of the help."""
+
+
+class _Version(argparse.Action):
+    """Print the version, which is looked up only when it is asked for."""
+
+    def __call__(self, *call: Any) -> NoReturn:
+        from importlib.metadata import version
+
+        print(f"tripod-doe {version('tripod-doe')}")
+        raise SystemExit(DONE)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line, that of this process unless words are given; returns the exit code."""
+    with speaking_of_options():
+        if arguments is not None:
+            return _run_command([_dashes(word) for word in arguments])
+        take_interrupts()
+        code = _run_command([_dashes(word) for word in sys.argv[1:]])
+    leave_interrupted()
+    return code
+
+
+def _run_command(arguments: Sequence[str]) -> int:
+    """Run a command; report errors on standard error, and return the exit code."""
+    try:
+        options, unknown = build_parser(arguments).parse_known_args(arguments)
+        if unknown:
+            options.parser.refuse(unknown[0])
+        code = int(options.command(options))
+        check_interrupt()
+        return code
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    except InputError as error:
+        print(f"tripod-doe: {error}", file=sys.stderr)
+        return WRONG_INPUT
+    except TripodDoeError as error:
+        print(f"tripod-doe: {error}", file=sys.stderr)
+        return INTERNAL
+    except KeyboardInterrupt:
+        print(
+            "tripod-doe: interrupted; finished points are kept: run again to continue, or report DIR to see them",
+            file=sys.stderr,
+        )
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader of our output has seen enough
+        sys.stderr.close()
+        return DONE
+    except Exception:
+        traceback.print_exc()
+        print("tripod-doe: internal error (please report it with the lines above)", file=sys.stderr)
+        return INTERNAL
+
+
+def _dashes(word: str) -> str:
+    """``--joint_angle_deg=5`` as ``--joint-angle-deg=5``; values keep their underscores."""
+    if not word.startswith("--"):
+        return word
+    flag, equals, value = word.partition("=")
+    return flag.replace("_", "-") + equals + value
+
+
+def build_parser(arguments: Sequence[str]) -> Parser:
+    """The parser of all commands; the words of the call decide which scene's parameters are flags of `simulate`."""
+    root = Parser(prog="tripod-doe", description="Parameter studies for the thrust force of tripod joints.")
+    root.add_argument("--version", action=_Version, nargs=0, help="print the version")
+    parsers = root.add_subparsers(required=True, metavar="COMMAND", parser_class=Parser)
+    for name, command in COMMANDS.items():
+        own = parsers.add_parser(name, help=command.help, description=command.help)
+        command.add_arguments(own, arguments)
+        own.set_defaults(command=command.run, parser=own)
+    return root

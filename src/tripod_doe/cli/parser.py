@@ -1,0 +1,99 @@
+"""How the words of a command are read: the parser, what several commands take, and exit codes."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+
+from tripod_doe.errors import near_match
+
+__all__ = [
+    "DONE",
+    "INTERNAL",
+    "SOME_FAILED",
+    "WRONG_INPUT",
+    "Command",
+    "Parser",
+    "add_cube",
+    "add_format",
+    "add_out",
+    "add_oversubscribe",
+    "add_selection",
+    "add_study",
+]
+
+
+DONE, INTERNAL, WRONG_INPUT, SOME_FAILED = 0, 1, 2, 3
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser that accepts - and _ alike and names the nearest known flag."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**(options | {"allow_abbrev": False}))
+
+    def refuse(self, word: str) -> NoReturn:
+        """Refuse a word that the command does not take."""
+        flag = word.partition("=")[0]
+        flags = [flag for action in self._actions for flag in action.option_strings]
+        unknown = f"unknown flag {flag}{near_match(flag, flags)}"
+        self.error(unknown if flag.startswith("-") else f"unexpected argument {word!r}")
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """Refuse a word that is none of an argument's choices, with the nearest one (argparse only lists them)."""
+        if action.choices is not None and value not in action.choices:
+            raise argparse.ArgumentError(action, f"invalid choice: {value!r}{near_match(str(value), action.choices)}")
+
+    def error(self, message: str) -> NoReturn:
+        """Print the message and where to look, and leave with exit code 2."""
+        print(f"{self.prog}: {message}", file=sys.stderr)
+        print(f"try: {self.prog} --help", file=sys.stderr)
+        raise SystemExit(WRONG_INPUT)
+
+
+@dataclass(frozen=True)
+class Command:
+    """One word of the command line: its line of help, the function that adds its arguments, and the one that runs it.
+
+    The latter takes the parsed options and returns the exit code; it imports what it needs when it is called.
+    """
+
+    help: str
+    add_arguments: Callable[[Parser, Sequence[str]], None]
+    run: Callable[[argparse.Namespace], int]
+
+
+def add_study(parser: Parser) -> None:
+    """Add the argument that names a study file."""
+    parser.add_argument("study", metavar="STUDY.toml", type=Path, help="study file")
+
+
+def add_cube(parser: Parser) -> None:
+    """Add the argument that names a cube."""
+    parser.add_argument("cube", metavar="DIR|CUBE.nc", type=Path, help="result directory or cube")
+
+
+def add_out(parser: Parser) -> None:
+    """Add the flag that names a result directory."""
+    parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="result directory")
+
+
+def add_format(parser: Parser, *others: str) -> None:
+    """Add the flag that chooses the form of an answer: table, JSON and `others`."""
+    parser.add_argument("--format", choices=("table", "json", *others), default="table", help="output format")
+
+
+def add_selection(parser: Parser, text: str) -> None:
+    """Add the flags that select cells of a cube; `text` says what a selection may be."""
+    parser.add_argument("--select", metavar="NAME=VALUE", action="append", default=[], help=f"{text}; may be repeated")
+    parser.add_argument("--nearest", action="store_true", help="take the nearest value where none matches")
+
+
+def add_oversubscribe(parser: Parser) -> None:
+    """Add the flag that confirms more workers than processors."""
+    parser.add_argument("--oversubscribe", action="store_true",
+                        help="start all --workers, also more than this machine has processors")  # fmt: skip

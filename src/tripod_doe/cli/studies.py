@@ -1,0 +1,129 @@
+"""Commands that compute: run, plan, report, workflow."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from tripod_doe.cli.parser import (
+    DONE,
+    SOME_FAILED,
+    Command,
+    Parser,
+    add_out,
+    add_oversubscribe,
+    add_study,
+)
+from tripod_doe.quantities import count_of, duration, pace
+
+__all__ = ["COMMANDS"]
+
+
+def _add_run(parser: Parser, arguments: Sequence[str]) -> None:
+    add_study(parser)
+    add_out(parser)
+    parser.add_argument("--workers", metavar="N", type=int,
+                        help="worker processes; 0: compute in this process (default: 0 for studies of a few seconds, "
+                        "else 2)")  # fmt: skip
+    add_oversubscribe(parser)
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="address of a running Dask scheduler to use")
+    parser.add_argument("--retry-failed", action="store_true", help="run failed points again")
+    parser.add_argument("--fail-fast", action="store_true", help="stop at the first point that fails unexpectedly")
+
+
+def _add_plan(parser: Parser, arguments: Sequence[str]) -> None:
+    add_study(parser)
+    parser.add_argument("--no-timing", action="store_true", help="count points and bytes only, without timing")
+    parser.add_argument("--out", metavar="DIR", type=Path,
+                        help='for a study with model = "auto": result directory whose choice to show')  # fmt: skip
+    parser.add_argument("--workers", metavar="N", type=int, default=2, help="worker processes to plan for (default 2)")
+
+
+def _add_report(parser: Parser, arguments: Sequence[str]) -> None:
+    parser.add_argument("directory", metavar="DIR", type=Path, help="result directory")
+
+
+def _add_workflow(parser: Parser, arguments: Sequence[str]) -> None:
+    parser.add_argument("file", metavar="FILE.toml", type=Path, help="workflow file")
+    add_out(parser)
+    parser.add_argument("--only", metavar="STEP", help="run only this step and the steps that it needs")
+    parser.add_argument("--quick", action="store_true", help="apply the overrides of [quick]: smaller studies")
+    parser.add_argument("--workers", metavar="N", type=int,
+                        help="worker processes that all studies share; 0: compute in this process (default: 0 for "
+                        "studies of a few seconds, else 2)")  # fmt: skip
+    add_oversubscribe(parser)
+    parser.add_argument("--retry-failed", action="store_true", help="run failed points again")
+
+
+def _run(options: argparse.Namespace) -> int:
+    from tripod_doe.study.failures import failure_lines
+    from tripod_doe.workflow.run import run  # Dask and plotting are slow to import
+
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    summary = run(
+        options.study, options.out, options.workers, options.scheduler, options.retry_failed, options.fail_fast,
+        oversubscribe=options.oversubscribe,
+    )  # fmt: skip
+    for sentence in [*summary.answers, *summary.findings, *summary.model_notes]:
+        print(sentence, file=sys.stderr)
+    for name, reason in summary.analyses.items():
+        if reason:
+            print(f"analysis {name} failed: {reason}", file=sys.stderr)
+    for line in failure_lines(summary.failures):
+        print(line, file=sys.stderr)
+    seconds, count = summary.seconds, summary.computed
+    rate = f" in {duration(seconds)} ({pace(count, seconds)})" if count else ""
+    print(f"{count_of(count, 'point')} computed{rate}, {summary.reused:,} reused", file=sys.stderr)
+    print(f"cube    {summary.directory / 'cube.nc'}", file=sys.stderr)
+    print(f"report  {summary.directory / 'report' / 'index.html'}", file=sys.stderr)
+    return DONE if summary.good else SOME_FAILED
+
+
+def _plan(options: argparse.Namespace) -> int:
+    from tripod_doe.study.definition import load_study
+    from tripod_doe.study.plan import plan
+
+    study = load_study(options.study)
+    if study.file.analysis:
+        from tripod_doe.workflow.analyses import check_analyses
+
+        check_analyses(study)
+    print(plan(study, timing=not options.no_timing).describe(max(options.workers, 1)))
+    if study.accuracy:
+        from tripod_doe.analysis.model_choice.study_choice import describe_choice
+
+        print(describe_choice(study, options.out))
+    return DONE
+
+
+def _report(options: argparse.Namespace) -> int:
+    from tripod_doe.report.page import write_report
+
+    print(write_report(options.directory))
+    return DONE
+
+
+def _workflow(options: argparse.Namespace) -> int:
+    from tripod_doe.workflow.chain import run_workflow
+
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    summary = run_workflow(
+        options.file, options.out, options.only, options.quick, options.workers, options.retry_failed,
+        oversubscribe=options.oversubscribe,
+    )  # fmt: skip
+    counts = Counter(step.state for step in summary.steps)
+    print(", ".join(f"{count} {state}" for state, count in counts.items()), file=sys.stderr)
+    print(f"report  {summary.page}", file=sys.stderr)
+    return DONE if summary.good else SOME_FAILED
+
+
+COMMANDS = {
+    "run": Command("run a study, or the points of it that are missing", _add_run, _run),
+    "plan": Command("estimate points, time and size of a study; writes nothing", _add_plan, _plan),
+    "report": Command("write the report of a result directory again", _add_report, _report),
+    "workflow": Command("run a chain of studies, analyses, figures and reports", _add_workflow, _workflow),
+}
