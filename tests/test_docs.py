@@ -12,12 +12,8 @@ import pandas as pd
 import pytest
 
 import tripod_doe as td
-<<<<<<< HEAD
-from tripod_doe.cli import _parser
-from tripod_doe.joint.model_error import RECORDED, STEPS
-=======
 from tripod_doe.cli.main import build_parser
->>>>>>> 868306c (The command line as a package: parser, commands that compute, that answer, and to start from)
+from tripod_doe.joint.model_error import RECORDED, STEPS
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.simulator import simulator as joint
 from tripod_doe.mechanics.integrators.registry import METHODS
