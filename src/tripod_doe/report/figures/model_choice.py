@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from tripod_doe.report.figures.chart import COLOURS, INK, MARKERS, Chart, legend_above, panels
 from tripod_doe.report.model_choice import chosen_models, estimated_errors
 from tripod_doe.report.responses import asked, axis_label, numeric_factors, spoken
+
+if TYPE_CHECKING:  # matplotlib is imported when something is drawn
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["model_choice_chart"]
 
