@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from tripod_doe.mechanics.compilation import inlined_kernel
 
-__all__ = ["PointConstants", "flank", "point_constants_of"]
+__all__ = ["TRANSITIONS", "PointConstants", "flank", "point_constants_of"]
 
 
 class PointConstants(NamedTuple):
@@ -72,6 +72,10 @@ class PointConstants(NamedTuple):
     lag: float
     pace: float
     tolerance: float
+
+
+TRANSITIONS = tuple(at for at, name in enumerate(PointConstants._fields) if name.endswith("_transition"))
+"""Columns of the transition velocities."""
 
 
 @inlined_kernel

@@ -41,24 +41,32 @@ changes; end stops and contacts between needles. The equations are solved by `re
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint import contact
+from tripod_doe.joint.balance_account import Solution, account
 from tripod_doe.joint.balance_constants import PointConstants
-from tripod_doe.joint.moving_relaxation import solve_moving
-from tripod_doe.joint.relaxation import solve_still
-from tripod_doe.joint.revolution import Memory, Solution
+from tripod_doe.joint.coupled_balance import loads_at_rest, settle_together
+from tripod_doe.joint.free_rollers import settle_free
+from tripod_doe.joint.moving_relaxation import settle_moving
+from tripod_doe.joint.relaxation import settle_still
+from tripod_doe.joint.revolution import Memory, start
 from tripod_doe.joint.transition import transition_velocities
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.compilation import kernel
+from tripod_doe.mechanics.first_compilation import first_compilation
 from tripod_doe.mechanics.lanes import WIDTH
 
 __all__ = ["Equilibrium", "point_constants", "solve_balance", "solve_equilibrium"]
 
 FloatArray = NDArray[np.float64]
+
+_LITTLE = 1e-6
+"""Friction coefficient of what hardly resists."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +84,10 @@ class Equilibrium:
     energy_residual
         Input less output less friction power, over the friction power (or a thousandth of the transmitted power, where
         that is larger), shape (point,).
+    unexplained_power
+        Input less output less friction power, over the transmitted power, shape (point,).
     largest_normal_force, smallest_normal_force
-        Of all grooves and angles in N, shape (point,).
+        Of all grooves and angles in N, shape (point,); where no balance was found, those without slip.
     needle_penetration
         Of the most loaded needle into each partner in mm, shape (point,).
     sweeps
@@ -90,6 +100,7 @@ class Equilibrium:
     thrust_parts: FloatArray
     friction_power: FloatArray
     energy_residual: FloatArray
+    unexplained_power: FloatArray
     largest_normal_force: FloatArray
     smallest_normal_force: FloatArray
     needle_penetration: FloatArray
@@ -109,6 +120,15 @@ def _groove_angles(samples: int) -> tuple[FloatArray, FloatArray]:
     sample = np.arange(-(-samples // WIDTH) * WIDTH) % samples
     angle = 2 * np.pi * (sample / samples + np.arange(3)[:, None] / 3)
     return np.cos(angle).reshape(3, -1, WIDTH), np.sin(angle).reshape(3, -1, WIDTH)
+
+
+def _never_free(points: JointValues[FloatArray]) -> FloatArray:
+    """Rolling friction of the needles, at least `_LITTLE` where the groove lets rollers slide.
+
+    There nothing else may hold a roller's spin: the answer is the limit of little friction.
+    """
+    free = points.groove_sliding_friction == 0.0
+    return np.maximum(points.needle_rolling_friction, np.where(free, _LITTLE, 0.0))
 
 
 def point_constants(points: JointValues[FloatArray]) -> tuple[dict[str, FloatArray], FloatArray]:
@@ -150,7 +170,7 @@ def point_constants(points: JointValues[FloatArray]) -> tuple[dict[str, FloatArr
         "groove_spinning": 0.375 * points.groove_spin_friction,
         "groove_rolling": points.groove_rolling_friction,
         "needle_sliding": kappa * points.needle_sliding_friction,
-        "needle_rolling": kappa * points.needle_rolling_friction,
+        "needle_rolling": kappa * _never_free(points),
         "slip_transition": transition.groove_sliding,
         "needle_transition": transition.needle_sliding,
         "roll_transition": transition.groove_rolling,
@@ -191,14 +211,25 @@ def solve_balance(
     skews = np.stack(points.initial_skews, axis=1)
     cosines, sines = _groove_angles(samples)
     memory, solution = Memory.for_samples(samples), Solution.of_nothing(table.shape[0], samples)
-    loaded, moving = columns["torque"] != 0.0, columns["pace"] > 0.0
-    for solve, chosen in ((solve_still, loaded & ~moving), (solve_moving, loaded & moving)):
-        if chosen.any():
-            solve(np.flatnonzero(chosen), table, skews, cosines, sines, samples, memory, solution)
-    solution.settled[~loaded] = True
+    still, free = columns["pace"] == 0.0, columns["groove_sliding"] == 0.0
+    for i in np.flatnonzero(columns["torque"] != 0.0):
+        ways = [settle_still if still[i] else settle_moving, settle_free if still[i] and free[i] else settle_together]
+        for number, settle in enumerate(ways):
+            start(table[i], skews[i], cosines, sines, memory)
+            with nullcontext() if number == 0 else first_compilation("joints that do not relax", seconds=12):
+                solution.settled[i], work = settle(table[i], memory)
+            solution.sweeps[i] += work
+            if solution.settled[i]:
+                account(table[i], memory, solution, i)
+                break
+        else:
+            start(table[i], skews[i], cosines, sines, memory)
+            loads = loads_at_rest(table[i], memory) * points.groove_load[i]
+            solution.extremes[i] = loads.max(), loads.min()
+    solution.settled[columns["torque"] == 0.0] = True
     thrust, parts = (sums.reshape(*sums.shape[:2], -1)[..., :samples] for sums in (solution.thrust, solution.parts))
     largest, smallest = solution.extremes.T
     return Equilibrium(
-        thrust, parts, solution.power, solution.residual, largest, smallest, penetration, solution.sweeps,
+        thrust, parts, solution.power, solution.residual, solution.unexplained, largest, smallest, penetration, solution.sweeps,
         solution.settled,
     )  # fmt: skip

@@ -26,9 +26,9 @@ __all__ = ["MODELS", "Model"]
 FloatArray = NDArray[np.float64]
 
 _CHUNK = 64  # points whose waveforms are held at once
-_ROUNDING, _SPIDER_MOTION = 1e-5, 0.03
-"""Largest residual of the power balance over the friction power: rounding alone in the equilibrium; in the kinetostatic
-model the motion by which the spider follows swinging and tilting rollers, which is left out."""
+_ROUNDING, _SPIDER_MOTION = 1e-8, 2e-3
+"""Largest power that a balance may leave unexplained, over the transmitted power: rounding alone in the equilibrium; in
+the kinetostatic model the motion by which the spider follows swinging and tilting rollers, which is left out."""
 _PRELOADED = (
     "the balance does not apply to a preloaded bearing: its error in the third order is 10 % at -0.001 mm and 50 % at "
     "-0.003 mm; use model rollers or needles"
@@ -105,12 +105,12 @@ def _balance_chunk(
     }
     reasons = [
         (
-            ~(np.abs(solution.energy_residual) <= energy_limit),
+            ~(np.abs(solution.unexplained_power) <= energy_limit),
             Outcome.INACCURATE,
             "the energy balance does not close; lower relative_tolerance, or use model rollers",
         ),
-        (~(solution.smallest_normal_force >= 0), Outcome.OUT_OF_RANGE, "a roller lifts off its groove"),
         (~solution.settled, Outcome.DIVERGED, _UNSETTLED),
+        (~(solution.smallest_normal_force >= 0), Outcome.OUT_OF_RANGE, "a roller lifts off its groove"),
         (points.bearing_radial_clearance < 0, Outcome.OUT_OF_RANGE, _PRELOADED),
     ]
     block = BlockResult.blank(solution.settled.size, Outcome.FINISHED)

@@ -7,37 +7,26 @@ changes at one sample is carried on to the next ones by a recursion, two laps of
 from __future__ import annotations
 
 from tripod_doe.joint.balance_constants import point_constants_of
-from tripod_doe.joint.moving_roller import added_motion, spider_load
+from tripod_doe.joint.moving_roller import moving_forces
 from tripod_doe.joint.revolution import (
-    account,
     balance_spider,
     changed,
     follow_root,
     force_scale,
     motion_at,
+    remember,
     skew_of,
-    start,
     store_wrench,
     sum_of,
-    summarise,
 )
-from tripod_doe.joint.roller_balance import groove_forces, leaning_contact
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.lanes import WIDTH, load, spread, store
 
-__all__ = ["solve_moving"]
+__all__ = ["settle_moving"]
 
-_SWEEPS, _NEWTON_SWEEPS, _NEAR = 300, 60, 0.03
+_SWEEPS, _NEAR = 40, 0.03
 """Tangent slopes overshoot far from the solution, and secant slopes crawl near it: the tangent is taken once no sample
-changes by more than `_NEAR`, unless that still has not settled after so many sweeps."""
-
-
-@inlined_kernel
-def _forces(p, m, e, skew, newton):
-    """Forces of a roller at eight samples, with what mass and motion add; slopes as for `groove_forces`."""
-    root, contact = load(e.root, 0), leaning_contact(p, m, load(e.lean, 0))
-    added = added_motion(p, m, contact, load(e.cosine, 0), root, load(e.past_tilt, 0), load(e.past_spin, 0))
-    return groove_forces(p, m, skew, contact, load(e.slip, 0), root, added, newton)
+changes by more than `_NEAR`. What has not settled after so many sweeps is solved at once (`coupled_balance`)."""
 
 
 @kernel
@@ -49,7 +38,7 @@ def _seek(p, eights, turns, newton):
             e = eights[k, b]
             cos_phi, sin_phi = load(e.cosine, 0), load(e.sine, 0)
             m = motion_at(p, cos_phi, sin_phi)
-            g = _forces(p, m, e, skew, newton)
+            g = moving_forces(p, m, e, skew, newton)
             slip_slope, lean_slope = min(g.moment_slope, -1e-30), max(1.0 - g.feedback, 0.5)
             store(e.slip_step, 0, -g.moment / slip_slope)
             store(e.slip_carry, 0, g.inertia_gain * g.spin_gain / slip_slope)
@@ -96,27 +85,6 @@ def _change(p, e):
 
 
 @kernel
-def _remember(eights, samples, before):
-    """Note what tilts and spins add to the backward differences of later samples.
-
-    Before the first samples come the last ones, or with `before` = 0 a roller upright and at rest.
-    """
-    for k in range(3):
-        e, i = eights[k, (samples - 1) // WIDTH], (samples - 1) % WIDTH
-        tilt_1, spin_1 = before * e.tilt[0, i], before * e.spin[0, i]
-        e, i = eights[k, (samples - 2) // WIDTH], (samples - 2) % WIDTH
-        tilt_2, spin_2 = before * e.tilt[0, i], before * e.spin[0, i]
-        for j in range(samples):
-            e, i = eights[k, j // WIDTH], j % WIDTH
-            e.past_tilt[0, i], e.past_spin[0, i] = 0.5 * tilt_2 - 2.0 * tilt_1, 0.5 * spin_2 - 2.0 * spin_1
-            tilt_1, tilt_2, spin_1, spin_2 = e.tilt[0, i], tilt_1, e.spin[0, i], spin_1
-        for j in range(samples, WIDTH * eights.shape[1]):
-            place = j - samples
-            first, e, i = eights[k, place // WIDTH], eights[k, j // WIDTH], j % WIDTH
-            e.past_tilt[0, i], e.past_spin[0, i] = first.past_tilt[0, place % WIDTH], first.past_spin[0, place % WIDTH]
-
-
-@kernel
 def _sweep(p, eights, turns, samples, newton):
     """Relax all samples once; how many changes exceed the tolerance, and how many exceed `_NEAR`."""
     _seek(p, eights, turns, newton)
@@ -131,56 +99,24 @@ def _sweep(p, eights, turns, samples, newton):
             of_root, root = follow_root(p, e)
             moved = moved + load(e.moved, 0) + changed(of_root, p.tolerance * root)
             far = far + load(e.far, 0) + changed(of_root, _NEAR * root)
-    _remember(eights, samples, 1.0)
     return sum_of(moved), sum_of(far)
 
 
 @kernel
-def _start_moving(p, eights, turns, samples):
-    """Find what inertia does to the spider, and what the start leaves behind for later samples."""
-    for k in range(3):
-        for b in range(eights.shape[1]):
-            e = eights[k, b]
-            cos_phi, sin_phi = load(e.cosine, 0), load(e.sine, 0)
-            across_1, across_2, about_shaft = spider_load(p, motion_at(p, cos_phi, sin_phi), cos_phi, sin_phi)
-            store(e.load_1, 0, across_1)
-            store(e.load_2, 0, across_2)
-            store(e.load_about, 0, about_shaft)
+def settle_moving(row, memory):
+    """Relax a point in which every sample follows those before it; whether it settled, and sweeps.
+
+    Parameters as for `relaxation.settle_still`.
+    """
+    p, eights, turns, samples = point_constants_of(row), memory.eights, memory.turns, memory.samples
     for _ in range(2):  # tilts first, then the spins that go with them
         _seek(p, eights, turns, 1.0)
-        _remember(eights, samples, 0.0)
-
-
-@kernel
-def _settle(p, eights, turns, samples):
-    """Solve a point; whether it settled, and sweeps."""
-    _start_moving(p, eights, turns, samples)
+        remember(memory, 0.0)
     newton = 0.0
     for sweep in range(_SWEEPS):
         moved, far = _sweep(p, eights, turns, samples, newton)
+        remember(memory, 1.0)
         if sweep > 0 and moved == 0.0:
             return True, sweep + 1
-        newton = 1.0 if far == 0.0 and 0 < sweep < _NEWTON_SWEEPS - 1 else 0.0
+        newton = 1.0 if far == 0.0 and sweep > 0 else 0.0
     return False, _SWEEPS
-
-
-@kernel
-def _account(p, eights, turns, thrust, parts, powers):
-    """Thrust of each groove, and at each sample its parts and the powers."""
-    for b in range(eights.shape[1]):
-        for k in range(3):
-            e = eights[k, b]
-            m = motion_at(p, load(e.cosine, 0), load(e.sine, 0))
-            account(p, m, _forces(p, m, e, skew_of(turns, k), 1.0), e, k, b, thrust, parts, powers)
-
-
-@kernel
-def solve_moving(rows, table, skews, cosines, sines, samples, memory, solution):
-    """Solve points in which every sample follows those before it; parameters as for `relaxation.solve_still`."""
-    eights, turns, powers = memory.eights, memory.turns, memory.powers
-    for i in rows:
-        p = point_constants_of(table[i])
-        start(p, eights, turns, skews[i], cosines, sines)
-        solution.settled[i], solution.sweeps[i] = _settle(p, eights, turns, samples)
-        _account(p, eights, turns, solution.thrust[i], solution.parts[i], powers)
-        summarise(p, eights, powers, samples, solution.power[i], solution.residual[i : i + 1], solution.extremes[i])

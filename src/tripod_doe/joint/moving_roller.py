@@ -6,10 +6,11 @@ All formulas take eight samples at a time (`lanes`).
 from __future__ import annotations
 
 from tripod_doe.joint.balance_constants import flank
-from tripod_doe.joint.roller_balance import AddedMotion
+from tripod_doe.joint.roller_balance import AddedMotion, groove_forces, leaning_contact
 from tripod_doe.mechanics.compilation import inlined_kernel
+from tripod_doe.mechanics.lanes import load
 
-__all__ = ["added_motion", "inertial_force", "spider_load"]
+__all__ = ["added_motion", "inertial_force", "moving_forces", "spider_load"]
 
 
 @inlined_kernel
@@ -38,6 +39,14 @@ def added_motion(p, m, contact, cos_phi, root, past_tilt, past_spin):
         past_spin,
         (outward * m.t_r + along_groove * m.t_z) / load,
     )
+
+
+@inlined_kernel
+def moving_forces(p, m, e, skew, newton):
+    """Forces of a roller at eight samples, with what mass and motion add; slopes as for `groove_forces`."""
+    root, contact = load(e.root, 0), leaning_contact(p, m, load(e.lean, 0))
+    added = added_motion(p, m, contact, load(e.cosine, 0), root, load(e.past_tilt, 0), load(e.past_spin, 0))
+    return groove_forces(p, m, skew, contact, load(e.slip, 0), root, added, newton)
 
 
 @inlined_kernel

@@ -7,20 +7,23 @@ of which those beyond the last repeat the first ones, so that they never decide 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.joint.balance_constants import point_constants_of
 from tripod_doe.joint.kinematics import ideal_motion
-from tripod_doe.joint.moving_roller import inertial_force
-from tripod_doe.joint.roller_balance import Skew, spider_wrench, thrust_of_each
+from tripod_doe.joint.linear_lap import LinearLap
+from tripod_doe.joint.moving_roller import inertial_force, spider_load
+from tripod_doe.joint.roller_balance import Skew, spider_wrench
+from tripod_doe.mechanics.by_reference import ByReference
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.lanes import WIDTH, load, pick, select, spread, store
 
 __all__ = [
-    "EIGHT_SAMPLES", "Memory", "Solution", "account", "balance_spider", "changed", "follow_root", "force_scale",
-    "motion_at", "skew_of", "start", "store_wrench", "sum_of", "summarise",
+    "EIGHT_SAMPLES", "Memory", "balance_spider", "changed", "follow_root", "force_scale", "motion_at", "remember",
+    "repeat_first", "skew_of", "start", "store_wrench", "sum_of",
 ]  # fmt: skip
 
 FloatArray = NDArray[np.float64]
@@ -33,8 +36,7 @@ EIGHT_SAMPLES = np.dtype([
         "lean",                                           # force along the trunnion over N
         "root",                                           # a_H of the contact ellipse, mm
         "normal",                                         # N
-        "moved", "far", "normal_before",                  # whether a sweep changed slip or lean, and by much; N before
-        "stubborn",                                       # 1 where the last sweep changed an unknown
+        "moved", "far",                                   # whether a sweep changed slip or lean, and by much
         "across_1", "across_2", "about_shaft",            # what the groove does to the spider over N
         "load_1", "load_2", "load_about",                 # what inertia does to the spider
         "past_tilt", "past_spin",                         # earlier samples' part of backward differences
@@ -44,71 +46,42 @@ EIGHT_SAMPLES = np.dtype([
 ])  # fmt: skip
 """Fields of eight samples of a groove; those from `load_1` on are used by the kinetostatic model."""
 
-_LEAST_LOSS = 1e-3  # of the transmitted power; a joint with less friction is measured against that
-
-
-class Solution(NamedTuple):
-    """Arrays that the kernels fill, one entry a point; see `equilibrium.Equilibrium`.
-
-    Attributes
-    ----------
-    thrust, parts
-        Shapes (point, 3, eights, 8) and (point, 6, eights, 8).
-    power, residual
-        Shapes (point, 5) and (point,).
-    extremes
-        Largest and smallest normal force, shape (point, 2).
-    sweeps, settled
-        Shape (point,).
-    """
-
-    thrust: FloatArray
-    parts: FloatArray
-    power: FloatArray
-    residual: FloatArray
-    extremes: FloatArray
-    sweeps: NDArray[np.int64]
-    settled: NDArray[np.bool_]
-
-    @classmethod
-    def of_nothing(cls, points: int, samples: int) -> Solution:
-        """No thrust, no power: what points without a torque have."""
-        eights = -(-samples // WIDTH)
-        return cls(
-            np.zeros((points, 3, eights, WIDTH)), np.zeros((points, 6, eights, WIDTH)), np.zeros((points, 5)),
-            np.zeros(points), np.zeros((points, 2)), np.zeros(points, np.int64), np.zeros(points, np.bool_),
-        )  # fmt: skip
-
-
-class Memory(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Memory(ByReference):
     """What the kernels write while they solve a point.
 
     Attributes
     ----------
+    samples
+        Samples of a revolution.
     eights
         Records of `EIGHT_SAMPLES`, shape (3, eights).
-    packed, places
-        Samples that are solved together though they do not follow each other: a record, shape (1,), and which they
-        are, shape (8,).
     turns
         Cosine and sine of the skew of each trunnion's needles, shape (3, 2).
     powers
         Of the five mechanisms and the input shaft, shape (6, eights, 8).
+    state
+        All numbers in `eights`.
+    lap
+        The linear system of `coupled_balance`.
     """
 
+    samples: int
     eights: NDArray[np.void]
-    packed: NDArray[np.void]
-    places: NDArray[np.int64]
     turns: FloatArray
     powers: FloatArray
+    state: FloatArray
+    lap: LinearLap
 
     @classmethod
     def for_samples(cls, samples: int) -> Memory:
         """Memory for so many samples a revolution."""
         eights = -(-samples // WIDTH)
+        records = np.zeros((3, eights), EIGHT_SAMPLES)
+        state = records.view(float).reshape(-1)
         return cls(
-            np.zeros((3, eights), EIGHT_SAMPLES), np.zeros(1, EIGHT_SAMPLES), np.zeros(WIDTH, np.int64),
-            np.zeros((3, 2)), np.zeros((6, eights, WIDTH)),
+            samples, records, np.zeros((3, 2)), np.zeros((6, eights, WIDTH)),
+            state, LinearLap.for_samples(samples),
         )  # fmt: skip
 
 
@@ -125,8 +98,21 @@ def skew_of(turns, k):
 
 
 @kernel
-def start(p, eights, turns, psi, cosines, sines):
-    """Start a point without slip and with even loads; cosines and sines of shape (3, eights, 8)."""
+def start(row, psi, cosines, sines, memory):
+    """Start a point without slip and with even loads.
+
+    Parameters
+    ----------
+    row
+        Of the table of `PointConstants`.
+    psi
+        Skews of the needles of each trunnion in rad, shape (3,).
+    cosines, sines
+        Of the rotation angle of every groove, shape (3, eights, 8).
+    memory
+        `Memory`.
+    """
+    p, eights, turns = point_constants_of(row), memory.eights, memory.turns
     for k in range(3):
         turns[k, 0], turns[k, 1] = math.cos(psi[k]), math.sin(psi[k])
     mean_load = abs(p.torque) / (3.0 * p.pitch_radius)
@@ -137,18 +123,21 @@ def start(p, eights, turns, psi, cosines, sines):
         for b in range(eights.shape[1]):
             e = eights[k, b]
             cosine, sine = load(cosines[k], b), load(sines[k], b)
-            store(e.cosine, 0, cosine * cos_lag + sine * sin_lag)
-            store(e.sine, 0, sine * cos_lag - cosine * sin_lag)
+            cosine, sine = cosine * cos_lag + sine * sin_lag, sine * cos_lag - cosine * sin_lag
+            store(e.cosine, 0, cosine)
+            store(e.sine, 0, sine)
             store(e.slip, 0, nothing)
             store(e.lean, 0, nothing)
             store(e.root, 0, root)
             store(e.normal, 0, normal)
-            store(e.stubborn, 0, nothing)
-            store(e.load_1, 0, nothing)
-            store(e.load_2, 0, nothing)
-            store(e.load_about, 0, nothing)
+            across_1, across_2, about_shaft = spider_load(p, motion_at(p, cosine, sine), cosine, sine)
+            store(e.load_1, 0, across_1)
+            store(e.load_2, 0, across_2)
+            store(e.load_about, 0, about_shaft)
             store(e.past_tilt, 0, nothing)
             store(e.past_spin, 0, nothing)
+            store(e.tilt, 0, nothing)
+            store(e.spin, 0, nothing)
 
 
 @inlined_kernel
@@ -212,65 +201,41 @@ def sum_of(lanes):
 
 
 @inlined_kernel
-def _largest_of(lanes):
-    """Largest of eight numbers."""
-    largest = pick(lanes, 0)
-    for place in range(1, WIDTH):
-        largest = max(largest, pick(lanes, place))
-    return largest
-
-
-@inlined_kernel
 def force_scale(p):
     """How large the force along a trunnion may be, over the mean normal force."""
     return p.groove_sliding + p.needle_sliding + 3.0 * p.pitch_radius * inertial_force(p, 1.0)[0] / abs(p.torque)
 
 
-@inlined_kernel
-def _add(sums, b, k, value):
-    """Sum over the grooves, of which k = 0 is the first."""
-    store(sums, b, (spread(0.0) if k == 0 else load(sums, b)) + value)
+@kernel
+def remember(memory, before):
+    """Note what tilts and spins add to the backward differences of later samples.
 
-
-@inlined_kernel
-def account(p, m, g, e, k, b, thrust, parts, powers):
-    """Thrust of groove k at eight samples, and the parts of the thrust and the six powers (mechanisms, input shaft)."""
-    normal, cos_phi, sin_phi = load(e.normal, 0), load(e.cosine, 0), load(e.sine, 0)
-    store(thrust[k], b, -normal * g.friction_z)
-    of_each = thrust_of_each(p, m, g)
-    _add(parts[0], b, k, normal * of_each[0])
-    _add(parts[1], b, k, normal * of_each[1])
-    _add(parts[2], b, k, normal * of_each[2])
-    _add(parts[3], b, k, normal * of_each[3])
-    _add(parts[4], b, k, normal * of_each[4])
-    _add(parts[5], b, k, normal * of_each[5])
-    _add(powers[0], b, k, normal * g.sliding_power)
-    _add(powers[1], b, k, normal * g.spinning_power)
-    _add(powers[2], b, k, normal * g.rolling_power)
-    _add(powers[3], b, k, normal * g.needle_sliding_power)
-    _add(powers[4], b, k, normal * g.needle_rolling_power)
-    _add(powers[5], b, k, normal * spider_wrench(p, m, g, cos_phi, sin_phi)[3] * p.omega)
+    Before the first samples come the last ones, or with `before` = 0 a roller upright and at rest.
+    """
+    eights, samples = memory.eights, memory.samples
+    for k in range(3):
+        e, i = eights[k, (samples - 1) // WIDTH], (samples - 1) % WIDTH
+        tilt_1, spin_1 = before * e.tilt[0, i], before * e.spin[0, i]
+        e, i = eights[k, (samples - 2) // WIDTH], (samples - 2) % WIDTH
+        tilt_2, spin_2 = before * e.tilt[0, i], before * e.spin[0, i]
+        for j in range(samples):
+            e, i = eights[k, j // WIDTH], j % WIDTH
+            e.past_tilt[0, i], e.past_spin[0, i] = 0.5 * tilt_2 - 2.0 * tilt_1, 0.5 * spin_2 - 2.0 * spin_1
+            tilt_1, tilt_2, spin_1, spin_2 = e.tilt[0, i], tilt_1, e.spin[0, i], spin_1
+        for j in range(samples, WIDTH * eights.shape[1]):
+            place = j - samples
+            first, e, i = eights[k, place // WIDTH], eights[k, j // WIDTH], j % WIDTH
+            e.past_tilt[0, i], e.past_spin[0, i] = first.past_tilt[0, place % WIDTH], first.past_spin[0, place % WIDTH]
 
 
 @kernel
-def summarise(p, eights, powers, samples, power, residual, extremes):
-    """Mean powers of one point, its energy residual (shape (1,)), and the extremes of its normal forces."""
-    means = powers[:, 0, 0]
-    for mechanism in range(6):
-        total = 0.0
-        for j in range(samples):
-            total += powers[mechanism, j // WIDTH, j % WIDTH]
-        means[mechanism] = total / samples
-    lost = 0.0
-    for mechanism in range(5):
-        power[mechanism] = means[mechanism]
-        lost += means[mechanism]
-    transmitted = abs(p.torque * p.omega)
-    if transmitted > 0.0:
-        residual[0] = (means[5] - p.torque * p.omega - lost) / max(lost, _LEAST_LOSS * transmitted)
-    largest, smallest = load(eights[0, 0].normal, 0), load(eights[0, 0].normal, 0)
+def repeat_first(memory):
+    """Let the entries beyond the last sample repeat the first ones."""
+    eights, samples = memory.eights, memory.samples
     for k in range(3):
-        for b in range(eights.shape[1]):
-            normal = load(eights[k, b].normal, 0)
-            largest, smallest = max(largest, normal), min(smallest, normal)
-    extremes[0], extremes[1] = _largest_of(largest), -_largest_of(-smallest)
+        for j in range(samples, WIDTH * eights.shape[1]):
+            first, i = eights[k, (j - samples) // WIDTH], (j - samples) % WIDTH
+            e, n = eights[k, j // WIDTH], j % WIDTH
+            e.slip[0, n], e.lean[0, n], e.root[0, n] = first.slip[0, i], first.lean[0, i], first.root[0, i]
+            e.normal[0, n], e.past_tilt[0, n] = first.normal[0, i], first.past_tilt[0, i]
+            e.past_spin[0, n] = first.past_spin[0, i]

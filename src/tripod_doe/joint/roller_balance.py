@@ -167,7 +167,7 @@ def groove_forces(p, m, skew, contact, slip, root, added, newton):
     rate = math.sqrt(tau_1 * tau_1 + z_1 * z_1)
     spin = (slip - (tau_0 * tau_1 + z_0 * z_1) / rate) / rate
     v_tau, v_z = tau_0 + spin * tau_1, z_0 + spin * z_1
-    speed = math.sqrt(v_tau * v_tau + v_z * v_z) + 1e-290
+    speed = math.sqrt(v_tau * v_tau + v_z * v_z + 1e-300)
     sliding = hyperbolic_tangent(speed / p.slip_transition)
     drag = p.groove_sliding * sliding / speed
     drag_slope = p.groove_sliding * (1.0 - sliding * sliding) / p.slip_transition - drag
@@ -176,7 +176,7 @@ def groove_forces(p, m, skew, contact, slip, root, added, newton):
     w_tau = cos_a * m.w_r - sin_a * m.w_t + spin * t_tau
     w_n = sin_a * m.w_r + cos_a * m.w_t + spin * t_n
     w_z = m.w_z + spin * m.t_z
-    roll = math.sqrt(w_tau * w_tau + w_z * w_z) + 1e-290
+    roll = math.sqrt(w_tau * w_tau + w_z * w_z + 1e-300)
     rolling = p.groove_rolling * p.rolling_lever * hyperbolic_tangent(roll / p.roll_transition) / roll
     spinning = p.groove_spinning * root * hyperbolic_tangent(w_n / p.normal_spin_transition)
     # needles: friction along their axes, rolling resistance about the trunnion

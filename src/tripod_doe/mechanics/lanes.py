@@ -16,7 +16,10 @@ from numba.core import cgutils, types
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
-__all__ = ["WIDTH", "load", "pick", "ramp", "replace", "root_guess", "row", "row_of_sums", "select", "spread", "store"]
+__all__ = [
+    "WIDTH", "Lanes", "LanesModel", "Mask", "call", "clear", "define", "load", "pick", "ramp", "replace", "root_guess",
+    "row", "row_of_sums", "select", "spread", "spread_lanes", "store",
+]  # fmt: skip
 
 WIDTH = 8
 _DOUBLE, _INTEGER, _INDEX = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
@@ -26,8 +29,12 @@ _VECTOR = ir.VectorType(_DOUBLE, WIDTH)
 class Lanes(types.Type):
     """Type of eight floats in one register."""
 
-    def __init__(self) -> None:
-        super().__init__(name="lanes")
+    def __init__(self, name: str = "lanes") -> None:
+        super().__init__(name=name)
+
+    def lift(self, builder: Any, kind: Any, value: Any) -> Any:
+        """The lanes of a value of this type, or of a float among such values."""
+        return spread_lanes(builder, kind, value)
 
 
 class Mask(types.Type):
@@ -41,7 +48,9 @@ LANES, _MASK = Lanes(), Mask()
 
 
 @register_model(Lanes)
-class _LanesModel(models.PrimitiveModel):
+class LanesModel(models.PrimitiveModel):
+    """One register."""
+
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, _VECTOR)
 
@@ -52,7 +61,7 @@ class _MaskModel(models.PrimitiveModel):
         super().__init__(manager, kind, ir.VectorType(ir.IntType(1), WIDTH))
 
 
-def _spread(builder: Any, kind: Any, value: Any) -> Any:
+def spread_lanes(builder: Any, kind: Any, value: Any) -> Any:
     """The eight lanes of a value that may be a single float."""
     if isinstance(kind, Lanes):
         return value
@@ -64,21 +73,21 @@ def _shuffle(builder: Any, first: Any, second: Any, places: list[int]) -> Any:
     return builder.shuffle_vector(first, second, ir.Constant(ir.VectorType(_INDEX, len(places)), places))
 
 
-def _call(builder: Any, name: str, result: Any, *arguments: Any) -> Any:
+def call(builder: Any, name: str, result: Any, *arguments: Any) -> Any:
     """Call an intrinsic function of the compiler."""
     kind = ir.FunctionType(result, [argument.type for argument in arguments])
     return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), arguments)
 
 
-def _define(function: Any, count: int, result: Any, make: Any) -> None:
-    """Let a function of Python take lanes: `count` arguments of which one or more are lanes, the others floats."""
-    mixtures = [(LANES,)] if count == 1 else [(LANES, LANES), (LANES, types.float64), (types.float64, LANES)]
+def define(function: Any, count: int, result: Any, make: Any, own: Lanes = LANES) -> None:
+    """Let a function of Python take lanes: `count` arguments of which one or more are `own`, the others floats."""
+    mixtures = [(own,)] if count == 1 else [(own, own), (own, types.float64), (types.float64, own)]
     cases = [signature(result, *kinds) for kinds in mixtures]
     infer_global(function)(type("Mixtures", (ConcreteTemplate,), {"cases": cases}))
     for kinds in mixtures:
 
         def lower(_: Any, builder: Any, sign: Any, values: Any) -> Any:
-            return make(builder, *(_spread(builder, kind, v) for kind, v in zip(sign.args, values, strict=True)))
+            return make(builder, *(own.lift(builder, kind, v) for kind, v in zip(sign.args, values, strict=True)))
 
         lower_builtin(function, *kinds)(lower)
 
@@ -93,15 +102,15 @@ def _comparison(sign: str) -> Any:
 
 for _function, _name in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul"),
                          (operator.truediv, "fdiv")):  # fmt: skip
-    _define(_function, 2, LANES, _pairwise(_name))
+    define(_function, 2, LANES, _pairwise(_name))
 for _function, _sign in ((operator.gt, ">"), (operator.lt, "<"), (operator.le, "<=")):
-    _define(_function, 2, _MASK, _comparison(_sign))
-_define(max, 2, LANES, lambda builder, a, b: builder.select(builder.fcmp_ordered(">", b, a), b, a))
-_define(min, 2, LANES, lambda builder, a, b: builder.select(builder.fcmp_ordered("<", b, a), b, a))
-_define(operator.pow, 2, LANES, lambda builder, a, b: _call(builder, "llvm.pow.v8f64", _VECTOR, a, b))
-_define(operator.neg, 1, LANES, lambda builder, a: builder.fneg(a))
-_define(abs, 1, LANES, lambda builder, a: _call(builder, "llvm.fabs.v8f64", _VECTOR, a))
-_define(math.sqrt, 1, LANES, lambda builder, a: _call(builder, "llvm.sqrt.v8f64", _VECTOR, a))
+    define(_function, 2, _MASK, _comparison(_sign))
+define(max, 2, LANES, lambda builder, a, b: builder.select(builder.fcmp_ordered(">", b, a), b, a))
+define(min, 2, LANES, lambda builder, a, b: builder.select(builder.fcmp_ordered("<", b, a), b, a))
+define(operator.pow, 2, LANES, lambda builder, a, b: call(builder, "llvm.pow.v8f64", _VECTOR, a, b))
+define(operator.neg, 1, LANES, lambda builder, a: builder.fneg(a))
+define(abs, 1, LANES, lambda builder, a: call(builder, "llvm.fabs.v8f64", _VECTOR, a))
+define(math.sqrt, 1, LANES, lambda builder, a: call(builder, "llvm.sqrt.v8f64", _VECTOR, a))
 
 
 @intrinsic
@@ -111,11 +120,13 @@ def select(_, condition, a, b):
         kind = types.float64
         return kind(condition, kind, kind), lambda _, builder, __, values: builder.select(*values)
 
+    own = next((kind for kind in (a, b) if isinstance(kind, Lanes)), LANES)
+
     def lower(_, builder, sign, values):
-        a, b = (_spread(builder, kind, value) for kind, value in zip(sign.args[1:], values[1:], strict=True))
+        a, b = (own.lift(builder, kind, value) for kind, value in zip(sign.args[1:], values[1:], strict=True))
         return builder.select(values[0], a, b)
 
-    return LANES(condition, a, b), lower
+    return own(condition, a, b), lower
 
 
 @intrinsic
@@ -129,7 +140,7 @@ def root_guess(_, x, order, offset):
         # a division of integers has no vector form; as floats the bits lose nothing that a guess needs
         scaled = builder.sitofp(builder.bitcast(value, whole), kind)
         if kind == _VECTOR:
-            order, offset = (_spread(builder, types.float64, v) for v in (order, offset))
+            order, offset = (spread_lanes(builder, types.float64, v) for v in (order, offset))
         scaled = builder.fadd(builder.fmul(scaled, order), offset)
         return builder.bitcast(builder.fptosi(scaled, whole), kind)
 
@@ -141,7 +152,7 @@ def spread(_, number):
     """Lanes that all hold the same number."""
 
     def lower(_, builder, sign, values):
-        return _spread(builder, sign.args[0], values[0])
+        return spread_lanes(builder, sign.args[0], values[0])
 
     return LANES(types.float64), lower
 
@@ -152,7 +163,7 @@ def ramp(_, start):
 
     def lower(_, builder, sign, values):
         steps = ir.Constant(_VECTOR, [float(k) for k in range(WIDTH)])
-        return builder.fadd(_spread(builder, types.float64, values[0]), steps)
+        return builder.fadd(spread_lanes(builder, types.float64, values[0]), steps)
 
     return LANES(types.float64), lower
 
@@ -240,7 +251,7 @@ def row_of_sums(_, a, b, c, d, e, f):
     """Lanes that hold the sums of six lanes, and two zeros."""
 
     def lower(_, builder, sign, values):
-        left = [_spread(builder, kind, value) for kind, value in zip(sign.args, values, strict=True)]
+        left = [spread_lanes(builder, kind, value) for kind, value in zip(sign.args, values, strict=True)]
         left += [ir.Constant(_VECTOR, [0.0] * WIDTH)] * 2
         # neighbours are added in pairs, then pairs of pairs: seven additions for eight sums
         even, odd = [0, 8, 2, 10, 4, 12, 6, 14], [1, 9, 3, 11, 5, 13, 7, 15]

@@ -1,0 +1,223 @@
+"""The balance of a whole revolution at once, by Newton's method: for points at which relaxation does not settle.
+
+Relaxation treats one coupling at a time. That fails where couplings decide: a roller whose groove lets it slide freely,
+so that only its bearing holds its spin; a straight joint, in which nothing moves; inertia as large as the load. Here
+all unknowns of all samples follow from one linear system, the derivatives of the laws themselves (`derivatives`).
+
+A sample has nine unknowns: slip and force along the trunnion (over N) of every roller, and the normal forces over their
+mean; and nine equations: two for every roller, three for the spider. Earlier samples act by y_(-2) / 2 - 2 y_(-1) only,
+with y = (sin a, spin) of every roller. So every sample is solved for itself, with its answer to a change of that, and
+what is left is a linear recursion around the revolution, closed by the twelve unknowns before the first sample.
+
+Far from the solution, friction's tangents mislead. Then all transition velocities are enlarged until friction is all
+but viscous, which is solved, and reduced again in steps as large as the iteration allows.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.joint.balance_constants import TRANSITIONS, PointConstants, point_constants_of
+from tripod_doe.joint.linear_lap import solve_lap
+from tripod_doe.joint.moving_roller import added_motion
+from tripod_doe.joint.revolution import Memory, force_scale, motion_at, remember, repeat_first, skew_of
+from tripod_doe.joint.roller_balance import groove_forces, leaning_contact, spider_wrench
+from tripod_doe.mechanics.compilation import inlined_kernel, kernel
+from tripod_doe.mechanics.derivatives import variable
+from tripod_doe.mechanics.lanes import WIDTH, clear, pick
+
+__all__ = ["loads_at_rest", "settle_together"]
+
+FloatArray = NDArray[np.float64]
+
+_ITERATIONS, _IN_ALL, _HALVINGS, _PATIENT = (12, 30), 120, 4, 1.2
+"""Largest numbers of iterations of a step of the transition velocities, for the hasty and the patient, and of a point;
+of halved changes one after another; and the stride (a power of two) below which one is patient."""
+_LARGEST_LEAN, _LARGEST_LOAD = 0.3, 0.7
+"""Largest change in an iteration: of the force along a trunnion (over N), and of a normal force over the mean one."""
+_WIDEST, _ON_THE_WAY = 10.0, 1e-4
+"""Power of two by which transition velocities are enlarged at most, and the tolerance while they are."""
+
+
+@inlined_kernel
+def _mean_load(row):
+    """Of a groove, in N."""
+    p = point_constants_of(row)
+    return abs(p.torque) / (3.0 * p.pitch_radius)
+
+
+@kernel
+def _place(matrix, row, k, number):
+    """Write an equation's derivatives for the unknowns of roller k and what comes before, and add its value."""
+    matrix[row, 2 * k], matrix[row, 2 * k + 1] = pick(number, 1), pick(number, 2)
+    matrix[row, 6 + k] = pick(number, 3)
+    matrix[row, 9 + 2 * k], matrix[row, 10 + 2 * k] = pick(number, 4), pick(number, 5)
+    matrix[row, 15] += pick(number, 0)
+
+
+@kernel
+def _linearise_roller(row, skew, e, i, k, matrix, follows):
+    """Write one roller's part of the equations of a sample, and how its tilt and spin follow from the unknowns."""
+    p = point_constants_of(row)
+    mean_load = _mean_load(row)
+    cos_phi, sin_phi = e.cosine[0, i], e.sine[0, i]
+    m = motion_at(p, cos_phi, sin_phi)
+    slip, lean = variable(e.slip[0, i], 1), variable(e.lean[0, i], 2)
+    normal = mean_load * variable(e.normal[0, i] / mean_load, 3)
+    past_tilt, past_spin = variable(e.past_tilt[0, i], 4), variable(e.past_spin[0, i], 5)
+    size = max(e.normal[0, i], 3e-3 * mean_load)  # as `follow_root` does
+    e.root[0, i] = p.axis_factor * size ** (1.0 / 3.0)
+    root = e.root[0, i] * (1.0 + (max(normal, 3e-3 * mean_load) - size) / (3.0 * size))
+    contact = leaning_contact(p, m, lean)
+    added = added_motion(p, m, contact, cos_phi, root, past_tilt, past_spin)
+    g = groove_forces(p, m, skew, contact, slip, root, added, 1.0)
+    across_1, across_2, about_shaft, _ = spider_wrench(p, m, g, cos_phi, sin_phi)
+    _place(matrix, 2 * k, k, normal * g.moment / (mean_load * p.roller_radius))
+    _place(matrix, 2 * k + 1, k, g.trunnion_force - lean)
+    _place(matrix, 6, k, (normal * across_1 + e.load_1[0, i]) / mean_load)
+    _place(matrix, 7, k, (normal * across_2 + e.load_2[0, i]) / mean_load)
+    about = normal * about_shaft + (e.load_about[0, i] - p.torque / 3.0)
+    _place(matrix, 8, k, about / (mean_load * p.pitch_radius))
+    for d in range(6):
+        follows[2 * k, d], follows[2 * k + 1, d] = pick(g.sin_a, d), pick(g.spin, d)
+    follows[2 * k, 0] -= e.tilt[0, i]
+    follows[2 * k + 1, 0] -= e.spin[0, i]
+
+
+@kernel
+def _linearise(row, memory):
+    """Write the equations of all samples."""
+    equations, follows = memory.lap.equations, memory.lap.follows
+    clear(equations)
+    for j in range(memory.samples):
+        for k in range(3):
+            e = memory.eights[k, j // WIDTH]
+            _linearise_roller(row, skew_of(memory.turns, k), e, j % WIDTH, k, equations[j], follows[j])
+
+
+@kernel
+def _largest_changes(row, lap):
+    """Largest changes of slip over its transition velocity, of force along the trunnion, and of load over its mean.
+
+    The first is infinite where the linear system had no solution.
+    """
+    slip, lean, load, all_of_them = 0.0, 0.0, 0.0, 0.0
+    for j in range(lap.steps.shape[0]):
+        for k in range(3):
+            of_slip, of_lean, of_load = lap.changes[j, 2 * k, 6], lap.changes[j, 2 * k + 1, 6], lap.changes[j, 6 + k, 6]
+            slip, lean, load = max(slip, abs(of_slip)), max(lean, abs(of_lean)), max(load, abs(of_load))
+            all_of_them += of_slip + of_lean + of_load
+    return slip / point_constants_of(row).slip_transition if abs(all_of_them) < math.inf else math.inf, lean, load
+
+
+@kernel
+def _scale_of_lean(row):
+    """How large the force along a trunnion may be, over the mean normal force."""
+    return force_scale(point_constants_of(row)) + 1e-12
+
+
+@kernel
+def _change(row, memory, part):
+    """Change all unknowns by a part of what was worked out."""
+    lap, mean_load = memory.lap, _mean_load(row)
+    for k in range(3):
+        for j in range(lap.steps.shape[0]):
+            e, i = memory.eights[k, j // WIDTH], j % WIDTH
+            e.slip[0, i] += part * lap.changes[j, 2 * k, 6]
+            e.lean[0, i] += part * lap.changes[j, 2 * k + 1, 6]
+            e.normal[0, i] += part * lap.changes[j, 6 + k, 6] * mean_load
+            e.tilt[0, i] += part * lap.steps[j, 2 * k, 6]
+            e.spin[0, i] += part * lap.steps[j, 2 * k + 1, 6]
+    remember(memory, 1.0)
+
+
+def _iterate(row: FloatArray, memory: Memory, tolerance: float, patient: bool) -> tuple[bool, int]:
+    """Newton's method from what is there; whether it converged to the tolerance, and iterations.
+
+    Where the next change would be larger than the last one, the patient take half of that back; others give up.
+    """
+    least, halvings, lean_scale, before = math.inf, 0, _scale_of_lean(row), memory.state.copy()
+    for iteration in range(_ITERATIONS[patient]):
+        _linearise(row, memory)
+        solve_lap(memory.lap)
+        slip, lean, load = _largest_changes(row, memory.lap)
+        if slip > 1.5 * least or slip == math.inf:
+            halvings += 1
+            if halvings > (_HALVINGS if patient else 0):
+                return False, iteration + 1
+            memory.state[:] = 0.5 * (before + memory.state)
+            remember(memory, 1.0)
+            continue
+        least, halvings = slip, 0
+        before[:] = memory.state
+        _change(row, memory, min(1.0, _LARGEST_LEAN / max(lean, 1e-30), _LARGEST_LOAD / max(load, 1e-30)))
+        if slip <= tolerance and lean <= tolerance * lean_scale and load <= tolerance:
+            return True, iteration + 1
+    return False, _ITERATIONS[patient]
+
+
+def _start(row: FloatArray, memory: Memory) -> None:
+    """Make tilts and spins those of a start without slip."""
+    for _ in range(2):  # tilts first, then the spins that go with them
+        remember(memory, 1.0)
+        _linearise(row, memory)
+        for place, name in enumerate(("tilt", "spin")):
+            memory.eights[name].reshape(3, -1)[:, : memory.samples] += memory.lap.follows[:, place::2, 0].T
+    remember(memory, 1.0)
+
+
+def settle_together(row: FloatArray, memory: Memory) -> tuple[bool, int]:
+    """Solve a point.
+
+    Parameters
+    ----------
+    row
+        Of the table of `PointConstants`.
+    memory
+        `Memory`, in which the point was started.
+
+    Returns
+    -------
+    tuple
+        Whether it settled, and iterations.
+    """
+    tolerance, done = PointConstants(*row).tolerance, 0
+    power, stride, reached, before = 0.0, 3.0, math.inf, math.inf
+    _start(row, memory)
+    kept = earlier = memory.state.copy()
+    while done < _IN_ALL:
+        wide = row.copy()
+        wide[list(TRANSITIONS)] *= 2.0**power
+        well, count = _iterate(
+            wide, memory, tolerance if power == 0.0 else max(tolerance, _ON_THE_WAY), stride < _PATIENT
+        )
+        done += count
+        if well and power == 0.0:
+            repeat_first(memory)
+            return True, done
+        if well:
+            kept, earlier = memory.state.copy(), kept
+            reached, before, stride = power, reached, 1.5 * stride
+        elif reached < math.inf:
+            stride = 0.5 * (reached - power)
+        power = min(power + stride, _WIDEST) if reached == math.inf else max(reached - stride, 0.0)
+        memory.state[:] = kept
+        if before < math.inf:  # go on as it went from the last solution but one to the last one
+            memory.state[:] += (2.0**reached - 2.0**power) / (2.0**before - 2.0**reached) * (kept - earlier)
+        remember(memory, 1.0)
+    return False, done
+
+
+def loads_at_rest(row: FloatArray, memory: Memory) -> FloatArray:
+    """Normal forces over their mean that keep the spider in balance before any roller slips or leans, (sample, 3).
+
+    Parameters as for `settle_together`.
+    """
+    _start(row, memory)
+    _linearise(row, memory)
+    spider = memory.lap.equations[:, 6:9]
+    change: FloatArray = np.linalg.solve(spider[..., 6:9], spider[..., 15:])[..., 0]
+    return 1.0 - change
