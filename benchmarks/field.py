@@ -78,7 +78,9 @@ def internal(columns: dict[str, np.ndarray]):
 def answers(model: str, columns: dict[str, np.ndarray], factor: float = 1.0):
     """Outcome, reason, CPU milliseconds and complex orders of each point, by a model with a `factor` of its tolerance."""
     solver, default = MODELS[model], MODELS[model].methods["newton"]["relative_tolerance"]
-    values = internal(all_columns(columns) | {"relative_tolerance": np.full(len(columns["torque_n_m"]), factor * default)})
+    values = internal(
+        all_columns(columns) | {"relative_tolerance": np.full(len(columns["torque_n_m"]), factor * default)}
+    )
     solver.prepare(values.take([0]), "newton")
     keep, rows = ("thrust_amplitude", "thrust_phase_deg"), []
     for i in range(values.torque.size):

@@ -22,7 +22,7 @@ from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.task import make_task, run_task
 
-STUDY = (Path(__file__).parent / "throughput.toml").read_text()
+STUDY = (Path(__file__).parent / "throughput.toml").read_text().replace('[base]\nmodel = "equilibrium"\n\n', "")
 BASES = {
     "equilibrium": {"model": "equilibrium"},
     "kinetostatic": {"model": "kinetostatic"},

@@ -41,6 +41,17 @@ def test_balances_of_the_regression_count_the_same_work_twice(benchmark, name):
     assert first["finished"] == 3 < first["steps"]
 
 
+@pytest.mark.parametrize("name", ["equilibrium", "kinetostatic"])
+def test_a_sample_of_the_field_finishes(benchmark, name):
+    """Random points of the field with random mechanisms, and the same with a tenth of the tolerance."""
+    field = benchmark("field")
+    columns = field.field_points(12, np.random.default_rng(5))
+    outcome, detail, price, orders = field.answers(name, columns)
+    field.tell(columns, outcome, detail, price, 1)
+    assert (outcome == 0).all(), detail
+    assert field.moved(orders, field.answers(name, columns, 0.1)[3]).max() < 1e-3
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["rollers", "needles"])
 def test_multibody_workloads_of_the_regression_count_their_steps(benchmark, name):

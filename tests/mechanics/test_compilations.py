@@ -28,8 +28,8 @@ TIMES: dict[str, int] = {}
 """Kernels that compile more than once, each with its reason in a comment; none today."""
 
 KERNELS = {
-    "equilibrium": ("model equilibrium with newton", "tripod_doe.joint.relaxation.solve_still"),
-    "kinetostatic": ("model kinetostatic with newton", "tripod_doe.joint.moving_relaxation.solve_moving"),
+    "equilibrium": ("model equilibrium with newton", "tripod_doe.joint.relaxation.settle_still"),
+    "kinetostatic": ("model kinetostatic with newton", "tripod_doe.joint.moving_relaxation.settle_moving"),
     "rollers": ("models rollers and needles with adaptive-euler", "tripod_doe.mechanics.implicit.solve_stage"),
 }
 """What is compiled for each model, and one kernel of it."""

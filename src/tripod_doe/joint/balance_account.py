@@ -51,7 +51,8 @@ class Solution(NamedTuple):
         eights = -(-samples // WIDTH)
         return cls(
             np.zeros((points, 3, eights, WIDTH)), np.zeros((points, 6, eights, WIDTH)), np.zeros((points, 5)),
-            np.zeros(points), np.zeros(points), np.zeros((points, 2)), np.zeros(points, np.int64), np.zeros(points, np.bool_),
+            np.zeros(points), np.zeros(points), np.zeros((points, 2)), np.zeros(points, np.int64),
+            np.zeros(points, np.bool_),
         )  # fmt: skip
 
 

@@ -219,5 +219,5 @@ def loads_at_rest(row: FloatArray, memory: Memory) -> FloatArray:
     _start(row, memory)
     _linearise(row, memory)
     spider = memory.lap.equations[:, 6:9]
-    change: FloatArray = np.linalg.solve(spider[..., 6:9], spider[..., 15:])[..., 0]
-    return 1.0 - change
+    change = np.linalg.solve(spider[..., 6:9], spider[..., 15:])[..., 0]
+    return np.asarray(1.0 - change, float)

@@ -35,7 +35,9 @@ s = v_z / R_s + omega sin b, is out of phase with its rolling in the groove.
 
 Left out: inertia, the roller's swinging in its groove and its tilt on its trunnion, which `kinetostatic` adds; the
 shaft's finite length (the spider's orbit tilts it by e / L, lateral forces turn by R_p / L); how the needles' skew
-changes; end stops and contacts between needles. The equations are solved by `relaxation`.
+changes; end stops and contacts between needles. The equations are solved by `relaxation`;
+where that does not settle, by `coupled_balance` and `free_rollers`. Where no friction holds a roller's spin, the answer
+is the limit of little friction; without sliding friction in the grooves there is no thrust.
 """
 
 from __future__ import annotations
@@ -212,7 +214,7 @@ def solve_balance(
     cosines, sines = _groove_angles(samples)
     memory, solution = Memory.for_samples(samples), Solution.of_nothing(table.shape[0], samples)
     still, free = columns["pace"] == 0.0, columns["groove_sliding"] == 0.0
-    for i in np.flatnonzero(columns["torque"] != 0.0):
+    for i in np.flatnonzero(columns["torque"] != 0.0).tolist():
         ways = [settle_still if still[i] else settle_moving, settle_free if still[i] and free[i] else settle_together]
         for number, settle in enumerate(ways):
             start(table[i], skews[i], cosines, sines, memory)
@@ -227,9 +229,10 @@ def solve_balance(
             loads = loads_at_rest(table[i], memory) * points.groove_load[i]
             solution.extremes[i] = loads.max(), loads.min()
     solution.settled[columns["torque"] == 0.0] = True
+    solution.power[points.needle_rolling_friction == 0.0, 4] = 0.0  # what hardly resists takes no power
     thrust, parts = (sums.reshape(*sums.shape[:2], -1)[..., :samples] for sums in (solution.thrust, solution.parts))
     largest, smallest = solution.extremes.T
     return Equilibrium(
-        thrust, parts, solution.power, solution.residual, solution.unexplained, largest, smallest, penetration, solution.sweeps,
-        solution.settled,
+        thrust, parts, solution.power, solution.residual, solution.unexplained, largest, smallest, penetration,
+        solution.sweeps, solution.settled,
     )  # fmt: skip

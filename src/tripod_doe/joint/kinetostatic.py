@@ -29,9 +29,10 @@ where the friction f_t along the trunnion, needles included, is what the contact
 Lag. Trunnions stay behind their grooves by rho, the bearing's clearance and the needles' penetrations together, over
 R_p: all happens that much later in the rotation.
 
-ds/dt and da/dt are backward differences of second order around the revolution (`moving_relaxation`). The balance of
-powers closes to about half a per cent only: that the spider gives way a little to swinging and tilting rollers is left
-out, as is all else that the equilibrium leaves out; and the mass of the needles.
+ds/dt and da/dt are backward differences of second order around the revolution (`moving_relaxation`, and
+`coupled_balance` where that does not settle). The balance of powers closes to about half a per cent of the friction
+power only, to 10 % with much friction or little motion: that the spider gives way a little to swinging and tilting
+rollers is left out, as is all else that the equilibrium leaves out; and the mass of the needles.
 """
 
 from __future__ import annotations

@@ -104,7 +104,7 @@ def _solve_samples(lap):
     """Solve every sample for itself."""
     for j in range(lap.steps.shape[0]):
         matrix, follows, changes, steps = lap.equations[j], lap.follows[j], lap.changes[j], lap.steps[j]
-        _eliminate(matrix, 9)
+        _eliminate(matrix, matrix.shape[0])
         for row in range(9):
             for column in range(7):
                 changes[row, column] = -matrix[row, 9 + column]
@@ -141,19 +141,21 @@ def _cross_stretch(stretch, lap):
 def _fit_stretches(lap):
     """Find y before every stretch, with which all stretches fit together."""
     pair, across, links, starts, stretches = lap.pair, lap.across, lap.links, lap.starts, lap.starts.shape[0]
-    _cross_stretch(0, lap)
-    for row in range(12):
-        for column in range(12):
-            pair[row, column], pair[row, 12 + column] = 1.0 if row == column else 0.0, -across[row, column]
-        pair[row, 36] = across[row, 12]
-    for stretch in range(1, stretches):  # columns: y before it, before the first one, before the next one, right side
+    for stretch in range(stretches):
         _cross_stretch(stretch, lap)
+        if stretch == 0:
+            for row in range(12):
+                for column in range(12):
+                    pair[row, column], pair[row, 12 + column] = 1.0 if row == column else 0.0, -across[row, column]
+                pair[row, 36] = across[row, 12]
+            continue
+        # columns: y before this stretch, before the first one, before the next one, right-hand side
         for row in range(12):
             for column in range(12):
                 pair[12 + row, column], pair[12 + row, 12 + column] = -across[row, column], 0.0
                 pair[row, 24 + column], pair[12 + row, 24 + column] = 0.0, 1.0 if row == column else 0.0
             pair[12 + row, 36] = across[row, 12]
-        _eliminate(pair, 12)
+        _eliminate(pair, starts.shape[1])
         for row in range(12):
             for column in range(25):
                 links[stretch, row, column] = pair[row, 12 + column]
@@ -164,7 +166,7 @@ def _fit_stretches(lap):
         for column in range(12):
             lap.lap[row, column] = pair[row, column] + pair[row, 12 + column]
         lap.lap[row, 12] = pair[row, 36]
-    _eliminate(lap.lap, 12)
+    _eliminate(lap.lap, starts.shape[1])
     for row in range(12):
         starts[0, row] = lap.lap[row, 12]
     for stretch in range(stretches - 1, 0, -1):

@@ -46,6 +46,7 @@ EIGHT_SAMPLES = np.dtype([
 ])  # fmt: skip
 """Fields of eight samples of a groove; those from `load_1` on are used by the kinetostatic model."""
 
+
 @dataclass(frozen=True, eq=False)
 class Memory(ByReference):
     """What the kernels write while they solve a point.

@@ -1,0 +1,101 @@
+"""Joints that do not relax: the whole revolution at once, rollers that slide freely, and loads that lift a roller."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from tripod_doe.joint import equilibrium, models
+from tripod_doe.joint.coupled_balance import settle_together
+from tripod_doe.joint.equilibrium import solve_equilibrium
+from tripod_doe.joint.free_rollers import settle_free
+from tripod_doe.joint.kinetostatic import solve_kinetostatic
+from tripod_doe.simulator import Outcome
+
+SWITCHES = ("groove_sliding", "groove_spinning", "groove_rolling", "needle_sliding", "needle_rolling")
+SKEWS = {"initial_skew_1_deg": 0.4, "initial_skew_2_deg": -0.4, "initial_skew_3_deg": 0.4}
+
+
+@pytest.fixture
+def points(internal_points):
+    def make(**given):
+        return internal_points(**{"relative_tolerance": 1e-9, **given})
+
+    return make
+
+
+@pytest.fixture
+def combinations(points):
+    """All combinations of mechanisms at one operating point."""
+
+    def make(**given):
+        switched = np.array(list(product((0.0, 1.0), repeat=5)))
+        return points(**dict(zip(SWITCHES, switched.T, strict=True)), **given)
+
+    return make
+
+
+@pytest.mark.parametrize("solve", [solve_equilibrium, solve_kinetostatic])
+def test_two_ways_to_the_same_balance(points, monkeypatch, solve):
+    """Invariance: relaxation and Newton's method for the whole revolution solve the same equations."""
+    given = points(joint_angle_deg=np.array([4.0, 10, 20]), torque_n_m=np.array([100.0, -50, 300]), **SKEWS)
+    relaxed = solve(given, 120)
+    for name in ("settle_still", "settle_moving"):
+        monkeypatch.setattr(equilibrium, name, settle_together)
+    together = solve(given, 120)
+    assert together.settled.all()
+    assert (together.sweeps < relaxed.sweeps).all()
+    largest = np.abs(relaxed.groove_thrust).max()
+    np.testing.assert_allclose(together.groove_thrust, relaxed.groove_thrust, rtol=0, atol=1e-7 * largest)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"joint_angle_deg": 9, "torque_n_m": 60, **SKEWS},
+        {"joint_angle_deg": 0, "torque_n_m": -200, "speed_rpm": 1500},
+        {"joint_angle_deg": 2, "torque_n_m": 400, "groove_sliding_friction": 0.12, "transition_ratio": 0.1, **SKEWS},
+    ],
+)
+@pytest.mark.parametrize(("name", "solve"), [("equilibrium", solve_equilibrium), ("kinetostatic", solve_kinetostatic)])
+def test_every_combination_of_mechanisms_has_an_answer(combinations, name, solve, given):
+    """Regression: 17 of 768 combinations of `equilibrium` and 152 of `kinetostatic` had none."""
+    block = combinations(**given, relative_tolerance=models.MODELS[name].methods["newton"]["relative_tolerance"])
+    result = models.MODELS[name].simulate(block, "newton", 360, ("thrust_amplitude",))
+    assert [Outcome(outcome).label for outcome in result.outcome] == ["finished"] * 32
+    free = block.groove_sliding_friction == 0
+    assert (result.outputs["thrust_amplitude"].data[free] == 0).all()
+
+
+def test_rollers_that_slide_freely_balance_where_relaxation_runs_in_circles(points, monkeypatch):
+    """Exact physics: their friction takes what the shaft gives, to rounding, though no slope leads to the balance."""
+    given = points(
+        joint_angle_deg=8.32, torque_n_m=-218, speed_rpm=1560, needle_sliding_friction=0.137, transition_ratio=0.121,
+        groove_sliding=0, groove_rolling=0, needle_rolling=0, initial_skew_1_deg=1.1, initial_skew_2_deg=-0.2,
+        groove_spin_friction=0.06,
+    )  # fmt: skip
+    rounds = []
+    monkeypatch.setattr(equilibrium, "settle_free", lambda *it: rounds.append(settle_free(*it)) or rounds[-1])
+    monkeypatch.setattr(equilibrium, "settle_still", lambda *_: (False, 0))
+    result = solve_equilibrium(given, 360)
+    assert rounds[0][0]
+    assert abs(result.unexplained_power[0]) < 1e-9
+    assert (result.groove_thrust == 0).all()
+
+
+def test_a_straight_joint_has_no_thrust(points):
+    """Exact limit: nothing slips, and inertia alone decides the loads."""
+    result = solve_kinetostatic(points(joint_angle_deg=0, torque_n_m=np.array([50, -400.0]), speed_rpm=1500), 360)
+    assert result.settled.all()
+    assert np.abs(result.groove_thrust).max() < 1e-4
+    assert np.abs(result.friction_power).max() < 1e-6
+
+
+def test_an_orbiting_shaft_lifts_rollers_off(internal_points):
+    """A failure is recognised and named: 384 N of the orbiting shaft at 152 N a groove."""
+    given = internal_points(joint_angle_deg=23, torque_n_m=9, speed_rpm=2700, relative_tolerance=1e-6)
+    result = models.MODELS["kinetostatic"].simulate(given, "newton", 120, ("thrust_amplitude",))
+    assert Outcome(result.outcome[0]) is Outcome.OUT_OF_RANGE
+    assert "lifts off" in result.detail[0]
