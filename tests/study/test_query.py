@@ -110,6 +110,15 @@ def test_messages_name_what_the_user_wrote(cube):
         query(cube, "f", ["z=3"])
 
 
+def test_python_selects_by_name(cube):
+    """Regression: a mapping was refused with the syntax of the command line."""
+    assert query(cube, "f", {"order": 3, "x": slice(0.2, 0.35)})["f"].values.tolist() == [[3.0], [5.0]]
+    assert query(cube, "f", {"x": slice(None, 0.2), "model": "b"})["x"].values.tolist() == [0.2]
+    assert query(cube, "f", {"x": [0.1, 0.4]})["x"].values.tolist() == [0.1, 0.4]
+    with pytest.raises(InputError, match=r"a range of x is two numbers, slice\(a, b\)"):
+        query(cube, "f", {"x": slice("a", 3)})
+
+
 def test_open_ranges():
     assert parse_selection("x=:3").high == 3
     assert parse_selection("x=1:").low == 1

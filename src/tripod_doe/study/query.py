@@ -23,11 +23,22 @@ from tripod_doe.study.results import open_cube
 if TYPE_CHECKING:  # the command line answers without xarray
     import xarray as xr
 
-__all__ = ["Selection", "answer_format", "narrowed", "parse_selection", "query", "records", "records_text"]
+__all__ = [
+    "Selection",
+    "answer_format",
+    "narrowed",
+    "parse_selection",
+    "query",
+    "records",
+    "records_text",
+    "selections",
+]
 
 _MATCH = 1e-9
 
 Columns = dict[str, NDArray[Any]]
+Chosen = float | str | slice | Sequence[float | str]
+"""What a coordinate may be: a value, a range (either end may be None), or several values."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +72,34 @@ def parse_selection(text: str) -> Selection:
     return Selection(name, tuple(_word(part.strip()) for part in wanted.split(",")))
 
 
+def _end(given: Any, default: float) -> float:
+    return default if given is None else float(given)
+
+
+def selections(select: Mapping[str, Chosen] | Sequence[Selection | str]) -> list[Selection]:
+    """Selections from texts (``"order=3"``) or by name (``{"order": 3, "torque_n_m": slice(20, 60)}``).
+
+    Raises
+    ------
+    InputError
+        If a text has another form, or a range other ends than numbers.
+    """
+    if not isinstance(select, Mapping):
+        return [parse_selection(item) if isinstance(item, str) else item for item in select]
+    found = []
+    for name, wanted in select.items():
+        if isinstance(wanted, slice):
+            try:
+                low, high = _end(wanted.start, -math.inf), _end(wanted.stop, math.inf)
+            except (TypeError, ValueError) as error:
+                raise InputError(f"select={select!r}: a range of {name} is two numbers, slice(a, b)") from error
+            found.append(Selection(name, (), low, high))
+        else:
+            several = [wanted] if isinstance(wanted, str | float | int | np.generic) else list(wanted)
+            found.append(Selection(name, tuple(one if isinstance(one, str) else float(one) for one in several)))
+    return found
+
+
 def _word(text: str) -> float | str:
     try:
         return float(text)
@@ -71,7 +110,7 @@ def _word(text: str) -> float | str:
 def query(
     cube: xr.Dataset | str | Path,
     variable: str,
-    select: Sequence[Selection | str] = (),
+    select: Mapping[str, Chosen] | Sequence[Selection | str] = (),
     nearest: bool = False,
     where: str | None = None,
 ) -> xr.Dataset:
@@ -84,7 +123,8 @@ def query(
     variable
         The variable that is asked for.
     select
-        Values, lists or ranges of coordinates. Values match to 1e-9 relative.
+        Values, lists or ranges of coordinates: ``{"order": 3, "torque_n_m": slice(20, 60)}``, or as on the command
+        line ``["order=3", "torque_n_m=20:60"]``. Values match to 1e-9 relative.
     nearest
         Take the nearest value of a coordinate where none matches.
     where
@@ -112,7 +152,7 @@ def query(
 def records(
     cube: CubeArrays,
     variable: str,
-    select: Sequence[Selection | str] = (),
+    select: Mapping[str, Chosen] | Sequence[Selection | str] = (),
     nearest: bool = False,
     where: str | None = None,
 ) -> Columns:
@@ -187,7 +227,9 @@ class _Choice:
         return expression({name: self.column(name) for name in {self.variable, *expression.used}})
 
 
-def _choose(cube: CubeArrays, variable: str, select: Sequence[Selection | str], nearest: bool) -> _Choice:
+def _choose(
+    cube: CubeArrays, variable: str, select: Mapping[str, Chosen] | Sequence[Selection | str], nearest: bool
+) -> _Choice:
     if variable not in cube.variables:
         raise InputError(f"{option('variable', variable)}: not in this cube{near_match(variable, cube.variables)}")
     dims = set(cube.variables[variable].dims)
@@ -195,8 +237,7 @@ def _choose(cube: CubeArrays, variable: str, select: Sequence[Selection | str], 
     shown = {name: along[name] for name in (variable, "outcome") if name in along}
     coordinates = {name: labels for name, labels in cube.coordinates.items() if set(labels.dims) <= dims}
     rows: dict[str, NDArray[np.int64]] = {}
-    for item in select:
-        selection = parse_selection(item) if isinstance(item, str) else item
+    for selection in selections(select):
         if selection.name not in coordinates:
             known = near_match(selection.name, coordinates)
             raise InputError(f"{option('select', selection.name)}: not a coordinate here{known}")
