@@ -28,6 +28,8 @@ def ishigami(x1, x2, x3):
     return {"y": math.sin(x1) + 7 * math.sin(x2) ** 2 + 0.1 * x3**4 * math.sin(x1)}
 def mechanisms(a, b, x, z):
     return {"y": x * a + z * (0.001 - a if (a, b) == (4, 3) else 1) + 0 * b}
+def vee(x, z):
+    return {"y": abs(x) + 0.1 * x * z}
 def failing(x):
     raise ValueError("no <b>answer</b> here")
 def uneven(x, z):

@@ -149,6 +149,26 @@ def test_an_effect_of_both_signs_of_the_skew_is_symmetric(make_cube):
                     r"symmetrically: 0\.\d+ N at -0\.7 deg and 0\.7 deg, averaged over torque\.$", told)  # fmt: skip
 
 
+def test_few_points_show_a_bend_where_a_trend_is_none(make_cube):
+    told = find(
+        make_cube(
+            """
+            [study]
+            name = "Vee"
+            function = "report_functions:vee"
+            [factors]
+            x = { low = -1, high = 1 }
+            z = { low = -1, high = 1 }
+            [design]
+            kind = "latin-hypercube"
+            samples = 40
+            """
+        )
+    )
+    assert any(s.startswith("By regression on all factors, y is curved over x: the ends lie 0.8") for s in told)
+    assert any(s.startswith("No trend or bend of y over z stands out") for s in told)
+
+
 def test_a_factor_that_acts_by_interaction_alone_is_not_said_to_have_no_effect(make_cube):
     """The total index of x3 in the Ishigami function is 0.24, its mean effect zero."""
     (told,) = [s for s in find(make_cube(ISHIGAMI)) if "x3" in s.replace("(at x1", "").split(", x3")[0]]

@@ -13,7 +13,9 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Fit", "Separation", "fit_factor", "separation"]
+from tripod_doe.analysis.curve_shape import Shape, curve_shapes
+
+__all__ = ["Estimate", "Fit", "Separation", "fit_factor", "separation"]
 
 FloatArray = NDArray[np.float64]
 Column = NDArray[np.generic]
@@ -51,28 +53,45 @@ class Separation:
 
 
 @dataclass(frozen=True)
+class Estimate:
+    """A number from a regression.
+
+    Attributes
+    ----------
+    value, half
+        The number, and the half width of its 95 % interval.
+    most
+        Largest size that a 99.9 % interval allows.
+    sure
+        Whether it differs from zero at this level, and by more than the numerical error.
+    """
+
+    value: float
+    half: float
+    most: float
+    sure: bool
+
+
+@dataclass(frozen=True)
 class Fit:
     """What a regression on all factors tells of one.
 
     Attributes
     ----------
-    trend, half
-        Change of the response over the range of the factor, and the half width of its 95 % interval.
-    most
-        Largest size of that change that a 99.9 % interval allows.
-    sure
-        Whether it differs from zero at this level.
+    trend
+        Change of the response over the range of the factor.
+    bend
+        How far the ends of that range lie above its middle on average; zero for two levels, and where there are too few
+        points to tell a square from the interactions of factors that are not quite independent.
     level, mean
         Means of the factor and of the response in classes of equally many points, at equal values of all other
-        factors; empty where there are not enough points.
+        factors; empty where there are not enough points, or where their course depends on interactions.
     error
         Half width of the 99.9 % interval of a difference of two such means.
     """
 
-    trend: float
-    half: float
-    most: float
-    sure: bool
+    trend: Estimate
+    bend: Estimate
     level: FloatArray
     mean: FloatArray
     error: float
@@ -105,6 +124,17 @@ def _others(columns: Mapping[str, Column], factor: str) -> FloatArray:
     """Columns of all factors but one, shape (point, column)."""
     parts = [_basis(column) for name, column in columns.items() if name != factor]
     return np.concatenate(parts, axis=1) if parts else np.empty((len(columns[factor]), 0))
+
+
+def _products(columns: Mapping[str, Column]) -> FloatArray:
+    """Products of any two factors that are numbers, centred, shape (point, pair)."""
+    lines = [_scaled(column) for column in columns.values() if _numeric(column)]
+    products = [(one - one.mean()) * (other - other.mean()) for one, other in combinations(lines, 2)]
+    if not products:
+        return np.empty((len(next(iter(columns.values()))), 0))
+    stacked = np.stack(products, axis=1)
+    centred: FloatArray = stacked - stacked.mean(axis=0)
+    return centred
 
 
 def _explained(column: FloatArray, by: FloatArray) -> float:
@@ -171,14 +201,39 @@ def fit_factor(columns: Mapping[str, Column], factor: str, response: FloatArray,
     response
         Finite values, shape (point,).
     error
-        Its numerical error: a smaller trend is none.
+        Its numerical error: smaller changes are none.
     """
-    others = _others(columns, factor)
-    coefficient, covariances, free = _least_squares(np.column_stack([_basis(columns[factor]), others]), response)
-    trend, half = 2 * float(coefficient[1]), 2 * float(np.sqrt(covariances[:, 1, 1].max()))
-    sure, told = (_quantile((1 + level) / 2, free) for level in (_SURE, _INTERVAL))
+    own, others = _basis(columns[factor]), _others(columns, factor)
+    coefficient, covariances, free = _least_squares(np.column_stack([own, others]), response)
+    trend = _estimate(2 * float(coefficient[1]), 2 * float(np.sqrt(covariances[:, 1, 1].max())), free, error)
+    beside = np.column_stack([others, _products(columns)])  # of related factors, a product looks like a square
     level, mean, apart = _class_means(columns[factor].astype(float), others, response)
-    return Fit(trend, told * half, abs(trend) + sure * half, abs(trend) > max(sure * half, error), level, mean, apart)
+    _, checked, bound = _class_means(columns[factor].astype(float), beside, response)
+    courses = {_course(*means) for means in ((mean, apart), (checked, bound)) if means[0].size}
+    if not checked.size or len(courses) > 1 or Shape.NONE in courses:
+        level, mean, apart = np.empty(0), np.empty(0), 0.0
+    return Fit(trend, _bend(own, beside, response, error), level, mean, apart)
+
+
+def _course(mean: FloatArray, error: float) -> Shape:
+    """Shape of class means; one direction only where the ends tell it too, for in between much is within the error."""
+    shape = Shape(int(curve_shapes(mean[None], error)[0]))
+    flat = shape in (Shape.RISING, Shape.FALLING) and abs(float(mean[-1] - mean[0])) <= error
+    return Shape.NONE if flat else shape
+
+
+def _bend(own: FloatArray, others: FloatArray, response: FloatArray, error: float) -> Estimate:
+    """The square of a factor beside all other columns; nothing where there are too few points for them."""
+    if own.shape[1] < 2 or len(response) < _POINTS_PER_COLUMN * (own.shape[1] + others.shape[1]):
+        return Estimate(0.0, 0.0, 0.0, False)
+    coefficient, covariances, free = _least_squares(np.column_stack([own, others]), response)
+    return _estimate(float(coefficient[2]), float(np.sqrt(covariances[:, 2, 2].max())), free, error)
+
+
+def _estimate(value: float, deviation: float, free: int, error: float) -> Estimate:
+    """A number with its standard deviation, of so many degrees of freedom."""
+    sure, told = (_quantile((1 + share) / 2, free) for share in (_SURE, _INTERVAL))
+    return Estimate(value, told * deviation, abs(value) + sure * deviation, abs(value) > max(sure * deviation, error))
 
 
 def _quantile(share: float, free: int) -> float:

@@ -107,7 +107,7 @@ class FactorEffect:
         """Largest less smallest mean; the trend of a regression without classes."""
         if self.mean.size:
             return float(np.ptp(self.mean))
-        return abs(self.fit.trend) if self.fit else 0.0
+        return max(abs(self.fit.trend.value), abs(self.fit.bend.value)) if self.fit else 0.0
 
 
 def factor_effects(columns: Mapping[str, Column], response: FloatArray, error: float = 0.0) -> list[FactorEffect]:

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from tripod_doe.analysis.additive_fit import Separation
+from tripod_doe.analysis.additive_fit import Estimate, Separation
 from tripod_doe.analysis.curve_shape import Shape, extreme_levels, mirror_level
 from tripod_doe.analysis.factor_effects import FactorEffect, Ground, factor_effects
 from tripod_doe.quantities import count_of, interval, level, number, rounded_up, with_unit
@@ -67,7 +67,9 @@ def find_effects(response: Response, cube: xr.Dataset, effects: Sequence[FactorE
 
 def _is_seen(effect: FactorEffect) -> bool:
     """Whether a regression shows an effect above its interval: a course over classes, or else a trend."""
-    return effect.shape is not Shape.NONE or (effect.fit is not None and effect.fit.sure)
+    return effect.shape is not Shape.NONE or (
+        effect.fit is not None and (effect.fit.trend.sure or effect.fit.bend.sure)
+    )
 
 
 def unseparated(cube: xr.Dataset, effects: Iterable[FactorEffect]) -> list[str]:
@@ -309,14 +311,23 @@ class _Teller:
         )
 
     def _trend(self, effect: FactorEffect) -> str:
-        """A trend by regression, where there are not enough points for a course."""
+        """A trend, a bend or both by regression, where there are not enough points for a course."""
         assert effect.fit is not None
-        verb = "increases" if effect.fit.trend > 0 else "decreases"
-        told = with_unit(interval(abs(effect.fit.trend), effect.fit.half), self.response.unit)
+        trend, bend = effect.fit.trend, effect.fit.bend
+        label, told = factor_label(self.cube, effect.factor), []
+        if trend.sure:
+            verb = "increases" if trend.value > 0 else "decreases"
+            told.append(f"{verb} with {label}, by {self._estimate(trend)} over its range")
+        if bend.sure:
+            place = "above" if bend.value > 0 else "below"
+            told.append(f"is curved over {label}: the ends lie {self._estimate(bend)} {place} the middle")
         return (
-            f"By regression on all factors, {self.name} {verb} with {factor_label(self.cube, effect.factor)}, by "
-            f"{told} over its range (95 % interval, {effect.settings:,} points)."
+            f"By regression on all factors, {self.name} {', and '.join(told)} (95 % interval, "
+            f"{effect.settings:,} points)."
         )
+
+    def _estimate(self, estimate: Estimate) -> str:
+        return with_unit(interval(abs(estimate.value), estimate.half), self.response.unit)
 
     def weak(self, effects: list[FactorEffect]) -> str:
         """Factors that change the response little, or not at all, at every setting of the others."""
@@ -340,7 +351,7 @@ class _Teller:
 
     def unseen(self, effects: list[FactorEffect]) -> str:
         """Factors whose effect does not stand out of the scatter."""
-        most = max(effect.fit.most for effect in effects if effect.fit)
+        most = max(max(effect.fit.trend.most, effect.fit.bend.most) for effect in effects if effect.fit)
         labels, points = [factor_label(self.cube, effect.factor) for effect in effects], effects[0].settings
         if most <= _ROUNDING * self.span:
             head = _at_head(self.cube, [effect.factor for effect in effects])
@@ -348,7 +359,7 @@ class _Teller:
                 f"{head} {'have' if len(effects) > 1 else 'has'} no effect on {self.name} at these {points:,} points."
             )
         return (
-            f"No effect of {listed(labels)} on {self.name} stands out from the scatter of the {points:,} points; "
-            f"trends of up to {with_unit(rounded_up(most), self.response.unit)} over the range and interactions are "
-            "not excluded."
+            f"No trend or bend of {self.name} over {listed(labels)} stands out from the scatter of the {points:,} "
+            f"points; those of up to {with_unit(rounded_up(most), self.response.unit)}, other courses and interactions "
+            "are not excluded."
         )
