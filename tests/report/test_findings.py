@@ -165,7 +165,7 @@ def test_few_points_show_a_bend_where_a_trend_is_none(make_cube):
             """
         )
     )
-    assert any(s.startswith("By regression on all factors, y is curved over x: the ends lie 0.8") for s in told)
+    assert any(s.startswith("By regression on all factors, y is curved over x: the ends lie 0.9") for s in told)
     assert any(s.startswith("No trend or bend of y over z stands out") for s in told)
 
 
