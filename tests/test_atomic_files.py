@@ -29,7 +29,7 @@ def test_the_old_file_stays_until_the_new_one_is_whole(tmp_path):
     assert path.read_text() == "old"
 
 
-def test_a_file_that_cannot_be_made_is_told(tmp_path):
+def test_a_file_that_cannot_be_made_is_an_error(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(td.StorageError, match="nothing that was finished is lost"):
         replace_text(tmp_path / "file" / "below.txt", "text")

@@ -201,7 +201,7 @@ def test_compare_lays_a_measurement_over_a_point(capsys, whole_results, record, 
         (["--select", "joint_angle_deg=5", "--pulses-per-rev", "2"], "did you mean '--pulses-per-revolution'"),
     ],
 )
-def test_a_bad_comparison_is_told(capsys, whole_results, record, words, message):
+def test_a_bad_comparison_is_refused(capsys, whole_results, record, words, message):
     code, out, err = call(capsys, "compare", whole_results, record, *words)
     assert (code, out) == (2, "")
     assert message in err
@@ -266,7 +266,7 @@ def test_schema_holds_every_parameter(capsys):
         ([], "required"),
     ],
 )
-def test_bad_calls_are_told_and_start_nothing(capsys, write_study, tmp_path, results, words, message):
+def test_bad_calls_are_refused_and_start_nothing(capsys, write_study, tmp_path, results, words, message):
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").write_text("")
     (tmp_path / "cut.nc").write_bytes((results / "cube.nc").read_bytes()[:3000])

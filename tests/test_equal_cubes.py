@@ -38,7 +38,7 @@ def test_a_value_that_differs_counts(name, values):
     assert difference.variable == name
 
 
-def test_a_better_sentence_is_told_and_does_not_count():
+def test_a_better_sentence_is_reported_and_does_not_count():
     (difference,) = compare(CUBE, changed("outcome_detail", ["", "did not converge"]))
     assert not difference.counts
     assert "converge" in difference.what

@@ -84,7 +84,7 @@ def test_noise_makes_the_error_that_theory_says():
 
 
 def test_a_run_up_with_noise_comes_back_within_pulse_and_noise_error(measure):
-    """Rotation from one pulse a turn: an edge is known to half a sample, 180/N deg, so order k to k 180/N deg.
+    """Rotation from one pulse per revolution: an edge is known to half a sample, 180/N deg, so order k to k 180/N deg.
 
     The spline passes edge errors on with a factor of at most 1.4 between edges (norm of cubic cardinal splines), and
     noise adds 4 sigma sqrt(2/N).
@@ -106,7 +106,7 @@ def test_a_run_up_with_noise_comes_back_within_pulse_and_noise_error(measure):
 
 @pytest.mark.parametrize("pulses", [1, 6, 60])
 def test_every_kind_of_tachometer_gives_the_same_angle(measure, pulses):
-    """The angle differs from the true one by less than the 180/N deg of an edge, N = 1000 samples a turn."""
+    """The angle differs from the true one by less than the 180/N deg of an edge, N = 1000 samples per revolution."""
     recorder = Recorder(KNOWN, rpm=(500, 700), pulses=pulses, start_deg=-0.05)
     got = measure(recorder, pulses_per_revolution=pulses)
     true = recorder.record().set_index("time_s")["true_deg"].loc[got.time_s].to_numpy()
@@ -231,7 +231,7 @@ def test_an_unknown_reference_angle_is_found_by_the_third_order(measure, offset)
     assert float(given["phase_difference_deg"].sel(order=3)) == pytest.approx(0, abs=0.05)
 
 
-def test_a_beat_of_another_phase_is_told(measure):
+def test_a_beat_of_another_phase_is_stated(measure):
     """Paper 3.3 and case 4: the same orders, the second reversed: amplitudes agree, the beat is half a turn away."""
     reversed_beat = KNOWN | {2: (4.0, -140.0)}
     got = measure(Recorder(reversed_beat), columns=("rotation_deg", "thrust_n"))
@@ -296,7 +296,7 @@ def test_points_over_speed_are_kept(four_points):
 
 
 @pytest.mark.parametrize(("true", "given"), [(3, 1), (2, 1), (1, 2), (6, 1), (1, 3), (60, 20), (4, 8)])
-def test_a_wrong_number_of_pulses_is_told(measure, true, given):
+def test_a_wrong_number_of_pulses_is_named(measure, true, given):
     """Regression: amplitudes and phases of orders that are none, without a word."""
     recorder = Recorder(KNOWN, rpm=(500, 700), revolutions=60.2, pulses=true, noise_n=0.5)
     doubts = compare(measure(recorder, pulses_per_revolution=given), model()).attrs["doubts"]
@@ -305,14 +305,14 @@ def test_a_wrong_number_of_pulses_is_told(measure, true, given):
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(1e-3, "kN"), (1e3, "mN")])
-def test_a_force_in_another_unit_is_told(measure, factor, unit):
+def test_a_force_in_another_unit_is_named(measure, factor, unit):
     got = measure(Recorder(KNOWN, noise_n=0.5), columns=("rotation_deg", "thrust_n"))
     assert compare(got, model(), 0.0).attrs["doubts"] == ""
     doubts = compare(replace(got, thrust_n=got.thrust_n * factor), model(), 0.0).attrs["doubts"]
     assert f"as if the record were in {unit}" in doubts
 
 
-def test_an_angle_in_radians_is_told(measure):
+def test_an_angle_in_radians_is_named(measure):
     got = measure(Recorder(KNOWN, revolutions=200.2, rate_hz=2000), columns=("rotation_deg", "thrust_n"))
     doubts = compare(replace(got, rotation_deg=np.radians(got.rotation_deg)), model(), 0.0).attrs["doubts"]
     assert "as if rotation_deg were in rad" in doubts
@@ -326,7 +326,7 @@ def test_a_joint_that_differs_is_no_mistake(measure, strong):
     assert compare(record, model()).attrs["doubts"] == ""
 
 
-def test_the_synthetic_run_up_is_made_as_told():
+def test_the_synthetic_run_up_is_made_as_described():
     """Its maker gives the file again, and what it says of the third order is found."""
     folder = Path(__file__).parents[2] / "measurements"
     made = runpy.run_path(str(folder / "make_run_up.py"))
@@ -412,7 +412,7 @@ def test_an_angle_that_starts_again_each_turn_is_joined(measure):
     assert np.allclose(np.diff(got.rotation_deg), np.diff(table["true_deg"]), atol=1e-9)
 
 
-def test_files_that_are_no_tables_are_told(tmp_path):
+def test_files_that_are_no_tables_are_refused(tmp_path):
     (tmp_path / "empty.csv").write_text("")
     (tmp_path / "binary.csv").write_bytes(b"\x89\xff\x00\n")
     with pytest.raises(td.InputError, match="cannot read the measurement"):

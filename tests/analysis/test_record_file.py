@@ -47,7 +47,7 @@ def test_one_table_in_many_forms(read, text):
     assert record.columns["thrust_n"] == pytest.approx([1.25, -2.0], rel=1e-12)
 
 
-def test_what_was_taken_for_what_is_told(read):
+def test_what_was_taken_for_what_is_stated(read):
     taken = read("Time [ms];Axial force [kN];Tacho [V]\n0,5;1,25;0\n1,5;-2;5\n").taken
     assert (
         taken
@@ -66,7 +66,7 @@ def test_other_headings_are_named_by_the_user(read):
         parse_column("force=Kanal 3")
 
 
-def test_dropouts_are_nan_and_words_are_told(read):
+def test_dropouts_are_nan_and_words_are_named(read):
     assert np.isnan(read("rotation_deg;thrust_n\n0,5;\n1,5;2\n").columns["thrust_n"]).tolist() == [True, False]
     with pytest.raises(InputError, match=r"thrust_n = 'off' in row 2"):
         read("rotation_deg;thrust_n\n0,5;1,5\n1,5;off\n2,5;2,5\n")
@@ -82,7 +82,7 @@ def test_dropouts_are_nan_and_words_are_told(read):
         ("rotation_deg,thrust_n\n" + "1,2\n" * 400 + "3,4,5\n", "rows of different length"),
     ],
 )
-def test_what_cannot_be_read_is_told(read, text, message):
+def test_what_cannot_be_read_is_named(read, text, message):
     with pytest.raises(InputError, match=message):
         read(text)
 

@@ -84,7 +84,7 @@ def test_a_border_elsewhere_disagrees():
     assert cell(result, "agrees", "bdf2", 0) == Agreement.NO  # theory has none
 
 
-def test_a_wrong_number_that_passed_is_told():
+def test_a_wrong_number_that_passed_is_counted():
     result = stability_borders(cube(KNOWN, silent=("symplectic-euler",)), SETTINGS)
     assert cell(result, "first_failure", "symplectic-euler", 0) == Outcome.FINISHED
     assert cell(result, "wrong_runs", "symplectic-euler", 0) == 4
@@ -151,7 +151,7 @@ def test_the_stiffer_of_friction_and_contact_decides():
         (lambda c: c.assign_coords(needle_mass_factor=["a", "b"]), "needs numeric factors"),
     ],
 )
-def test_what_is_missing_is_told(change, told):
+def test_what_is_missing_is_named(change, told):
     with pytest.raises(InputError, match=told):
         stability_borders(change(cube(KNOWN)), SETTINGS)
 

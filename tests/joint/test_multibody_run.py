@@ -216,13 +216,13 @@ def test_runs_that_cannot_go_well_say_why(model, given, expected, reason):
     ],
 )
 def test_rollers_too_coarse_are_not_called_finished(given):
-    """Outcomes: the numerical error, a bound or the energy balance tells."""
+    """Outcomes: the numerical error, a bound or the energy balance shows it."""
     label, detail = outcome(**given)
     assert label in ("inaccurate", "diverged"), detail
     assert detail
 
 
-def test_a_budget_that_is_used_up_is_told():
+def test_a_budget_that_is_used_up_is_reported():
     label, detail = outcome(evaluation_budget=200)
     assert label == "evaluation_limit"
     assert "force evaluations at t = " in detail

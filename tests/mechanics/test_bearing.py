@@ -347,7 +347,7 @@ def _spinning(load, spin, friction, inertia=400.0, skew=0.0, locked=(False,) * 6
 
 @pytest.mark.parametrize("method", ["bdf2", "implicit-euler"])
 def test_loaded_roller_runs_down(method):
-    """Exact physics: a spinning roller loses mu_r (sum f) r_p / I of its spin a second, and the energy balances."""
+    """Exact physics: a spinning roller loses mu_r (sum f) r_p / I of its spin per second, and the energy balances."""
     inertia, spin = 6e-3, 20.0
     assembly, shift = _spinning(800.0, spin, Friction(rolling=0.002, rolling_transition=1e-2), inertia)
     brake = 0.002 * zone_moment(shift, 0.015, 0) * (TRUNNION + 0.5 * (DIAMETER + 0.015))

@@ -98,7 +98,7 @@ def test_a_method_that_fails_is_found_out(failure):
 
 @pytest.mark.parametrize("method", ["symplectic-euler", "rk4"])
 def test_explicit_methods_beyond_the_friction_limit_are_smooth_and_wrong(method):
-    """Nothing in the states tells: the needle keeps going at an even speed, only elsewhere. Halved steps tell, or the
+    """Nothing in the states shows it: the needle keeps going at an even speed, only elsewhere. Halved steps show it, or the
     energy: friction takes mu f |v| of the sampled slips, and these are not what moves the needle."""
     result, error = needle(method, Settings(), 2e-7)
     speeds = np.diff(result.positions[1:, 1, 1])
@@ -141,7 +141,7 @@ def swing(**settings):
     return run(assemble(pendulum()), "rk4", 2.0, step=0.02, samples=20, settings=Settings(**settings))
 
 
-def test_drift_without_stabilisation_is_told():
+def test_drift_without_stabilisation_is_reported():
     """Accelerations alone let the rod grow longer; projection or Baumgarte's rates hold it."""
     held, drifting = swing(), swing(projection=False)
     assert held.outcome == Outcome.FINISHED, held.detail
@@ -151,7 +151,7 @@ def test_drift_without_stabilisation_is_told():
     assert "constraints have drifted by" in fast.detail
 
 
-def test_baumgartes_rate_beyond_the_steps_is_told():
+def test_baumgartes_rate_beyond_the_steps_is_reported():
     """alpha h beyond 2.785, where the method itself leaves its region of stability on the decay alpha."""
     assert swing(projection=False, baumgarte=20.0).outcome == Outcome.FINISHED
     stiff = swing(projection=False, baumgarte=4.0 / 0.02)
@@ -160,14 +160,14 @@ def test_baumgartes_rate_beyond_the_steps_is_told():
 
 
 @pytest.mark.parametrize("method", list(METHODS))
-def test_a_budget_of_few_evaluations_is_told_by_every_method(method):
+def test_a_budget_of_few_evaluations_is_reported_by_every_method(method):
     settings = Settings(tolerance=1e-6, budget=40)
     result, _ = needle(method, settings, None if METHODS[method].controlled else 1e-8)
     assert result.outcome == Outcome.EVALUATION_LIMIT
     assert "force evaluations at t = " in result.detail
 
 
-def test_chatter_of_unloaded_needles_is_told():
+def test_chatter_of_unloaded_needles_is_reported():
     """A loaded ring with clearance: most needles are loose and are thrown to and fro in steps too long for their gaps."""
     assembly = assemble(needle_ring(9, preload=-3e-3, speed=60.0, load=300.0))
     result = run(assembly, "linearly-implicit-euler", 5e-3, step=1e-4, samples=20)

@@ -71,7 +71,7 @@ def test_three_loci(friction_b, sign):
 
 
 def test_a_reversing_plate_takes_the_needle_to_and_fro():
-    """Quasi-steady limit: the closed form at every speed V cos(2 pi f t), integrated over a turn of the crank.
+    """Quasi-steady limit: the closed form at every speed V cos(2 pi f t), integrated over one revolution of the crank.
 
     Measured 4e-4 of the path: the needle lags while its slip passes through zero.
     """

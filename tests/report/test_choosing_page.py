@@ -54,7 +54,7 @@ def test_cheapest_run_near_enough(page):
     assert "rk4" not in rows["3 %"][3]
 
 
-def test_what_breaks_is_counted_and_told_apart(page):
+def test_what_breaks_is_counted_by_kind(page):
     implicit, bdf = rows_of(page, "needle")
     assert implicit[1:3] == ["implicit-euler", "10 us to 100 us"]
     assert implicit[-2:] == ["0", "1"]

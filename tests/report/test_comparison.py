@@ -1,4 +1,4 @@
-"""A comparison told: sentences, table, JSON and page say what the comparison holds, and nothing else."""
+"""A comparison in words: sentences, table, JSON and page say what the comparison holds, and nothing else."""
 
 from __future__ import annotations
 

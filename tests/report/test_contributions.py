@@ -96,7 +96,7 @@ def test_the_note_says_that_all_thrust_passes_by_groove_sliding(parts):
     assert "groove sliding and groove rolling" in contribution_notes(third)[1]
 
 
-def test_closure_and_opponents_are_told(parts):
+def test_closure_and_opponents_are_stated(parts):
     third = parts[0]
     below = {row[0]: row[1:] for row in share_rows(third)[2]}
     assert below["closure: 100 - sum"][0] == f"{third.closure[0]:.1f}"
@@ -156,7 +156,7 @@ def test_a_function_has_no_paper_column(uneven):
 @pytest.mark.parametrize(
     ("lost", "reason"), [(0, "points that they need did not finish"), (None, "its amplitude is zero")]
 )
-def test_shares_that_cannot_be_told_are_explained(uneven, lost, reason):
+def test_shares_that_cannot_be_computed_are_explained(uneven, lost, reason):
     cube = uneven.copy(deep=True)
     if lost is None:
         cube["y"][:] = 0

@@ -37,7 +37,7 @@ def test_slope_over_joint_angle_is_that_of_a_fit_to_the_cube(grid_cube):
                for s in find(grid_cube))  # fmt: skip
 
 
-def test_proportion_is_told_from_a_straight_line(make_cube):
+def test_proportion_is_distinguished_from_a_straight_line(make_cube):
     assert any("y is proportional to x: 3 per 1 (1 to 4" in s for s in find(make_cube(LINE.format(offset=0))))
     assert any("y increases with x by 3 per 1 (1 to 4" in s for s in find(make_cube(LINE.format(offset=5))))
 
@@ -56,7 +56,7 @@ def test_failures_are_counted_and_named(joint_cube):
     assert find(joint_cube)[-1] == "12 of 24 points did not finish: 12 jammed."
 
 
-def test_notes_on_finished_points_are_told(joint_cube):
+def test_notes_on_finished_points_are_stated(joint_cube):
     noted = xr.where(joint_cube["outcome"] == 0, "it hums", joint_cube["outcome_detail"])
     assert find(joint_cube.assign(outcome_detail=noted))[-1] == (
         "12 points finished with a note (outcome_detail), the first: it hums."

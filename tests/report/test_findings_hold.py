@@ -118,7 +118,7 @@ TOLD = {
     "latin-hypercube": "regression", "sobol": "regression", "halton": "regression", "saltelli": "steps",
     "morris": "steps", "fast": "regression", "one point": "same", "parabola": "unknown",
 }  # fmt: skip
-"""What is told of some kinds, so that silence does not pass for truth."""
+"""What is stated of some kinds, so that silence does not pass for truth."""
 
 
 def cube_of(points: np.ndarray, response: np.ndarray) -> xr.Dataset:

@@ -38,7 +38,7 @@ def chosen(make_cube):
     ).assign_attrs(study=CHOSEN + "[accuracy]\nthrust_amplitude_3 = 0.04\n")
 
 
-def test_only_orders_that_were_asked_for_are_told(chosen, grid_cube):
+def test_only_orders_that_were_asked_for_are_stated(chosen, grid_cube):
     assert asked_orders(chosen) == [3]
     assert asked_orders(grid_cube) is None
     assert [response.label for response in responses(chosen)] == ["third order"]

@@ -66,7 +66,7 @@ def test_a_file_that_is_not_there(tmp_path):
         load_study(tmp_path / "thrust_mapp.toml")
 
 
-def test_a_factor_that_the_model_ignores_is_told():
+def test_a_factor_that_the_model_ignores_is_named():
     study = parse_study(HEAD + "[factors]\nshaft_length_mm = {values = [300, 400]}")
     assert "does not change" in study.warnings[0] or "same answer" in study.warnings[0]
 

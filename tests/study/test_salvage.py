@@ -1,4 +1,4 @@
-"""Damaged journals: what can be read is kept, what is lost is told and computed again, and no wrong number is read."""
+"""Damaged journals: what can be read is kept, what is lost is reported and computed again, and no wrong number is read."""
 
 from __future__ import annotations
 

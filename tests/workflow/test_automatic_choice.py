@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from choosing_chain import CHAIN
 from few import FEW
 
 import tripod_doe as td
@@ -192,7 +193,7 @@ def test_a_kill_in_the_pilot_loses_nothing_and_changes_nothing(wave):
 
 
 def test_points_of_the_pilot_bring_their_retries_and_only_what_the_study_keeps(wave):
-    """A user function tells its outputs only by answering, so the pilot holds more than the study asks for."""
+    """The outputs of a user function are known only from its answer, so the pilot holds more than the study asks for."""
     kept = STUDY + '[keep]\noutputs = ["y"]\n[run]\nretry = [{slow = 0.001}]\n'
     assert wave.run(kept).good
     cube = td.open_cube(wave.folder / "out")
@@ -346,22 +347,6 @@ def test_bad_requests_are_refused_before_anything_runs(write_study, old, new, to
         td.load_study(write_study(text))
 
 
-CHAIN = """
-[workflow]
-name = "Choose"
-[steps.pilot]
-kind = "study"
-study = "pilot.toml"
-[steps.choice]
-kind = "choose"
-inputs = ["pilot"]
-settings = { study = "study.toml" }
-[steps.map]
-kind = "study"
-study = "study.toml"
-inputs = ["choice"]
-table = "choice"
-"""
 PILOT_STUDY = """
 [study]
 name = "pilot"

@@ -315,7 +315,7 @@ STEP = '[workflow]\nname = "w"\n[steps.a]\nkind = "study"\nstudy = "first.toml"\
         (STEP.replace("steps.a", 'steps."a/b"'), "use letters, digits"),
     ],
 )  # fmt: skip
-def test_a_bad_file_is_told_and_starts_nothing(bench, capsys, text, message):
+def test_a_bad_file_is_refused_and_starts_nothing(bench, capsys, text, message):
     bench.write(text)
     with pytest.raises(td.InputError, match=f"(?s){message}"):
         bench.run(quick=True)
@@ -324,7 +324,7 @@ def test_a_bad_file_is_told_and_starts_nothing(bench, capsys, text, message):
     assert not bench.out.exists()
 
 
-def test_bad_calls_are_told(bench, capsys):
+def test_bad_calls_are_refused(bench, capsys):
     chain = str(bench.folder / "chain.toml")
     for words, message in [
         (["nowhere.toml", "--out", "x"], "cannot read the workflow file"),

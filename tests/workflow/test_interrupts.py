@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from choosing_chain import CHAIN
 
 import tripod_doe as td
 
@@ -34,22 +35,6 @@ block = 1
 """
 AUTO = NAMED + '[base]\nmodel = "auto"\n[accuracy]\ny = 0.03\n'
 PILOT = NAMED.replace("count = 40", "count = 12") + "[factors.model]\nvalues = [1, 2]\n"
-CHAIN = """
-[workflow]
-name = "Choose"
-[steps.pilot]
-kind = "study"
-study = "pilot.toml"
-[steps.choice]
-kind = "choose"
-inputs = ["pilot"]
-settings = { study = "auto.toml" }
-[steps.map]
-kind = "study"
-study = "auto.toml"
-inputs = ["choice"]
-table = "choice"
-"""
 # Runs a command in which a function lets Python drop an interrupt once it has been called TIMES: by a destructor.
 DROPPING = """
 import importlib, signal, sys
@@ -79,7 +64,13 @@ if __name__ == "__main__":
 def folder(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.delitem(sys.modules, "wave", raising=False)
-    texts = {"wave.py": WAVE, "named.toml": NAMED, "auto.toml": AUTO, "pilot.toml": PILOT, "chain.toml": CHAIN}
+    texts = {
+        "wave.py": WAVE,
+        "named.toml": NAMED,
+        "auto.toml": AUTO,
+        "pilot.toml": PILOT,
+        "chain.toml": CHAIN.replace("study.toml", "auto.toml"),
+    }
     for name, text in (texts | {"dropping.py": DROPPING}).items():
         (tmp_path / name).write_text(text)
     return tmp_path

@@ -106,7 +106,7 @@ def test_a_study_that_grew_reuses_and_one_that_changed_is_refused(write_study, t
 
 
 @pytest.mark.slow
-def test_failed_points_are_flagged_told_and_retried(write_study, tmp_path):
+def test_failed_points_are_flagged_reported_and_retried(write_study, tmp_path):
     text = """
         [study]
         name = "misfit"
@@ -263,7 +263,7 @@ def test_an_existing_scheduler_gives_the_same_cube(write_study, tmp_path):
         run(study, tmp_path / "nowhere", scheduler="tcp://127.0.0.1:9")
 
 
-def test_a_disk_that_is_too_small_is_told_before_anything_starts(write_study, tmp_path, monkeypatch):
+def test_a_disk_that_is_too_small_is_reported_before_anything_starts(write_study, tmp_path, monkeypatch):
     usage = shutil.disk_usage(tmp_path)._replace(free=1_000_000)
     monkeypatch.setattr("tripod_doe.study.directory.shutil.disk_usage", lambda path: usage)
     with pytest.raises(td.InputError, match=r"1 MB free, but journal and cube need 20 MB"):

@@ -20,7 +20,7 @@ SETTINGS = ClaimsSettings()
 
 
 def points(rows, third, second, outcome=None, error=0.01, phase=0.0, **fixed):
-    """A cube as of a zip: a row of factors a point, and what the joint would give there."""
+    """A cube as of a zip: one row of factors per point, and what the joint would give there."""
     names = list(rows[0])
     count = len(rows)
     amplitude = np.zeros((count, ORDERS.size))
