@@ -188,11 +188,26 @@ def test_a_failed_point_takes_out_the_shares_that_need_it_and_no_others(ablate):
     assert result["strongest_pair"].item() == ""
 
 
+def test_a_missing_combination_is_named_and_leaves_bounds(ablate):
+    """Exact: P of "a + c" may be anything from 0 to 100 %; each mechanism takes part of it with the weight 2! / 3! or
+    1 / 3!, b by being added to it, a and c by adding it. The true values lie within the bounds."""
+    result = contribution_shares(ablate("failing"), ContributionSettings(output="y"))
+    assert result["missing_combinations"].item() == "a + c"
+    low, high = result["share_shapley_low"].values, result["share_shapley_high"].values
+    assert high - low == pytest.approx([100 / 6, 100 / 3, 100 / 6])
+    assert (low <= [50, 40, 10]).all()
+    assert (high >= [50, 40, 10]).all()
+    whole = contribution_shares(ablate("additive"), ContributionSettings(output="y"))
+    assert whole["missing_combinations"].item() == ""
+    for name in ("share_shapley_low", "share_shapley_high"):
+        assert whole[name].values == pytest.approx(whole["share_shapley"].values)
+
+
 def test_without_the_whole_nothing_has_a_share(ablate):
     data = ablate("additive")
     data["outcome"][0] = Outcome.DIVERGED
     result = contribution_shares(data, ContributionSettings(output="y"))
-    for name in ("share_off", "share_on", "share_shapley", "amplitude", "share_none"):
+    for name in ("share_off", "share_on", "share_shapley", "share_shapley_low", "amplitude", "share_none"):
         assert result[name].isnull().all()
         assert (result[f"{name}_flag"] == 2).all()
 

@@ -123,6 +123,11 @@ class _Projections:
         amplitudes: ComplexArray = self._values[self._rows(combination)]
         return amplitudes
 
+    def missing(self, combination: int) -> NDArray[np.bool_]:
+        """Whether a combination has no result at all, of each operating point."""
+        gone: NDArray[np.bool_] = np.isnan(self._amplitudes(combination)).reshape(self._points, -1).all(axis=1)
+        return gone
+
     def __call__(self, combination: int) -> FloatArray:
         """P of one combination, shape (operating point, own dimensions)."""
         square = np.where(self.weak, np.nan, self.total) ** 2
@@ -155,6 +160,9 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
     - share_on(m) = P({m}): what it makes alone.
     - share_shapley(m) = sum over S without m of \|S\|! (n - \|S\| - 1)! / n! (P(S with m) - P(S)): the mean of what it
       adds, over all orders of switching on. These add up to 100 - P(none).
+      Where combinations did not finish, missing_combinations names them by the mechanisms that are on, and
+      share_shapley_low and share_shapley_high say what the value is at least and at most, if the missing P lie between
+      the smallest and the largest known P of that operating point.
     - share_direct(m) = 100 Re(A_m conj(A_all)) / \|A_all\|^2 with A_m what the forces of m add to the output while all
       mechanisms are on, for cubes that hold it (X_part_amplitude and X_part_phase_deg of the output X; for the thrust
       see `joint.thrust_parts`). direct_remainder = 100 - sum of share_direct: inertia, numerical error, and mechanisms
@@ -330,7 +338,12 @@ def _cooperation(part: _Projections, own: tuple[str, ...], mechanisms: list[str]
     shapley = np.stack([_index(everything, part.count, (each,)) for each in range(part.count)], axis=1)
     shares: dict[str, _Variable] = {
         "share_shapley": (("mechanism", *own), shapley, _percent("share by Shapley value of P")),
+        "missing_combinations": ((), _missing(part, mechanisms), {"long_name": "combinations without a result"}),
     }
+    for name, extreme, position in (("low", "least", 0), ("high", "most", 1)):
+        bound = np.stack([_bounds(everything, part.count, each)[position] for each in range(part.count)], axis=1)
+        meaning = f"share by Shapley value at {extreme}, if missing P lie between the smallest and largest known ones"
+        shares[f"share_shapley_{name}"] = (("mechanism", *own), bound, _percent(meaning))
     if not pairs:
         return shares
     together = np.stack([_index(everything, part.count, pair) for pair in pairs], axis=1)
@@ -358,6 +371,29 @@ def _index(everything: list[FloatArray], count: int, members: tuple[int, ...]) -
         weight = math.factorial(size) * math.factorial(count - size - width) / math.factorial(count - width + 1)
         total += weight * sum(sign * everything[others | some] for some, sign in chosen)
     return total
+
+
+def _bounds(everything: list[FloatArray], count: int, member: int) -> tuple[FloatArray, FloatArray]:
+    """Lowest and highest Shapley value of a mechanism, with every missing P between the smallest and largest known."""
+    smallest, largest = np.fmin.reduce(everything), np.fmax.reduce(everything)
+
+    def filled(with_it: FloatArray, without_it: FloatArray) -> FloatArray:
+        """With these values for combinations with and without the mechanism, of which the value rises and falls."""
+        guesses = [with_it if combination >> member & 1 else without_it for combination in range(len(everything))]
+        known = [np.where(np.isnan(p), guess, p) for p, guess in zip(everything, guesses, strict=True)]
+        return _index(known, count, (member,))
+
+    return filled(smallest, largest), filled(largest, smallest)
+
+
+def _missing(part: _Projections, mechanisms: list[str]) -> NDArray[Any]:
+    """Combinations without a result at each operating point, by the mechanisms that are on."""
+    names = [
+        " + ".join(name for bit, name in enumerate(mechanisms) if combination >> bit & 1) or "none"
+        for combination in range(part.all_on + 1)
+    ]
+    gone = np.array([part.missing(combination) for combination in range(part.all_on + 1)])
+    return np.array(["; ".join(names[k] for k in np.flatnonzero(column)) for column in gone.T], dtype=object)
 
 
 def _percent(meaning: str) -> dict[str, str]:
