@@ -125,8 +125,8 @@ class _Projections:
 
     def missing(self, combination: int) -> NDArray[np.bool_]:
         """Whether a combination has no result at all, of each operating point."""
-        gone: NDArray[np.bool_] = np.isnan(self._amplitudes(combination)).reshape(self._points, -1).all(axis=1)
-        return gone
+        lost = np.isnan(self._amplitudes(combination)).reshape(self._points, -1)
+        return np.asarray(lost.all(axis=1), bool)
 
     def __call__(self, combination: int) -> FloatArray:
         """P of one combination, shape (operating point, own dimensions)."""
