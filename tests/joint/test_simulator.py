@@ -85,13 +85,14 @@ def test_balances_refuse_a_preloaded_bearing(model):
     assert "rollers or needles" in result.detail[0]
 
 
-def test_all_mechanism_combinations_finish_at_the_reference_point():
-    """The contribution breakdown needs all 2^5; 1e-5 is the model's own limit on its energy balance."""
+@pytest.mark.parametrize(("model", "with_all"), [("equilibrium", 14.077), ("kinetostatic", 14.170)])
+def test_all_mechanism_combinations_finish_at_the_reference_point(model, with_all):
+    """The contribution breakdown needs all 2^5; 1e-5 is the limit of `equilibrium` on its energy balance."""
     switches = np.array(list(itertools.product((0, 1), repeat=len(MECHANISMS)))).T
-    result = simulate("equilibrium", **dict(zip(MECHANISMS, switches, strict=True)), initial_skew_1_deg=0.4)
+    result = simulate(model, **dict(zip(MECHANISMS, switches, strict=True)), initial_skew_1_deg=0.4)
     assert (result.outcome == Outcome.FINISHED).all()
     third = dict(zip(map(tuple, switches.T), result.outputs["thrust_amplitude"].data[:, 3], strict=True))
-    assert third[1, 1, 1, 1, 1] == pytest.approx(14.077, abs=1e-3)
+    assert third[1, 1, 1, 1, 1] == pytest.approx(with_all, abs=1e-3)
     assert all(value < 1e-6 for key, value in third.items() if key[0] == 0)
     power = result.outputs["friction_power_w"].data
     assert (power[switches.T == 0] == 0).all()

@@ -31,6 +31,7 @@ initial_skew_3_deg = {{ values = [0.2, 0.4] }}
 [steps.ablation]
 kind = "study"
 study = "{studies}/contribution.toml"
+base = {{ model = "equilibrium" }}
 [steps.friction]
 kind = "study"
 study = "{studies}/friction_law.toml"
