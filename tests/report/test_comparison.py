@@ -10,8 +10,8 @@ import pytest
 from measured import Recorder
 
 import tripod_doe as td
-from tripod_doe.analysis.comparison import compare
-from tripod_doe.analysis.measurement import rotation_from_tachometer
+from tripod_doe.analysis.comparison import compare, model_point
+from tripod_doe.analysis.measurement import Measurement, rotation_from_tachometer
 from tripod_doe.report.comparison import comparison_json, comparison_text, find_in_comparison, order_rows
 from tripod_doe.report.comparison_page import comparison_page, write_comparison
 from tripod_doe.report.figures.comparison import comparison_charts
@@ -95,3 +95,14 @@ def test_the_page_needs_nothing_else_and_escapes(comparison, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(td.StorageError, match="cannot write this file"):
         write_comparison(comparison, tmp_path / "file" / "below")
+
+
+def test_the_model_is_named_with_its_known_error(grid_cube):
+    """From a cube: the model and the error of its point."""
+    point = model_point(grid_cube, ["joint_angle_deg=8", "torque_n_m=50"])
+    record = Measurement(np.arange(0.0, 3600.0), np.tile(point["thrust"].values, 5), None, "first sample")
+    told = find_in_comparison(compare(record, point, 0.0))
+    error = 100 * float(grid_cube["model_error"].sel(joint_angle_deg=8, torque_n_m=50))
+    assert any(
+        f"Model kinetostatic: its third order is known to be off by about {error:.2g} %" in line for line in told
+    )

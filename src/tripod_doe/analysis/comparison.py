@@ -7,6 +7,7 @@ model at its own speed.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from tripod_doe.analysis.record_doubts import record_doubts
 from tripod_doe.errors import InputError, option
 from tripod_doe.joint.orders import ORDERS, amplitude_and_phase, complex_amplitudes
 from tripod_doe.simulator import Outcome
+from tripod_doe.study.model_records import MODEL_ERROR
 from tripod_doe.study.query import query
 
 __all__ = ["ComparisonSettings", "compare", "compare_file", "model_point", "parse_speeds"]
@@ -114,6 +116,7 @@ def model_point(cube: xr.Dataset, select: Sequence[str] = (), nearest: bool = Fa
             "the cube holds neither thrust nor thrust_amplitude with thrust_phase_deg; add them to [keep] outputs and "
             "run the study again"
         )
+    wanted += [name for name in (MODEL_ERROR,) if name in cube]
     chosen = xr.merge([query(cube, name, select, nearest) for name in wanted], compat="equals", join="exact")
     design = [str(dim) for dim in chosen["outcome"].dims]
     counts = {dim: chosen.sizes[dim] for dim in design if chosen.sizes[dim] != 1}
@@ -230,6 +233,7 @@ def _provenance(measurement: Measurement, point: xr.Dataset) -> dict[str, Any]:
     """Attributes that state which measurement was compared with which point."""
     factors = {str(name): label.item() for name, label in point.coords.items() if label.ndim == 0}
     values = json.loads(str(point.attrs.get("fixed_parameters", "{}"))) | factors
+    error = float(point[MODEL_ERROR].max()) if MODEL_ERROR in point else math.nan
     return {
         "title": "measured thrust force against a model",
         "measurement": measurement.name or "a measurement",
@@ -237,11 +241,14 @@ def _provenance(measurement: Measurement, point: xr.Dataset) -> dict[str, Any]:
         "study": point.attrs.get("title", "a cube"),
         "study_hash": point.attrs.get("study_hash", "not recorded"),
         "source": point.attrs.get("source", "not recorded"),
+        "model": str(values.get("model", "not recorded")),
         "columns": measurement.columns,
         "lost_samples": measurement.lost_samples,
         "lost_pulses": measurement.lost_pulses,
         "point": json.dumps(factors),
-    } | ({"model_speed_rpm": values["speed_rpm"]} if "speed_rpm" in values else {})
+        **({"model_speed_rpm": values["speed_rpm"]} if "speed_rpm" in values else {}),
+        **({"model_error": error} if math.isfinite(error) else {}),
+    }
 
 
 def _of_speed(tracked: xr.Dataset, speeds: tuple[float, float] | None) -> xr.Dataset:

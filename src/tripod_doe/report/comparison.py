@@ -112,6 +112,9 @@ def _cautions(comparison: xr.Dataset) -> list[str]:
         ("lost_samples", "sample", "without a number"),
         ("lost_pulses", "pulse", "of the tachometer missing and counted from the neighbours"),
     )
+    if "model_error" in attrs:
+        off = number(100 * attrs["model_error"], 2)
+        told.append(f"Model {attrs['model']}: its third order is known to be off by about {off} %.")
     if attrs.get("columns"):
         told.append(f"Columns: {attrs['columns']}.")
     lost = [f"{attrs[key]} {what}{'s' * (attrs[key] > 1)} {words}" for key, what, words in counts if attrs[key]]
