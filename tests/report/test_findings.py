@@ -65,12 +65,12 @@ def test_notes_on_finished_points_are_stated(joint_cube):
 
 def test_failures_come_first_where_they_are_the_rule(make_cube):
     cube = make_cube(LINE.format(offset=0), part=slice(0, 3))
-    assert find(cube)[0] == "5 of 8 points did not finish: 5 not_run."
+    assert find(cube)[0] == "5 of 8 points are not computed yet."
 
 
 def test_cells_that_a_constraint_excludes_are_no_failures(make_cube):
     cube = make_cube(LINE.format(offset=0) + '[design]\nconstraints = ["x > 1.5"]\n', part=slice(0, 5))
-    assert find(cube)[-1] == "1 of 6 points did not finish: 1 not_run."
+    assert find(cube)[-1] == "1 of 6 points is not computed yet."
 
 
 def test_no_finished_point(make_cube):

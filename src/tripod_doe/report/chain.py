@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from html import unescape
 from pathlib import Path
 
 import xarray as xr
@@ -32,6 +33,12 @@ class StoredChart:
     name: str
     caption: str
     folder: Path
+
+    @property
+    def title(self) -> str:
+        """What is shown, in a few words; empty in files of older versions."""
+        found = re.search(r"<title>(.*?)</title>", self.svg())
+        return unescape(found[1]) if found else ""
 
     def svg(self) -> str:
         """The figure as an SVG element."""

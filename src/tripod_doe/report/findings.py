@@ -20,6 +20,7 @@ from tripod_doe.report.responses import (
     finished,
     listed,
     responses,
+    waiting,
     with_all_on,
 )
 from tripod_doe.simulator import Outcome
@@ -46,7 +47,7 @@ def find(cube: xr.Dataset) -> list[str]:
     """
     good, total = int(finished(cube).sum()), int(asked(cube).sum())
     if good == 0:
-        return [f"None of {total:,} points finished: {_reasons(cube)}."]
+        return _unfinished(cube, good, total)
     sentences, shown = [], with_all_on(cube)
     if bool(finished(shown).any()):
         every_order = "thrust_amplitude" in cube and asked_orders(cube) is None
@@ -56,10 +57,21 @@ def find(cube: xr.Dataset) -> list[str]:
         sentences.append(f"{changed:,} of {total:,} points finished only after a retry.")
     if "accuracy_met" in cube:
         sentences.append(_chosen(cube))
-    if good < total:
-        failed = f"{total - good:,} of {total:,} points did not finish: {_reasons(cube)}."
-        sentences.insert(0 if good < total / 2 else len(sentences), failed)
-    return sentences + _notes(cube)
+    unfinished = _unfinished(cube, good, total)
+    return (unfinished + sentences if good < total / 2 else sentences + unfinished) + _notes(cube)
+
+
+def _unfinished(cube: xr.Dataset, good: int, total: int) -> list[str]:
+    """How many points failed, with the reasons, and how many are not computed yet."""
+    left = int(waiting(cube).sum())
+    failed, told = total - good - left, []
+    if failed:
+        none = failed == total
+        start = f"None of {total:,} points finished" if none else f"{failed:,} of {total:,} points did not finish"
+        told.append(f"{start}: {_reasons(cube)}.")
+    if left:
+        told.append(f"{left:,} of {total:,} points {'is' if left == 1 else 'are'} not computed yet.")
+    return told
 
 
 def _responses(cube: xr.Dataset) -> list[str]:
@@ -125,7 +137,7 @@ def _not_asked(cube: xr.Dataset) -> str:
 
 def _reasons(cube: xr.Dataset) -> str:
     outcome = cube["outcome"].values[asked(cube).values]
-    counts = {kind: int((outcome == kind).sum()) for kind in Outcome if kind is not Outcome.FINISHED}
+    counts = {kind: int((outcome == kind).sum()) for kind in Outcome if kind not in (Outcome.FINISHED, Outcome.NOT_RUN)}
     return ", ".join(f"{count:,} {kind.label}" for kind, count in counts.items() if count)
 
 

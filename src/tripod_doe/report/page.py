@@ -5,8 +5,9 @@ from __future__ import annotations
 import base64
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import xarray as xr
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -15,7 +16,8 @@ from markupsafe import Markup
 from tripod_doe.analysis.kinds import of_kind
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError
-from tripod_doe.report.analyses import findings_of
+from tripod_doe.report.analyses import findings_of, table_of
+from tripod_doe.report.answer import answer_first, picture_first
 from tripod_doe.report.contribution_sentences import contribution_notes
 from tripod_doe.report.contributions import contributions, share_rows
 from tripod_doe.report.figures import (
@@ -28,11 +30,22 @@ from tripod_doe.report.figures import (
     locus_chart,
     model_choice_chart,
     spectrum_chart,
+    stability_charts,
     waveform_charts,
 )
 from tripod_doe.report.findings import find
 from tripod_doe.report.model_choice import asked_orders
-from tripod_doe.report.responses import asked, design_kind, factor_names, factor_unit, finished, spoken, with_all_on
+from tripod_doe.report.responses import (
+    asked,
+    design_kind,
+    factor_names,
+    factor_unit,
+    finished,
+    spoken,
+    waiting,
+    with_all_on,
+)
+from tripod_doe.report.sensitivity import sensitivity_parts
 from tripod_doe.report.tables import (
     cost_rows,
     factor_rows,
@@ -49,6 +62,13 @@ from tripod_doe.study.results import is_shown, open_cube
 __all__ = ["make_page", "read_analyses", "render", "write_report"]
 
 _MOST_FAILED = 50
+_SECTIONS = {
+    "tables": "Tables", "models": "Models", "borders": "Maps", "contribution": "Contribution", "loci": "Loci", "effects": "Effects",
+    "sensitivity": "Sensitivity", "waveforms": "Waveforms", "spectrum": "Orders", "skews": "Needle skew",
+    "failed": "Unfinished points", "cost": "Cost", "setting": "Parameters", "provenance": "Provenance",
+}  # fmt: skip
+_ALWAYS = {"setting", "provenance"}  # the others only where there is something to fill them
+_FILES = ("cube.nc", "cost.nc", "study.toml")
 
 
 def write_report(directory: Path) -> Path:
@@ -79,7 +99,9 @@ def write_report(directory: Path) -> Path:
     complete = is_shown(directory)  # else the analyses there, if any, are of fewer points than the cube
     cube = open_cube(directory)
     analyses = read_analyses(directory) if complete else {}
-    return replace_text(directory / "report" / "index.html", make_page(cube, analyses))
+    files = [name for name in _FILES if complete and (directory / name).is_file()]
+    files += [f"analysis/{name}.nc" for name in analyses]
+    return replace_text(directory / "report" / "index.html", make_page(cube, analyses, files))
 
 
 def read_analyses(directory: Path) -> dict[str, xr.Dataset]:
@@ -87,7 +109,7 @@ def read_analyses(directory: Path) -> dict[str, xr.Dataset]:
     return {path.stem: read_dataset(path) for path in sorted((directory / "analysis").glob("*.nc"))}
 
 
-def make_page(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset]) -> str:
+def make_page(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset], files: Sequence[str] = ()) -> str:
     """The report as HTML: the same cube and analyses give the same text.
 
     Parameters
@@ -96,43 +118,90 @@ def make_page(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset]) -> str:
         A result cube, with its costs where they are known.
     analyses
         Analyses of it by name.
+    files
+        Files of the result directory, relative to it, to which the page links.
     """
-    total, good = int(asked(cube).sum()), int(finished(cube).sum())
     shown = with_all_on(cube)
+    said = [sentence for name, result in analyses.items() for sentence in findings_of(name, result)]
+    sentences, more = answer_first(_in_order(cube, find(cube), said))
+    parts = contributions(analyses)
+    shares = [[] if part.missing else contribution_charts(part) for part in parts]
+    effects = effect_charts(shown)
+    charts = _charts(cube, shown, analyses)
+    picture = picture_first([charts["models"], charts["borders"], *shares, charts["sensitivity"], charts["loci"],
+                             [group.strongest for group in effects], *charts.values()])  # fmt: skip
+    content: dict[str, Any] = {name: _without(picture, group) for name, group in charts.items()} | {
+        "tables": [(result.attrs.get("title", name), *table) for name, result in analyses.items()
+                   if (table := table_of(result))],
+        "contribution": [
+            (part, contribution_notes(part), _without(picture, group), None if part.missing else share_rows(part))
+            for part, group in zip(parts, shares, strict=True)
+        ],
+        "effects": [(group.response, rest) for group in effects if (rest := _without(picture, group.charts))],
+        "cost": cost_rows(cube),
+        "failed": failed_points(cube, _MOST_FAILED),
+    }  # fmt: skip
+    lost, left = int((asked(cube) & ~finished(cube)).sum() - waiting(cube).sum()), int(waiting(cube).sum())
+    silent = [name for name, result in of_kind(analyses, "sobol", "morris").items() if not sensitivity_parts(result)]
+    filled = {name for name, part in content.items() if part}
+    filled |= {"sensitivity"} if silent else set()
+    filled |= {"failed"} if lost or left else set()
+    not_asked = asked_orders(cube) is not None
+    filled |= {"models"} if not_asked else set()
     return render(
         "page.html",
         attrs=cube.attrs,
+        files=files,
         design=design_kind(cube),
-        total=total,
-        good=good,
-        findings=find(cube),
-        answers=[sentence for name, result in analyses.items() for sentence in findings_of(name, result)],
-        loci=locus_chart(shown),
-        model_notes=str(cube.attrs.get("model_notes", "")).splitlines(),
+        total=int(asked(cube).sum()),
+        good=int(finished(cube).sum()),
+        lost=lost,
+        left=left,
+        sentences=sentences,
+        notes=str(cube.attrs.get("model_notes", "")).splitlines(),
         notable=MODEL_ERROR in cube and bool((cube[MODEL_ERROR] > NOTABLE_ERROR).any()),
-        choice=model_choice_chart(cube),
-        asked_orders=asked_orders(cube),
-        waveforms=waveform_charts(shown) if asked_orders(cube) is None else [],
-        spectrum=spectrum_chart(shown) if asked_orders(cube) is None else None,
-        skews=kept_skew_charts(shown) + findings_over_skew_charts(shown),
-        effects=effect_charts(shown),
-        indices=index_charts(analyses, cube),
-        contributions=[
-            (part, contribution_notes(part), None if part.missing else (contribution_charts(part), share_rows(part)))
-            for part in contributions(analyses)
-        ],
+        not_asked=not_asked,
+        more=more,
+        picture=picture,
+        sections={name: title for name, title in _SECTIONS.items() if name in filled | _ALWAYS},
+        silent=silent,
         ablation=shown is not cube,
-        analyses=of_kind(analyses, "sobol", "morris"),
         outcomes=outcome_counts(cube),
         factor_heads=[(spoken(name), factor_unit(cube, name)) for name in factor_names(cube)],
-        failed=failed_points(cube, _MOST_FAILED),
-        costs=cost_rows(cube),
         numerics=numerics_rows(cube),
         factors=factor_rows(cube),
         fixed=fixed_rows(cube),
         packages=json.loads(str(cube.attrs.get("package_versions", "{}"))),
         histories={name: data.attrs.get("history", "") for name, data in {"cube": cube, **analyses}.items()},
-    )  # fmt: skip
+        **content,
+    )
+
+
+def _in_order(cube: xr.Dataset, findings: list[str], said: list[str]) -> list[str]:
+    """What the analyses say, then what the cube shows; first of all that most points have no result, if so."""
+    most_missing = int(finished(cube).sum()) < int(asked(cube).sum()) / 2
+    return findings[:1] + said + findings[1:] if most_missing else said + findings
+
+
+def _charts(cube: xr.Dataset, shown: xr.Dataset, analyses: Mapping[str, xr.Dataset]) -> dict[str, list[Chart]]:
+    """The charts of each section that holds nothing else."""
+    loci, choice = locus_chart(shown), model_choice_chart(cube)
+    every_order = asked_orders(cube) is None  # else other orders come from models of different error
+    spectrum = spectrum_chart(shown) if every_order else None
+    return {
+        "models": [choice] if choice else [],
+        "borders": [chart for result in of_kind(analyses, "stability").values() for chart in stability_charts(result)],
+        "sensitivity": index_charts(analyses, cube),
+        "loci": [loci] if loci else [],
+        "waveforms": waveform_charts(shown) if every_order else [],
+        "spectrum": [spectrum] if spectrum else [],
+        "skews": kept_skew_charts(shown) + findings_over_skew_charts(shown),
+    }
+
+
+def _without(picture: Chart | None, charts: list[Chart]) -> list[Chart]:
+    """The charts but the one at the top of the page."""
+    return [chart for chart in charts if chart is not picture]
 
 
 def render(template: str, **content: object) -> str:
@@ -150,7 +219,7 @@ def render(template: str, **content: object) -> str:
 
 def _typeset(text: str) -> str:
     """Plain-text sentences with the signs of print."""
-    text = text.replace(" +- ", "\u00a0±\u00a0").replace("R2 = ", "R²\u00a0=\u00a0").replace("R^2", "R²")
+    text = text.replace(" +- ", "\u00a0±\u00a0").replace("R2 ", "R²\u00a0").replace("R^2", "R²")
     text = re.sub(r"\b(?:at (?:most|least)|Figs?\.) (?=[-\d])", lambda found: found[0].replace(" ", "\u00a0"), text)
     text = text.replace("Sobol' ", "Sobol’ ")
     text = text.replace("N m", "N\u00a0m")
@@ -159,8 +228,8 @@ def _typeset(text: str) -> str:
 
 
 def _svg(chart: Chart) -> Markup:
-    """The figure inline; its caption is its text alternative."""
-    return Markup(chart.svg().replace("<svg", Markup('<svg role="img" aria-label="{}"').format(chart.caption), 1))
+    """The figure inline; its caption is its text alternative, and its title stands above it on the page."""
+    return Markup(re.sub(r"(<svg[^>]*>)<title>.*?</title>", r"\1", chart.svg(), count=1).replace("<svg", Markup('<svg role="img" aria-label="{}"').format(chart.caption), 1))
 
 
 def _csv_link(chart: Chart) -> str:

@@ -34,6 +34,7 @@ __all__ = [
     "responses",
     "spoken",
     "unit_text",
+    "waiting",
     "with_all_on",
 ]
 
@@ -50,7 +51,7 @@ _ERRORS = ("thrust_amplitude_error", "thrust_amplitude_scatter")
 _VISIBLE = 5e-3  # orders smaller than this part of the largest one are not worth a sentence
 _CLASSES = 10  # classes of a sampled factor
 _MOST_LEVELS = 40  # a factor with more values than this is a sampled one
-_UNIT_SUFFIX = re.compile(r"_(deg|n_m|rpm|mm_s|mm|um|kg_m2|kg_m3|kg|gpa|s_per_mm|s|w)$")
+_UNIT_SUFFIX = re.compile(r"(?:_per)?_(deg|n_m|rpm|mm_s|mm|um|kg_m2|kg_m3|kg|gpa|s_per_mm|s|w)$")
 
 
 @dataclass(frozen=True)
@@ -160,6 +161,11 @@ def design_kind(cube: xr.Dataset) -> str:
 def finished(cube: xr.Dataset) -> xr.DataArray:
     """Where the points finished, over the dimensions of the design."""
     return cube["outcome"] == Outcome.FINISHED
+
+
+def waiting(cube: xr.Dataset) -> xr.DataArray:
+    """Where a point has not been computed yet: the study runs still, or was interrupted."""
+    return (cube["outcome"] == Outcome.NOT_RUN) & asked(cube)
 
 
 def asked(cube: xr.Dataset) -> xr.DataArray:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import duration, level, number
-from tripod_doe.report.responses import asked, factor_names, factor_unit, finished, unit_text
+from tripod_doe.report.responses import asked, factor_names, factor_unit, finished, unit_text, waiting
 from tripod_doe.simulator import OUTCOME_MEANINGS, Outcome, Parameter
 from tripod_doe.study.cube import THIS_STUDY
 from tripod_doe.study.journal import PILOT
@@ -86,8 +86,8 @@ def outcome_counts(cube: xr.Dataset) -> list[OutcomeCount]:
 
 
 def failed_points(cube: xr.Dataset, most: int = 50) -> list[FailedPoint]:
-    """The first points that were asked for and did not finish."""
-    failed = np.flatnonzero((asked(cube) & ~finished(cube)).values.ravel())[:most]
+    """The first points that failed; those that are not computed yet are none of them."""
+    failed = np.flatnonzero((asked(cube) & ~finished(cube) & ~waiting(cube)).values.ravel())[:most]
     factors = {name: xr.broadcast(cube["outcome"], cube[name])[1].values.ravel() for name in factor_names(cube)}
     outcome = cube["outcome"].values.ravel()
     detail = cube["outcome_detail"].values.ravel() if "outcome_detail" in cube else np.full(outcome.size, "")

@@ -96,7 +96,7 @@ def chain_chart(steps: Sequence[StepView]) -> Chart:
             "seconds": [step.seconds for step in steps],
         }
     )
-    return Chart("chain", caption, figure, data)
+    return Chart("chain", "Steps of the workflow", caption, figure, data)
 
 
 def _places(steps: Sequence[StepView]) -> dict[str, tuple[int, int]]:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -17,15 +18,27 @@ if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.figure import Figure
 
 __all__ = [
-    "COLOURS", "HATCHES", "INK", "LINES", "MARKERS", "MUTED", "WIDE", "Chart", "drawing", "factor_ticks",
-    "legend_above", "panels",
+    "COLOURS", "HATCHES", "INK", "LINES", "MARKERS", "MUTED", "ON_DARK", "ON_LIGHT", "VARIABLES", "WIDE", "Chart",
+    "drawing", "factor_ticks", "legend_above", "panels",
 ]  # fmt: skip
 
 INK, MUTED = "#1d2733", "#5c6875"
+ON_LIGHT, ON_DARK = "#1b2430", "#fdfefe"
+"""Ink on cells whose shade tells a number: it stays as it is when a page turns dark."""
 COLOURS = ("#0b5394", "#c4501b", "#2c7a4b", "#7a4a9e", "#8a6d00", "#3d4852")
 LINES = ("-", "--", "-.", ":", (0, (6, 2, 1, 2, 1, 2)), (0, (1, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "P")
 HATCHES = ("", "////", "....", "xxxx")
+
+VARIABLES = {
+    INK: "ink", "#000000": "ink", MUTED: "muted", "#ffffff": "paper", "#8b96a3": "axis", "#e3e8ee": "grid",
+    **{colour: f"series-{which + 1}" for which, colour in enumerate(COLOURS)},
+    "#b9d0e8": "tint-1", "#f6d9c9": "tint-2", "#cfe6d8": "tint-3", "#cfdeee": "band", "#6f9cc6": "band-edge",
+    "#eef3f8": "band-faint", "#f2c14e": "highlight", "#9cc3e6": "cell-best", "#d6e6f5": "cell-good",
+    "#f2c9ae": "cell-poor", "#e58a5c": "cell-wrong", "#cfd4da": "cell-refused", "#e3e6ea": "cell-empty",
+    "#e6edf5": "state-reused", "#f6c9bd": "state-failed", "#fff4e0": "state-blocked",
+}  # fmt: skip
+"""Colours of the charts as variables of the page's style sheet, which has a light and a dark value for each."""
 
 WIDE = 6.0
 """Width in inches above which a chart does not share a row of a page with others."""
@@ -36,6 +49,7 @@ _STYLE: dict[Any, Any] = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
     "font.size": 8.5,
+    "text.color": INK,
     "axes.titlesize": 9,
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
@@ -77,8 +91,10 @@ class Chart:
     ----------
     name
         File name of its numbers, without ending; unique in a page, since its SVG identifiers hang on it.
+    title
+        What is shown, in a few words; a page writes it above the figure.
     caption
-        What is shown, in a sentence or two.
+        What is shown and how to read it, in a sentence or two.
     figure
         Drawn in the common style.
     data
@@ -86,6 +102,7 @@ class Chart:
     """
 
     name: str
+    title: str
     caption: str
     figure: Figure
     data: pd.DataFrame
@@ -96,13 +113,14 @@ class Chart:
         return float(self.figure.get_figwidth()) > WIDE
 
     def svg(self) -> str:
-        """The figure as an SVG element with text as text: the same figure gives the same characters."""
+        """The figure as an SVG element with text as text and with its title: the same gives the same characters."""
         import matplotlib as mpl
 
         buffer = io.StringIO()
         with mpl.rc_context({**_STYLE, "svg.hashsalt": self.name}):
             self.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-        return _inline(buffer.getvalue())
+        named = f"<title>{escape(self.title)}</title>"
+        return re.sub(r"(<svg[^>]*>)", lambda found: found[1] + named, _inline(buffer.getvalue()), count=1)
 
     def csv(self) -> str:
         """The numbers as CSV, in full precision."""
@@ -116,7 +134,12 @@ def _inline(svg: str) -> str:
     svg = re.sub(r"<style type=\"text/css\">.*?</style>", "", svg, flags=re.DOTALL)  # it would style the whole page
     used = set(re.findall(r"#([A-Za-z][\w-]*)", svg))
     svg = re.sub(r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
-    return svg.strip()
+    return re.sub(r"#[0-9a-f]{6}\b(?=[;\"])", _variable, svg.strip())
+
+
+def _variable(found: re.Match[str]) -> str:
+    """A colour that follows the page's; a file of its own, without style sheet, keeps the light one."""
+    return f"var(--{VARIABLES[found[0]]}, {found[0]})" if found[0] in VARIABLES else found[0]
 
 
 @contextmanager

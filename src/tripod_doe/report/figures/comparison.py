@@ -50,7 +50,7 @@ def _waveform(comparison: xr.Dataset) -> Chart:
         "Thrust force over one revolution: measured mean over "
         f"{comparison.attrs['revolutions_compared']} revolutions with its standard deviation (band), and model."
     )
-    return Chart("waveform", caption, figure, data)
+    return Chart("waveform", "Thrust force over one revolution", caption, figure, data)
 
 
 def _envelope(comparison: xr.Dataset) -> Chart:
@@ -66,7 +66,7 @@ def _envelope(comparison: xr.Dataset) -> Chart:
         "Beat: envelope of the orders 2, 3 and 4 over one revolution, with the "
         f"{_percent(comparison)} uncertainty of the measured one (band). A horizontal line means no beat."
     )
-    return Chart("beat", caption, figure, data)
+    return Chart("beat", "Envelope of the beat", caption, figure, data)
 
 
 def _columns(comparison: xr.Dataset, axis: str, *names: str) -> pd.DataFrame:
@@ -112,7 +112,7 @@ def _orders(comparison: xr.Dataset) -> Chart:
         f"Amplitudes of the rotating orders, measured and model; whiskers are the {_percent(comparison)} uncertainty "
         "from revolution to revolution."
     )
-    return Chart("orders", caption, figure, data)
+    return Chart("orders", "Rotating orders", caption, figure, data)
 
 
 def _run_up(comparison: xr.Dataset, speed: NDArray[np.float64]) -> Chart:
@@ -138,7 +138,7 @@ def _run_up(comparison: xr.Dataset, speed: NDArray[np.float64]) -> Chart:
         legend_above(axes, 2)
     what = "every revolution" if len(classes) == speed.size else f"means of {_CLASSES} classes of speed"
     caption = f"Run-up: measured orders over speed, {what}; dashed lines are the model."
-    return Chart("run-up", caption, figure, data)
+    return Chart("run-up", "Orders over speed", caption, figure, data)
 
 
 def _model_over_speed(axes: Axes, of_order: xr.Dataset, colour: str) -> None:

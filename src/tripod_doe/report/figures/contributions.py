@@ -73,7 +73,7 @@ def _distribution_chart(part: Contribution) -> Chart:
         f"operating points: median (line), quartiles (bar), points that are no outliers (thin line)."
         f"{_beyond(part, low, high)}"
     )
-    return Chart(part.key, caption, figure, _frame(part))
+    return Chart(part.key, f"Shares of the mechanisms in {part.what}", caption, figure, _frame(part))
 
 
 def _usual(shares: FloatArray) -> FloatArray:
@@ -145,7 +145,7 @@ def _maps(part: Contribution) -> list[Chart]:
         f"Shares in {part.what} by {DEFINITIONS[part.fairest]} over {spoken(across)} and {spoken(up)}; white is the "
         "median of a mechanism, the ends of its scale leave out outliers."
     )
-    return [Chart(f"{part.key}-map", caption, figure, _frame(part))]
+    return [Chart(f"{part.key}-map", f"Shares in {part.what} over the operating points", caption, figure, _frame(part))]
 
 
 def _axis(part: Contribution, name: str) -> str:
@@ -170,7 +170,7 @@ def _bar_chart(part: Contribution) -> Chart:
         f"Shares of the mechanisms in {part.what}{model}, {told}. Left of zero: it opposes the sum. The diamond is the "
         "sum of a bar; what it lacks to 100 % or exceeds does not add up."
     )
-    return Chart(part.key, caption, figure, _frame(part))
+    return Chart(part.key, f"Shares of the mechanisms in {part.what}", caption, figure, _frame(part))
 
 
 def _draw(axes: Axes, bars: dict[str, FloatArray], mechanisms: list[str]) -> None:

@@ -12,7 +12,17 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.quantities import level, with_unit
-from tripod_doe.report.figures.chart import COLOURS, INK, LINES, MARKERS, Chart, drawing, factor_ticks, legend_above
+from tripod_doe.report.figures.chart import (
+    COLOURS,
+    LINES,
+    MARKERS,
+    ON_DARK,
+    ON_LIGHT,
+    Chart,
+    drawing,
+    factor_ticks,
+    legend_above,
+)
 from tripod_doe.report.responses import (
     Effect,
     Response,
@@ -44,6 +54,14 @@ class ResponseCharts:
 
     response: Response
     charts: list[Chart]
+
+    @property
+    def strongest(self) -> Chart:
+        """The map if there is one, else the chart whose first line rises the most."""
+        first_lines = [chart.data.iloc[:, 1].dropna() for chart in self.charts]
+        rises = [float(line.max() - line.min()) if len(line) else 0.0 for line in first_lines]
+        at = next((k for k, chart in enumerate(self.charts) if chart.name.endswith("-map")), int(np.argmax(rises)))
+        return self.charts[at]
 
 
 def effect_charts(cube: xr.Dataset) -> list[ResponseCharts]:
@@ -99,7 +117,8 @@ def _line_chart(response: Response, cube: xr.Dataset, factor: str, others: list[
     if averaged:
         some = " (finished points only)" if bool(response.values.isnull().any()) else ""
         caption += f"; mean over {', '.join(factor_label(cube, name) for name in averaged)}{some}"
-    return Chart(f"{response.key}-{factor}", caption + ".", figure, pd.DataFrame(columns))
+    title = f"{_capital(response)} over {factor_label(cube, factor)}"
+    return Chart(f"{response.key}-{factor}", title, caption + ".", figure, pd.DataFrame(columns))
 
 
 def _columns(cube: xr.Dataset, second: str | None, values: FloatArray) -> Iterator[tuple[str, FloatArray]]:
@@ -139,9 +158,10 @@ def _map_chart(response: Response, cube: xr.Dataset, factors: list[str]) -> Char
     caption = (
         f"{_capital(response)}{f' ({unit})' if unit else ''} over {factor_label(cube, across)} and "
         f"{factor_label(cube, up)}{'; darker is larger' if cells else ' as labelled contours'}"
-        f"{'; empty cells did not finish' if np.isnan(values).any() else ''}."
+        f"{'; empty cells have no result' if np.isnan(values).any() else ''}."
     )
-    return Chart(f"{response.key}-map", caption, figure, data)
+    title = f"{_capital(response)} over {factor_label(cube, across)} and {factor_label(cube, up)}"
+    return Chart(f"{response.key}-map", title, caption, figure, data)
 
 
 def _draw_cells(axes: Axes, across: FloatArray, up: FloatArray, values: FloatArray) -> None:
@@ -153,7 +173,7 @@ def _draw_cells(axes: Axes, across: FloatArray, up: FloatArray, values: FloatArr
             dark = (value - low) > 0.55 * (high - low)
             axes.text(
                 column, row, f"{value:#.3g}".rstrip("."), ha="center", va="center", fontsize=7.5,
-                color="white" if dark else INK,
+                color=ON_DARK if dark else ON_LIGHT,
             )  # fmt: skip
     axes.set_xticks(range(across.size), [level(float(v)) for v in across])
     axes.set_yticks(range(up.size), [level(float(v)) for v in up])
@@ -173,7 +193,7 @@ def _draw_contours(axes: Axes, across: FloatArray, up: FloatArray, values: Float
     masked = np.ma.masked_invalid(values)
     if float(masked.max()) > float(masked.min()):
         axes.contourf(across, up, masked, levels=12, cmap=_shades())
-        lines = axes.contour(across, up, masked, levels=6, colors=INK, linewidths=0.8)
+        lines = axes.contour(across, up, masked, levels=6, colors=ON_LIGHT, linewidths=0.8)
         axes.clabel(lines, fontsize=7.5)
 
 
@@ -220,4 +240,5 @@ def _band_chart(
     else:
         groups = "ten classes with equally many points" if effect.sampled else "the points of each value"
         caption = f"{label}mean{' and quartiles (band)' if spread else ''} of {groups}."
-    return Chart(f"{response.key}-{factor}", caption, figure, data)
+    title = f"{_capital(response)} over {factor_label(cube, factor)}"
+    return Chart(f"{response.key}-{factor}", title, caption, figure, data)

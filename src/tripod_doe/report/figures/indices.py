@@ -83,7 +83,7 @@ def _sobol_chart(key: str, name: str, what: str, part: xr.Dataset, level: float)
         f"Sobol' indices of {what} with {level:g} % confidence intervals (analysis {name}). The total index counts "
         "a factor with all its interactions, the first-order index the factor alone."
     )
-    return Chart(key, caption, figure, data)
+    return Chart(key, f"Sobol' indices of {what}", caption, figure, data)
 
 
 def _morris_chart(key: str, name: str, what: str, part: xr.Dataset, level: float, unit: str) -> Chart:
@@ -112,4 +112,4 @@ def _morris_chart(key: str, name: str, what: str, part: xr.Dataset, level: float
         f"intervals (analysis {name}). Far right: large effect. High up: nonlinear, or interaction with other "
         "factors."
     )
-    return Chart(key, caption, figure, data)
+    return Chart(key, f"Elementary effects on {what}", caption, figure, data)

@@ -34,4 +34,4 @@ def locus_chart(cube: xr.Dataset) -> Chart | None:
     caption = (
         "Locus of the needle's centre, viewed from above plate A, one line per point; compare the paper's Fig. 8(b)."
     )
-    return Chart("loci", caption, figure, pd.DataFrame(data))
+    return Chart("loci", "Locus of the needle", caption, figure, pd.DataFrame(data))

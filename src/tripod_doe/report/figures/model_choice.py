@@ -43,6 +43,7 @@ def model_choice_chart(cube: xr.Dataset) -> Chart | None:
     more = "; points that differ in other factors lie on each other" if len(numeric_factors(cube)) > 2 else ""
     return Chart(
         "model-choice",
+        "Which model answers where",
         f"Model that answers at each point, and the largest error that the pilot estimates for what was asked, over "
         f"{' and '.join(spoken(name) for name in factors)}{more}. Above 100 % the accuracy is not expected to be met.",
         figure,

@@ -58,4 +58,4 @@ def _chart(cube: xr.Dataset, part: pd.DataFrame, what: str) -> Chart:
         handles = [Patch(fc=_COLOURS.get(kind, _FAILED), ec=INK, lw=0.4, label=kind.label) for kind in ends]
         figure.legend(handles=handles, loc="outside upper left", ncols=3, frameon=False)
     caption = f"Results for each {spoken(word)} over the {spoken(factor)}: {what}, or the outcome if it failed."
-    return Chart(f"outcome-{factor}", caption, figure, part)
+    return Chart(f"outcome-{factor}", f"Outcomes over the {spoken(factor)}", caption, figure, part)

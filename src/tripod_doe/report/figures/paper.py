@@ -89,7 +89,7 @@ def waveforms_of_all(cube: xr.Dataset) -> list[Chart]:
             f"Thrust force, {point_label(cube, point)}: third order {number(float(sizes[3]))} N, second "
             f"{number(float(sizes[2]))} N. Envelope of the orders 2, 3 and 4."
         )
-        charts.append(Chart(f"point-{rank + 1}", caption, figure, data))
+        charts.append(Chart(f"point-{rank + 1}", f"Thrust force, {point_label(cube, point)}", caption, figure, data))
     return charts
 
 
@@ -135,7 +135,8 @@ def _local_chart(cube: xr.Dataset, point: xr.Dataset, order: int, rank: int) -> 
         axes.plot(angle, whole.real, color=INK, lw=2, label="sum")
         _over_rotation(axes, 360, 90, 2)
     caption = f"{ORDINALS[order].capitalize()} at each groove and in the sum, {point_label(cube, point)}."
-    return Chart(f"order-{order}-point-{rank + 1}", caption, figure, data)
+    title = f"{ORDINALS[order].capitalize()} at each groove"
+    return Chart(f"order-{order}-point-{rank + 1}", title, caption, figure, data)
 
 
 def spectrum_of_all(cube: xr.Dataset) -> Chart | None:
@@ -169,7 +170,7 @@ def spectrum_of_all(cube: xr.Dataset) -> Chart | None:
         f"Amplitudes of the rotating orders at each point; the logarithmic axis starts at {_FLOOR:g} times the "
         f"largest. Orders of the beat: {told}."
     )
-    return Chart("spectrum", caption, figure, data)
+    return Chart("spectrum", "Orders at each point", caption, figure, data)
 
 
 def _newton(point: xr.Dataset, order: int) -> str:
@@ -202,7 +203,7 @@ def friction_law_chart(cube: xr.Dataset) -> Chart | None:
         f"the sine of its tilt, and the friction law; largest difference {off:.1g}. Dashed: largest velocity of a run "
         "if the transition velocity is a quarter of it, as in the paper."
     )
-    return Chart("friction-law", caption, figure, data)
+    return Chart("friction-law", "Friction law", caption, figure, data)
 
 
 def order_angle_chart(cube: xr.Dataset) -> Chart | None:
@@ -231,4 +232,5 @@ def order_angle_chart(cube: xr.Dataset) -> Chart | None:
         "Effective values of the second and third order over the joint angle, one line per case of skew; "
         "logarithmic axis."
     )
-    return Chart("angle", caption, figure, pd.DataFrame(rows, columns=["joint_angle_deg", "case", "order", "rms_n"]))
+    data = pd.DataFrame(rows, columns=["joint_angle_deg", "case", "order", "rms_n"])
+    return Chart("angle", "Orders over the joint angle", caption, figure, data)

@@ -56,7 +56,7 @@ def skew_chart(cube: xr.Dataset) -> Chart | None:
         "initial value (diamonds)."
     )
     columns = ["point", "trunnion", "initial_deg", "mean_deg", "least_deg", "greatest_deg"]
-    return Chart("skew", caption, figure, pd.DataFrame(rows, columns=columns))
+    return Chart("skew", "Needle skew in the last revolution", caption, figure, pd.DataFrame(rows, columns=columns))
 
 
 def _skew_table(cube: xr.Dataset) -> pd.DataFrame | None:
@@ -171,7 +171,8 @@ def _kept_chart(
         axes.set_xlabel(axis_label(cube, along))
         if rest:
             legend_above(axes, 3, ", ".join(axis_label(cube, factor) for factor in rest))
-    return Chart(name, caption, figure, part.drop(columns="signs"))
+    title = "Skew that is left" if column == "mean_deg" else "Second over third order"
+    return Chart(name, title, caption, figure, part.drop(columns="signs"))
 
 
 def findings_over_skew_charts(cube: xr.Dataset) -> list[Chart]:
@@ -195,7 +196,10 @@ def findings_over_skew_charts(cube: xr.Dataset) -> list[Chart]:
     )
     orders = f"Third and second order over the initial skew of all trunnions, logarithmic axes. {orders}."
     kept = f"Skew in the last revolution, mean of the trunnions, over the initial skew; dotted: no change. {kept}."
-    return [_over_skew("orders", lines, _amplitudes, orders), _over_skew("skews", lines, _skews, kept)]
+    return [
+        _over_skew("orders", "Orders over the initial skew", lines, _amplitudes, orders),
+        _over_skew("skews", "Skew that is left", lines, _skews, kept),
+    ]
 
 
 def _amplitudes(axes: Axes, which: int, name: str, line: pd.DataFrame) -> None:
@@ -214,7 +218,11 @@ def _skews(axes: Axes, which: int, name: str, line: pd.DataFrame) -> None:
 
 
 def _over_skew(
-    name: str, lines: dict[str, pd.DataFrame], draw: Callable[[Axes, int, str, pd.DataFrame], None], caption: str
+    name: str,
+    title: str,
+    lines: dict[str, pd.DataFrame],
+    draw: Callable[[Axes, int, str, pd.DataFrame], None],
+    caption: str,
 ) -> Chart:
     with drawing(4.7, 3.6) as (figure, axes):
         for which, (label, line) in enumerate(lines.items()):
@@ -229,4 +237,4 @@ def _over_skew(
         axes.set_xlabel("initial skew (deg)")
         legend_above(axes, 2)
     frame = pd.concat(lines.values(), keys=lines.keys(), names=["pattern", None]).reset_index("pattern")
-    return Chart(name, caption, figure, frame.drop(columns="signs"))
+    return Chart(name, title, caption, figure, frame.drop(columns="signs"))

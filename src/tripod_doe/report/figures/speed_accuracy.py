@@ -75,7 +75,8 @@ def _error_chart(data: xr.Dataset) -> Chart:
         "solves": data["solves"].values,
         "outcome": [Outcome(int(kind)).label for kind in data["outcome"].values],
     })  # fmt: skip
-    return Chart(f"{case.replace(' ', '-')}-{name}", caption, figure, table)
+    title = f"{data['quantity_meaning'].item()[:1].upper()}{data['quantity_meaning'].item()[1:]}: error over price"
+    return Chart(f"{case.replace(' ', '-')}-{name}", title, caption, figure, table)
 
 
 def _frame(axes: Axes, title: str, label: str) -> None:
@@ -160,4 +161,5 @@ def _model_chart(data: xr.Dataset, scene: str) -> Chart:
         "all finished runs, with any method and setting."
     )
     names = ["model", "run_method", "setting", "cpu_per_second", "model_error"]
-    return Chart(f"{scene}-{data['quantity'].item()}", caption, figure, data[names].to_dataframe()[names])
+    title = f"Models: {data['quantity_meaning'].item()} over price"
+    return Chart(f"{scene}-{data['quantity'].item()}", title, caption, figure, data[names].to_dataframe()[names])

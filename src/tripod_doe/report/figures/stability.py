@@ -70,7 +70,7 @@ def _chart(borders: xr.Dataset, factor: str) -> Chart:
         figure.legend(
             handles=handles + lines, loc="outside upper left", ncols=min(3, columns + 1), frameon=False, fontsize=8
         )
-    return Chart(factor, _caption(borders, factor), figure, _numbers(part, factor))
+    return Chart(factor, f"Runs over the {spoken(factor)}", _caption(borders, factor), figure, _numbers(part, factor))
 
 
 def _bracketed(unit: object) -> str:

@@ -83,9 +83,8 @@ def waveform_charts(cube: xr.Dataset) -> list[Chart]:
                 data[f"groove_{groove}_thrust_n"] = chosen.data["groove_thrust"].sel(groove=groove).values
         with drawing(3.5, 2.9) as (figure, axes):
             _draw_waveform(axes, data)
-            figure.suptitle(_capital(chosen.title), x=0.02, ha="left", fontsize=9, fontweight="bold", color=INK)
-        caption = f"{_capital(chosen.title)}, at {chosen.text}." if chosen.text else f"{_capital(chosen.title)}."
-        charts.append(Chart(f"waveform-{rank + 1}", caption, figure, data))
+        caption = f"At {chosen.text}." if chosen.text else "The only point of the study."
+        charts.append(Chart(f"waveform-{rank + 1}", _capital(chosen.title), caption, figure, data))
     return charts
 
 
@@ -132,6 +131,7 @@ def spectrum_chart(cube: xr.Dataset) -> Chart | None:
     first = int(data.iloc[1:, -1].argmax()) + 1
     return Chart(
         "spectrum",
+        "Orders of the thrust force",
         f"{caption}. The axis is logarithmic and ends at 1/10,000 of the largest bar; smaller ones are not drawn. "
         f"The {ORDINALS[first]} is the largest.",
         figure,

@@ -1,0 +1,42 @@
+"""What a page says first: the answer in at most three sentences, and the one picture that shows it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import TypeVar
+
+__all__ = ["answer_first", "picture_first"]
+
+_MOST = 3
+_NEXT_SENTENCE = re.compile(r"(?<=[.!?]) (?=[A-Z0-9])")
+
+Picture = TypeVar("Picture")
+
+
+def answer_first(findings: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The first three sentences, and all others.
+
+    Parameters
+    ----------
+    findings
+        The most important first; one may be several sentences long.
+
+    Returns
+    -------
+    answer, more : list of str
+    """
+    answer: list[str] = []
+    for position, finding in enumerate(findings):
+        sentences = _NEXT_SENTENCE.split(finding)
+        room = _MOST - len(answer)
+        answer += sentences[:room]
+        if len(sentences) >= room:
+            rest = " ".join(sentences[room:])
+            return answer, [*([rest] if rest else []), *findings[position + 1 :]]
+    return answer, []
+
+
+def picture_first(groups: Sequence[Sequence[Picture]]) -> Picture | None:
+    """The first picture of the first group that has any; None if there is none."""
+    return next((group[0] for group in groups if group), None)
