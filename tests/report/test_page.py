@@ -188,7 +188,13 @@ def test_a_cube_with_no_or_one_finished_point_gives_a_page(make_cube, part):
     text = '[study]\nname = "Few"\n[factors.joint_angle_deg]\nvalues = [5, 10]\n'
     page = Page(make_page(make_cube(text, part), {}))
     some = ["waveforms", "spectrum"] if part.stop else []
-    assert list(page.sections) == ["findings", *some, *(["failed", "cost"] if part.stop else ["failed"]), "setting", "provenance"]
+    assert list(page.sections) == [
+        "findings",
+        *some,
+        *(["failed", "cost"] if part.stop else ["failed"]),
+        "setting",
+        "provenance",
+    ]
     left = "1 of 2 points is not computed yet." if part.stop else "2 of 2 points are not computed yet."
     assert left in page.sections["findings"]
     assert "did not finish" not in page.sections["findings"]

@@ -28,6 +28,7 @@ from tripod_doe.report.claims.over_skew import find_over_skew, over_skew_table
 from tripod_doe.report.claims.verdicts import claim_table, find_in_claims
 from tripod_doe.report.comparison import find_in_comparison
 from tripod_doe.report.contribution_sentences import find_in_contribution
+from tripod_doe.report.figures.claims import claims_chart
 from tripod_doe.report.figures.comparison import comparison_charts
 from tripod_doe.report.figures.contributions import contribution_figures
 from tripod_doe.report.figures.indices import indices_of_study
@@ -171,6 +172,7 @@ ANALYSES: dict[str, Analysis] = {
             partial=True,
             findings=_without_name(find_in_claims),
             table=claim_table,
+            figures={"claims": of_one(lambda claims: [claims_chart(claims)])},
             export=("claims.json", claims_json),
         ),
         Analysis(

@@ -5,19 +5,21 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from html import unescape
 from pathlib import Path
 
 import xarray as xr
 
-from tripod_doe.analysis.kinds import is_study, of_kind
+from tripod_doe.analysis.kinds import is_study, kind_of, of_kind
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.report.analyses import findings_of, table_of
-from tripod_doe.report.claims.verdicts import claims_of_figures
+from tripod_doe.report.answer import answer_first, picture_first
+from tripod_doe.report.claims.verdicts import claims_of_figures, figures_of_claims
 from tripod_doe.report.figures import Chart
 from tripod_doe.report.figures.chain import StepView, chain_chart, step_time
 from tripod_doe.report.figures.chart import WIDE
+from tripod_doe.report.figures.claims import claims_chart
 from tripod_doe.report.page import render
 from tripod_doe.report.side_by_side import find_side_by_side, of_one_ladder, side_by_side_table
 
@@ -84,7 +86,10 @@ def read_charts(folder: Path) -> list[StoredChart]:
 
 @dataclass(frozen=True)
 class PagePart:
-    """One input of a report step, or one answer of a workflow, as the page shows it; a table is heads and rows."""
+    """One input of a report step, or one answer of a workflow, as the page shows it.
+
+    A table is heads and rows; links are (text, address), a list per row.
+    """
 
     name: str
     title: str
@@ -92,6 +97,7 @@ class PagePart:
     charts: list[StoredChart]
     link: str
     table: tuple[list[str], list[list[str]]] | None = None
+    links: list[list[tuple[str, str]]] = field(default_factory=list)
 
     @property
     def columns(self) -> str:
@@ -127,22 +133,50 @@ def step_page(
     """
     claims = next(iter(of_kind(data, "claims").values()), None)
     ladder = of_one_ladder(data)
+    figures = {f"#{name}": heading for name, (heading, _) in charts.items()}
     parts = []
     for name in order:
         if name in ladder:
             if name == next(iter(ladder)):
                 parts.append(_side_by_side(name, ladder))
         else:
-            parts.append(_part(name, data[name]) if name in data else _drawn(name, *charts[name], claims))
-    return render("chain.html", title=title, question="", kicker="Report", notice=notice, parts=parts, chain=None,
-                  rows=[], text="")  # fmt: skip
+            parts.append(_part(name, data[name], figures) if name in data else _drawn(name, *charts[name], claims))
+    drawn: list[Chart | StoredChart] = [chart for part in parts for chart in part.charts]
+    return _page(title, "", "Report", notice, parts, _claims_first(data, drawn), None, [], "")
 
 
-def _part(name: str, cube: xr.Dataset) -> PagePart:
-    """A study with a link to its own report, or an analysis."""
+def _claims_first(data: Mapping[str, xr.Dataset], drawn: Sequence[Chart | StoredChart]) -> Chart | StoredChart | None:
+    """The picture of a page: the claims, if it has any, else its first figure."""
+    claims = [claims_chart(result) for result in of_kind(data, "claims").values()]
+    return picture_first([claims, drawn])
+
+
+def _page(
+    title: str,
+    question: str,
+    kicker: str,
+    notice: str,
+    parts: list[PagePart],
+    picture: Chart | StoredChart | None,
+    chain: Chart | None,
+    rows: list[tuple[StepView, str]],
+    text: str,
+) -> str:
+    """Fill the template; the first sentence of each part is in the answer, what a notice says beyond one is folded."""
+    told = sorted((part for part in parts if part.findings), key=lambda part: part.link != "")  # analyses first
+    sentences, _ = answer_first([part.findings[0] for part in told])
+    shown = [replace(part, charts=[chart for chart in part.charts if chart is not picture]) for part in parts]
+    head, _, changes = notice.partition(". ")
+    return render("chain.html", title=title, question=question, kicker=kicker, notice=(head, changes), parts=shown,
+                  sentences=sentences, picture=picture, chain=chain, rows=rows, text=text)  # fmt: skip
+
+
+def _part(name: str, cube: xr.Dataset, figures: Mapping[str, str]) -> PagePart:
+    """A study with a link to its own report, or an analysis; claims with links to the figures that show them."""
     title, table = str(cube.attrs.get("title", name)), table_of(cube)
     link = f"../{name}/report/index.html" if is_study(cube) else ""
-    return PagePart(name, title, findings_of(name, cube), [], link, table)
+    links = figures_of_claims(cube, figures) if kind_of(cube) == "claims" else []
+    return PagePart(name, title, findings_of(name, cube), [], link, table, links if any(links) else [])
 
 
 def _side_by_side(name: str, ladder: Mapping[str, xr.Dataset]) -> PagePart:
@@ -166,6 +200,7 @@ def chain_page(
     notice: str = "",
     text: str = "",
     answers: Mapping[str, xr.Dataset] | None = None,
+    figures: Mapping[str, str] | None = None,
 ) -> str:
     """The page of a workflow: its answers, a diagram, and one row per step with its state, time and link.
 
@@ -181,8 +216,10 @@ def chain_page(
         The workflow file.
     answers
         By step, the analyses that answer the workflow's question.
+    figures
+        Headings of figures on its report pages by their addresses; claims are linked to them.
     """
-    parts = [_part(name, data) for name, data in (answers or {}).items()]
+    parts = [_part(name, data, figures or {}) for name, data in (answers or {}).items()]
+    chain = chain_chart(steps)
     rows = [(step, step_time(step)) for step in steps]
-    return render("chain.html", title=title, question=question, kicker="Workflow", notice=notice, parts=parts,
-                  chain=chain_chart(steps), rows=rows, text=text)  # fmt: skip
+    return _page(title, question, "Workflow", notice, parts, _claims_first(answers or {}, [chain]), chain, rows, text)

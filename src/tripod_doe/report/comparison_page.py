@@ -9,6 +9,7 @@ import xarray as xr
 
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.quantities import level
+from tripod_doe.report.answer import answer_first
 from tripod_doe.report.comparison import ORDER_HEADS, find_in_comparison, order_rows
 from tripod_doe.report.figures.comparison import comparison_charts
 from tripod_doe.report.page import render
@@ -22,11 +23,13 @@ def comparison_page(comparison: xr.Dataset) -> str:
     """The comparison as one self-contained HTML page."""
     point = json.loads(comparison.attrs["point"])
     facts = [(spoken(name), level(value) if isinstance(value, float) else str(value)) for name, value in point.items()]
+    sentences, more = answer_first(find_in_comparison(comparison))
     return render(
         "comparison.html",
         attrs=comparison.attrs,
         facts=facts,
-        findings=find_in_comparison(comparison),
+        sentences=sentences,
+        more=more,
         charts=comparison_charts(comparison),
         heads=ORDER_HEADS,
         rows=order_rows(comparison),

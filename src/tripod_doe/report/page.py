@@ -229,7 +229,8 @@ def _typeset(text: str) -> str:
 
 def _svg(chart: Chart) -> Markup:
     """The figure inline; its caption is its text alternative, and its title stands above it on the page."""
-    return Markup(re.sub(r"(<svg[^>]*>)<title>.*?</title>", r"\1", chart.svg(), count=1).replace("<svg", Markup('<svg role="img" aria-label="{}"').format(chart.caption), 1))
+    untitled = re.sub(r"(<svg[^>]*>)<title>.*?</title>", r"\1", chart.svg(), count=1)
+    return Markup(untitled.replace("<svg", Markup('<svg role="img" aria-label="{}"').format(chart.caption), 1))
 
 
 def _csv_link(chart: Chart) -> str:

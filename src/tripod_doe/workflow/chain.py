@@ -116,7 +116,8 @@ def run_workflow(
         views[name] = chain.recorded(workflow.steps[name]) or chain.view(workflow.steps[name], "not asked")
     steps = tuple(views[name] for name in workflow.steps)
     head = workflow.file.workflow
-    text = chain_page(head.name, head.question, steps, _notice(workflow), workflow.text, chain.answers(steps))
+    answers, figures = chain.answers(steps), chain.figures(steps)
+    text = chain_page(head.name, head.question, steps, _notice(workflow), workflow.text, answers, figures)
     return WorkflowSummary(directory, replace_text(directory / "report" / "index.html", text), steps)
 
 
@@ -267,6 +268,17 @@ class _Chain:
         """The analyses that answer the workflow's question, as far as they are made."""
         made = [view.name for view in views if view.state in ("finished", "reused")]
         return {name: open_cube(self.folder(name)) for name in made if self._exported(self.workflow.steps[name])}
+
+    def figures(self, views: tuple[StepView, ...]) -> dict[str, str]:
+        """Headings of the figures on its report pages, by their addresses seen from the workflow's page."""
+        steps = self.workflow.steps
+        pages = {view.link: steps[view.name] for view in views if isinstance(steps[view.name].table, ReportStep)}
+        return {
+            f"{link}#{name}": table.title
+            for link, page in pages.items()
+            for name in page.inputs
+            if link and isinstance(table := steps[name].table, FigureStep)
+        }
 
     def _cubes(self, step: Step) -> dict[str, xr.Dataset]:
         """Cubes of the inputs that have one."""

@@ -21,7 +21,7 @@ from tripod_doe.report.claims.verdicts import claims_of_figures
 def test_the_claims_of_a_figure_are_those_whose_place_names_it(title, places):
     table = claims_of_figures(check_claims({}, ClaimsSettings()), title)
     assert table is not None
-    assert {row[1] for row in table[1]} == places
+    assert {row[4] for row in table[1]} == places
 
 
 @pytest.mark.parametrize("title", ["Fig. 12: measured", "Beat of 10 and 8 N", ""])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
@@ -12,9 +13,9 @@ from tripod_doe.analysis.claims.verdicts import Verdict
 from tripod_doe.quantities import level, number, with_unit
 from tripod_doe.report.responses import unit_text
 
-__all__ = ["claim_limits", "claim_table", "claim_value", "claims_of_figures", "find_in_claims"]
+__all__ = ["claim_limits", "claim_table", "claim_value", "claims_of_figures", "figures_of_claims", "find_in_claims"]
 
-_HEADS = ["Claim", "In the paper", "Holds", "Value", "Holds if", "Quantity"]
+_HEADS = ["Claim", "Holds", "Value", "Holds if", "In the paper", "Quantity"]
 _FIGURES = re.compile(r"\bFigs?\. (\d+(?:\([a-z]\))?(?:(?:,| and|, and| to) \d+(?:\([a-z]\))?)*)")
 
 
@@ -52,8 +53,8 @@ def claim_table(claims: xr.Dataset) -> tuple[list[str], list[list[str]]]:
         near = "" if row["sure"].item() or verdict is Verdict.NOT_DECIDED else ", but within the numerical error"
         rows.append(
             [
-                row["statement"].item(), row["place"].item(), words[verdict] + near, claim_value(row),
-                claim_limits(row), row["quantity"].item(),
+                row["statement"].item(), words[verdict] + near, claim_value(row), claim_limits(row),
+                row["place"].item(), row["quantity"].item(),
             ]
         )  # fmt: skip
     return list(_HEADS), rows
@@ -66,6 +67,23 @@ def _figure_numbers(text: str) -> set[int]:
         parts = [int(number) for number in re.findall(r"\d+", listed)]
         numbers |= set(range(parts[0], parts[-1] + 1)) if " to " in listed else set(parts)
     return numbers
+
+
+def figures_of_claims(claims: xr.Dataset, figures: Mapping[str, str]) -> list[list[tuple[str, str]]]:
+    """Links from each claim to the figures of its place in the paper: (text, address), one list per claim.
+
+    Parameters
+    ----------
+    claims
+        The claims.
+    figures
+        Headings of the figures, such as "Fig. 13: orders", by their addresses.
+    """
+    shown = {number: address for address, title in figures.items() for number in sorted(_figure_numbers(title))}
+    return [
+        [(f"Fig. {number}", shown[number]) for number in sorted(_figure_numbers(str(place))) if number in shown]
+        for place in claims["place"].values
+    ]
 
 
 def claims_of_figures(claims: xr.Dataset, title: str) -> tuple[list[str], list[list[str]]] | None:

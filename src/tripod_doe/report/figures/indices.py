@@ -16,6 +16,8 @@ from tripod_doe.report.sensitivity import sensitivity_parts
 
 __all__ = ["index_charts", "indices_of_study"]
 
+_SEEN, _UNSEEN = "#b9d0e8", "#e3e6ea"  # cells of interactions above and within their intervals
+
 
 def indices_of_study(inputs: Mapping[str, xr.Dataset]) -> list[Chart]:
     """The figure of a workflow: one study and its sensitivity analyses."""
@@ -34,6 +36,7 @@ def index_charts(analyses: Mapping[str, xr.Dataset], cube: xr.Dataset) -> list[C
             key, indices = f"{name}-{position + 1}", part.indices
             if kind_of(result) == "sobol":
                 charts.append(_sobol_chart(key, name, part.what, indices, level))
+                charts.extend(_interaction_charts(key, name, part.what, indices, level))
             else:
                 attrs = cube[part.output].attrs if part.output in cube else {}
                 unit = unit_text(str(attrs.get("units", "1"))) or "-"
@@ -84,6 +87,37 @@ def _sobol_chart(key: str, name: str, what: str, part: xr.Dataset, level: float)
         "a factor with all its interactions, the first-order index the factor alone."
     )
     return Chart(key, f"Sobol' indices of {what}", caption, figure, data)
+
+
+def _interaction_charts(key: str, name: str, what: str, part: xr.Dataset, level: float) -> list[Chart]:
+    """The second-order indices as a triangle of cells; none where the analysis holds none."""
+    if "S2" not in part or not bool(part["S2"].notnull().any()):
+        return []
+    factors = [str(factor) for factor in part["factor"].values]
+    s2, half = (part[index].transpose("factor", "factor_2").values for index in ("S2", "S2_conf"))
+    pairs = [(row, column) for row in range(len(factors)) for column in range(row) if np.isfinite(s2[column, row])]
+    data = pd.DataFrame([(factors[b], factors[a], s2[b, a], half[b, a]) for a, b in pairs],
+                        columns=["factor", "factor_2", "S2", "S2_conf"])  # fmt: skip
+    side = len(factors) - 1
+    with drawing(2.0 + 0.62 * side, 1.4 + 0.42 * side) as (figure, axes):
+        for (row, column), value, error in zip(pairs, data["S2"], data["S2_conf"], strict=True):
+            ground, ink = (_SEEN, INK) if abs(value) > error else (_UNSEEN, MUTED)
+            axes.fill_between([column - 0.5, column + 0.5], row - 0.5, row + 0.5, fc=ground, ec="white")
+            text = f"{value:.2f}\n±{error:.2f}".replace("-0.00", "0.00").replace("-", "\N{MINUS SIGN}")
+            axes.text(column, row, text, ha="center", va="center", fontsize=6.5, color=ink)
+        axes.set_xlim(-0.5, side - 0.5)
+        axes.set_ylim(side + 0.5, 0.5)
+        axes.set_xticks(range(side), [spoken(factor) for factor in factors[:-1]], rotation=30, ha="right")
+        axes.set_yticks(range(1, side + 1), [spoken(factor) for factor in factors[1:]])
+        axes.tick_params(length=0)
+        axes.grid(visible=False)
+        for spine in axes.spines.values():
+            spine.set_visible(False)
+    caption = (
+        f"Second-order Sobol' indices of {what}: part of the variance by each pair of factors together, beyond what each "
+        f"makes alone, with {level:g} % confidence intervals (analysis {name}). Shaded: larger than its interval."
+    )
+    return [Chart(f"{key}-interactions", f"Interactions in {what}", caption, figure, data)]
 
 
 def _morris_chart(key: str, name: str, what: str, part: xr.Dataset, level: float, unit: str) -> Chart:

@@ -52,7 +52,11 @@ def _chart(borders: xr.Dataset, factor: str) -> Chart:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    part = map_of(borders, factor)
+    whole = map_of(borders, factor)
+    told = _of_one_class(whole)
+    part = (
+        whole.isel(method=~np.isin(whole["method"].values, list(told))) if len(told) < whole.sizes["method"] else whole
+    )
     methods = [str(name) for name in part["method"].values]
     classes = _classes(part)
     columns = min(_COLUMNS, len(methods))
@@ -70,7 +74,19 @@ def _chart(borders: xr.Dataset, factor: str) -> Chart:
         figure.legend(
             handles=handles + lines, loc="outside upper left", ncols=min(3, columns + 1), frameon=False, fontsize=8
         )
-    return Chart(factor, f"Runs over the {spoken(factor)}", _caption(borders, factor), figure, _numbers(part, factor))
+    left_out = {name: meaning for name, meaning in told.items() if name not in methods}
+    title = f"Runs over the {spoken(factor)}"
+    return Chart(factor, title, _caption(borders, factor, left_out), figure, _numbers(whole, factor))
+
+
+def _of_one_class(part: xr.Dataset) -> dict[str, str]:
+    """Methods all of whose runs are of one class, with its meaning: their panels would be of one colour."""
+    found = {}
+    for name, classes in zip(part["method"].values.tolist(), _classes(part), strict=True):
+        seen = {_GOOD if kind == _EXACT else kind for kind in classes[classes >= 0].tolist()}
+        if len(seen) < 2:
+            found[name] = f"all runs {_CLASSES[seen.pop()][2]}" if seen else "no runs"
+    return found
 
 
 def _bracketed(unit: object) -> str:
@@ -124,11 +140,12 @@ def _label(panel: Axes, part: xr.Dataset, factor: str) -> None:
     panel.yaxis.set_major_formatter(lambda value, _: f"{10**value:.2g}")
 
 
-def _caption(borders: xr.Dataset, factor: str) -> str:
+def _caption(borders: xr.Dataset, factor: str, left_out: dict[str, str]) -> str:
     what = "tolerance" if borders.attrs["numerics"] != "step_s" else "step"
     return (
         f"Runs over {what} and {spoken(factor)}: right within {100 * borders.attrs['limit']:g} % of the reference, "
         f"rejected, or wrong and undetected; the measured border, and that of the linearised scene."
+        + "".join(f" Not drawn: {name}, {meaning}." for name, meaning in left_out.items())
     )
 
 
