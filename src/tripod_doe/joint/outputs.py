@@ -43,6 +43,8 @@ ROTATION = Dimension(
     "degree",
     "rotation angle of the housing",
     length_parameter="samples_per_revolution",
+    convention="0: the centre of roller 1 lies in the plane of both axes, between them; grooves 2 and 3 follow at +120 and "
+    "+240 degree",
 )
 ORDER = Dimension("order", ORDERS, "1", "rotating order")
 _GROOVE = Dimension("groove", np.arange(1, 4), "1", "number of the groove")
@@ -52,31 +54,40 @@ _STATISTIC = Dimension("statistic", np.array(["mean", "min", "max"]))
 _MECHANISM = Dimension("mechanism", np.array(MECHANISMS), "", "friction mechanism")
 _PART = Dimension("part", np.array(PARTS), "", "friction mechanism that makes a part of the thrust, or the remainder")
 
+_SIGN = "axial force on the housing, positive along the input axis towards the intermediate shaft"
+_PHASE = (
+    "thrust(phi) = A_0 cos(p_0) + sum over k of A_k cos(k phi + p_k) with the rotation angle phi of the housing, A_k >= 0 "
+    "and -180 < p_k <= 180 degree; p_0 is 0 or 180 degree"
+)
+_SKEW = "positive counterclockwise about the outward normal of the trunnion surface"
+
 _OUTPUTS = [
     Output("thrust", "N", "F", "thrust force on the housing, positive towards the intermediate shaft",
-           (ROTATION,)),
-    Output("groove_thrust", "N", "F_k", "part of the thrust force in each groove", (_GROOVE, ROTATION)),
-    Output("thrust_amplitude", "N", "A_k", "amplitude of the rotating orders of the thrust force", (ORDER,)),
+           (ROTATION,), convention=_SIGN),
+    Output("groove_thrust", "N", "F_k", "part of the thrust force in each groove", (_GROOVE, ROTATION),
+           convention=_SIGN),
+    Output("thrust_amplitude", "N", "A_k", "amplitude of the rotating orders of the thrust force", (ORDER,),
+           convention=_PHASE),
     Output("thrust_phase_deg", "degree", "p_k", "phase of the rotating orders of the thrust force", (ORDER,),
-           angle=True),
+           angle=True, convention=_PHASE),
     Output("thrust_rms", "N", "A_k/sqrt(2)", "effective value of the rotating orders of the thrust force", (ORDER,)),
     Output("thrust_amplitude_scatter", "N", "", "difference of the thrust amplitude between the last two revolutions",
            (ORDER,)),
     Output("thrust_amplitude_error", "N", "", "numerical error of the thrust amplitude: its change with half the "
            "tolerance or step, and twice the standard deviation due to rattling", (ORDER,), optional=True),
     Output("groove_thrust_amplitude", "N", "A_k", "amplitude of the rotating orders of the thrust in each groove",
-           (_GROOVE, ORDER)),
+           (_GROOVE, ORDER), convention=_PHASE),
     Output("groove_thrust_phase_deg", "degree", "p_k", "phase of the rotating orders of the thrust in each groove",
-           (_GROOVE, ORDER), angle=True),
+           (_GROOVE, ORDER), angle=True, convention=_PHASE),
     Output(PART_OUTPUTS[0], "N", "A_k", "amplitude of the rotating orders of each mechanism's part of the thrust "
            "force, and of the remainder: inertia and numerical error", (_PART, ORDER)),
     Output(PART_OUTPUTS[1], "degree", "p_k", "phase of the rotating orders of each mechanism's part of the thrust "
-           "force", (_PART, ORDER), angle=True),
+           "force", (_PART, ORDER), angle=True, convention=_PHASE),
     Output("friction_power_w", "W", "P", "mean power lost to each friction mechanism", (_MECHANISM,)),
     Output("needle_skew_deg", "degree", "psi", "skew of the most loaded needle at this rotation angle",
-           (_TRUNNION, ROTATION), optional=True),
+           (_TRUNNION, ROTATION), optional=True, convention=_SKEW),
     Output("needle_skew_summary_deg", "degree", "psi", "mean, smallest and largest skew per revolution of the most "
-           "loaded needle", (_TRUNNION, _CYCLE, _STATISTIC), optional=True),
+           "loaded needle", (_TRUNNION, _CYCLE, _STATISTIC), optional=True, convention=_SKEW),
     Output("largest_penetration_um", "um", "delta", "largest penetration of any contact"),
     Output("energy_residual", "1", "", "input less output less friction power, over the friction power (or over a "
            "thousandth of the transmitted power, where that is larger)"),

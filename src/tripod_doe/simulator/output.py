@@ -30,6 +30,8 @@ class Dimension:
         CF long_name.
     length_parameter
         Name of the parameter that sets the length; None where it is fixed.
+    convention
+        Where its labels start and which way they count; CF comment.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Dimension:
     unit: str = "1"
     meaning: str = ""
     length_parameter: str | None = None
+    convention: str = ""
 
     def labels_of(self, values: Mapping[str, Any]) -> Labels:
         """Labels for a point with these values of its parameters, shape (length,)."""
@@ -46,8 +49,9 @@ class Dimension:
 
     @property
     def attributes(self) -> dict[str, str]:
-        """Unit and meaning, as attributes of the coordinate."""
-        return {"long_name": self.meaning or self.name.replace("_", " ")} | ({"units": self.unit} if self.unit else {})
+        """Unit, meaning and convention, as attributes of the coordinate."""
+        told = {"units": self.unit, "comment": self.convention}
+        return {"long_name": self.meaning or self.name.replace("_", " ")} | {k: v for k, v in told.items() if v}
 
 
 @dataclass(frozen=True)
@@ -72,6 +76,8 @@ class Output:
         Whether some models cannot give it: their points hold NaN although they finished.
     on_request
         Whether it is computed only where a study names it among what it keeps.
+    convention
+        What its signs and phases mean; CF comment.
     """
 
     name: str
@@ -82,6 +88,7 @@ class Output:
     angle: bool = False
     optional: bool = False
     on_request: bool = False
+    convention: str = ""
 
     @property
     def unit_text(self) -> str:

@@ -190,6 +190,8 @@ def _variable(output: Output | None, dims: tuple[str, ...], data: NDArray[Any], 
             attrs["symbol"] = output.symbol
         if output.angle:
             attrs["wraps_at"] = "+-180 degree"
+        if output.convention:
+            attrs["comment"] = output.convention
     return _shaped(points, dims, data, attrs)
 
 

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 from numpy.typing import NDArray
 
+from tripod_doe.report.figures.tooltips import add_tooltips, mark_points
+
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -116,11 +118,13 @@ class Chart:
         """The figure as an SVG element with text as text and with its title: the same gives the same characters."""
         import matplotlib as mpl
 
-        buffer = io.StringIO()
+        buffer, tooltips = io.StringIO(), mark_points(self.figure)
         with mpl.rc_context({**_STYLE, "svg.hashsalt": self.name}):
             self.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
         named = f"<title>{escape(self.title)}</title>"
-        return re.sub(r"(<svg[^>]*>)", lambda found: found[1] + named, _inline(buffer.getvalue()), count=1)
+        return re.sub(
+            r"(<svg[^>]*>)", lambda found: found[1] + named, _inline(add_tooltips(buffer.getvalue(), tooltips)), count=1
+        )
 
     def csv(self) -> str:
         """The numbers as CSV, in full precision."""

@@ -114,7 +114,7 @@ def _interaction_charts(key: str, name: str, what: str, part: xr.Dataset, level:
         for spine in axes.spines.values():
             spine.set_visible(False)
     caption = (
-        f"Second-order Sobol' indices of {what}: part of the variance by each pair of factors together, beyond what each "
+        f"Second-order Sobol' indices of {what}: part of the variance by each pair of factors, beyond what each "
         f"makes alone, with {level:g} % confidence intervals (analysis {name}). Shaded: larger than its interval."
     )
     return [Chart(f"{key}-interactions", f"Interactions in {what}", caption, figure, data)]
