@@ -43,8 +43,8 @@ ROTATION = Dimension(
     "degree",
     "rotation angle of the housing",
     length_parameter="samples_per_revolution",
-    convention="0: the centre of roller 1 lies in the plane of both axes, between them; grooves 2 and 3 follow at +120 and "
-    "+240 degree",
+    convention="0: the centre of roller 1 lies in the plane of both axes, between them; grooves 2 and 3 follow at +120 "
+    "and +240 degree",
 )
 ORDER = Dimension("order", ORDERS, "1", "rotating order")
 _GROOVE = Dimension("groove", np.arange(1, 4), "1", "number of the groove")
@@ -56,8 +56,8 @@ _PART = Dimension("part", np.array(PARTS), "", "friction mechanism that makes a 
 
 _SIGN = "axial force on the housing, positive along the input axis towards the intermediate shaft"
 _PHASE = (
-    "thrust(phi) = A_0 cos(p_0) + sum over k of A_k cos(k phi + p_k) with the rotation angle phi of the housing, A_k >= 0 "
-    "and -180 < p_k <= 180 degree; p_0 is 0 or 180 degree"
+    "thrust(phi) = A_0 cos(p_0) + sum over k of A_k cos(k phi + p_k) with the rotation angle phi of the housing, "
+    "A_k >= 0 and -180 < p_k <= 180 degree; p_0 is 0 or 180 degree"
 )
 _SKEW = "positive counterclockwise about the outward normal of the trunnion surface"
 

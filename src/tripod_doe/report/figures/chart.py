@@ -121,10 +121,8 @@ class Chart:
         buffer, tooltips = io.StringIO(), mark_points(self.figure)
         with mpl.rc_context({**_STYLE, "svg.hashsalt": self.name}):
             self.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-        named = f"<title>{escape(self.title)}</title>"
-        return re.sub(
-            r"(<svg[^>]*>)", lambda found: found[1] + named, _inline(add_tooltips(buffer.getvalue(), tooltips)), count=1
-        )
+        element, end, content = _inline(add_tooltips(buffer.getvalue(), tooltips)).partition(">")
+        return f"{element}{end}<title>{escape(self.title)}</title>{content}"
 
     def csv(self) -> str:
         """The numbers as CSV, in full precision."""

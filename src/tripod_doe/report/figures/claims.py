@@ -50,8 +50,8 @@ def claims_chart(claims: xr.Dataset) -> Chart:
         handles = [Patch(color=colour, label=verdict.label) for verdict, colour in _BARS.items()]
         figure.legend(handles=handles, loc="outside upper right", ncols=2)
     caption = (
-        "Right: the claim holds. Distance of its number from the nearest limit in percent of that limit, or of half the "
-        "distance between two limits; cut off at 100 %."
+        "Right: the claim holds. Distance of its number from the nearest limit in percent of that limit, or of half "
+        "the distance between two limits; cut off at 100 %."
     )
     return Chart("claims", "Each claim against its limit", caption, figure, data)
 
