@@ -9,7 +9,7 @@ from typing import TypeVar
 __all__ = ["answer_first", "picture_first"]
 
 _MOST = 3
-_NEXT_SENTENCE = re.compile(r"(?<=[.!?]) (?=[A-Z0-9])")
+_NEXT_SENTENCE = re.compile(r"(?<=[.!?])(?<!Fig\.)(?<!Figs\.) (?=[A-Z0-9])")
 
 Picture = TypeVar("Picture")
 

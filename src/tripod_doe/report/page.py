@@ -63,9 +63,10 @@ __all__ = ["make_page", "read_analyses", "render", "write_report"]
 
 _MOST_FAILED = 50
 _SECTIONS = {
-    "tables": "Tables", "models": "Models", "borders": "Maps", "contribution": "Contribution", "loci": "Loci", "effects": "Effects",
-    "sensitivity": "Sensitivity", "waveforms": "Waveforms", "spectrum": "Orders", "skews": "Needle skew",
-    "failed": "Unfinished points", "cost": "Cost", "setting": "Parameters", "provenance": "Provenance",
+    "tables": "Tables", "models": "Models", "borders": "Maps", "contribution": "Contribution", "loci": "Loci",
+    "effects": "Effects", "sensitivity": "Sensitivity", "waveforms": "Waveforms", "spectrum": "Orders",
+    "skews": "Needle skew", "failed": "Unfinished points", "cost": "Cost", "setting": "Parameters",
+    "provenance": "Provenance",
 }  # fmt: skip
 _ALWAYS = {"setting", "provenance"}  # the others only where there is something to fill them
 _FILES = ("cube.nc", "cost.nc", "study.toml")

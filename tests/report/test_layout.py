@@ -1,0 +1,234 @@
+"""What stands where on a page: the answer first, sections only where they are filled, light and dark, wide and narrow."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tripod_doe.analysis.claims.verdicts import ClaimsSettings, check_claims
+from tripod_doe.analysis.stability import RunKind
+from tripod_doe.report.answer import answer_first
+from tripod_doe.report.chain import chain_page
+from tripod_doe.report.figures import effect_charts, index_charts
+from tripod_doe.report.figures.chain import StepView
+from tripod_doe.report.figures.chart import INK, VARIABLES
+from tripod_doe.report.figures.claims import claims_chart
+from tripod_doe.report.page import make_page, write_report
+from tripod_doe.report.responses import spoken
+from tripod_doe.study.netcdf import write_dataset
+
+STYLE = (Path(__file__).parents[2] / "src" / "tripod_doe" / "report" / "page.css").read_text()
+NEEDS_CHROMIUM = pytest.mark.skipif(not shutil.which("chromium"), reason="chromium is not installed")
+
+
+def first_screen(page: str) -> str:
+    """The part of a page before its contents."""
+    return page[page.index("<header>") : page.index("<nav")]
+
+
+def test_question_answer_and_picture_come_before_everything_else(joint_page, joint_cube):
+    first = first_screen(joint_page)
+    assert first.index(joint_cube.attrs["question"]) < first.index('class="answer"') < first.index("<svg")
+    assert first.count("<svg") == 1
+    visible = re.sub(r"<details>.*?</details>", "", first, flags=re.DOTALL)
+    told = re.findall(r"<p>(.*?)</p>", visible[visible.index('class="answer"') :])
+    assert 1 <= len([text for text in told if text]) <= 3 + 1  # three sentences, and what the model leaves out
+    assert "<table" not in first
+
+
+def test_no_more_than_three_sentences_are_the_answer_and_none_is_lost():
+    found = ["A is 1.5 N. B is 2 N.", "C holds (Fig. 3). D does not. E is open.", "F."]
+    answer, more = answer_first(found)
+    assert answer == ["A is 1.5 N.", "B is 2 N.", "C holds (Fig. 3)."]
+    assert more == ["D does not. E is open.", "F."]
+    assert answer_first(["A.", "B."]) == (["A.", "B."], [])
+
+
+def test_a_page_has_only_the_sections_that_its_cube_can_fill(line_cube):
+    page = make_page(line_cube, {})
+    sections = re.findall(r'<section id="(\w+)"', page)
+    assert sections == ["findings", "cost", "setting", "provenance"]  # its only chart is the picture at the top
+    contents = re.search(r"<nav.*?</nav>", page, re.DOTALL)[0]
+    assert re.findall(r'href="#(\w+)"', contents) == sections[1:]
+    assert "no analysed output" not in page
+    assert "Orders" not in contents
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("contact_rate_per_s", "contact rate"), ("joint_angle_deg", "joint angle"), ("contact_damping_s_per_mm", "contact damping")],
+)  # fmt: skip
+def test_names_lose_their_whole_unit(name, words):
+    assert spoken(name) == words
+
+
+def test_reasons_parameters_and_provenance_are_folded(joint_page):
+    for name in ("cost", "setting", "provenance"):
+        part = joint_page[joint_page.index(f'<section id="{name}"') :]
+        part = part[: part.index("</section>")]
+        assert part.index("<details>") < part.index("<h2>") < part.index("<table")
+        assert part.rstrip().endswith("</details>")
+
+
+def test_every_colour_has_a_light_and_a_dark_value_and_none_stands_outside(joint_cube):
+    light, dark = re.findall(r":root \{(.*?)\}", STYLE, re.DOTALL)
+    names = [set(re.findall(r"--([\w-]+):", block)) for block in (light, dark)]
+    assert names[0] == names[1]
+    assert set(re.findall(r"var\(--([\w-]+)\)", STYLE)) <= names[0]
+    assert set(VARIABLES.values()) <= names[0]
+    assert "prefers-color-scheme: dark" in STYLE
+    outside = STYLE.replace(light, "").replace(dark, "")
+    assert not re.search(r"#[0-9a-fA-F]{3,6}\b|: *(white|black)\b", re.sub(r"#\w+ \{", "", outside))
+
+
+def test_charts_take_their_colours_from_the_page(joint_cube):
+    (chart, *_) = effect_charts(joint_cube)[0].charts
+    drawn = chart.svg()
+    assert f"var(--ink, {INK})" in drawn
+    assert not re.search(rf"[: \"](?:{'|'.join(VARIABLES)})[;\"]", drawn)
+
+
+def test_points_tell_their_numbers_where_the_pointer_rests(joint_cube):
+    chart = next(chart for chart in effect_charts(joint_cube)[0].charts if chart.name.endswith("-torque_n_m"))
+    titles = re.findall(r"<use [^>]*><title>(.*?)</title></use>", chart.svg())
+    drawn = int(chart.data.iloc[:, 1:].notna().to_numpy().sum())
+    assert len(titles) == drawn
+    assert any("torque (N m): 200" in title for title in titles)
+
+
+def test_every_figure_of_a_page_has_a_title(joint_page):
+    figures = re.findall(r"<figure.*?</figure>", joint_page, re.DOTALL)
+    assert len(figures) > 4
+    assert all(re.search(r'<p class="title">\S', figure) for figure in figures)
+
+
+def test_the_page_links_to_the_cube_and_its_cost(line_cube, tmp_path):
+    costs = ["cpu_seconds", "wall_seconds", "steps", "force_evaluations", "solves", "simulated_seconds", "worker"]
+    write_dataset(line_cube.drop_vars(costs), tmp_path / "cube.nc")
+    write_dataset(line_cube[costs], tmp_path / "cost.nc")
+    page = write_report(tmp_path).read_text(encoding="utf-8")
+    assert 'href="../cube.nc"' in page
+    assert 'href="../cost.nc"' in page
+    assert 'href="../study.toml"' not in page  # it is not there
+
+
+def test_interactions_have_a_chart_of_their_own(joint_cube):
+    factors = ["joint_angle_deg", "torque_n_m", "needle_count"]
+    pairs = np.full((3, 3), np.nan)
+    pairs[0, 1], pairs[0, 2], pairs[1, 2] = 0.2, 0.01, -0.02
+    single = {name: ("factor", np.full(3, value)) for name, value in
+              (("S1", 0.3), ("S1_conf", 0.02), ("ST", 0.5), ("ST_conf", 0.03))}  # fmt: skip
+    result = xr.Dataset(
+        single | {"S2": (("factor", "factor_2"), pairs), "S2_conf": (("factor", "factor_2"), np.full((3, 3), 0.05))},
+        coords={"factor": factors, "factor_2": factors}, attrs={"analysis_kind": "sobol", "outputs": "y"},
+    )  # fmt: skip
+    _, cells = index_charts({"sobol": result}, joint_cube)
+    assert cells.title.startswith("Interactions")
+    assert cells.data[["factor", "factor_2", "S2"]].values.tolist() == [
+        ["joint_angle_deg", "torque_n_m", 0.2],
+        ["joint_angle_deg", "needle_count", 0.01],
+        ["torque_n_m", "needle_count", -0.02],
+    ]
+    assert len(index_charts({"sobol": result.drop_vars(["S2", "S2_conf"])}, joint_cube)) == 1
+
+
+def test_claims_stand_against_their_limits_with_links_to_their_figures():
+    claims = check_claims({}, ClaimsSettings())
+    chart = claims_chart(claims)
+    assert len(chart.data) == claims.sizes["claim"]
+    assert chart.data["margin_percent"].notna().any()  # degrees of freedom need no study
+    page = chain_page("Paper", "Does it hold?", [StepView("claims", "claims", (), "finished")], "Quick. Changed: a = 1.",
+                      answers={"claims": claims}, figures={"../steps/page/index.html#orders": "Fig. 13: orders"})  # fmt: skip
+    assert '<a href="../steps/page/index.html#orders">Fig. 13</a>' in page
+    assert page.index("Does it hold?") < page.index('class="answer"') < page.index("<svg") < page.index("<table")
+    folded = re.search(r'<details class="caution"><summary>(.*?)</summary><p>(.*?)</p>', page)
+    assert (folded[1], folded[2]) == ("Quick", "Changed: a = 1.")
+
+
+@pytest.mark.parametrize(("kind", "drawn"), [(RunKind.GOOD, 1), (RunKind.WRONG, 2)])
+def test_panels_of_one_colour_are_told_and_not_drawn(borders_of, kind, drawn):
+    chart = borders_of(kind)
+    assert chart.svg().count("bdf2") == drawn - 1
+    assert ("Not drawn: bdf2, all runs right within the limit." in chart.caption) == (drawn == 1)
+
+
+@pytest.fixture
+def borders_of():
+    """The map of a study with two methods, of which one is right but for its last run of this kind."""
+    from tripod_doe.report.figures.stability import stability_charts
+
+    def make(kind):
+        runs = np.full((2, 2, 3), int(RunKind.GOOD))
+        runs[0, :, 2] = RunKind.WRONG
+        runs[1, 0, 2] = kind
+        case = ("method", "case")
+        empty = np.full((2, 2), np.nan)
+        data = xr.Dataset(
+            {
+                "run_kind": ((*case, "run"), runs), "error": ((*case, "run"), np.full((2, 2, 3), 0.001)),
+                "run_outcome": ((*case, "run"), np.zeros((2, 2, 3), int)),
+                "border_low": (case, empty), "border_high": (case, empty), "border_predicted": (case, empty),
+                "ratio": (case, empty), "wrong_runs": (case, np.zeros((2, 2), int)),
+            },
+            coords={"method": ["rk4", "bdf2"], "varied": ("case", ["base", "load_n"]), "load_n": ("case", [1.0, 2.0]),
+                    "numerics": ("run", [1e-8, 1e-7, 1e-6])},
+            attrs={"numerics": "step_s", "limit": 0.02, "analysis_kind": "stability"},
+        )  # fmt: skip
+        return stability_charts(data)[0]
+
+    return make
+
+
+def rendered(page: str, folder: Path, width: int, script: str) -> str:
+    """What a script finds on the page in a browser window of this width: it writes it into the document's title."""
+    path = folder / "page.html"
+    path.write_text(page.replace("</body>", f"<script>document.title = {script}</script></body>"), encoding="utf-8")
+    command = ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--dump-dom",
+               f"--user-data-dir={folder / 'profile'}", f"--window-size={width},800", path.as_uri()]  # fmt: skip
+    dom = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
+    return re.search(r"<title>(.*?)</title>", dom, re.DOTALL)[1]
+
+
+@NEEDS_CHROMIUM
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [1280, 400])
+def test_nothing_is_cut_and_the_picture_is_on_the_first_screen(joint_page, tmp_path, width):
+    script = (
+        "[document.documentElement.scrollWidth - innerWidth, "
+        "Math.round(document.querySelector('.first svg').getBoundingClientRect().bottom)].join(' ')"
+    )
+    beyond, bottom = map(int, rendered(joint_page, tmp_path, width, script).split())
+    assert beyond <= 0
+    assert bottom <= 800 or width < 1280
+
+
+@NEEDS_CHROMIUM
+@pytest.mark.slow
+def test_a_click_on_a_head_sorts_and_another_one_turns_the_order(joint_page, tmp_path):
+    heads = "[...document.querySelectorAll('#failed table')].at(-1).tHead.rows[0].cells[4]"
+    cells = (
+        "[...[...document.querySelectorAll('#failed table')].at(-1).tBodies[0].rows].map(r => r.cells[4].textContent)"
+    )
+    once = rendered(joint_page, tmp_path, 1280, f"({heads}.click(), {cells}.join(' '))")
+    assert [float(cell) for cell in once.split()] == sorted(float(cell) for cell in once.split())
+    twice = rendered(joint_page, tmp_path, 1280, f"({heads}.click(), {heads}.click(), {cells}.join(' '))")
+    assert twice.split() == sorted(once.split(), key=float, reverse=True)
+
+
+def test_tables_stand_in_their_order_without_script(joint_page):
+    part = joint_page[joint_page.index('<section id="failed"') :]
+    assert part.index("<tbody>") < part.index("</table>")
+    assert "sortable" in part
+    assert joint_page.index("<script>") > joint_page.rindex("</table>")  # nothing on the page waits for it
+
+
+def test_signs_and_phases_are_told_in_the_cube(joint_cube):
+    assert "cos(k phi + p_k)" in joint_cube["thrust_phase_deg"].attrs["comment"]
+    assert "positive along the input axis" in joint_cube["thrust"].attrs["comment"]
+    assert joint_cube["rotation_deg"].attrs["comment"].startswith("0: the centre of roller 1")
