@@ -162,7 +162,7 @@ def test_a_study_that_changed_under_its_results_fails_and_says_what_to_do(bench)
     bench.run()
     bench.study("other", "4, 5", tag=2)
     assert bench.run()["other"] == "failed"
-    assert "choose another --out" in bench.steps["other"].detail
+    assert "choose another out" in bench.steps["other"].detail
 
 
 def test_only_runs_a_step_and_what_it_needs(bench):
@@ -173,7 +173,7 @@ def test_only_runs_a_step_and_what_it_needs(bench):
     assert bench.summary.good
     assert {tag for tag, _ in bench.calls()} == {0, 1}
     assert bench.run(only="other")["second"] == "reused"
-    with pytest.raises(td.InputError, match=r"--only secnd: no such step.*did you mean 'second'"):
+    with pytest.raises(td.InputError, match=r"only='secnd': no such step.*did you mean 'second'"):
         bench.run(only="secnd")
 
 
