@@ -38,6 +38,8 @@ GEOMETRY = (
 """Within 25 % of their defaults."""
 SWITCHES = [name for name, parameter in JOINT_PARAMETERS.items() if parameter.kind == "switch"]
 STRAIGHT = 25
+NO_THRUST = 1e-3
+"""N; the orders of a straight joint are rounding."""
 _BATCH = 1000
 
 
@@ -106,7 +108,7 @@ def tell(columns: dict[str, np.ndarray], outcome: np.ndarray, detail, price: np.
 
 def moved(orders: np.ndarray, reference: np.ndarray) -> np.ndarray:
     """Largest change of any order of each point, over the largest order."""
-    return np.abs(orders - reference).max(axis=1) / np.maximum(np.abs(reference).max(axis=1), 1e-300)
+    return np.abs(orders - reference).max(axis=1) / np.maximum(np.abs(reference).max(axis=1), NO_THRUST)
 
 
 def main() -> None:

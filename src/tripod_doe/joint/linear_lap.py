@@ -40,8 +40,8 @@ class LinearLap(ByReference):
     changes, steps
         Solutions: changes of the unknowns, (sample, 9, 7), and of y, (sample, 6, 7), in their last columns; before
         that come the answers to a change of h.
-    across, following
-        y one and two samples ago in thirteen recursions, (12, 13), and the next one, (6,).
+    across, past, following
+        y one and two samples ago in thirteen recursions, (12, 13), what acts of them, and the next one, (6, 13).
     pair, links, starts, lap
         Equations of two neighbouring stretches, (24, 37), those that are solved, (stretch, 12, 25), y before each
         stretch, (stretch, 12), and the last system, (12, 13).
@@ -52,6 +52,7 @@ class LinearLap(ByReference):
     changes: FloatArray
     steps: FloatArray
     across: FloatArray
+    past: FloatArray
     following: FloatArray
     pair: FloatArray
     links: FloatArray
@@ -64,8 +65,8 @@ class LinearLap(ByReference):
         stretches = -(-samples // _STRETCH)
         return cls(
             np.zeros((samples, 9, 16)), np.zeros((samples, 6, 6)), np.zeros((samples, 9, 7)), np.zeros((samples, 6, 7)),
-            np.zeros((12, 13)), np.zeros(6), np.zeros((24, 37)), np.zeros((stretches, 12, 25)),
-            np.zeros((stretches, 12)), np.zeros((12, 13)),
+            np.zeros((12, 13)), np.zeros((6, 13)), np.zeros((6, 13)), np.zeros((24, 37)),
+            np.zeros((stretches, 12, 25)), np.zeros((stretches, 12)), np.zeros((12, 13)),
         )  # fmt: skip
 
 
@@ -122,19 +123,24 @@ def _solve_samples(lap):
 @kernel
 def _cross_stretch(stretch, lap):
     """How y at the end of a stretch follows from y before it, and what comes on top: into `lap.across`."""
-    across, following = lap.across, lap.following
+    across, past, following = lap.across, lap.past, lap.following
     clear(across)
     for row in range(12):
         across[row, row] = 1.0
     for j in range(stretch * _STRETCH, min((stretch + 1) * _STRETCH, lap.steps.shape[0])):
-        for column in range(13):
-            for row in range(6):
-                total = lap.steps[j, row, 6] if column == 12 else 0.0
-                for d in range(6):
-                    total += lap.steps[j, row, d] * (0.5 * across[6 + d, column] - 2.0 * across[d, column])
-                following[row] = total
-            for row in range(6):
-                across[6 + row, column], across[row, column] = across[row, column], following[row]
+        clear(following)
+        for row in range(6):
+            following[row, 12] = lap.steps[j, row, 6]
+            for column in range(13):
+                past[row, column] = 0.5 * across[6 + row, column] - 2.0 * across[row, column]
+        for row in range(6):
+            for d in range(6):
+                weight = lap.steps[j, row, d]
+                for column in range(13):
+                    following[row, column] += weight * past[d, column]
+        for row in range(6):
+            for column in range(13):
+                across[6 + row, column], across[row, column] = across[row, column], following[row, column]
 
 
 @kernel
