@@ -31,7 +31,7 @@ def find_over_skew(claims: xr.Dataset) -> list[str]:
                              f"{row['quantity'].item()}: {_course(row, known)}.")  # fmt: skip
     ends = f"{level(skews.min())} to {level(skews.max())} deg"
     first = (
-        f"The paper does not print its skews. With skews from {ends} in cases 2 to 4 and half of that in case 1, "
+        f"With skews, which the paper does not print, from {ends} in cases 2 to 4 and half of that in case 1, "
         f"{len(groups[True])} of {claims.sizes['claim']} claims hold at every skew, {len(groups[False])} at none, and "
         f"{len(sentences)} depend on it (model {claims.attrs['model']})."
     )
