@@ -97,6 +97,7 @@ def wave(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_a_study_runs_on_the_candidates_that_its_pilot_chose(wave):
+    """Exact: which points ran on which candidate and how often; again, grown, and with other demands."""
     first = wave.run(STUDY)
     assert first.good
     cube, choice = td.open_cube(wave.folder / "out"), xr.open_dataset(wave.folder / "out" / "choice.nc").load()
@@ -173,6 +174,7 @@ def test_a_finer_tolerance_is_tried_only_where_the_full_model_is_not_accurate_en
 
 @pytest.mark.slow
 def test_a_kill_in_the_pilot_loses_nothing_and_changes_nothing(wave):
+    """kill -9 in the pilot: only what was at work runs twice; choice and cube are those of an undisturbed run."""
     text = STUDY.replace('model = "auto"', 'model = "auto"\nslow = 0.1') + "[run]\nblock = 1\n"
     program, out = Path(sys.executable).with_name("tripod-doe"), wave.folder / "killed"
     command = [str(program), "run", str(wave.write(text)), "--out", str(out)]

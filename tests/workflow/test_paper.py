@@ -91,6 +91,7 @@ def test_the_papers_workflow_is_sound(quick):
 
 @pytest.mark.slow
 def test_a_tiny_workflow_decides_its_claims_and_shows_them(tmp_path):
+    """Claims that this model can decide are decided, the others stay open, and every figure stands on the page."""
     path = tmp_path / "tiny.toml"
     path.write_text(TINY.format(studies=(ROOT / "studies").as_posix()))
     summary = td.run_workflow(path, tmp_path / "out", quick=True, workers=0, progress=False)

@@ -67,6 +67,7 @@ def assert_same_cube(one, other):
 
 @pytest.mark.slow
 def test_the_cube_does_not_depend_on_workers_blocks_or_interruptions(write_study, tmp_path):
+    """Invariance, bit for bit: two workers, one, none, blocks of one point; what is there is not computed again."""
     whole = write_study(GRID, "whole.toml")
     assert run(whole, tmp_path / "two", workers=2).good
     assert set(td.open_cube(tmp_path / "two")["worker"].values.ravel()) <= {"0", "1"}
@@ -130,6 +131,7 @@ def test_failed_points_are_flagged_reported_and_retried(write_study, tmp_path):
 
 @pytest.mark.slow
 def test_a_point_that_kills_its_worker_costs_only_itself(write_study, tmp_path):
+    """Outcomes: three workers die on it, its block is halved until it stands alone, and the others finish."""
     (tmp_path / "deadly.py").write_text(
         "import os\ndef f(x):\n    if x == 3:\n        os._exit(9)\n    return {'y': 2 * x}\n"
     )
@@ -234,6 +236,7 @@ def test_kills_lose_nothing_and_run_no_committed_block_twice(write_study, tmp_pa
 
 @pytest.mark.slow
 def test_a_worker_killed_in_mid_block_loses_nothing(write_study, tmp_path):
+    """kill -9 of one worker process: its blocks run again elsewhere, and every point finishes with its value."""
     (tmp_path / "slow_function.py").write_text(SLOW_FUNCTION)
     study, log, out = write_study(SLOW), tmp_path / "log", tmp_path / "out"
     process = start(study, out, log)
@@ -252,6 +255,7 @@ def test_a_worker_killed_in_mid_block_loses_nothing(write_study, tmp_path):
 
 @pytest.mark.slow
 def test_an_existing_scheduler_gives_the_same_cube(write_study, tmp_path):
+    """Invariance, bit for bit; and an address at which nothing answers is refused."""
     from distributed import LocalCluster
 
     study = write_study(GRID)
