@@ -145,8 +145,8 @@ def test_a_function_may_crash_so_it_runs_in_worker_processes(workers, tmp_path, 
     assert set(computed(asked(text), workers=0)[1]) == {"main process"}
 
 
-def test_kernels_are_prepared_once_and_while_the_workers_start(workers, monkeypatch):
-    """One process compiles; what the workers import meanwhile is not waited for."""
+def test_kernels_are_prepared_once_before_the_workers_start(workers, monkeypatch):
+    """One process imports and compiles; the workers start with what it imported."""
     points, events = asked(), []
     kind = type(points.study.simulator)
     prepare = kind.prepare
@@ -154,7 +154,7 @@ def test_kernels_are_prepared_once_and_while_the_workers_start(workers, monkeypa
     monkeypatch.setattr(SlowStart, "executor", lambda self, study: events.append("wait") or OtherProcess())
     monkeypatch.setattr(kind, "prepare", lambda self, columns: events.append("prepare") or prepare(self, columns))
     computed(points, workers=2)
-    assert events[:3] == ["start", "prepare", "wait"]
+    assert events[:3] == ["prepare", "start", "wait"]
 
 
 def test_places_that_cannot_be_used_are_refused():

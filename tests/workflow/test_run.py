@@ -244,7 +244,7 @@ def test_a_worker_killed_in_mid_block_loses_nothing(write_study, tmp_path):
         assert process.poll() is None, process.stderr.read()
         time.sleep(0.05)
     children = psutil.Process(process.pid).children(recursive=True)
-    workers = [child.pid for child in children if any("spawn_main" in word for word in child.cmdline())]
+    workers = [child.pid for child in children if any("forkserver" in word for word in child.parent().cmdline())]
     os.kill(random.Random(1).choice(workers), signal.SIGKILL)
     _, message = process.communicate()
     assert process.returncode == 0, message

@@ -25,6 +25,7 @@ QUIET = {
     "distributed.scheduler.allowed-failures": _ALLOWED_FAILURES,
     "distributed.admin.tick.limit": "1h",
     "distributed.worker.profile.enabled": False,
+    "distributed.worker.multiprocessing-method": "forkserver",
     "distributed.comm.timeouts.connect": "30s",
 }
 """Settings of Dask in every process of a study."""

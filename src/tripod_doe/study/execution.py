@@ -93,7 +93,7 @@ class Execution:
 
         Notes
         -----
-        Kernels are compiled once, in this process, while the workers import what they need; workers then load them.
+        Kernels are compiled once, in this process; workers load them, and start with the modules imported here.
         A block that takes down its process (three times, for a worker) is halved until the point that does it stands
         alone; that point is worker_lost. In this process that only holds for a point that asks Python to exit: a
         crash ends the command, and the next run of the study is careful.
@@ -102,9 +102,9 @@ class Execution:
         study = asked.study
         queue = BlockQueue(missing, study.file.run.block)
         starts_here = self._starts_here(careful or study.file.study.function is not None)
+        study.simulator.prepare(asked.columns(missing))
         if not starts_here:
             self._workers.start(study)
-        study.simulator.prepare(asked.columns(missing))
         with closing(ThisProcess(_PATIENCE)) as here:
             if starts_here:
                 yield from self._empty(queue, asked, here, lambda: self._goes_on_here(study, queue))

@@ -10,7 +10,7 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Simulator
 from tripod_doe.study.function import FunctionSimulator
 
-__all__ = ["SCENES", "load_simulator"]
+__all__ = ["SCENES", "load_simulator", "modules_of_scenes"]
 
 SCENES = {
     "joint": "tripod_doe.joint.simulator:simulator",
@@ -49,6 +49,12 @@ def load_simulator(scene: str = "joint", function: str | None = None, folder: st
     if not callable(called):
         raise InputError(f"function = {function!r}: this is not a function")
     return FunctionSimulator(function, called)
+
+
+def modules_of_scenes() -> list[str]:
+    """Modules that the scenes simulated so far have imported, in the order of their import."""
+    packages = tuple({".".join(reference.split(".")[:2]) + "." for reference in SCENES.values()})
+    return [name for name in sys.modules if name.startswith(packages)]
 
 
 def _import_object(reference: str) -> Any:
