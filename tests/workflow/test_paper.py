@@ -144,6 +144,7 @@ CASE_2 = """
 [study]
 name = "t"
 [base]
+model = "equilibrium"
 initial_skew_1_deg = 0.4
 initial_skew_2_deg = -0.4
 initial_skew_3_deg = 0.4
