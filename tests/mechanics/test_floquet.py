@@ -55,6 +55,15 @@ def test_friction_couples_two_modes(friction):
     assert not grows or growth.frequency == pytest.approx(abs(fastest.imag), rel=1e-4)
 
 
+@pytest.mark.parametrize("count", [3, 3000])
+def test_growth_beyond_all_numbers_keeps_its_rate(count):
+    """Slow points: a revolution lasts so long that the growth, or that of one part of it, cannot be represented."""
+    assembly = block_on_belt(0.8)
+    growth = fastest_growth(assembly, [assembly.initial_state()] * count, 200.0)
+    assert growth.rate == pytest.approx(max(abs(rate.real) for rate in rates_by_hand(0.8)), rel=1e-3)
+    assert growth.factor == pytest.approx(math.exp(709))
+
+
 def test_an_undamped_run_grows_as_fast_and_a_damping_one_hides_it():
     assembly = block_on_belt(0.8)
     calm = assembly.initial_state()

@@ -37,6 +37,8 @@ _DIFFERENCE = 1e-6
 """Steps of the central differences over the scales of the scene: between curvature (squared) and rounding (inverse)."""
 
 
+_LARGEST_LOG = 709.0  # of a number that can be represented
+
 _AT, _SPEEDS = range(2)
 """Rows of `Work.stages`: the state that is evaluated."""
 
@@ -48,8 +50,8 @@ class Growth:
     Attributes
     ----------
     factor
-        By what it has grown at the end of the motion that was looked at, at least; a multiplier's size if that is a
-        period.
+        By what it has grown at the end of the motion that was looked at, at least, up to 8e307; a multiplier's size if
+        that is a period.
     rate
         The same as a rate, 1/time: negative where all departures die out.
     frequency
@@ -77,17 +79,31 @@ def fastest_growth(assembly: Assembly, states: Sequence[State], duration: float)
     matrices = [_departure_matrix(assembly, state, 1 / part) for state in states]
     half = len(matrices[0]) // 2
     stiffest = float(np.abs(matrices[0][half:, :half]).max()) ** 0.5
-    carried = np.eye(2 * half)
+    carried, log_scale = np.eye(2 * half), 0.0
     for matrix in matrices:
         matrix[:half, half:] *= stiffest  # so places count as speeds, and the exponential needs fewer squarings
         matrix[half:, :half] /= stiffest
-        carried = expm(part * matrix) @ carried
-    factor = float(np.abs(np.linalg.eigvals(carried)).max())
+        moved, log_moved = _exponential(part * matrix)
+        carried = moved @ carried
+        exponent = math.frexp(float(np.abs(carried).max()))[1]
+        carried = np.ldexp(carried, -exponent)  # at low speed departures outgrow the numbers within a revolution
+        log_scale += log_moved + exponent * math.log(2)
+    log_factor = math.log(float(np.abs(np.linalg.eigvals(carried)).max())) + log_scale
     frequency = 0.0
-    if factor > 1:
+    if log_factor > 0:
         rates = np.concatenate([np.linalg.eigvals(matrix) for matrix in matrices])
         frequency = abs(float(rates[rates.real.argmax()].imag))
-    return Growth(factor, math.log(factor) / duration, frequency)
+    return Growth(math.exp(min(log_factor, _LARGEST_LOG)), log_factor / duration, frequency)
+
+
+def _exponential(matrix: FloatArray) -> tuple[FloatArray, float]:
+    """The exponential of a matrix, divided by a factor whose logarithm is the second result."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        exponential = expm(matrix)
+    if np.isfinite(exponential).all():
+        return exponential, 0.0
+    largest = float(np.linalg.eigvals(matrix).real.max())
+    return expm(matrix - largest * np.eye(len(matrix))), largest
 
 
 def _departure_matrix(assembly: Assembly, state: State, stabilisation: float) -> FloatArray:
