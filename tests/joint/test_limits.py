@@ -22,17 +22,24 @@ def run(simulated, model, **given):
     return Outcome(int(result["outcome"])).label, str(result["outcome_detail"].values), result
 
 
-@pytest.mark.parametrize("given", [{"torque_n_m": 0}, {"speed_rpm": 0}])
 @pytest.mark.parametrize("model", MODELS)
-def test_without_torque_or_speed(simulated, model, given):
-    """The balance has no thrust then (exact); motion has no revolution, or nothing that holds the rollers."""
-    outcome, detail, result = run(simulated, model, **given)
+def test_without_torque(simulated, model):
+    """The balances have no thrust then (exact); in motion nothing holds the rollers."""
+    outcome, detail, result = run(simulated, model, torque_n_m=0)
     if model in ("equilibrium", "kinetostatic"):
         assert outcome == "finished", detail
         assert np.abs(result["thrust"].values).max() < 1e-6
     else:
         assert outcome == "out_of_range"
         assert "use model equilibrium" in detail
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_at_rest(simulated, model):
+    """Friction at rest has no single value, so neither has the thrust."""
+    outcome, detail, _ = run(simulated, model, speed_rpm=0)
+    assert outcome == "out_of_range"
+    assert "raise speed_rpm" in detail
 
 
 @pytest.mark.slow

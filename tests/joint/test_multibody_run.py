@@ -189,7 +189,7 @@ def outcome(**given):
 @pytest.mark.parametrize(
     ("given", "expected", "reason"),
     [
-        ({"speed_rpm": 0}, {"out_of_range"}, "use model equilibrium"),
+        ({"speed_rpm": 0}, {"out_of_range"}, "raise speed_rpm"),
         ({"torque_n_m": 0}, {"out_of_range"}, "no force presses the rollers"),
         ({"needle_diameter_mm": 6}, {"jammed"}, "do not fit on the pitch circle"),
         ({"roller_radius_mm": 9}, {"jammed"}, "the bore is larger"),
