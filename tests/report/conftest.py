@@ -34,6 +34,8 @@ def failing(x):
     raise ValueError("no <b>answer</b> here")
 def uneven(x, z):
     return {"y": 10 * x + z}
+def three(x, z, w):
+    return {"y": 10 * x + z + 3 * w}
 """
 
 JOINT = """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -256,3 +257,28 @@ def test_shares_of_an_amplitude_within_its_error_are_flagged(case_2):
         contribution_findings(second)
     )
     assert not any("uncertain" in sentence for sentence in contribution_findings(third))
+
+
+def test_a_lost_combination_is_named_with_the_bounds_that_are_left(make_cube):
+    """x, z and w add 10, 1 and 3 to the amplitude; without the result of x + z their Shapley values have bounds."""
+    text = '[study]\nname = "T"\nfunction = "report_functions:three"\n[design]\nkind = "ablation"\n'
+    cube = make_cube(text + 'factors = ["x", "z", "w"]\n')
+    lost = cube["outcome"].where((cube["x"] == 1) & (cube["z"] == 1) & (cube["w"] == 0), drop=True)
+    cube["outcome"][int(lost["point"][0])] = Outcome.DIVERGED
+    (part,) = contributions({"shares": contribution_shares(cube, ContributionSettings(output="y"))})
+    (note,) = [note for note in contribution_notes(part) if "no result" in note]
+    assert note.startswith("Here there is no result with only these on: x + z. Shapley values lie within these bounds")
+    for name, true in (("x", 1000 / 14), ("z", 100 / 14), ("w", 300 / 14)):
+        low, high = map(float, re.search(rf" {name} ([-\d.]+) to ([-\d.]+) %", note).groups())
+        assert low <= true <= high
+
+
+def test_results_that_record_no_error_of_the_amplitude_have_no_doubtful_shares(uneven):
+    """Those of earlier versions can still be reported."""
+    result = contribution_shares(uneven, ContributionSettings(output="y"))
+    old = result.drop_vars(
+        [name for name in result if "amplitude_error" in name or "shapley_" in name or "missing" in name]
+    )
+    (part,) = contributions({"shares": old})
+    assert not part.uncertain.any()
+    assert contribution_findings(part)

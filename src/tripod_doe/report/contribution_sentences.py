@@ -18,6 +18,7 @@ _PRINTED = 0.05  # percent that still shows in the one digit after the point
 _AGREE = 4.0  # percentage points within which two shares count as agreeing
 _ALL_OF_IT = 0.5  # percent within which a share by switching off counts as the whole
 _HALF = 1.0  # percentage points within which a Shapley value counts as half of the share by switching off
+_MOST_LOST = 3  # operating points whose missing combinations are named
 _REMOTE = 5.0  # percentage points from the median from which a share at one point is worth a sentence
 
 
@@ -37,7 +38,28 @@ def contribution_notes(part: Contribution) -> list[str]:
     """Notes on the shares: mechanisms on which all of the amplitude depends, and the strongest interaction."""
     if part.missing:
         return contribution_findings(part)
-    return _all_passes(part) + _strongest_interaction(part) + _agreement(part)
+    return _all_passes(part) + _strongest_interaction(part) + _agreement(part) + _lost_combinations(part)
+
+
+def _lost_combinations(part: Contribution) -> list[str]:
+    """Name the combinations without a result and the bounds that are left of Shapley values, at the first points."""
+    places = [at for at, text in enumerate(part.lost) if text]
+    sentences = []
+    for at in places[:_MOST_LOST]:
+        where = f"At {part.labels[at]}" if part.labels[at] else "Here"
+        names = listed([" + ".join(map(spoken, text.split(" + "))) for text in part.lost[at].split("; ")])
+        sentence = f"{where} there is no result with only these on: {names}"
+        if part.shapley_bounds is not None and np.isfinite(part.shapley_bounds[0][at]).all():
+            ends = zip(part.mechanisms, *(end[at] for end in part.shapley_bounds), strict=True)
+            values = [f"{spoken(name)} {percent(np.array([low, high]))}" for name, low, high in ends]
+            sentence += (
+                ". Shapley values lie within these bounds, if the missing share lies between the smallest and largest "
+                f"known: {', '.join(values)}"
+            )
+        sentences.append(f"{sentence}.")
+    if more := len(places) - len(sentences):
+        sentences.append(f"Combinations are missing at {more:,} more operating point{'s' * (more > 1)}.")
+    return sentences
 
 
 def _start(text: str) -> str:

@@ -76,6 +76,10 @@ class Contribution:
         Which operating points are the paper's in joint angle, torque and speed, as far as these vary.
     missing
         Why there are no shares at all; empty where there are some.
+    lost
+        At each operating point the combinations without a result; empty where all have one.
+    shapley_bounds
+        Smallest and largest Shapley value in percent, each of shape (operating point, mechanism); None without any.
     """
 
     analysis: str
@@ -96,6 +100,8 @@ class Contribution:
     paper: FloatArray | None
     like_paper: NDArray[np.bool_]
     missing: str
+    lost: list[str]
+    shapley_bounds: tuple[FloatArray, FloatArray] | None
 
     @property
     def summarised(self) -> str:
@@ -154,6 +160,10 @@ def _contribution(name: str, result: xr.Dataset, order: int | None) -> Contribut
         like_paper &= points[factor].values == _PAPER_POINT[factor]
     rest = 100 - sum(PAPER_SHARES.values())
     nothing = np.full(points.sizes["at"], np.nan)
+
+    def bounds(end: str) -> FloatArray:
+        return np.asarray(points[f"share_shapley_{end}"].transpose("at", "mechanism").values)
+
     return Contribution(
         analysis=name,
         key=name if order is None else f"{name}-order-{order}",
@@ -169,13 +179,23 @@ def _contribution(name: str, result: xr.Dataset, order: int | None) -> Contribut
         interaction=points["strongest_interaction"].values if "interaction" in points else nothing,
         pairs=[str(pair) for pair in points["strongest_pair"].values] if "interaction" in points else [],
         amplitude=_amplitude(amplitude, unit_text(str(points["amplitude"].attrs.get("units", "1")))),
-        uncertain=points["amplitude_error"].values > _UNSURE * amplitude,
+        uncertain=_error(points) > _UNSURE * amplitude,
         paper=np.array([PAPER_SHARES.get(each, rest) for each in mechanisms])
         if of_paper and like_paper.any()
         else None,
         like_paper=like_paper,
         missing=_why_missing(points),
+        lost=[str(text) for text in points["missing_combinations"].values]
+        if "missing_combinations" in points
+        else [""] * points.sizes["at"],
+        shapley_bounds=(bounds("low"), bounds("high")) if "share_shapley_low" in points else None,
     )
+
+
+def _error(points: xr.Dataset) -> FloatArray:
+    """Numerical error of the amplitude; zero in results of versions that did not record it."""
+    recorded = points["amplitude_error"] if "amplitude_error" in points else xr.zeros_like(points["amplitude"])
+    return np.asarray(recorded.values)
 
 
 def _why_missing(points: xr.Dataset) -> str:
