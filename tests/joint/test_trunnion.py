@@ -86,7 +86,7 @@ def test_what_is_asked_of_the_joint_can_be_asked_of_a_trunnion():
     ("given", "label", "reason"),
     [
         ({"needle_count": 40}, "jammed", "the needles do not fit"),
-        ({"torque_n_m": 0}, "error", "without torque"),
+        ({"torque_n_m": 0}, "out_of_range", "without torque"),
         ({"evaluation_budget": 100}, "evaluation_limit", "used up"),
         ({"relative_tolerance": 0.1}, ("inaccurate", "diverged"), ""),
     ],

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import tripod_doe as td
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points
@@ -53,3 +54,16 @@ def test_a_single_point_is_labelled_like_a_cube():
     assert result["rotation_deg"].attrs["units"] == "degree"
     assert result["thrust"].attrs["units"] == "N"
     assert "finished" in result["outcome"].attrs["flag_meanings"].split()
+
+
+def test_each_study_takes_the_function_of_its_own_folder(tmp_path):
+    """Modules of one name in two folders are two modules, in whichever order their studies run."""
+    found = []
+    for folder, factor in (("one", 2), ("two", 3), ("one", 2)):
+        place = tmp_path / folder
+        place.mkdir(exist_ok=True)
+        (place / "same_name.py").write_text(f"def f(x):\n    return {{'y': {factor} * x}}\n")
+        (place / "s.toml").write_text('[study]\nname = "s"\nfunction = "same_name:f"\n[factors.x]\nvalues = [1.0]\n')
+        td.run(place / "s.toml", tmp_path / f"out{len(found)}", workers=0, progress=False)
+        found.append(float(td.open_cube(tmp_path / f"out{len(found)}")["y"][0]))
+    assert found == [2, 3, 2]

@@ -89,6 +89,13 @@ def _simulate_balance(
     return block
 
 
+def _left_by_tolerance(points: JointValues[FloatArray], solution: Equilibrium) -> FloatArray:
+    """Friction power, over the transmitted power, that forces solved to the tolerance of a point may leave open."""
+    transmitted = np.maximum(np.abs(points.torque * points.speed), np.finfo(float).tiny)
+    left: FloatArray = points.relative_tolerance * solution.friction_power.sum(axis=1) / transmitted
+    return left
+
+
 def _balance_chunk(
     solve: Callable[[JointValues[FloatArray], int], Equilibrium], energy_limit: float,
     points: JointValues[FloatArray], samples: int, keep: Collection[str],
@@ -105,7 +112,7 @@ def _balance_chunk(
     }
     reasons = [
         (
-            ~(np.abs(solution.unexplained_power) <= energy_limit),
+            ~(np.abs(solution.unexplained_power) <= energy_limit + _left_by_tolerance(points, solution)),
             Outcome.INACCURATE,
             "the energy balance does not close; lower relative_tolerance, or use model rollers",
         ),

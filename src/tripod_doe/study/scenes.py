@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import InputError, near_match
@@ -43,12 +44,28 @@ def load_simulator(scene: str = "joint", function: str | None = None, folder: st
             raise InputError(f"scene = {scene!r}: unknown scene{near_match(scene, SCENES)}")
         simulator: Simulator = _import_object(SCENES[scene])
         return simulator
-    if folder and folder not in sys.path:
-        sys.path.insert(0, folder)
+    if folder:
+        _search_first(folder, function.partition(":")[0].partition(".")[0])
     called = _import_object(function)
     if not callable(called):
         raise InputError(f"function = {function!r}: this is not a function")
     return FunctionSimulator(function, called)
+
+
+_loaded_from: dict[str, str] = {}
+"""Folder of the study for which a module was loaded last, by the module's name."""
+
+
+def _search_first(folder: str, module: str) -> None:
+    """Find a module in a folder before all others, also where one of that name was loaded for a study elsewhere."""
+    sys.path[:] = [folder, *(other for other in sys.path if other != folder)]
+    earlier = _loaded_from.get(module, folder)
+    file = getattr(sys.modules.get(module), "__file__", None) or ""
+    if earlier != folder and Path(file).is_relative_to(earlier):  # and no installed package
+        for name in [name for name in sys.modules if name == module or name.startswith(f"{module}.")]:
+            del sys.modules[name]
+        importlib.invalidate_caches()
+    _loaded_from[module] = folder
 
 
 def modules_of_scenes() -> list[str]:
