@@ -126,6 +126,15 @@ def test_timing_stops_a_point_that_would_take_hours(tmp_path, monkeypatch):
     assert "nothing was timed" in plan.describe()
 
 
+@pytest.mark.slow
+def test_what_comes_before_the_first_point_is_not_taken_from_the_time_for_timing(tmp_path, monkeypatch):
+    """An import that is slower than the timing may take stands for kernels that are compiled."""
+    monkeypatch.setattr(plan_module, "_TIMING_SECONDS", 4.0)
+    (tmp_path / "slow_to_import.py").write_text("import time\ntime.sleep(5)\ndef f(x):\n    return {'y': x}\n")
+    text = '[study]\nname="s"\nfunction="slow_to_import:f"\n[factors.x]\nlow=0\nhigh=1\ncount=1000\n'
+    assert td.plan(parse_study(text, folder=tmp_path)).timed > 0
+
+
 JAMMED = """
 [study]
 name = "jam"

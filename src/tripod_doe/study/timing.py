@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -29,26 +29,36 @@ def time_points(study: Study, seconds: float) -> list[float]:
     study
         What is timed.
     seconds
-        Time after which it is stopped; what was measured until then counts.
+        Time after which it is stopped, compilation not counted; what was measured until then counts.
     """
-    process = start_child(__name__)
     asked = json.dumps({"text": study.text, "origin": study.origin, "folder": str(study.folder)})
-    try:
-        measured, _ = process.communicate(asked, timeout=seconds)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        measured, _ = process.communicate()
-    return [float(line) for line in measured.splitlines()]
+    with start_child(__name__) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        stop = threading.Timer(seconds, process.kill)
+        try:
+            process.stdin.write(asked)
+            process.stdin.close()
+            process.stdout.readline()  # its kernels are compiled
+            stop.start()
+            return [float(line) for line in process.stdout]
+        finally:
+            stop.cancel()
+            process.kill()
 
 
-def timings(study: Study) -> Iterator[float]:
-    """Yield the CPU seconds per point of some batches of points, of a fifth of a second each."""
+def timings(study: Study, prepared: Callable[[], object] = lambda: None) -> Iterator[float]:
+    """Yield the CPU seconds per point of some batches of points, of a fifth of a second each.
+
+    `prepared` is called when the kernels are compiled.
+    """
     points = make_points(study)
     allowed = np.flatnonzero(points.allowed)
     columns = {name: column[allowed] for name, column in points.columns.items()}
     full = study.simulator.columns(study.base, columns, allowed.size)
     allowed = np.delete(allowed, [row for row, *_ in study.simulator.foreseen(full)])  # these cost nothing
     study.simulator.prepare(full)
+    prepared()
     run_task(make_task(study, points, allowed[:1]))  # the first call of a process is no measure
     random, batch = np.random.default_rng(0), 1
     for _ in range(_SAMPLES):
@@ -63,5 +73,6 @@ def timings(study: Study) -> Iterator[float]:
 if __name__ == "__main__":
     stream = answers()
     asked = json.load(sys.stdin)
-    for seconds in timings(parse_study(asked["text"], asked["origin"], Path(asked["folder"]))):
+    timed = parse_study(asked["text"], asked["origin"], Path(asked["folder"]))
+    for seconds in timings(timed, lambda: print("prepared", file=stream, flush=True)):
         print(seconds, file=stream, flush=True)
