@@ -164,6 +164,13 @@ def test_the_price_leaves_out_points_that_are_known_to_fail(monkeypatch):
     assert plan.cpu_hours == pytest.approx((5, 5, 5))
 
 
+def test_the_price_lies_within_its_spread_also_where_few_points_are_dear(monkeypatch):
+    monkeypatch.setattr(plan_module, "time_points", lambda study, seconds: [1.0] * 9 + [991.0])
+    low, middle, high = td.plan(parse_study(TEXT)).cpu_hours
+    assert low <= middle <= high
+    assert middle == pytest.approx(2000 * 100 / 3600)
+
+
 @pytest.mark.parametrize("scene", ["joint", "trunnion"])
 def test_points_at_rest_are_foreseen(scene):
     text = f'[study]\nname = "rest"\nscene = "{scene}"\n[factors]\nspeed_rpm = {{values = [0, 600]}}\n'
