@@ -19,9 +19,9 @@ __all__ = [
     "Command",
     "Parser",
     "add_cube",
+    "add_execution",
     "add_format",
     "add_out",
-    "add_oversubscribe",
     "add_selection",
     "add_study",
 ]
@@ -93,7 +93,11 @@ def add_selection(parser: Parser, text: str) -> None:
     parser.add_argument("--nearest", action="store_true", help="take the nearest value where none matches")
 
 
-def add_oversubscribe(parser: Parser) -> None:
-    """Add the flag that confirms more workers than processors."""
+def add_execution(parser: Parser, workers: str) -> None:
+    """Add the flags that say where points run and which run again; `workers` says what the worker processes are."""
+    parser.add_argument("--workers", metavar="N", type=int,
+                        help=f"{workers}; 0: compute in this process (default: 0 for studies of a few seconds, "
+                        "else 2)")  # fmt: skip
     parser.add_argument("--oversubscribe", action="store_true",
                         help="start all --workers, also more than this machine has processors")  # fmt: skip
+    parser.add_argument("--retry-failed", action="store_true", help="run failed points again")

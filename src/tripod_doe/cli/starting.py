@@ -13,13 +13,14 @@ from tripod_doe.cli.parser import (
     Parser,
 )
 from tripod_doe.errors import InputError
+from tripod_doe.study.template import TEMPLATES
 
 __all__ = ["COMMANDS"]
 
 
 def _add_init(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument("name", metavar="NAME", nargs="?", default="study", help="name of the study (default study)")
-    parser.add_argument("--kind", choices=("grid", "sensitivity", "contribution"), default="grid",
+    parser.add_argument("--kind", choices=TEMPLATES, default="grid",
                         help="kind of study: a grid (default), which parameter matters, or which friction")  # fmt: skip
 
 

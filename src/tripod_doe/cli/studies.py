@@ -14,8 +14,8 @@ from tripod_doe.cli.parser import (
     SOME_FAILED,
     Command,
     Parser,
+    add_execution,
     add_out,
-    add_oversubscribe,
     add_study,
 )
 from tripod_doe.quantities import count_of, duration, pace
@@ -26,12 +26,8 @@ __all__ = ["COMMANDS"]
 def _add_run(parser: Parser, arguments: Sequence[str]) -> None:
     add_study(parser)
     add_out(parser)
-    parser.add_argument("--workers", metavar="N", type=int,
-                        help="worker processes; 0: compute in this process (default: 0 for studies of a few seconds, "
-                        "else 2)")  # fmt: skip
-    add_oversubscribe(parser)
+    add_execution(parser, "worker processes")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="address of a running Dask scheduler to use")
-    parser.add_argument("--retry-failed", action="store_true", help="run failed points again")
     parser.add_argument("--fail-fast", action="store_true", help="stop at the first point that fails unexpectedly")
 
 
@@ -52,11 +48,7 @@ def _add_workflow(parser: Parser, arguments: Sequence[str]) -> None:
     add_out(parser)
     parser.add_argument("--only", metavar="STEP", help="run only this step and the steps that it needs")
     parser.add_argument("--quick", action="store_true", help="apply the overrides of [quick]: smaller studies")
-    parser.add_argument("--workers", metavar="N", type=int,
-                        help="worker processes that all studies share; 0: compute in this process (default: 0 for "
-                        "studies of a few seconds, else 2)")  # fmt: skip
-    add_oversubscribe(parser)
-    parser.add_argument("--retry-failed", action="store_true", help="run failed points again")
+    add_execution(parser, "worker processes that all studies share")
 
 
 def _run(options: argparse.Namespace) -> int:

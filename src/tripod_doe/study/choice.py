@@ -19,7 +19,7 @@ from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points, point_keys
 from tripod_doe.study.netcdf import read_dataset
 
-__all__ = ["CHOICE", "chosen_keys", "chosen_points", "frozen_choice", "key_texts"]
+__all__ = ["CHOICE", "accuracy_of", "chosen_keys", "chosen_points", "frozen_choice", "key_texts"]
 
 CHOICE = "choice.nc"
 """Name of the file."""
@@ -35,7 +35,7 @@ def frozen_choice(study: Study, directory: Path) -> xr.Dataset | None:
     """
     if not (directory / CHOICE).exists():
         return None
-    frozen, accuracy = read_dataset(directory / CHOICE), _accuracy(study)
+    frozen, accuracy = read_dataset(directory / CHOICE), accuracy_of(study)
     old = json.loads(frozen.attrs["accuracy"]) | {key: frozen.attrs[key] for key in ("confidence", "floor")}
     new: dict[str, float] = {demand.name: demand.allowed for demand in accuracy.demands}
     new |= {"confidence": accuracy.confidence, "floor": accuracy.floor}
@@ -64,7 +64,7 @@ def chosen_points(study: Study, points: Points, choice: xr.Dataset) -> Points:
     rows = {key: row for row, key in enumerate(choice["point_key"].values.tolist())}
     at = np.array([rows.get(key, 0) for key in key_texts(study, points).tolist()])
     chosen = {}
-    for name in _accuracy(study).parameters:
+    for name in accuracy_of(study).parameters:
         chosen[name] = study.simulator.parameters[name].column(choice[name].values[at].tolist())
     names = [str(name) for name in choice["quantity"].values]
     errors = {name: choice["error_estimate"].values[at, k] for k, name in enumerate(names)}
@@ -76,6 +76,7 @@ def key_texts(study: Study, points: Points) -> NDArray[np.str_]:
     return np.array([key.tobytes().hex() for key in point_keys(study, replace(points, chosen={}))])
 
 
-def _accuracy(study: Study) -> Accuracy:
+def accuracy_of(study: Study) -> Accuracy:
+    """The accuracy that a study with model = "auto" asks for."""
     assert study.accuracy is not None
     return study.accuracy

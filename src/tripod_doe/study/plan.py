@@ -122,8 +122,9 @@ def plan(study: Study | str | Path, timing: bool = True) -> Plan:
     models = model_records(study, points, {})
     if prices.size:
         total = able.size / 3600
-        low, _, high = np.sort([*np.quantile(prices, (0.25, 0.75)), prices.mean()])  # a few dear points: mean above
-        hours = float(low * total), float(prices.mean() * total), float(high * total)
+        mean, (low, high) = prices.mean(), np.quantile(prices, (0.25, 0.75))
+        low, high = min(low, mean), max(high, mean)  # a few dear points raise the mean above most prices
+        hours = float(low * total), float(mean * total), float(high * total)
         blocks = max(1, round(hours[1] * 3600 / _BLOCK_SECONDS))
     return Plan(
         points.count,

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tripod_doe.errors import CubeError, option
-from tripod_doe.study.journal import FOLDER, SHOWN, Journal
+from tripod_doe.study.journal import FOLDER, SHOWN, Journal, journal_path
 from tripod_doe.study.netcdf import read_dataset
 
 if TYPE_CHECKING:  # a query reads cubes without xarray
@@ -69,7 +69,7 @@ def cube_files(path: Path) -> list[Path]:
 
 def is_shown(path: Path) -> bool:
     """Whether the cube of a result directory shows every block in its journal; true for what has no journal."""
-    if not (path / "journal.sqlite").is_file():
+    if not (journal_path(path)).is_file():
         return True
     try:
         with closing(Journal(path, read_only=True)) as journal:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
 from pathlib import Path
 
 from tripod_doe.errors import InputError
@@ -35,6 +34,8 @@ def write_template(path: str | Path, kind: str = "grid") -> Path:
     """
     path = Path(path)
     path = path if path.suffix == ".toml" else path.with_name(path.name + ".toml")
+    from importlib.resources import files  # the command line reads only the names of the kinds
+
     text = (files("tripod_doe.study") / "templates" / f"{kind}.toml").read_text(encoding="utf-8")
     if '"' in path.stem or "\\" in path.stem or not path.stem.isprintable():
         raise InputError(f"{path}: quotes, backslashes and control characters cannot stand in the name of a study")

@@ -24,7 +24,7 @@ from tripod_doe.errors import InputError
 from tripod_doe.quantities import duration, number
 from tripod_doe.simulator import Candidate
 from tripod_doe.study.accuracy import Accuracy
-from tripod_doe.study.choice import CHOICE, chosen_points, frozen_choice, key_texts
+from tripod_doe.study.choice import CHOICE, accuracy_of, chosen_points, frozen_choice, key_texts
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points, make_points, point_keys
 from tripod_doe.study.journal import PILOT
@@ -53,7 +53,7 @@ def make_choice(
     InputError
         If the choice costs more than the budget, or is frozen for another accuracy.
     """
-    accuracy = _accuracy(study)
+    accuracy = accuracy_of(study)
     usable = {name: column[points.allowed] for name, column in points.columns.items()}
     keys = key_texts(study, points)[points.allowed]
     frozen = frozen_choice(study, directory)
@@ -84,11 +84,6 @@ def make_choice(
     return choice
 
 
-def _accuracy(study: Study) -> Accuracy:
-    assert study.accuracy is not None
-    return study.accuracy
-
-
 def _piloted(
     study: Study,
     points: Points,
@@ -98,7 +93,7 @@ def _piloted(
     run_pilot: Callable[[Study, Path], object],
 ) -> xr.Dataset:
     """Run the pilot, and extend it as long as that could pay."""
-    accuracy = _accuracy(study)
+    accuracy = accuracy_of(study)
     runs = [(candidate, places) for candidate in first_candidates(accuracy)]
     while True:
         run_pilot(pilot_study(study, points, runs), directory)
@@ -167,11 +162,11 @@ def _without_pilot_points(study: Study, points: Points, choice: xr.Dataset, pilo
 
 def pilot_price(study: Study, count: int) -> float:
     """CPU seconds of the first stage of a pilot, from recorded work."""
-    return count * sum(candidate.price for candidate in first_candidates(_accuracy(study)))
+    return count * sum(candidate.price for candidate in first_candidates(accuracy_of(study)))
 
 
 def _check_budget(study: Study, price: float, what: str) -> None:
-    budget = _accuracy(study).budget_cpu_s
+    budget = accuracy_of(study).budget_cpu_s
     if budget is not None and price > budget:
         raise InputError(
             f"{study.origin}: [accuracy]: budget_cpu_s = {budget:g}: {what} would take about "
@@ -181,7 +176,7 @@ def _check_budget(study: Study, price: float, what: str) -> None:
 
 def describe_choice(study: Study, directory: Path | None) -> str:
     """The choice in lines of text, for `plan`; before it is made, the price of the pilot."""
-    accuracy, points = _accuracy(study), make_points(study)
+    accuracy, points = accuracy_of(study), make_points(study)
     choice = frozen_choice(study, directory) if directory else None
     if choice is None:
         count = pilot_points(study, points).size
