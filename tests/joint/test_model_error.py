@@ -66,7 +66,7 @@ def test_nothing_is_known_outside_of_what_was_measured():
     expected, limit, unknown = known_errors("kinetostatic", points(joint_angle_deg=[10.0, 40.0, 0.0]))
     assert np.isfinite([expected[0], limit[0]]).all()
     assert np.isnan(expected[1:]).all()
-    assert all("is outside of the measured" in reason for reason in unknown[1:])
+    assert all("is outside of the compared" in reason for reason in unknown[1:])
     assert unknown[0] == ""
 
 
@@ -107,5 +107,5 @@ def test_inside_its_range_a_model_is_within_five_per_cent_at_nine_in_ten_measure
 def test_an_answer_names_its_model_and_error():
     result = td.simulate(joint_angle_deg=8, samples_per_revolution=60)
     assert result.attrs["model_notes"][0].startswith(
-        "Model kinetostatic: its third order differs from that of needles by"
+        "Model kinetostatic: its third order is typically"
     )

@@ -104,5 +104,5 @@ def test_the_model_is_named_with_its_known_error(grid_cube):
     told = find_in_comparison(compare(record, point, 0.0))
     error = 100 * float(grid_cube["model_error"].sel(joint_angle_deg=8, torque_n_m=50))
     assert any(
-        f"Model kinetostatic: its third order is known to be off by about {error:.2g} %" in line for line in told
+        f"Model kinetostatic: its third order is typically {error:.2g} % off" in line for line in told
     )

@@ -42,6 +42,23 @@ def test_proportion_is_distinguished_from_a_straight_line(make_cube):
     assert any("y increases with x by 3 per 1 (1 to 4" in s for s in find(make_cube(LINE.format(offset=5))))
 
 
+SIGNS = """
+[study]
+name = "signs"
+function = "report_functions:cubic"
+[factors.x]
+values = {values}
+"""
+
+
+def test_values_of_both_signs_are_not_told_as_a_size(make_cube):
+    """From -310 to 9 a larger value is a smaller size; of one value of each sign nothing is known in between."""
+    two, more = (find(make_cube(SIGNS.format(values=values))) for values in ([-310, 9], [-310, -200, 9]))
+    assert any("Over x, y lies between" in s and "(at -310)" in s and "(at 9)" in s for s in two)
+    assert not any("creases with x" in s or "proportional" in s for s in two)
+    assert any(s.startswith("y increases with x (with its sign), from ") for s in more)
+
+
 def test_a_factor_without_effect_is_said_to_have_none(make_cube):
     assert "z has no effect on y, at any setting of the other factors that was computed." in find(
         make_cube(LINE.format(offset=0))

@@ -194,6 +194,12 @@ def check_curve(sentence: str, truth: Truth, at: int) -> None:
     elif "rises and falls" in sentence:
         assert step.max() > small
         assert step.min() < -small
+    elif "lies between" in sentence:
+        levels = np.unique(truth.points[np.isfinite(truth.values), at])
+        assert levels[0] < 0 < levels[1]
+        assert [number_after("between ", sentence), number_after(r"\) and ", sentence)] == pytest.approx(
+            sorted(curve), rel=6e-3, abs=1e-8
+        )
     else:
         assert "does not depend on" in sentence, sentence
         assert np.ptp(curve) <= small

@@ -2,8 +2,8 @@
 
 `model_errors.csv` holds the third order of each model relative to that of a model above it, at operating points that
 cover the field in which joints are used (`benchmarks/model_error.py` makes it from two studies). A point is compared
-with the measured ones that are most like it, by the ratios on which the errors depend: their median is the error to
-expect, and what nine in ten of them do not exceed its limit. The error against `needles` is the sum of those of the
+with the measured ones that are most like it, by the ratios on which the errors depend: their median is the typical
+error, their 90th percentile its limit. The error against `needles` is the sum of those of the
 steps to it. Nothing is known outside of what was measured, and where most of such joints vibrate by themselves.
 """
 
@@ -38,9 +38,9 @@ _NEAREST = 10
 """Measured points that a point is compared with."""
 _CHUNK = 1000
 """Points that are compared at once."""
-_NO_REFERENCE = "this is the finest model, which the others are measured against"
+_NO_REFERENCE = "this is the finest model, which the others are compared with"
 _NOT_COMPARED = "it was not compared with the others"
-_VIBRATING = "at most measured points like it the joint vibrates by itself, or one of the models has no answer"
+_VIBRATING = "at most of the compared points like it the joint vibrates by itself, or one of the models has no answer"
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class _Measured:
 
     def told(self, ratio: int) -> str:
         """Why nothing is known of points that lie outside in a ratio."""
-        return f"{self.names[ratio]} is outside of the measured {self.low[ratio]:.3g} to {self.high[ratio]:.3g}"
+        return f"{self.names[ratio]} is outside of the compared {self.low[ratio]:.3g} to {self.high[ratio]:.3g}"
 
     def near(self, model: str, places: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Median and ninth decile of the errors of a model at the measured points nearest to some places.

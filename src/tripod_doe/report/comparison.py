@@ -114,7 +114,7 @@ def _cautions(comparison: xr.Dataset) -> list[str]:
     )
     if "model_error" in attrs:
         off = number(100 * attrs["model_error"], 2)
-        told.append(f"Model {attrs['model']}: its third order is known to be off by about {off} %.")
+        told.append(f"Model {attrs['model']}: its third order is typically {off} % off that of the finest model.")
     if attrs.get("columns"):
         told.append(f"Columns: {attrs['columns']}.")
     lost = [f"{attrs[key]} {what}{'s' * (attrs[key] > 1)} {words}" for key, what, words in counts if attrs[key]]

@@ -129,6 +129,11 @@ def _at_head(cube: xr.Dataset, names: Sequence[str]) -> str:
     return listed([labels[0] if labels[0] == names[0] else _capital(labels[0]), *labels[1:]])
 
 
+def _both_signs(effect: FactorEffect) -> bool:
+    """Whether a factor has negative and positive values: more of it is then not a larger size of it."""
+    return bool(effect.level[0] < 0 < effect.level[-1])
+
+
 def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
@@ -165,7 +170,7 @@ class _Teller:
             return self._steps(effect)
         if effect.ground is Ground.REGRESSION and effect.shape is Shape.NONE:
             return self._trend(effect)
-        if not effect.numeric:
+        if not effect.numeric or (effect.level.size == 2 and _both_signs(effect)):
             return self._words(effect)
         told = {
             Shape.NONE: self._flat, Shape.RISING: self._one_way, Shape.FALLING: self._one_way,
@@ -234,6 +239,7 @@ class _Teller:
         if straight < _STRAIGHT or levels.size < 3:
             ends = self._extremes(effect)
             ends = ends if effect.shape is Shape.RISING else ends[::-1]
+            label += " (with its sign)" * _both_signs(effect)
             return f"{self.start} {verb} with {label}, from {ends[0]} to {ends[1]}{self.where(effect)}"
         # Without a unit "per 1" is far outside the range of a friction coefficient: say it per 0.01, for instance.
         step = 1.0 if own else 10.0 ** math.floor(math.log10(float(np.ptp(levels))))
@@ -277,7 +283,7 @@ class _Teller:
         ]
 
     def _words(self, effect: FactorEffect) -> str:
-        """A factor without an order, such as the model."""
+        """A factor without an order, such as the model, or with one value of each sign: nothing is known between them."""
         if effect.shape is Shape.NONE:
             return f"{self._flat(effect)}."
         least, most = self._extremes(effect)

@@ -31,9 +31,9 @@ class ModelErrors:
     models
         The model of every point, shape (point,).
     expected
-        Median error that was measured at points like each, shape (point,); NaN where it is not known.
+        Median error at points like each that finer models computed, shape (point,); NaN where it is not known.
     limit
-        Error that nine in ten of those points do not exceed, shape (point,).
+        90th percentile of the error at those points, shape (point,).
     unknown
         Why the error is not known, shape (point,); empty where it is.
     """
@@ -146,10 +146,11 @@ def _parts(errors: ModelErrors, own: NDArray[np.bool_]) -> Iterator[str]:
     count, known = int(own.sum()), own & np.isfinite(errors.expected)
     if known.any():
         expected, limit = errors.expected[known], errors.limit[known]
-        off = f"its {errors.quantity} differs from that of {errors.reference} by about"
-        like = "measured points like this one" if count == 1 else "the measured points like each of these"
-        most = f"nine in ten of {like}: {_percents(limit.min(), limit.max())} or less"
-        yield f"{off} {_percents(expected.min(), expected.max())} ({most})"
+        judged = f"judged by points like {'this one' if count == 1 else 'these'} that finer models computed"
+        yield (
+            f"its {errors.quantity} is typically {_percents(expected.min(), expected.max())} off that of "
+            f"{errors.reference} (90th percentile {_percents(limit.min(), limit.max())}), {judged}"
+        )
         if above := int((expected > NOTABLE_ERROR).sum()):
             yield f"above {_percents(NOTABLE_ERROR, NOTABLE_ERROR)}{_share(above, count)}: take a finer model"
     reasons = errors.unknown[own & ~known]

@@ -71,8 +71,8 @@ class ModelRecords:
             return found
         of = f"relative error of the {self.errors.quantity} by the model, against {self.errors.reference}"
         for name, values, meaning in (
-            (MODEL_ERROR, self.errors.expected, f"{of}: median of measured points like it"),
-            (MODEL_ERROR_LIMIT, self.errors.limit, f"{of}: nine in ten of measured points like it are within"),
+            (MODEL_ERROR, self.errors.expected, f"{of}: median of similar points"),
+            (MODEL_ERROR_LIMIT, self.errors.limit, f"{of}: 90th percentile of similar points"),
         ):
             whole = np.full(self.allowed.size, np.nan)
             whole[self.allowed] = values
