@@ -44,3 +44,9 @@ def test_a_retry_is_advised_only_where_it_can_end_otherwise(outcome, advice):
         _, *told = failure_lines(common_failures([(outcome, "")]))
     assert bool(told) == bool(advice)
     assert all(advice in line for line in told)
+
+
+def test_what_the_study_tries_itself_is_not_advised():
+    failures = common_failures([(Outcome.INACCURATE, "")])
+    assert len(failure_lines(failures)) == 2
+    assert len(failure_lines(failures, retried=True)) == 1

@@ -65,7 +65,7 @@ def _run(options: argparse.Namespace) -> int:
     for name, reason in summary.analyses.items():
         if reason:
             print(f"analysis {name} failed: {reason}", file=sys.stderr)
-    for line in failure_lines(summary.failures):
+    for line in failure_lines(summary.failures, summary.retried):
         print(line, file=sys.stderr)
     seconds, count = summary.seconds, summary.computed
     rate = f" in {duration(seconds)} ({pace(count, seconds)})" if count else ""

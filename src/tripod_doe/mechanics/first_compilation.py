@@ -55,7 +55,7 @@ def first_compilation(kernels: str, seconds: float) -> Iterator[None]:
         if note.exists():
             yield
             return
-        _say(f"compiling kernels of {kernels}, once per version: about {seconds:.0f} s or less")
+        _say(f"compiling kernels of {kernels}, once per version: at most about {seconds:.0f} s on an idle machine")
         started = time.perf_counter()
         with _counted(note):
             yield

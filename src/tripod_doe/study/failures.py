@@ -62,28 +62,30 @@ def common_failures(ends: Iterable[tuple[int, str]], good: Collection[int] = (Ou
     return [Failure(Outcome(kind[0]), first[kind], count) for kind, count in counts.most_common()]
 
 
-def failure_lines(failures: Sequence[Failure]) -> list[str]:
+def failure_lines(failures: Sequence[Failure], retried: bool = False) -> list[str]:
     """The most frequent failures, one a line, then what may help.
 
     Parameters
     ----------
     failures
         From `common_failures`.
+    retried
+        Whether the study names changes that were tried at points that failed.
     """
     lines = [str(failure) for failure in failures[:_SHOWN]]
     if left := sum(failure.count for failure in failures[_SHOWN:]):
         lines.append(f"{left:,} more failed for other reasons: see outcome_detail in the cube")
-    return lines + _advice({failure.outcome for failure in failures})
+    return lines + _advice({failure.outcome for failure in failures}, retried)
 
 
-def _advice(found: set[Outcome]) -> list[str]:
+def _advice(found: set[Outcome], retried: bool) -> list[str]:
     """What may help where the reasons do not say it themselves: a retry only where the answer can be another one."""
     told = []
     if again := sorted(outcome.label for outcome in found & _CHANCE):
         told.append(
             f"{option('retry_failed', True)} runs failed points again: {' and '.join(again)} may then end otherwise"
         )
-    if found & _NUMERICS:
+    if found & _NUMERICS and not retried:
         told.append('[run] retry = ["smaller-step"] in the study file tries smaller steps or tolerances')
     if Outcome.EVALUATION_LIMIT in found:
         told.append("[base] evaluation_budget in the study file is what ended runs at evaluation_limit")

@@ -241,7 +241,7 @@ class _Chain:
             study = fed_study(study, open_cube(self.folder(source)), source)
         summary = run_on(self._execution, study, self.folder(step.name), self.retry_failed, progress=self.progress)
         if not summary.good:
-            reasons = failure_lines(summary.failures)
+            reasons = failure_lines(summary.failures, summary.retried)
             reasons += [f"analysis {name}: {reason}" for name, reason in summary.analyses.items() if reason]
             raise InputError("; ".join(reasons) or "not all points were run")
         return f"{summary.computed + summary.reused:,} points"

@@ -44,6 +44,8 @@ class RunSummary:
         Wall time in which blocks of points were at work: neither compilation nor the start of workers.
     failures
         Points whose outcome was neither finished nor expected, by outcome and reason, the most frequent first.
+    retried
+        Whether the study names changes that were tried at points that failed.
     analyses
         By name, why an analysis could not be made; empty where it was.
     answers
@@ -61,6 +63,7 @@ class RunSummary:
     reused: int
     seconds: float
     failures: Sequence[Failure]
+    retried: bool
     analyses: dict[str, str]
     answers: Sequence[str]
     findings: Sequence[str]
@@ -160,6 +163,7 @@ def run_on(
         asked.different - missing.size,
         execution.seconds if computed else 0.0,
         failures,
+        bool(study.retry.changes),
         analyses,
         answers,
         findings,
