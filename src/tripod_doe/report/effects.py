@@ -283,7 +283,7 @@ class _Teller:
         ]
 
     def _words(self, effect: FactorEffect) -> str:
-        """A factor without an order, such as the model, or with one value of each sign: nothing is known between them."""
+        """A factor without an order, such as the model, or with one value of each sign: nothing is known between."""
         if effect.shape is Shape.NONE:
             return f"{self._flat(effect)}."
         least, most = self._extremes(effect)
