@@ -73,7 +73,10 @@ def test_one_process_compiles_and_the_other_waits_for_its_machine_code(start, tm
     assert second.stderr.readline() == WAITING  # the first has not yet compiled
     counts, messages = finish(first)
     assert counts == [0, 1]
-    assert messages == ["compiling kernels of model copy, once per version: at most about 1 s on an idle machine", messages[-1]]
+    assert messages == [
+        "compiling kernels of model copy, once per version: at most about 1 s on an idle machine",
+        messages[-1],
+    ]
     assert messages[-1].startswith("compiled in ")
     assert finish(second) == ([1, 0], [])
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))

@@ -103,6 +103,4 @@ def test_the_model_is_named_with_its_known_error(grid_cube):
     record = Measurement(np.arange(0.0, 3600.0), np.tile(point["thrust"].values, 5), None, "first sample")
     told = find_in_comparison(compare(record, point, 0.0))
     error = 100 * float(grid_cube["model_error"].sel(joint_angle_deg=8, torque_n_m=50))
-    assert any(
-        f"Model kinetostatic: its third order is typically {error:.2g} % off" in line for line in told
-    )
+    assert any(f"Model kinetostatic: its third order is typically {error:.2g} % off" in line for line in told)
