@@ -104,8 +104,9 @@ def thrust_outputs(groove_thrust: FloatArray, keep: Collection[str]) -> dict[str
     Parameters
     ----------
     groove_thrust
-        Axial force on the housing at each groove, shape (point, revolution, groove, sample), for the last two
-        revolutions, or for one where all are alike.
+        Axial force on the housing at each groove, shape (point, revolution, groove, sample), for the last revolutions:
+        two or more, or one where all are alike. Orders are those of the mean revolution; waveforms, and the scatter,
+        are those of the last two.
     keep
         Names of the wanted outputs; others are not computed.
 
@@ -120,11 +121,12 @@ def thrust_outputs(groove_thrust: FloatArray, keep: Collection[str]) -> dict[str
     results["groove_thrust_amplitude"], results["groove_thrust_phase_deg"] = amplitude_and_phase(of_groove)
     results["thrust_amplitude"], results["thrust_phase_deg"] = amplitude_and_phase(of_groove.sum(axis=1))
     results["thrust_rms"] = rms(results["thrust_amplitude"])
-    amplitude = np.abs(per_revolution.sum(axis=2))
+    last_two = slice(-2, None)
+    amplitude = np.abs(per_revolution[:, last_two].sum(axis=2))
     results["thrust_amplitude_scatter"] = np.abs(amplitude[:, -1] - amplitude[:, 0])
     if "thrust" in keep or "groove_thrust" in keep:
         revolutions = np.moveaxis(
-            np.broadcast_to(groove_thrust, (groove_thrust.shape[0], 2, *groove_thrust.shape[2:])), 1, 2
+            np.broadcast_to(groove_thrust[:, last_two], (len(groove_thrust), 2, *groove_thrust.shape[2:])), 1, 2
         )
         results["groove_thrust"] = revolutions.reshape(*revolutions.shape[:2], -1)
         results["thrust"] = results["groove_thrust"].sum(axis=1)
