@@ -45,7 +45,7 @@ FACTOR = "[factors]\njoint_angle_deg = {values = [5, 10]}\n"
         (HEAD + "[factors.needle_count]\ndistribution = 'normal'\nmean = 27\nstd = 2", "takes whole numbers"),
         (HEAD + "[factors.joint_angle_deg]\ndistribution = 'normal'\nmean = 5", "needs std"),
         (HEAD + "[factors.speed_rpm]\nlow = 0\nhigh = 5\ncount = 3\nscale = 'log'", "logarithmic"),
-        (HEAD + FACTOR + "[design]\nkind = 'gird'", r"\[design\]: kind = 'gird': unknown; did you mean 'grid'\? allowed: grid, zip"),
+        (HEAD + FACTOR + "[design]\nkind = 'gird'", r"\[design\]: kind = 'gird': unknown; did you mean 'grid'\?"),
         (HEAD + FACTOR + "[keep]\noutputs = ['thrust_amplitud']", "did you mean 'thrust_amplitude'"),
         (HEAD + FACTOR + "[run]\nexpected_outcomes = ['jamed']", "did you mean 'jammed'"),
         (HEAD + FACTOR + "[run]\nblock = 0", "block = 0"),

@@ -304,3 +304,167 @@ def test_an_ablation_of_a_function_names_its_arguments(tmp_path):
 def test_ablations_that_cannot_be_made(text, message):
     with pytest.raises(InputError, match=message):
         points_of(f"[design]\n{text}")
+
+
+FOUR = (
+    "[factors]\njoint_angle_deg = {low = 4, high = 14}\ntorque_n_m = {low = 25, high = 100}\n"
+    "speed_rpm = {low = 300, high = 900}\ngroove_sliding_friction = {low = 0.03, high = 0.08}\n"
+)
+
+
+def coded(points):
+    """Columns from -1 to 1, shape (point, factor)."""
+    columns = np.stack(list(points.columns.values()), axis=1)
+    low, high = columns.min(axis=0), columns.max(axis=0)
+    return (2 * columns - low - high) / (high - low)
+
+
+def test_a_fractional_factorial_has_its_resolution_and_tells_its_aliases():
+    """Exact: orthogonal columns of two levels; resolution IV keeps each factor apart from products of two."""
+    points = points_of(FOUR + '[design]\nkind = "fractional-factorial"\nresolution = 4')
+    columns = coded(points)
+    assert points.count == 8
+    assert (columns.T @ columns == 8 * np.eye(4)).all()
+    assert (np.prod(columns, axis=1) == columns[0].prod()).all()  # defining relation I = ABCD
+    assert "resolution IV; it cannot tell apart joint_angle_deg x torque_n_m = speed_rpm x groove" in points.notes[0]
+    full = points_of(FOUR + '[design]\nkind = "fractional-factorial"\nresolution = 5')
+    assert full.count == 16
+    assert "no effects of one factor or two are confounded" in full.notes[0]
+    low = points_of(FOUR + '[design]\nkind = "fractional-factorial"\nresolution = 3')
+    assert "resolution IV" in low.notes[0]  # the best that eight points can have
+
+
+def test_a_full_factorial_takes_levels_words_and_ends():
+    points = points_of(
+        "[factors]\ntorque_n_m = {low = 25, high = 100}\nspeed_rpm = {values = [300, 600, 1200]}\n"
+        'model = {values = ["equilibrium", "kinetostatic"]}\n[design]\nkind = "full-factorial"\nlevels = 4\n'
+    )
+    assert points.count == 4 * 3 * 2
+    assert sorted(set(points.columns["torque_n_m"])) == [25, 50, 75, 100]
+    assert set(points.columns["model"]) == {"equilibrium", "kinetostatic"}
+
+
+@pytest.mark.parametrize(("width", "count"), [(3, 4), (4, 8), (7, 8), (11, 12)])
+def test_plackett_burman_columns_are_orthogonal(width, count):
+    """Exact: Plackett and Burman (1946)."""
+    names = [
+        name
+        for name in parse_study(HEAD + FOUR).simulator.parameters
+        if "friction" in name or "skew" in name or name in ("joint_angle_deg", "torque_n_m", "speed_rpm")
+    ]
+    text = "[factors]\n" + "".join(f"{name} = {{low = 0.01, high = 0.02}}\n" for name in names[:width])
+    columns = coded(points_of(text + '[design]\nkind = "plackett-burman"'))
+    assert columns.shape == (count, width)
+    assert columns.T @ columns == pytest.approx(count * np.eye(width))
+
+
+@pytest.mark.parametrize(
+    ("star", "reach", "corner"), [("circumscribed", 2**0.5, 1), ("inscribed", 1, 2**-0.5), ("faced", 1, 1)]
+)
+def test_central_composite_stars_lie_where_they_are_asked_for(star, reach, corner):
+    """Exact: of two factors, rotatable stars lie at sqrt 2 of the corners (Box and Wilson 1951)."""
+    points = points_of(
+        "[factors]\njoint_angle_deg = {low = 8, high = 12}\ntorque_n_m = {low = 40, high = 60}\n"
+        f'[design]\nkind = "central-composite"\nstar = "{star}"\ncentre_points = 2\n'
+    )
+    angle = (points.columns["joint_angle_deg"] - 10) / 2
+    assert points.count == 4 + 4 + 2
+    levels = sorted({-reach, -corner, 0, corner, reach})
+    assert sorted(set(angle.round(12))) == pytest.approx(levels)
+
+
+def test_box_behnken_has_no_corner():
+    """Exact: twelve edges of the cube and its centre."""
+    text = FOUR.rsplit("groove", 1)[0] + '[design]\nkind = "box-behnken"'
+    columns = coded(points_of(text))
+    assert sorted(np.abs(columns).sum(axis=1).round(9).tolist()) == [0] + [2] * 12
+
+
+def test_a_logarithmic_factor_is_coded_on_its_scale():
+    points = points_of(
+        "[factors]\nspeed_rpm = {low = 100, high = 900, scale = 'log'}\ntorque_n_m = {low = 40, high = 60}\n"
+        '[design]\nkind = "central-composite"\nstar = "faced"\n'
+    )
+    assert sorted(set(points.columns["speed_rpm"].round(9))) == [100, 300, 900]
+
+
+@pytest.mark.parametrize("kind", ["sobol", "halton", "latin-hypercube"])
+@pytest.mark.parametrize(
+    "given",
+    ['[["joint_angle_deg", "torque_n_m", 0.7]]', "[[1, 0.7], [0.7, 1]]", "{joint_angle_deg = {torque_n_m = 0.7}}"],
+)
+def test_correlated_samples_have_their_rank_correlation_and_their_distributions(kind, given):
+    """Exact up to sampling error: 0.7 within 0.02 of 4096 points; uniform margins, strata kept by the hypercube."""
+    points = points_of(
+        "[factors]\njoint_angle_deg = {low = 4, high = 14}\ntorque_n_m = {low = 25, high = 100}\n"
+        f'[design]\nkind = "{kind}"\nsamples = 4096\ncorrelation = {given}\n'
+    )
+    ranks = [np.argsort(np.argsort(column)) for column in points.columns.values()]
+    assert np.corrcoef(ranks)[0, 1] == pytest.approx(0.7, abs=0.02)
+    for column, (low, high) in zip(points.columns.values(), ((4, 14), (25, 100)), strict=True):
+        classes = np.histogram(column, 16, (low, high))[0]
+        assert np.abs(classes - 256).max() <= (0 if kind == "latin-hypercube" else 25)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ('kind = "halton"\nsamples = 8', 'kind = "halton"\nsamples = 20'),
+        ('kind = "sobol"\nsamples = 8\ncorrelation = [["joint_angle_deg", "torque_n_m", 0.5]]',
+         'kind = "sobol"\nsamples = 32\ncorrelation = [["joint_angle_deg", "torque_n_m", 0.5]]'),
+        ('kind = "saltelli"\nsamples = 4', 'kind = "saltelli"\nsamples = 16'),
+        ('kind = "morris"\nsamples = 3', 'kind = "morris"\nsamples = 9'),
+        ('kind = "finite-differences"\nsamples = 3', 'kind = "finite-differences"\nsamples = 9'),
+        ('kind = "fractional-factorial"', 'kind = "full-factorial"'),
+        ('kind = "full-factorial"', 'kind = "full-factorial"\nlevels = 3'),
+        ('kind = "full-factorial"', 'kind = "central-composite"\nstar = "faced"'),
+        ('kind = "central-composite"\nstar = "faced"', 'kind = "full-factorial"\nlevels = 3'),
+        ('kind = "plackett-burman"', 'kind = "full-factorial"'),
+    ],
+)  # fmt: skip
+def test_a_design_that_grows_keeps_every_point(before, after):
+    """Exact: the fingerprints of the smaller design are all among those of the larger one."""
+    old, new = (keys_of(f"{FOUR}[design]\n{design}\n") for design in (before, after))
+    assert np.isin(old, new).all()
+    assert np.unique(new).size > np.unique(old).size
+
+
+def test_a_further_factor_at_its_base_value_keeps_every_point():
+    """Exact: the old points are those of the new design at the default torque."""
+    first = "[factors]\njoint_angle_deg = {low = 4, high = 14}\nspeed_rpm = {low = 300, high = 900}\n"
+    design = '[design]\nkind = "full-factorial"\n'
+    assert np.isin(keys_of(first + design), keys_of(first + "torque_n_m = {values = [50, 80]}\n" + design)).all()
+
+
+def test_factors_of_a_group_change_together():
+    """Exact: a trajectory of three groups has four points, and a block of Saltelli's eight."""
+    grouped = FOUR.replace("high = 14", 'high = 14, group = "load"').replace("high = 100", 'high = 100, group = "load"')
+    points = points_of(grouped + '[design]\nkind = "morris"\nsamples = 5')
+    assert points.count == 5 * 4
+    for block in np.stack(list(points.columns.values()), axis=1).reshape(5, 4, 4):
+        moved = np.diff(block, axis=0) != 0
+        assert (moved[:, 0] == moved[:, 1]).all()
+        assert (moved.sum(axis=0) == 1).all()
+    assert points_of(grouped + '[design]\nkind = "saltelli"\nsamples = 4').count == 4 * 8
+    with pytest.raises(InputError, match="group is used by saltelli and morris designs, not by sobol"):
+        points_of(grouped + '[design]\nkind = "sobol"\nsamples = 4')
+
+
+@pytest.mark.parametrize(
+    ("design", "message"),
+    [
+        ('kind = "saltelli"\nsamples = 4\ncorrelation = [["joint_angle_deg", "torque_n_m", 0.5]]', "takes independent factors: its indices divide the variance"),
+        ('kind = "morris"\nsamples = 4\ncorrelation = [["joint_angle_deg", "torque_n_m", 0.5]]', "changes one factor, whatever the others are"),
+        ('kind = "sobol"\nsamples = 4\ncorrelation = [["joint_angle", "torque_n_m", 0.5]]', "did you mean 'joint_angle_deg'"),
+        ('kind = "sobol"\nsamples = 4\ncorrelation = [["speed_rpm", "torque_n_m", 1.5]]', "between -1 and 1"),
+        ('kind = "sobol"\nsamples = 4\ncorrelation = [[1, 0.5], [0.5, 1]]', "4 rows of 4 numbers"),
+        ('kind = "sobol"\nsamples = 4\ncorrelation = [["speed_rpm", "torque_n_m", 0.9], ["joint_angle_deg", "torque_n_m", 0.9], ["joint_angle_deg", "speed_rpm", -0.9]]', "can have these correlations together"),
+        ('kind = "fast"\nsamples = 64', "at least 65"),
+        ('kind = "fast"\nsamples = 65\nconstraints = ["speed_rpm > 400"]', "cannot leave points out"),
+        ('kind = "central-composite"', "its coded level -2: joint_angle_deg = -1.*narrow its range"),
+        ('kind = "fractional-factorial"\nresolution = 2', "resolution = 2"),
+    ],
+)  # fmt: skip
+def test_designs_that_are_refused(design, message):
+    with pytest.raises(InputError, match=message):
+        points_of(f"{FOUR}[design]\n{design}\n")

@@ -6,7 +6,7 @@ failed, its whole Saltelli block or trajectory is dropped, and the result states
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import COST_VARIABLES
 from tripod_doe.study.designs import salib_problem, unit_sample
-from tripod_doe.study.file import DesignTable, parse_file
+from tripod_doe.study.file import DesignTable, FactorTable, parse_file
 
 __all__ = ["MorrisSettings", "SobolSettings", "morris_effects", "sobol_indices"]
 
@@ -126,12 +126,12 @@ def morris_effects(cube: xr.Dataset, settings: MorrisSettings | None = None) -> 
     return _analyse_outputs(cube, settings, names, len(names) + 1, analyse, "Morris measure")
 
 
-def _design_of(cube: xr.Dataset, kind: str) -> tuple[DesignTable, list[str]]:
+def _design_of(cube: xr.Dataset, kind: str) -> tuple[DesignTable, dict[str, FactorTable]]:
     """Design and factor names of the study that the cube carries."""
     file = parse_file(cube.attrs["study"], "the study in the cube")
     if file.design.kind != kind:
         raise InputError(f"this analysis needs a {kind} design, the cube's is {file.design.kind}")
-    return file.design, list(file.factors)
+    return file.design, file.factors
 
 
 def _complete(cube: xr.Dataset, rows: int, outputs: Iterable[str]) -> NDArray[np.bool_]:
@@ -165,7 +165,7 @@ def _chosen(cube: xr.Dataset, settings: SobolSettings) -> list[str]:
 def _analyse_outputs(
     cube: xr.Dataset,
     settings: SobolSettings,
-    names: list[str],
+    names: Mapping[str, FactorTable],
     rows: int,
     analyse: Callable[[FloatArray], dict[str, FloatArray]],
     meaning: str,
@@ -181,7 +181,7 @@ def _analyse_outputs(
     if len(parts) > 1:
         outputs = xr.DataArray(np.array(chosen, dtype=object), dims="output", name="output")
         result = xr.concat(parts, outputs, join="outer", coords="minimal", compat="equals")
-    labels: dict[str, Any] = {"factor": names} | ({"factor_2": names} if "S2" in result else {})
+    labels: dict[str, Any] = {"factor": list(names)} | ({"factor_2": list(names)} if "S2" in result else {})
     result = result.assign_coords(labels)
     for label in result.coords:
         result[label].attrs.setdefault("long_name", str(label).replace("_", " "))

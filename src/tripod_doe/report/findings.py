@@ -99,13 +99,14 @@ def _missing_effects(cube: xr.Dataset) -> list[str]:
 
 
 def _notes(cube: xr.Dataset) -> list[str]:
-    """State how many finished points have a note, with the first note."""
+    """What the design cannot tell, and how many finished points have a note, with the first note."""
+    design = [f"The design: {note}." for note in str(cube.attrs.get("design_notes", "")).splitlines()]
     if "outcome_detail" not in cube:
-        return []
+        return design
     details = cube["outcome_detail"].values[finished(cube).values]
     noted = details[details != ""]
     told = f"{noted.size:,} points finished with a note (outcome_detail)"
-    return [f"{told}, the first: {noted[0]}."] if noted.size else []
+    return design + ([f"{told}, the first: {noted[0]}."] if noted.size else [])
 
 
 def _chosen(cube: xr.Dataset) -> str:

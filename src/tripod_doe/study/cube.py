@@ -62,7 +62,7 @@ THIS_STUDY = "this study"
 _USER_FUNCTION = "user function"
 _POINT_ATTRIBUTES = {"long_name": "number of the point in the design", "units": "1"}
 _UNKNOWN = -1  # flag of a point that has not run, or of a choice that its model does not have
-_PACKAGES = ("tripod-doe", "numpy", "scipy", "numba", "xarray", "netCDF4", "dask", "SALib")
+_PACKAGES = ("tripod-doe", "numpy", "scipy", "numba", "xarray", "netCDF4", "dask", "SALib", "pydoe")
 
 
 def build_cube(
@@ -366,6 +366,7 @@ def _attributes(study: Study, points: Points) -> dict[str, Any]:
         "study": study.text,
         "study_hash": study.hash,
         "kernel_source_hash": study.simulator.source_hash,
+        **({"design_notes": "\n".join(points.notes)} if points.notes else {}),
         "fixed_parameters": json.dumps(_fixed_parameters(study, points)),
         "package_versions": json.dumps(
             {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()}

@@ -291,7 +291,7 @@ def _check_distribution(parameter: Parameter, table: FactorTable) -> None:
         return  # a table design takes its values from a file
     if missing:
         raise InputError(f"a {kind} distribution needs {', '.join(missing)}")
-    given = table.model_fields_set - {"distribution", "scale"} - set(_NEEDED[kind])
+    given = table.model_fields_set - {"distribution", "scale", "group"} - set(_NEEDED[kind])
     if table.scale == "log" and kind != "log-uniform":
         given |= {"scale"}
     if given - ({"weights"} if kind == "discrete" else set()):

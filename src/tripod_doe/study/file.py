@@ -34,7 +34,9 @@ _LONG_NAME = re.compile(
 
 Scalar = Annotated[float | int | str | bool, Field(union_mode="smart")]
 DesignKind = Literal[
-    "grid", "zip", "one-at-a-time", "table", "latin-hypercube", "sobol", "saltelli", "morris", "ablation", "product"
+    "grid", "zip", "one-at-a-time", "table", "latin-hypercube", "sobol", "halton", "saltelli", "morris", "fast",
+    "rbd-fast", "finite-differences", "full-factorial", "fractional-factorial", "plackett-burman", "central-composite",
+    "box-behnken", "ablation", "product",
 ]  # fmt: skip
 
 
@@ -68,6 +70,7 @@ class FactorTable(_Table):
     weights: list[float] | None = Field(
         None, description="relative frequencies of the values of a discrete distribution"
     )
+    group: str | None = Field(None, description="saltelli, morris: factors of one group are varied together")
 
     @property
     def sampled_as(self) -> str:
@@ -79,9 +82,34 @@ class DesignTable(_Table):
     """[design]: how the points are made from the factors."""
 
     kind: DesignKind = Field("grid", description="kind of design")
-    samples: int | None = Field(None, ge=1, description="number of samples (saltelli: SALib's N; morris: trajectories)")
+    samples: int | None = Field(
+        None,
+        ge=1,
+        description="number of samples (saltelli: SALib's N; morris: trajectories; fast: points of a curve)",
+    )
     seed: int = Field(0, ge=0, description="seed of the random numbers")
-    levels: int | None = Field(None, ge=2, description="levels of a morris design; 4 if omitted")
+    levels: int | None = Field(
+        None, ge=2, description="morris: levels, 4 if omitted; full-factorial: levels from low to high, 2 if omitted"
+    )
+    scramble: bool = Field(True, description="sobol, halton: whether the sequence is scrambled")
+    optimised: bool = Field(
+        False, description="latin-hypercube: whether coordinates are exchanged until the points fill the space evenly"
+    )
+    correlation: list[list[str | float]] | dict[str, dict[str, float]] = Field(
+        [], description="sampled designs: rank correlations, [factor, factor, value] each, or the whole matrix"
+    )
+    resolution: int | None = Field(
+        None, ge=3, le=8, description="fractional-factorial: smallest resolution, 4 if omitted; its aliases are told"
+    )
+    star: Literal["circumscribed", "inscribed", "faced"] = Field(
+        "circumscribed", description="central-composite: its stars lie beyond low and high, on them, or on faces"
+    )
+    star_distance: Literal["rotatable", "orthogonal"] = Field(
+        "rotatable", description="central-composite: what decides the distance of the stars"
+    )
+    centre_points: int | None = Field(
+        None, ge=0, description="central-composite, box-behnken: how often the centre is listed, once if omitted"
+    )
     second_order: bool = Field(True, description="saltelli: whether the points for second-order indices are added")
     table: str | None = Field(None, description="CSV file with one column per factor, relative to the study file")
     constraints: list[str] = Field([], description="conditions on the factors that every point must meet")
@@ -187,8 +215,10 @@ def parse_file(text: str, origin: str = "study") -> StudyFile:
     raw = parse_toml(text, origin)
     design = raw.get("design")
     if isinstance(design, dict):  # [design.NAME] are tables of their own
-        raw["designs"] = {key: value for key, value in design.items() if isinstance(value, dict)}
-        raw["design"] = {key: value for key, value in design.items() if not isinstance(value, dict)}
+        own = DesignTable.model_fields
+        parts = [key for key, value in design.items() if isinstance(value, dict) and key not in own]
+        raw["designs"] = {key: design[key] for key in parts}
+        raw["design"] = {key: value for key, value in design.items() if key not in parts}
     try:
         return StudyFile.model_validate(raw)
     except ValidationError as error:

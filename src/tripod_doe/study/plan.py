@@ -52,6 +52,8 @@ class Plan:
         Points that are known to fail before anything is solved, by outcome and reason.
     models
         The models of the points, with the errors known for them.
+    design
+        What the user should know of the design.
     """
 
     points: int
@@ -65,6 +67,7 @@ class Plan:
     warnings: tuple[str, ...]
     foreseen: tuple[Failure, ...] = field(default=())
     models: tuple[str, ...] = ()
+    design: tuple[str, ...] = ()
 
     @property
     def able(self) -> int:
@@ -93,6 +96,7 @@ class Plan:
             lines.append(f"wall time    {duration(self.cpu_hours[1] * 3600 / workers)} on {workers} workers")
         if self.cube_bytes is not None:
             lines.append(f"cube         {size(self.cube_bytes)}")
+        lines += [f"design       {text}" for text in self.design]
         lines += [f"model        {text.removeprefix('Model ')}" for text in self.models]
         return "\n".join(lines + [f"warning      {text}" for text in self.warnings])
 
@@ -138,6 +142,7 @@ def plan(study: Study | str | Path, timing: bool = True) -> Plan:
         (*study.warnings, *(models.warnings if models else ())),
         tuple(foreseen),
         tuple(models.told_errors) if models else (),
+        points.notes,
     )
 
 

@@ -1,0 +1,42 @@
+"""The ablation: switches of mechanisms off and on, in all combinations or one at a time."""
+
+from __future__ import annotations
+
+import itertools
+
+from tripod_doe.errors import InputError
+from tripod_doe.study.designs.request import Family, Made, Request, column_of
+
+__all__ = ["ABLATION"]
+
+_MOST_SWITCHES = 16  # of which all combinations can still be meant
+
+
+def _ablation(request: Request) -> Made:
+    """All on first; then every combination, or with none on, with each off alone and with each on alone."""
+    design, switches = request.table, request.factors
+    for name, factor in switches.items():
+        if factor.table.model_fields_set and set(factor.values or ()) != {0, 1}:
+            raise InputError(f"[factors.{name}]: an ablation switches between 0 and 1; give values = [0, 1]")
+    count = len(switches)
+    if design.combinations == "all":
+        if count > _MOST_SWITCHES:
+            raise InputError(
+                f"all combinations of {count} switches are {2**count:,} points, more than {_MOST_SWITCHES} make; "
+                'set combinations = "single" or name fewer factors'
+            )
+        rows = list(itertools.product((1, 0), repeat=count))
+    else:
+        alone = [tuple(int(each == on) for each in range(count)) for on in range(count)]
+        without = [tuple(1 - state for state in row) for row in alone]
+        rows = list(dict.fromkeys([(1,) * count, (0,) * count, *without, *alone]))  # two switches: some are the same
+    return Made({name: column_of(f, (row[at] for row in rows)) for at, (name, f) in enumerate(switches.items())})
+
+
+def _count(request: Request) -> int:
+    switches = len(request.factors)
+    return 2**switches if request.table.combinations == "all" else 2 * switches + 2
+
+
+ABLATION = {"ablation": Family(_ablation, _count)}
+"""The ablation by its kind."""

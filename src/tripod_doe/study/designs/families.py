@@ -1,0 +1,109 @@
+"""All kinds of designs by name, and products of them.
+
+To add a kind, write its `Family` in the module that it belongs to, and name the kind among those of study files.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from tripod_doe.errors import InputError, near_match
+from tripod_doe.study.definition import Factor, Study
+from tripod_doe.study.designs.ablation import ABLATION
+from tripod_doe.study.designs.coded import CODED
+from tripod_doe.study.designs.listed import LISTED
+from tripod_doe.study.designs.points import Column
+from tripod_doe.study.designs.request import Family, Made, Request
+from tripod_doe.study.designs.sampled import SAMPLED
+from tripod_doe.study.file import DesignTable
+
+__all__ = ["FAMILIES", "count_part", "make_part"]
+
+
+def _part(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> Request:
+    """What one design is asked for: the factors that it names, or all."""
+    if design.factors is not None and design.kind != "product":
+        unknown = [name for name in design.factors if name not in factors]
+        if unknown:
+            raise InputError(f"factors: {unknown[0]!r} is not among [factors]{near_match(unknown[0], factors)}")
+        factors = {name: factors[name] for name in design.factors}
+    elif design.kind == "ablation":
+        factors = {name: factors[name] for name in study.switches}
+    if not factors and design.kind != "table":
+        raise InputError("the study has no factors; add [factors.PARAMETER] with values")
+    return Request(study, design, factors)
+
+
+def make_part(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> Made:
+    """The points of one design: that of the study, or a part of a product.
+
+    Raises
+    ------
+    InputError
+        If the design lacks what it needs, or is given what it cannot use.
+    """
+    request, family = _part(study, design, factors), FAMILIES[design.kind]
+    if design.correlation and family.uncorrelated:
+        raise InputError(f"correlation: a {design.kind} design takes independent factors: {family.uncorrelated}")
+    grouped = [name for name, factor in request.factors.items() if factor.table.group]
+    if grouped and not family.grouped and design.kind != "product":
+        able = [kind for kind, other in FAMILIES.items() if other.grouped]
+        raise InputError(f"[factors.{grouped[0]}]: group is used by {' and '.join(able)} designs, not by {design.kind}")
+    return family.make(request)
+
+
+def count_part(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> int:
+    """Number of points of one design before constraints; 0 where only making them tells, or refuses them."""
+    try:
+        return FAMILIES[design.kind].count(_part(study, design, factors))
+    except InputError:
+        return 0
+
+
+def _product(request: Request) -> Made:
+    """Every point of the first sub-design with every point of the next."""
+    study, factors = request.study, request.factors
+    names, tables = study.file.design.of, study.file.designs
+    if len(names) < 2:
+        raise InputError("a product needs of = at least two sub-designs")
+    parts: list[dict[str, Column]] = []
+    notes: list[str] = []
+    taken: dict[str, str] = {}
+    for name in names:
+        if name not in tables:
+            raise InputError(f"of: no sub-design [design.{name}]{near_match(name, tables)}")
+        if tables[name].factors is None and tables[name].kind != "ablation":
+            raise InputError(f"[design.{name}]: give the factors that it varies")
+        if tables[name].kind == "product":
+            raise InputError(f"[design.{name}]: a product of products is not supported; list all parts in of")
+        made = make_part(study, tables[name], factors)
+        part = made.columns
+        notes += [f"part {name}: {note}" for note in made.notes]
+        for factor in part:
+            if factor in taken:
+                raise InputError(f"{factor} is varied by [design.{taken[factor]}] and by [design.{name}]")
+            taken[factor] = name
+        parts.append(part)
+    left = [name for name in factors if name not in taken]
+    if left:
+        raise InputError(f"{', '.join(left)} belongs to no sub-design; add it to the factors of one")
+    counts = [len(next(iter(part.values()))) for part in parts]
+    index = np.meshgrid(*(np.arange(count) for count in counts), indexing="ij")
+    columns = {
+        key: column[rows.ravel()] for part, rows in zip(parts, index, strict=True) for key, column in part.items()
+    }
+    labels = {f"{name}_row": rows.ravel() for name, rows in zip(names, index, strict=True)}
+    return Made({name: columns[name] for name in factors}, labels, tuple(notes))
+
+
+def _product_count(request: Request) -> int:
+    tables = request.study.file.designs
+    parts = (tables[name] for name in request.table.of if name in tables)
+    return math.prod(count_part(request.study, part, request.factors) or 1 for part in parts if part.kind != "product")
+
+
+FAMILIES: dict[str, Family] = LISTED | SAMPLED | CODED | ABLATION | {"product": Family(_product, _product_count)}
+"""All kinds of designs by the names that study files use."""

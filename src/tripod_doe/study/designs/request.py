@@ -1,0 +1,128 @@
+"""What one design is asked for, what it answers, and the one interface of all kinds of designs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from tripod_doe.errors import InputError
+from tripod_doe.study.definition import Factor, Study
+from tripod_doe.study.designs.points import Column
+from tripod_doe.study.file import DesignTable, FactorTable
+
+__all__ = ["Family", "Made", "Request", "axis_levels", "column_of", "factor_groups", "levels_of"]
+
+
+@dataclass(frozen=True)
+class Request:
+    """One design of a study, or one part of a product.
+
+    Attributes
+    ----------
+    study
+        The study.
+    table
+        Its table [design], or [design.NAME] of a part.
+    factors
+        The factors that this design varies, in file order.
+    """
+
+    study: Study
+    table: DesignTable
+    factors: Mapping[str, Factor]
+
+    @property
+    def tables(self) -> dict[str, FactorTable]:
+        """Entries of these factors in the study file."""
+        return {name: factor.table for name, factor in self.factors.items()}
+
+
+@dataclass(frozen=True)
+class Made:
+    """The points of one design.
+
+    Attributes
+    ----------
+    columns
+        Values of its factors, each of shape (point,).
+    labels
+        Further coordinates of its points.
+    notes
+        What the user should know of it.
+    """
+
+    columns: dict[str, Column]
+    labels: dict[str, Column] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+def _alone(table: DesignTable, width: int) -> int:
+    return 1
+
+
+@dataclass(frozen=True)
+class Family:
+    """One kind of design.
+
+    Attributes
+    ----------
+    make
+        Makes the points of a request, always the same ones.
+    count
+        How many these are, from counts alone; 0 where only making them tells.
+    block
+        (table, number of factors or groups) -> how many points in a row an analysis needs together. A constraint cannot
+        leave out one of them, and where one of them failed, the others are of no use.
+    uncorrelated
+        Why its factors cannot be correlated; empty where they can.
+    grouped
+        Whether factors can be varied in groups.
+    """
+
+    make: Callable[[Request], Made]
+    count: Callable[[Request], int]
+    block: Callable[[DesignTable, int], int] = _alone
+    uncorrelated: str = "it does not sample distributions"
+    grouped: bool = False
+
+
+def levels_of(factor: Factor) -> Column:
+    """The levels of a factor in file order.
+
+    Raises
+    ------
+    InputError
+        If it has none.
+    """
+    if factor.values is None:
+        raise InputError(
+            f"[factors.{factor.parameter.name}]: this design needs levels; give values, or low, high and count"
+        )
+    return column_of(factor, factor.values)
+
+
+def column_of(factor: Factor, values: Iterable[Any]) -> Column:
+    """Values of a factor as a column."""
+    return factor.parameter.column(list(values))
+
+
+def axis_levels(factor: Factor) -> Column:
+    """Levels of a factor along an axis of a grid: numbers ascend, or descend where the study lists them so.
+
+    An axis in the order in which levels were added could not be asked for a range.
+    """
+    levels = levels_of(factor)
+    if levels.dtype.kind not in "iuf" or (np.diff(levels) < 0).all():
+        return levels
+    return np.sort(levels)
+
+
+def factor_groups(tables: Mapping[str, FactorTable]) -> dict[str, list[str]]:
+    """Factors by the group that they vary in, in the order of their first members; one alone is its own group."""
+    groups: dict[str, list[str]] = {}
+    for name, table in tables.items():
+        groups.setdefault(table.group or name, []).append(name)
+    return groups
