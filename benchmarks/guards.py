@@ -35,7 +35,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import beta
 
-from tripod_doe.joint.multibody_run import JointRun, run_joint
+from tripod_doe.joint.joint_run import JointRun
+from tripod_doe.joint.multibody_run import run_joint
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.parameters import point_values
 from tripod_doe.joint.values import JointValues

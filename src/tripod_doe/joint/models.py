@@ -19,7 +19,7 @@ from tripod_doe.simulator import BlockResult, Methods, Outcome, ValidRange
 
 if TYPE_CHECKING:  # a model imports its kernels when it is first used
     from tripod_doe.joint.equilibrium import Equilibrium
-    from tripod_doe.joint.multibody_run import Readings
+    from tripod_doe.joint.joint_run import Readings
 
 __all__ = ["MODELS", "Model"]
 

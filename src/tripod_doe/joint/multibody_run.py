@@ -10,11 +10,12 @@ hundred hertz. Runs that pass all other checks are therefore tested for vibratio
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.joint.joint_run import JointRun, Readings
 from tripod_doe.joint.multibody_scene import build_joint
 from tripod_doe.joint.numerical_error import ERROR_LIMIT, LEAD, amplitude_error, finer_thrust, judge
 from tripod_doe.joint.readings import groove_readings, needle_skews
@@ -31,7 +32,7 @@ from tripod_doe.mechanics.rates import Rates
 from tripod_doe.mechanics.run import Limits, Run, method_named, run
 from tripod_doe.simulator import Outcome
 
-__all__ = ["JointRun", "Readings", "compile_joint", "follow", "run_joint"]
+__all__ = ["compile_joint", "follow", "run_joint"]
 
 FloatArray = NDArray[np.float64]
 
@@ -50,67 +51,6 @@ joint dissipates nothing, and its rounding cannot be related to nothing."""
 
 _RATE_STATES = 12
 """States of a third of a revolution at which a run is linearised."""
-
-
-@dataclass(frozen=True)
-class Readings:
-    """What is read off a run that came to its end, in internal units.
-
-    Attributes
-    ----------
-    groove_thrust
-        Axial force on the housing at each groove in the last two revolutions, shape (2, groove, sample).
-    thrust_parts
-        Part of each mechanism in their sum, shape (2, part, sample); None unless requested.
-    friction_power
-        Mean power lost to each mechanism over the last two revolutions, shape (mechanism,).
-    amplitude_error
-        Numerical error of every order of the thrust, shape (order,); NaN if the last revolution could not be run again.
-    skew, skew_summary
-        Skew of the needle that carries the most, shape (trunnion, 2 x sample), and its mean, smallest and largest value
-        in every revolution, shape (trunnion, cycle, 3); rad, None without needles.
-    penetration
-        See `mechanics.run.Run`.
-    energy_residual
-        Energy that the balance misses over what friction dissipates, or over a thousandth of the transmitted energy.
-    rates
-        What limits the step in the last third of a revolution; None unless requested.
-    """
-
-    groove_thrust: FloatArray
-    thrust_parts: FloatArray | None
-    friction_power: FloatArray
-    amplitude_error: FloatArray
-    skew: FloatArray | None
-    skew_summary: FloatArray | None
-    penetration: float
-    energy_residual: float
-    rates: Rates | None = None
-
-
-@dataclass(frozen=True)
-class JointRun:
-    """What became of a run.
-
-    Attributes
-    ----------
-    outcome, detail
-        How it ended, and why it failed or a note on it.
-    readings
-        Its results, whatever its outcome; None if it stopped before its end.
-    steps, force_evaluations, solves
-        Counted work, with that of the error estimate.
-    followed
-        Time that was simulated, up to the end or the failure; without that of the error estimate.
-    """
-
-    outcome: Outcome
-    detail: str
-    readings: Readings | None = None
-    steps: int = 0
-    force_evaluations: int = 0
-    solves: int = 0
-    followed: float = 0.0
 
 
 def run_joint(
