@@ -104,3 +104,12 @@ def test_the_model_is_named_with_its_known_error(grid_cube):
     told = find_in_comparison(compare(record, point, 0.0))
     error = 100 * float(grid_cube["model_error"].sel(joint_angle_deg=8, torque_n_m=50))
     assert any(f"Model kinetostatic: its third order is typically {error:.2g} % off" in line for line in told)
+
+
+def test_the_page_names_its_point_with_units(grid_cube):
+    point = model_point(grid_cube, ["joint_angle_deg=8", "torque_n_m=50"])
+    record = Measurement(np.arange(0.0, 3600.0), np.tile(point["thrust"].values, 5), None, "first sample")
+    page = comparison_page(compare(record, point, 0.0))
+    assert "<dt>Model: joint angle</dt><dd>8 deg</dd>" in page
+    assert "<dt>Model: torque</dt><dd>50 N m</dd>" in page
+    assert "±\u00a0N" in page

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -240,13 +241,13 @@ class Settings(BaseModel):
 
 
 def test_python_steps_come_through_the_registry(bench, monkeypatch):
-    @makes_kind("claims")
-    def claims(cubes, settings, folder):
+    @makes_kind("limits")
+    def limits(cubes, settings, folder):
         worst = max(float(cube["y"].max()) for cube in cubes.values())
         return xr.Dataset({"holds": ("claim", [int(worst <= settings.most)])}, coords={"claim": ["small"]})
 
-    monkeypatch.setitem(ANALYSES, "claims", Analysis(claims, Settings))
-    step = '[steps.checks]\nkind = "claims"\ninputs = ["first", "other"]\nsettings = {most = 9}\n'
+    monkeypatch.setitem(ANALYSES, "limits", Analysis(limits, Settings))
+    step = '[steps.checks]\nkind = "limits"\ninputs = ["first", "other"]\nsettings = {most = 9}\n'
     bench.write(CHAIN + step)
     assert bench.run(only="checks")["checks"] == "finished"
     assert td.open_cube(bench.out / "steps" / "checks")["holds"].values.tolist() == [1]
@@ -353,3 +354,13 @@ def test_the_example_is_sound_and_the_schema_describes_every_key(capsys):
         for key, entry in table["properties"].items():
             assert entry.get("description"), f"{name}.{key}"
     assert set(schema["x-settings"]) == set(ANALYSES)
+
+
+def test_pages_of_workflows_and_their_reports_hold_question_and_answer(bench):
+    """Regression: a workflow without claims had an empty answer, and its report pages no question."""
+    bench.write(CHAIN)
+    bench.run()
+    pages = [bench.out / "report" / "index.html", bench.out / "steps" / "last" / "index.html"]
+    for text in (page.read_text(encoding="utf-8") for page in pages):
+        assert "Does it &lt;b&gt;hold&lt;/b&gt;?" in text
+        assert re.search(r"<h2>Answer</h2>\s*<p>\S", text)

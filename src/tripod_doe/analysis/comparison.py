@@ -246,6 +246,9 @@ def _provenance(measurement: Measurement, point: xr.Dataset) -> dict[str, Any]:
         "lost_samples": measurement.lost_samples,
         "lost_pulses": measurement.lost_pulses,
         "point": json.dumps(factors),
+        "point_units": json.dumps(
+            {name: point[name].attrs["units"] for name in factors if "units" in point[name].attrs}
+        ),
         **({"model_speed_rpm": values["speed_rpm"]} if "speed_rpm" in values else {}),
         **({"model_error": error} if math.isfinite(error) else {}),
     }

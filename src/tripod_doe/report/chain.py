@@ -109,6 +109,7 @@ class PagePart:
 
 def step_page(
     title: str,
+    question: str,
     order: Sequence[str],
     data: Mapping[str, xr.Dataset],
     charts: Mapping[str, tuple[str, Path]],
@@ -120,8 +121,8 @@ def step_page(
 
     Parameters
     ----------
-    title
-        Its heading.
+    title, question
+        Its heading, and the question of its workflow.
     order
         Names of the inputs in the order in which they are shown.
     data
@@ -140,9 +141,12 @@ def step_page(
             if name == next(iter(ladder)):
                 parts.append(_side_by_side(name, ladder))
         else:
-            parts.append(_part(name, data[name], figures) if name in data else _drawn(name, *charts[name], claims))
+            link = f"../{name}/report/index.html"
+            parts.append(
+                _part(name, data[name], figures, link) if name in data else _drawn(name, *charts[name], claims)
+            )
     drawn: list[Chart | StoredChart] = [chart for part in parts for chart in part.charts]
-    return _page(title, "", "Report", notice, parts, _claims_first(data, drawn), None, [], "")
+    return _page(title, question, "Report", notice, parts, _claims_first(data, drawn), None, [], "")
 
 
 def _claims_first(data: Mapping[str, xr.Dataset], drawn: Sequence[Chart | StoredChart]) -> Chart | StoredChart | None:
@@ -171,12 +175,11 @@ def _page(
                   sentences=sentences, picture=picture, chain=chain, rows=rows, text=text)  # fmt: skip
 
 
-def _part(name: str, cube: xr.Dataset, figures: Mapping[str, str]) -> PagePart:
+def _part(name: str, cube: xr.Dataset, figures: Mapping[str, str], link: str) -> PagePart:
     """A study with a link to its own report, or an analysis; claims with links to the figures that show them."""
     title, table = str(cube.attrs.get("title", name)), table_of(cube)
-    link = f"../{name}/report/index.html" if is_study(cube) else ""
     links = figures_of_claims(cube, figures) if kind_of(cube) == "claims" else []
-    return PagePart(name, title, findings_of(name, cube), [], link, table, links if any(links) else [])
+    return PagePart(name, title, findings_of(name, cube), [], link * is_study(cube), table, links if any(links) else [])
 
 
 def _side_by_side(name: str, ladder: Mapping[str, xr.Dataset]) -> PagePart:
@@ -215,11 +218,12 @@ def chain_page(
     text
         The workflow file.
     answers
-        By step, the analyses that answer the workflow's question.
+        By step, the cubes that answer the workflow's question.
     figures
         Headings of figures on its report pages by their addresses; claims are linked to them.
     """
-    parts = [_part(name, data, figures or {}) for name, data in (answers or {}).items()]
+    links = {step.name: step.link for step in steps}
+    parts = [_part(name, data, figures or {}, links[name]) for name, data in (answers or {}).items()]
     chain = chain_chart(steps)
     rows = [(step, step_time(step)) for step in steps]
     return _page(title, question, "Workflow", notice, parts, _claims_first(answers or {}, [chain]), chain, rows, text)

@@ -157,7 +157,9 @@ def _rounded(value: float, unsure: float) -> str:
 def comparison_json(comparison: xr.Dataset) -> str:
     """One JSON object: attributes, every variable over order and revolution by its name, NaN as null."""
     answer: dict[str, Any] = {"point": json.loads(comparison.attrs["point"])}
-    answer |= {name: value for name, value in comparison.attrs.items() if name not in ("point", "history")}
+    answer |= {
+        name: value for name, value in comparison.attrs.items() if name not in ("point", "point_units", "history")
+    }
     for name in ("order", "revolution", *comparison.data_vars):
         if "rotation_deg" not in comparison[name].dims:
             answer[str(name)] = _plain(comparison[name].values.tolist())

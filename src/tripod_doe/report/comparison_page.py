@@ -8,12 +8,12 @@ from pathlib import Path
 import xarray as xr
 
 from tripod_doe.atomic_files import replace_text
-from tripod_doe.quantities import level
+from tripod_doe.quantities import level, with_unit
 from tripod_doe.report.answer import answer_first
 from tripod_doe.report.comparison import ORDER_HEADS, find_in_comparison, order_rows
 from tripod_doe.report.figures.comparison import comparison_charts
 from tripod_doe.report.page import render
-from tripod_doe.report.responses import spoken
+from tripod_doe.report.responses import spoken, unit_text
 from tripod_doe.study.netcdf import stamp_history, write_dataset
 
 __all__ = ["comparison_page", "write_comparison"]
@@ -22,7 +22,11 @@ __all__ = ["comparison_page", "write_comparison"]
 def comparison_page(comparison: xr.Dataset) -> str:
     """The comparison as one self-contained HTML page."""
     point = json.loads(comparison.attrs["point"])
-    facts = [(spoken(name), level(value) if isinstance(value, float) else str(value)) for name, value in point.items()]
+    units = json.loads(comparison.attrs["point_units"])
+    facts = [
+        (spoken(name), with_unit(level(value), unit_text(units.get(name, "1"))) if isinstance(value, float) else value)
+        for name, value in point.items()
+    ]
     sentences, more = answer_first(find_in_comparison(comparison))
     return render(
         "comparison.html",

@@ -220,7 +220,7 @@ def render(template: str, **content: object) -> str:
 
 def _typeset(text: str) -> str:
     """Plain-text sentences with the signs of print."""
-    text = text.replace(" +- ", "\u00a0±\u00a0").replace("R2 ", "R²\u00a0").replace("R^2", "R²")
+    text = re.sub(r"(?:^|\s)\+- ", "\u00a0±\u00a0", text).replace("R2 ", "R²\u00a0").replace("R^2", "R²")
     text = re.sub(r"\b(?:at (?:most|least)|Figs?\.) (?=[-\d])", lambda found: found[0].replace(" ", "\u00a0"), text)
     text = text.replace("Sobol' ", "Sobol’ ")
     text = text.replace("N m", "N\u00a0m")

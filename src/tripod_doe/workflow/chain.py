@@ -265,9 +265,15 @@ class _Chain:
         return [folder / export[0]] if export else []
 
     def answers(self, views: tuple[StepView, ...]) -> dict[str, xr.Dataset]:
-        """The analyses that answer the workflow's question, as far as they are made."""
+        """Cubes that answer the workflow's question, as far as they are made.
+
+        Those of the analyses that are exported, else of all its analyses and studies.
+        """
+        steps = self.workflow.steps
         made = [view.name for view in views if view.state in ("finished", "reused")]
-        return {name: open_cube(self.folder(name)) for name in made if self._exported(self.workflow.steps[name])}
+        cubes = [name for name in made if isinstance(steps[name].table, AnalysisStep | StudyStep)]
+        answering = [name for name in cubes if self._exported(steps[name])] or cubes
+        return {name: open_cube(self.folder(name)) for name in answering}
 
     def figures(self, views: tuple[StepView, ...]) -> dict[str, str]:
         """Headings of the figures on its report pages, by their addresses seen from the workflow's page."""
@@ -304,6 +310,7 @@ class _Chain:
         }
         shown = [name for name in step.inputs if not isinstance(steps[name].table, ReportStep)]
         title = step.table.title or step.name
-        page = step_page(title, shown, self._cubes(step), figures, _notice(self.workflow))
+        question = self.workflow.file.workflow.question
+        page = step_page(title, question, shown, self._cubes(step), figures, _notice(self.workflow))
         replace_text(self.folder(step.name) / "index.html", page)
         return title
