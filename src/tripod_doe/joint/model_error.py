@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.joint.operating_ratios import operating_ratios
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.quantities import number
 
 __all__ = ["FINEST", "QUANTITY", "RECORDED", "STEPS", "known_errors"]
 
@@ -71,7 +72,7 @@ class _Measured:
 
     def told(self, ratio: int) -> str:
         """Why nothing is known of points that lie outside in a ratio."""
-        return f"{self.names[ratio]} is outside of the compared {self.low[ratio]:.3g} to {self.high[ratio]:.3g}"
+        return f"{self.names[ratio]} is outside of the compared {number(self.low[ratio])} to {number(self.high[ratio])}"
 
     def near(self, model: str, places: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Median and ninth decile of the errors of a model at the measured points nearest to some places.

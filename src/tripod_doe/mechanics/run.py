@@ -38,6 +38,7 @@ from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.lanes import WIDTH
 from tripod_doe.mechanics.monitor import RUNAWAY, Settings, begin_watch
 from tripod_doe.mechanics.tables import EVALUATIONS, FACTORISATIONS, STEPS, Work
+from tripod_doe.quantities import number
 from tripod_doe.simulator import Outcome
 
 __all__ = ["Limits", "Run", "method_named", "run"]
@@ -269,7 +270,7 @@ def _check_start(assembly: Assembly, memory: Work, state: State, limits: Limits)
             row = rows[wrong[0]]
             a, b = assembly.names[int(row["body_a"])], assembly.names[int(row["body_b"])]
             raise InputError(
-                f"bodies {a} and {b} start {what} by {abs(sizes[wrong[0]]):.3g} and violate their constraint; "
+                f"bodies {a} and {b} start {what} by {number(abs(sizes[wrong[0]]))} and violate their constraint; "
                 "give them positions and velocities that satisfy it"
             )
 
@@ -280,7 +281,7 @@ def _stopped(assembly: Assembly, memory: Work, outcome: Outcome, time: float) ->
     left = not size <= RUNAWAY
     reason = {
         Outcome.DIVERGED: "the motion left all bounds" if left else "the iteration of a step did not converge",
-        Outcome.STEP_LIMIT: f"the step size fell to {size:.3g}",
+        Outcome.STEP_LIMIT: f"the step size fell to {number(size)}",
         Outcome.EVALUATION_LIMIT: f"budget used up after {int(memory.counters[EVALUATIONS])} force evaluations",
     }[outcome]
     return f"{reason} at t = {time:.6g}, body {body}"
@@ -305,12 +306,12 @@ def _inspect(assembly: Assembly, passage: Passage, limits: Limits) -> _Checks:
         checks.penetration = max(checks.penetration, float(deepest))
         if share > limits.penetration:
             at = f"at t = {passage.states[1 + state].time:.6g}, body {assembly.names[int(body)]}"
-            checks.fail(Outcome.INACCURATE, f"a penetration of {depth:.3g} is outside the contact law {at}")
+            checks.fail(Outcome.INACCURATE, f"a penetration of {number(depth)} is outside the contact law {at}")
     drifts = passage.drifts[1:]
     drifted = np.flatnonzero(~(drifts <= limits.drift * assembly.scene.length_scale))
     if drifted.size:
         at = f"at t = {passage.states[1 + drifted[0]].time:.6g}"
-        checks.fail(Outcome.INACCURATE, f"constraints have drifted by {drifts[drifted[0]]:.3g} {at}")
+        checks.fail(Outcome.INACCURATE, f"constraints have drifted by {number(drifts[drifted[0]])} {at}")
     return checks
 
 
@@ -326,7 +327,7 @@ def _judge(
         return math.nan, _energy_balance(limits, checks, balance)
     found = difference(assembly, again, ways)
     if not found.size * error_over_difference(order, controlled) <= limits.error:
-        text = f"half the step changes the motion by {100 * found.size:.3g} % of the {found.way}"
+        text = f"half the step changes the motion by {number(100 * found.size)} % of the {found.way}"
         body = assembly.names[found.body]
         checks.fail(Outcome.INACCURATE, f"{text}, most after t = {found.begin:.6g}, body {body}")
     elif whole:
@@ -341,7 +342,7 @@ def _energy_balance(limits: Limits, checks: _Checks, balance: EnergyBalance) -> 
     missed = np.flatnonzero(~(shares <= limits.energy))
     if missed.size:
         share, time = 100 * shares[missed[0]], balance.times[missed[0]]
-        text = f"the energy balance does not account for {share:.3g} % of the converted energy at t = {time:.6g}"
+        text = f"the energy balance does not account for {number(share)} % of the converted energy at t = {time:.6g}"
         checks.fail(Outcome.INACCURATE, text)
     return balance.worst()
 
@@ -356,6 +357,6 @@ def _reversals(assembly: Assembly, memory: Work, limits: Limits, time: float, ch
     if share > limits.reversals:
         contacts = assembly.tables.contacts
         owner = contacts["body_a"][np.searchsorted(contacts["first"], worst // WIDTH, side="right") - 1]
-        text = f"slip reverses from step to step over {100 * share:.3g} % of its path up to t = {time:.6g}"
+        text = f"slip reverses from step to step over {number(100 * share)} % of its path up to t = {time:.6g}"
         checks.fail(Outcome.INACCURATE, f"{text}, body {assembly.names[int(owner)]}")
     return share
