@@ -23,7 +23,6 @@ from tripod_doe.errors import InputError
 
 if TYPE_CHECKING:
     from tripod_doe.simulator import Parameter, Simulator
-    from tripod_doe.study.simulate import SimulatedPoint
 
 
 __all__ = ["COMMANDS"]
@@ -147,31 +146,8 @@ def _simulate(options: argparse.Namespace) -> int:
         if getattr(options, name) is not None
     }
     point = simulate_point(options.scene, **given)
-    print(json.dumps(_point_answer(point), allow_nan=False) if options.format == "json" else point_table(point))
+    print(json.dumps(point.record(), allow_nan=False) if options.format == "json" else point_table(point))
     return DONE if point.outcome is Outcome.FINISHED else SOME_FAILED
-
-
-def _point_answer(point: SimulatedPoint) -> dict[str, Any]:
-    """A simulated point for programs; outputs are null where the point did not get that far."""
-    usual = [name for name, output in point.simulator.outputs.items() if not output.on_request]
-    outputs = {name: _plain(values.data.tolist()) for name, values in point.outputs.items()}
-    return {
-        "scene": point.simulator.name,
-        "parameters": point.parameters,
-        **(dict.fromkeys(usual) | outputs),
-        "coordinates": {name: _plain(labels.tolist()) for name, labels in point.coordinates.items()},
-        "outcome": point.outcome.label,
-        "outcome_detail": point.detail,
-        "model_notes": point.model_notes,
-        "cost": point.cost,
-    }
-
-
-def _plain(value: Any) -> Any:
-    """Numbers and lists for JSON, NaN as None."""
-    if isinstance(value, list):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _compare(options: argparse.Namespace) -> int:

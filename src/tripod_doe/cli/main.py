@@ -1,4 +1,4 @@
-"""The command line: run, plan, query, simulate, report, workflow, compare, schema, init, completion.
+"""The command line: run, plan, query, simulate, report, workflow, compare, serve, schema, init, completion.
 
 Answers go to standard output; progress and messages go to standard error. Exit codes: 0 done, 1 internal error,
 2 wrong call or input (nothing started), 3 done, but something failed that was not expected, 130 interrupted.
@@ -12,7 +12,7 @@ import traceback
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-from tripod_doe.cli import answers, starting, studies
+from tripod_doe.cli import answers, serving, starting, studies
 from tripod_doe.cli.parser import DONE, INTERNAL, WRONG_INPUT, Parser
 from tripod_doe.errors import InputError, TripodDoeError, speaking_of_options
 from tripod_doe.interrupts import INTERRUPTED, check_interrupt, leave_interrupted, take_interrupts
@@ -20,7 +20,7 @@ from tripod_doe.interrupts import INTERRUPTED, check_interrupt, leave_interrupte
 __all__ = ["build_parser", "main"]
 
 
-COMMANDS = {**studies.COMMANDS, **answers.COMMANDS, **starting.COMMANDS}
+COMMANDS = {**studies.COMMANDS, **answers.COMMANDS, **serving.COMMANDS, **starting.COMMANDS}
 """All commands by the word that calls them, in the order of the help."""
 
 

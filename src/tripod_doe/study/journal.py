@@ -26,6 +26,7 @@ __all__ = [
     "SCHEMA",
     "SHOWN",
     "FinishedBlock",
+    "FinishedEnds",
     "Journal",
     "is_whole",
     "journal_path",
@@ -78,6 +79,23 @@ class FinishedBlock:
     cpu_seconds: float
     wall_seconds: float
     worker: str
+
+
+@dataclass(frozen=True)
+class FinishedEnds:
+    """How the points of a block ended.
+
+    Attributes
+    ----------
+    keys, outcomes
+        Fingerprints and outcomes of its points, shape (point,).
+    cpu_seconds
+        Of the whole block.
+    """
+
+    keys: NDArray[np.void]
+    outcomes: NDArray[np.int8]
+    cpu_seconds: float
 
 
 class Journal:
@@ -162,6 +180,15 @@ class Journal:
         """Fingerprints of all committed points, in order of their commits; one that was run again stands twice."""
         rows = self._connection.execute("SELECT keys FROM block ORDER BY id")
         return np.frombuffer(b"".join(row[0] for row in rows), dtype="V16")
+
+    def ends(self, after: int = 0) -> Iterator[tuple[int, FinishedEnds]]:
+        """How the points of the blocks after a given one ended, oldest first; their outputs are not read."""
+        rows = self._connection.execute(
+            "SELECT id, keys, payload, cpu_seconds FROM block WHERE id > ? ORDER BY id", (after,)
+        )
+        for number, keys, payload, cpu in rows:
+            with np.load(io.BytesIO(payload), allow_pickle=False) as archive:
+                yield number, FinishedEnds(np.frombuffer(keys, "V16"), archive["outcome"], cpu)
 
     def blocks(self) -> Iterator[FinishedBlock]:
         """All committed blocks, oldest first, one at a time."""

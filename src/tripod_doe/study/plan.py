@@ -101,7 +101,7 @@ class Plan:
         return "\n".join(lines + [f"warning      {text}" for text in self.warnings])
 
 
-def plan(study: Study | str | Path, timing: bool = True) -> Plan:
+def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False) -> Plan:
     """Count the points of a study and time a few of them, for at most ten seconds.
 
     Parameters
@@ -110,6 +110,8 @@ def plan(study: Study | str | Path, timing: bool = True) -> Plan:
         What is planned: a study or its file. Nothing is written and no cluster is started.
     timing
         Whether to time points, in a process of its own.
+    recorded
+        Whether recorded prices stand in where nothing is timed.
     """
     if not isinstance(study, Study):
         study = load_study(study)
@@ -119,8 +121,8 @@ def plan(study: Study | str | Path, timing: bool = True) -> Plan:
     different = np.flatnonzero(points.allowed)[rows]
     able, foreseen = _foreseen(study, points, different)
     timed, prices = 0, np.array([])
-    if able.size and timing and study.accuracy is None:
-        seconds = time_points(study, _TIMING_SECONDS)
+    if able.size and study.accuracy is None and (timing or recorded):
+        seconds = time_points(study, _TIMING_SECONDS) if timing else []
         timed, prices = len(seconds), np.array(seconds) if seconds else _recorded_prices(study, points, able)
     hours, blocks = None, None
     models = model_records(study, points, {})

@@ -26,6 +26,7 @@ if TYPE_CHECKING:  # the command line answers without xarray
 __all__ = [
     "Selection",
     "answer_format",
+    "cell_count",
     "narrowed",
     "parse_selection",
     "query",
@@ -171,6 +172,16 @@ def records(
     columns |= {name: chosen.column(name) for name in chosen.coordinates if dims}
     columns |= {name: chosen.column(name) for name in chosen.variables}
     return {name: column[kept] for name, column in columns.items()}
+
+
+def cell_count(
+    cube: CubeArrays,
+    variable: str,
+    select: Mapping[str, Chosen] | Sequence[Selection | str] = (),
+    nearest: bool = False,
+) -> int:
+    """Number of cells that a selection leaves; only coordinates are read for it."""
+    return math.prod(_choose(cube, variable, select, nearest).shape)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -58,6 +59,28 @@ class SimulatedPoint:
     detail: str
     cost: Mapping[str, float]
     model_notes: tuple[str, ...] = ()
+
+    def record(self) -> dict[str, Any]:
+        """The point for programs, as JSON takes it; outputs are None where the point did not get that far."""
+        usual = [name for name, output in self.simulator.outputs.items() if not output.on_request]
+        outputs = {name: _plain(values.data.tolist()) for name, values in self.outputs.items()}
+        return {
+            "scene": self.simulator.name,
+            "parameters": self.parameters,
+            **(dict.fromkeys(usual) | outputs),
+            "coordinates": {name: _plain(labels.tolist()) for name, labels in self.coordinates.items()},
+            "outcome": self.outcome.label,
+            "outcome_detail": self.detail,
+            "model_notes": self.model_notes,
+            "cost": self.cost,
+        }
+
+
+def _plain(value: Any) -> Any:
+    """Numbers and lists for JSON, NaN as None."""
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def simulate_point(scene: str = "joint", **parameters: Any) -> SimulatedPoint:

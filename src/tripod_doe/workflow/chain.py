@@ -34,6 +34,7 @@ from tripod_doe.study.results import open_cube
 from tripod_doe.workflow.definition import Step, Workflow, fed_study, load_workflow
 from tripod_doe.workflow.file import AnalysisStep, FigureStep, ReportStep, StudyStep
 from tripod_doe.workflow.run import run_on
+from tripod_doe.workflow.steps_file import write_steps
 
 __all__ = ["WorkflowSummary", "run_workflow"]
 
@@ -149,6 +150,7 @@ class _Chain:
         self.workflow, self.directory = workflow, directory
         self.retry_failed, self.progress = retry_failed, progress
         self._execution = execution
+        self._told: dict[str, dict[str, object]] = {}
 
     def run(self, wanted: list[str]) -> dict[str, StepView]:
         """Run these steps as one Dask graph; each task gets the views of the steps that it needs."""
@@ -192,6 +194,7 @@ class _Chain:
             return self._tell(self.view(step, "blocked", detail=f"needs {', '.join(stopped)}"))
         if not lacking and (view := self.recorded(step)):
             return self._tell(view)
+        self._note(self.view(step, "running"))
         started = time.perf_counter()
         try:
             detail = self._make(step)
@@ -223,7 +226,13 @@ class _Chain:
         if self.progress:
             time_text = f" in {duration(view.seconds)}" if view.state in ("finished", "failed") and view.seconds else ""
             print(f"{view.name}: {view.state}{time_text}{': ' if view.detail else ''}{view.detail}", file=sys.stderr)
+        self._note(view)
         return view
+
+    def _note(self, view: StepView) -> None:
+        """Leave the state of a step for those who watch."""
+        self._told[view.name] = {key: getattr(view, key) for key in ("name", "state", "seconds", "detail")}
+        write_steps(self.directory, self._told.values())
 
     def _make(self, step: Step) -> str:
         """Run a step and say in a few words what it made."""

@@ -1,0 +1,137 @@
+"""A process that answers questions of the server: one JSON line in, one JSON line and perhaps bytes out.
+
+Questions are the functions of `QUESTIONS`. They call what the command line calls, so the numbers are the same.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable, Mapping
+from io import BufferedWriter, TextIOWrapper
+from pathlib import Path
+from typing import IO, Any, cast
+
+from tripod_doe.errors import InputError, TripodDoeError
+from tripod_doe.service.limits import Limits
+from tripod_doe.service.problems import ForbiddenError, TooLargeError
+from tripod_doe.service.uploads import WORKFLOW, check_upload, write_upload
+from tripod_doe.study.child_process import answers
+
+__all__ = ["QUESTIONS"]
+
+Answer = tuple[Any, bytes]
+
+
+def plan(main: str, texts: dict[str, str], limits: dict[str, Any], timing: bool) -> Answer:
+    """Price of an uploaded study or workflow; see `plans`."""
+    from tripod_doe.service.plans import plan_upload
+
+    allowed = Limits(**limits)
+    check_upload(texts, allowed)
+    with tempfile.TemporaryDirectory(prefix="tripod-doe-") as name:
+        folder = Path(name) / "upload"
+        write_upload(folder, texts)
+        return _in_folder(folder, lambda: plan_upload(folder, main, allowed, timing)), b""
+
+
+def check(folder: str, texts: dict[str, str], limits: dict[str, Any]) -> Answer:
+    """Check an upload that is written into its folder, and count its points."""
+    from tripod_doe.service.plans import plan_upload
+
+    allowed = Limits(**limits)
+    check_upload(texts, allowed)
+    main = WORKFLOW if WORKFLOW in texts else "study.toml"
+    return _in_folder(Path(folder), lambda: plan_upload(Path(folder), main, allowed, timing=False)), b""
+
+
+def simulate(scene: str, parameters: dict[str, Any]) -> Answer:
+    """One point, as ``simulate --format json`` gives it."""
+    from tripod_doe.study.simulate import simulate_point
+
+    return simulate_point(scene, **parameters).record(), b""
+
+
+def query(
+    path: str, variable: str, select: list[str], nearest: bool, where: str | None, form: str, cells: int
+) -> Answer:
+    """Cells of a cube as ``query`` gives them: JSON or CSV text, or the bytes of a netCDF file."""
+    from tripod_doe.study.arrays import opened_arrays
+    from tripod_doe.study.query import cell_count, narrowed, records, records_text
+    from tripod_doe.study.query import query as cells_of
+
+    with opened_arrays(path) as cube:
+        count = cell_count(cube, variable, select, nearest)
+        if count > cells:
+            raise TooLargeError(f"select: {count:,} cells; at most {cells:,} are sent in one answer: select fewer")
+        if form != "netcdf":
+            columns = records(cube, variable, select, nearest, where)
+            return None, records_text(columns, form).encode()
+    return None, _netcdf_bytes(narrowed(cells_of(path, variable, select, nearest, where)))
+
+
+def cube(path: str) -> Answer:
+    """The cube of a run so far, as the bytes of a netCDF file."""
+    from tripod_doe.study.results import cube_so_far
+
+    return None, _netcdf_bytes(cube_so_far(Path(path)))
+
+
+def _netcdf_bytes(dataset: Any) -> bytes:
+    from tripod_doe.study.netcdf import write_dataset
+
+    with tempfile.TemporaryDirectory(prefix="tripod-doe-") as name:
+        path = Path(name) / "answer.nc"
+        write_dataset(dataset, path)
+        return path.read_bytes()
+
+
+QUESTIONS: Mapping[str, Callable[..., Answer]] = {
+    function.__name__: function for function in (plan, check, simulate, query, cube)
+}
+"""Questions by name."""
+
+
+def _in_folder(folder: Path, step: Callable[[], Any]) -> Any:
+    """Run a step; its sentences speak of uploaded files by their plain names."""
+    try:
+        return step()
+    except InputError as error:
+        raise type(error)(str(error).replace(f"{folder}/", "")) from error
+
+
+def _answer(asked: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
+    try:
+        answer, data = QUESTIONS[asked["question"]](**asked["arguments"])
+        return {"answer": answer, "bytes": len(data)}, data
+    except ForbiddenError as error:
+        kind, text = "forbidden", str(error)
+    except TooLargeError as error:
+        kind, text = "too large", str(error)
+    except InputError as error:
+        kind, text = "input", str(error)
+    except MemoryError:
+        kind, text = "too large", "the answer needs more memory than is allowed here"
+    except TripodDoeError as error:
+        kind, text = "other", str(error)
+    except Exception as error:
+        traceback.print_exc()
+        kind, text = "other", f"{type(error).__name__}: {error}"
+    return {"error": kind, "text": text, "bytes": 0}, b""
+
+
+def _serve(requests: IO[str], stream: BufferedWriter) -> None:
+    for line in requests:
+        head, data = _answer(json.loads(line))
+        stream.write(json.dumps(head, allow_nan=False).encode() + b"\n" + data)
+        stream.flush()
+
+
+if __name__ == "__main__":
+    most = int(sys.argv[1])
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+    stream = cast(TextIOWrapper, answers())  # it closes when nothing refers to it
+    _serve(sys.stdin, cast(BufferedWriter, stream.buffer))

@@ -1,0 +1,135 @@
+"""The web application: the interface under ``/api/v1`` behind its guard."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from importlib.metadata import version
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from starlette.exceptions import HTTPException
+from starlette.responses import JSONResponse
+
+from tripod_doe.errors import InputError, StorageError
+from tripod_doe.service.desk import DeskBusyError, DeskFailedError
+from tripod_doe.service.problems import ForbiddenError, Problem, RefusedError, TooLargeError, problems_of
+from tripod_doe.service.routes import results, runs, studies
+from tripod_doe.service.security import API, BODY, Guard
+from tripod_doe.service.service import Service
+from tripod_doe.service.settings import Settings
+from tripod_doe.service.uploads import upload_texts
+
+__all__ = ["create_app"]
+
+log = logging.getLogger(__name__)
+
+
+def create_app(settings: Settings) -> FastAPI:
+    """The application of a server.
+
+    Parameters
+    ----------
+    settings
+        Of the server; its folder must exist.
+
+    Returns
+    -------
+    fastapi.FastAPI
+        ``app.state.service`` is its `Service`, which starts and ends with it.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be used.
+    """
+    service = Service(settings)
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        service.runs.events.attach(asyncio.get_running_loop())
+        service.start()
+        yield
+        await asyncio.to_thread(service.close)
+
+    app = FastAPI(
+        title="tripod-doe",
+        version=version("tripod-doe"),
+        description="Parameter studies for the thrust force of tripod joints.",
+        openapi_url=f"{API}/openapi.json",
+        docs_url=None,  # its pages load scripts from elsewhere
+        redoc_url=None,
+        lifespan=lifespan,
+    )
+    app.state.service = service
+    for module in (studies, runs, results):
+        app.include_router(module.router, prefix=API)
+    app.add_middleware(Guard, settings=settings)
+    _add_error_answers(app)
+    return app
+
+
+def _add_error_answers(app: FastAPI) -> None:
+    """Every error is a list of problems, never a traceback."""
+
+    def answer(refusal: RefusedError) -> JSONResponse:
+        return JSONResponse(refusal.answer(), refusal.status, refusal.headers)
+
+    async def refused(request: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, RefusedError)
+        return answer(error)
+
+    async def wrong_input(request: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, InputError)
+        status = 403 if isinstance(error, ForbiddenError) else 413 if isinstance(error, TooLargeError) else 422
+        return answer(RefusedError(status, *problems_of(error, _texts(request))))
+
+    async def wrong_form(request: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, RequestValidationError)
+        return answer(RefusedError(422, *(_form_problem(item) for item in error.errors())))
+
+    async def no_route(request: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, HTTPException)
+        return answer(RefusedError(error.status_code, str(error.detail), headers=dict(error.headers or {})))
+
+    async def full_disk(request: Request, error: Exception) -> JSONResponse:
+        return answer(RefusedError(503, str(error)))
+
+    async def busy(request: Request, error: Exception) -> JSONResponse:
+        told = "all processes that answer are at work: ask again in a moment"
+        return answer(RefusedError(503, told, headers={"retry-after": "5"}))
+
+    async def failed(request: Request, error: Exception) -> JSONResponse:
+        known = error if not isinstance(error, DeskFailedError) else None
+        log.error("%s %s: %s", request.method, request.url.path, error, exc_info=known)
+        return answer(RefusedError(500, "internal error; the server's standard error says more"))
+
+    app.add_exception_handler(RefusedError, refused)
+    app.add_exception_handler(InputError, wrong_input)
+    app.add_exception_handler(RequestValidationError, wrong_form)
+    app.add_exception_handler(HTTPException, no_route)
+    app.add_exception_handler(StorageError, full_disk)
+    app.add_exception_handler(DeskBusyError, busy)
+    app.add_exception_handler(DeskFailedError, failed)
+    app.add_exception_handler(Exception, failed)
+
+
+def _texts(request: Request) -> dict[str, str]:
+    """The texts that a request uploaded, to find lines and columns in."""
+    try:
+        return upload_texts(json.loads(request.scope.get(BODY, b"")))[1]
+    except (ValueError, KeyError, TypeError, AttributeError, InputError):  # it uploads none
+        return {}
+
+
+def _form_problem(item: dict[str, Any]) -> Problem:
+    """A complaint of pydantic about a request's form."""
+    place = [str(part) for part in item["loc"] if part not in ("body", "query", "path", "header")]
+    key = ".".join(place) or None
+    value = item.get("input") if isinstance(item.get("input"), str | int | float | bool) else None
+    told = item["msg"][0].lower() + item["msg"][1:]
+    return Problem(f"{key}: {told}" if key else told, key, value)

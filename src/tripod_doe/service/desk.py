@@ -1,0 +1,167 @@
+"""Processes that answer: plans, simulated points, queries and comparisons never run in the server's own process.
+
+A kernel, a large cube or an evil expression then neither stops the server nor takes its memory: an answer that takes
+too long ends with its process, and the next question gets a fresh one.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import signal
+import subprocess
+import threading
+from contextlib import suppress
+from io import BufferedReader, TextIOWrapper
+from typing import Any, cast
+
+from tripod_doe.errors import InputError
+from tripod_doe.service.limits import Limits
+from tripod_doe.service.problems import ForbiddenError, TooLargeError
+from tripod_doe.study.child_process import start_child
+
+__all__ = ["Desk", "DeskBusyError", "DeskFailedError"]
+
+_WORKER = "tripod_doe.service.answering"
+_ERRORS = {"input": InputError, "forbidden": ForbiddenError, "too large": TooLargeError}
+
+
+class DeskBusyError(Exception):
+    """All processes that answer are at work, and stayed so."""
+
+
+class DeskFailedError(Exception):
+    """A process that answers failed for a reason that is not the client's."""
+
+
+class Desk:
+    """Processes that answer questions, started when they are first needed.
+
+    Parameters
+    ----------
+    count
+        Number of processes.
+    limits
+        What they take.
+    patience
+        Seconds for which a question waits for a process that is free.
+    """
+
+    def __init__(self, count: int, limits: Limits, patience: float = 30.0) -> None:
+        self._limits, self._patience = limits, patience
+        self._free: queue.LifoQueue[_Clerk] = queue.LifoQueue()
+        self._clerks = [_Clerk(limits) for _ in range(count)]
+        for clerk in self._clerks:
+            self._free.put(clerk)
+
+    def ask(self, question: str, seconds: float, **arguments: Any) -> tuple[Any, bytes]:
+        """Ask one of the functions of `answering` by its name.
+
+        Parameters
+        ----------
+        question
+            The function's name.
+        seconds
+            Time for the answer.
+        **arguments
+            Its arguments, as JSON takes them.
+
+        Returns
+        -------
+        tuple
+            The answer, and the bytes that come with it.
+
+        Raises
+        ------
+        InputError, ForbiddenError, TooLargeError
+            What the function raised; TooLargeError also where the answer takes too long.
+        DeskBusyError
+            If no process becomes free in time.
+        DeskFailedError
+            If the process failed.
+        """
+        try:
+            clerk = self._free.get(timeout=self._patience)
+        except queue.Empty as error:
+            raise DeskBusyError from error
+        try:
+            return clerk.ask(question, seconds, arguments)
+        finally:
+            self._free.put(clerk)
+
+    def warm(self) -> None:
+        """Start one process, so that the first question need not wait for it."""
+        self._clerks[-1].start()
+
+    def close(self) -> None:
+        """End all processes."""
+        for clerk in self._clerks:
+            clerk.end()
+
+
+class _Clerk:
+    """One process that answers, one question at a time; a new one takes its place when it ends."""
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+        self._process: subprocess.Popen[str] | None = None
+        self._starting = threading.Lock()
+
+    def start(self) -> subprocess.Popen[str]:
+        """The process, started if there is none."""
+        with self._starting:
+            if self._process is None or self._process.poll() is not None:
+                self._process = start_child(_WORKER, str(self._limits.memory_bytes), own_group=True)
+            return self._process
+
+    def end(self) -> None:
+        """End the process if there is one."""
+        if self._process is not None:
+            _kill(self._process)
+            self._process.communicate()
+            self._process = None
+
+    def ask(self, question: str, seconds: float, arguments: dict[str, Any]) -> tuple[Any, bytes]:
+        process = self.start()
+        late = threading.Event()
+
+        def stop() -> None:
+            late.set()
+            _kill(process)
+
+        timer = threading.Timer(seconds, stop)
+        timer.start()
+        try:
+            return _exchange(process, {"question": question, "arguments": arguments})
+        except (OSError, EOFError) as error:
+            self.end()
+            if late.is_set():
+                raise TooLargeError(f"{question}: no answer within {seconds:g} s, which is the limit here") from error
+            raise DeskFailedError(f"{question}: the process that answers has ended") from error
+        finally:
+            timer.cancel()
+
+
+def _kill(process: subprocess.Popen[str]) -> None:
+    """End a process and what it started; it leads a group of its own."""
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+
+
+def _exchange(process: subprocess.Popen[str], asked: dict[str, Any]) -> tuple[Any, bytes]:
+    assert process.stdin is not None
+    assert process.stdout is not None
+    process.stdin.write(json.dumps(asked) + "\n")
+    process.stdin.flush()
+    stream = cast(BufferedReader, cast(TextIOWrapper, process.stdout).buffer)
+    head = stream.readline()
+    if not head.endswith(b"\n"):
+        raise EOFError
+    answer = json.loads(head)
+    data = stream.read(answer["bytes"])
+    if len(data) < answer["bytes"]:
+        raise EOFError
+    if error := answer.get("error"):
+        raise _ERRORS.get(error, DeskFailedError)(answer["text"])
+    return answer["answer"], data

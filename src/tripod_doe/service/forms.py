@@ -1,0 +1,87 @@
+"""What the interface takes and gives, as pydantic models: the OpenAPI description is made from them."""
+
+from __future__ import annotations
+
+from typing import Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+__all__ = ["Errors", "Health", "PlanRequest", "RunRecord", "Submission"]
+
+
+class _Form(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Submission(_Form):
+    """A study or a workflow, with the files that it names."""
+
+    study: str | None = Field(None, description="text of a study file")
+    workflow: str | None = Field(None, description="text of a workflow file, in place of a study")
+    files: dict[str, str] = Field({}, description="texts of the files that it names, by their plain names")
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Self:
+        if (self.study is None) == (self.workflow is None):
+            raise ValueError("give either study or workflow")
+        return self
+
+
+class PlanRequest(Submission):
+    """What is to be planned."""
+
+    timing: bool = Field(True, description="time some points, for at most ten seconds; else use recorded prices")
+
+
+class Health(BaseModel):
+    """Sign of life."""
+
+    status: Literal["ok"]
+    version: str
+
+
+class Points(BaseModel):
+    """Points of a run by what became of them."""
+
+    total: int
+    finished: int
+    failed: int
+    missing: int
+
+
+class RunRecord(BaseModel):
+    """A run."""
+
+    model_config = ConfigDict(extra="allow")  # steps, where it is a workflow
+
+    id: str
+    name: str
+    kind: Literal["study", "workflow"]
+    question: str
+    state: Literal["queued", "running", "stopping", "stopped", "finished", "failed"]
+    message: str
+    points: Points
+    outcomes: dict[str, int]
+    cpu_seconds: float
+    eta_seconds: float | None
+    created: str
+    updated: str
+
+
+class ErrorRecord(BaseModel):
+    """One thing that is wrong."""
+
+    message: str
+    key: str | None = None
+    value: Any = None
+    line: int | None = None
+    column: int | None = None
+    near: str | None = None
+    file: str | None = None
+    table: str | None = None
+
+
+class Errors(BaseModel):
+    """Why a request is refused."""
+
+    errors: list[ErrorRecord]

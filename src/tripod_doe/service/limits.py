@@ -1,0 +1,51 @@
+"""What one request, one study and the queue may ask for; every limit is told beforehand, at ``GET /api/v1/limits``."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+__all__ = ["MEANINGS", "Limits"]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Largest values that the service takes; see `MEANINGS` for what each is."""
+
+    body_bytes: int = 256 * 1024
+    measurement_bytes: int = 16 * 1024 * 1024
+    nesting: int = 32
+    files: int = 50
+    points: int = 200_000
+    cube_bytes: int = 4_000_000_000
+    cpu_hours: float = 500.0
+    queued: int = 100
+    running: int = 2
+    cells: int = 2_000_000
+    query_seconds: float = 30.0
+    simulate_seconds: float = 300.0
+    memory_bytes: int = 8_000_000_000
+    streams: int = 1_000
+
+    def told(self) -> list[dict[str, Any]]:
+        """All limits with their meanings, for programs and for the page."""
+        return [{"name": name, "value": value, "meaning": MEANINGS[name]} for name, value in asdict(self).items()]
+
+
+MEANINGS = {
+    "body_bytes": "size of a request's body, all uploaded files included (bytes)",
+    "measurement_bytes": "size of a request's body with a measurement to compare (bytes)",
+    "nesting": "depth of brackets within each other in a request's JSON",
+    "files": "number of files uploaded with a study or a workflow",
+    "points": "points of a study, or of all studies of a workflow together",
+    "cube_bytes": "size of the cube of a study (bytes)",
+    "cpu_hours": "price of a study by its timed or recorded points (CPU-hours)",
+    "queued": "runs that wait in the queue",
+    "running": "runs at work at the same time",
+    "cells": "cells in the answer to a query",
+    "query_seconds": "time for the answer to a query, a comparison or a check (s)",
+    "simulate_seconds": "time for one simulated point, or for a plan with timing (s)",
+    "memory_bytes": "address space of a process that answers (bytes)",
+    "streams": "event streams open at the same time",
+}
+"""What each limit is."""

@@ -1,0 +1,125 @@
+"""Complaints as objects: the sentences of the command line with key, value, near match, line and column apart."""
+
+from __future__ import annotations
+
+import ast
+import re
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from tripod_doe.errors import InputError
+from tripod_doe.service.toml_places import Place, place_of
+
+__all__ = ["ForbiddenError", "Problem", "RefusedError", "TooLargeError", "problems_of"]
+
+_MESSAGE = re.compile(
+    r"(?:\[(?P<table>[^\]\s]+)\]:? ?)?(?:(?P<key>[A-Za-z_][\w.-]*) ?= ?(?P<value>.+?): )?(?P<told>.*)", re.DOTALL
+)
+_NAMED = re.compile(r"unknown (?:key|parameter|output|name) '([^']+)'|^([\w.-]+) is (?:missing|both)|^([\w-]+): ")
+_NEAR = re.compile(r"did you mean '([^']+)'")
+_AT = re.compile(r"\(at line (\d+), column (\d+)\)")
+_TABLES = {"designs": "design"}  # as the checked form calls them, and as a file writes them
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong with a request.
+
+    Attributes
+    ----------
+    message
+        The whole sentence.
+    key, value
+        What it is about, as it was written.
+    near
+        The known name that was probably meant.
+    line, column
+        Where it stands in its file, counted from 1.
+    file, table
+        The uploaded file and the table in it.
+    """
+
+    message: str
+    key: str | None = None
+    value: Any = None
+    line: int | None = None
+    column: int | None = None
+    near: str | None = None
+    file: str | None = None
+    table: str | None = None
+
+
+class RefusedError(Exception):
+    """A request that is answered by a status and a list of problems."""
+
+    def __init__(self, status: int, *problems: Problem | str, headers: dict[str, str] | None = None) -> None:
+        self.status = status
+        self.problems = [Problem(problem) if isinstance(problem, str) else problem for problem in problems]
+        self.headers = headers or {}
+        super().__init__(f"{status}: {'; '.join(problem.message for problem in self.problems)}")
+
+    def answer(self) -> dict[str, Any]:
+        """The body of the answer."""
+        return {"errors": [asdict(problem) for problem in self.problems]}
+
+
+class ForbiddenError(InputError):
+    """Something in an uploaded file that the service does not do for anybody (status 403)."""
+
+
+class TooLargeError(InputError):
+    """Something that goes beyond a limit of the service (status 413)."""
+
+
+def problems_of(error: InputError | str, texts: dict[str, str]) -> list[Problem]:
+    """Take the sentences of an error apart.
+
+    Parameters
+    ----------
+    error
+        What was raised, or its text; one complaint a line.
+    texts
+        Uploaded files by name; a sentence about one starts with its name.
+    """
+    return [_problem(line, texts) for line in str(error).split("\n") if line.strip()]
+
+
+def _problem(line: str, texts: dict[str, str]) -> Problem:
+    file, told = None, line
+    while (name := next((name for name in texts if told.startswith(f"{name}: ")), None)) is not None:
+        file, told = name, told.removeprefix(f"{name}: ")  # a workflow's sentence goes on with that of its study
+    match = _MESSAGE.fullmatch(told)
+    assert match is not None
+    table, key, value, rest = match["table"], match["key"], match["value"], match["told"]
+    if key is None and (named := _NAMED.search(rest)):
+        key = next(name for name in named.groups() if name)
+    path = table.split(".") if table else []
+    path[:1] = [_TABLES.get(name, name) for name in path[:1]]
+    place = _place(told, texts.get(file or ""), [*path, *(key.split(".") if key else [])])
+    near = _NEAR.search(rest)
+    return Problem(
+        told, key or (path[-1] if path else None), _value(value), *place, near[1] if near else None, file, table
+    )
+
+
+def _place(told: str, text: str | None, path: list[str]) -> tuple[int | None, int | None]:
+    place: Place | None = None
+    if at := _AT.search(told):
+        place = Place(int(at[1]), int(at[2]))
+    elif text is not None and told.endswith("(at end of document)"):
+        lines = text.split("\n")
+        place = Place(len(lines), len(lines[-1]) + 1)
+    elif text is not None and path:
+        place = place_of(text, path)
+    return (place.line, place.column) if place else (None, None)
+
+
+def _value(written: str | None) -> Any:
+    """A value as a message repeats it, as a value again; what is no literal stays text."""
+    if written is None:
+        return None
+    try:
+        value = ast.literal_eval(written)
+    except (ValueError, SyntaxError, MemoryError, RecursionError):
+        return written
+    return value if isinstance(value, str | int | float | bool) else written

@@ -1,0 +1,133 @@
+"""The processes of runs: started to outlive the server, found again, and stopped.
+
+A run holds an open file that is locked before it starts: the lock ends with its process, however that ends, so it
+tells without any doubt whether the run is alive, for this server and for the next one.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+import psutil
+
+from tripod_doe.errors import InputError
+
+__all__ = ["LOG", "is_alive", "is_held", "kill_run", "last_words", "start_run", "stop_run"]
+
+LOG = "run.log"
+"""File of a result directory with what the latest run of it said."""
+
+_ALIVE = ".alive"
+_NICE = 5  # answers come before points: a page must not wait for a study
+_LAST_BYTES = 4096
+
+
+def start_run(directory: Path, words: Sequence[str]) -> subprocess.Popen[bytes]:
+    """Start our own command line on a result directory, in a session of its own.
+
+    Parameters
+    ----------
+    directory
+        The result directory; the lock and the log are made in it.
+    words
+        Arguments of ``tripod-doe``; they name the directory after ``--out``.
+
+    Raises
+    ------
+    InputError
+        If a run of this directory is alive, or it cannot be started.
+    """
+    try:
+        lock = os.open(directory / _ALIVE, os.O_CREAT | os.O_RDWR, 0o644)
+    except OSError as error:
+        raise InputError(f"{directory}: cannot write here: {error.strerror}") from error
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        with (directory / LOG).open("wb") as log:
+            process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "tripod_doe.cli", *words],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+                pass_fds=(lock,),  # the child holds the lock; what it starts itself does not
+                env=os.environ | {"PYTHONPATH": os.pathsep.join(place or os.getcwd() for place in sys.path)},
+            )
+    except BlockingIOError as error:
+        raise InputError(f"{directory}: a run is at work here") from error
+    except OSError as error:
+        raise InputError(f"{directory}: cannot start a run here: {error.strerror}") from error
+    finally:
+        os.close(lock)
+    with suppress(OSError):
+        os.setpriority(os.PRIO_PGRP, process.pid, _NICE)
+    return process
+
+
+def is_alive(directory: Path) -> bool:
+    """Whether a run that this service or an earlier one started is alive."""
+    return _locked(directory / _ALIVE)
+
+
+def is_held(directory: Path) -> bool:
+    """Whether any process computes into a result directory, one that was started by hand included."""
+    return is_alive(directory) or _locked(directory / ".lock")
+
+
+def _locked(path: Path) -> bool:
+    try:
+        probe = os.open(path, os.O_RDONLY)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(probe, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(probe)
+    return False
+
+
+def stop_run(directory: Path) -> bool:
+    """Ask the run of a directory to end after what it is doing, as Ctrl-C does; gives whether one was found."""
+    return _signal(directory, signal.SIGINT)
+
+
+def kill_run(directory: Path) -> bool:
+    """End the run of a directory and all processes that it started; gives whether one was found."""
+    return _signal(directory, signal.SIGKILL)
+
+
+def _signal(directory: Path, number: signal.Signals) -> bool:
+    found = False
+    for process in psutil.process_iter(["cmdline"]):
+        words = process.info["cmdline"] or []
+        if "tripod_doe.cli" in words and str(directory) in words:
+            found = True
+            with suppress(ProcessLookupError, PermissionError):
+                if number is signal.SIGKILL:
+                    os.killpg(process.pid, number)  # it leads a group of its own
+                else:
+                    os.kill(process.pid, number)
+    return found
+
+
+def last_words(directory: Path) -> str:
+    """What the latest run of a directory said last: the line with its error, or its last line."""
+    try:
+        with (directory / LOG).open("rb") as log:
+            log.seek(0, os.SEEK_END)
+            log.seek(max(0, log.tell() - _LAST_BYTES))
+            text = log.read().decode("utf-8", "replace")
+    except OSError:
+        return ""
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    own = [line.removeprefix("tripod-doe: ") for line in lines if line.startswith("tripod-doe: ")]
+    return (own or lines or [""])[-1].replace(f"{directory}{os.sep}", "")

@@ -1,0 +1,89 @@
+"""How far runs are: points by outcome and CPU seconds, counted from the journals as blocks are committed."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections import Counter
+from collections.abc import Collection, Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+from tripod_doe.simulator import Outcome
+from tripod_doe.study.journal import Journal, journal_path
+
+__all__ = ["PointCounts", "Progress"]
+
+
+@dataclass(frozen=True)
+class PointCounts:
+    """Points of a run.
+
+    Attributes
+    ----------
+    total
+        Points to compute: repeated ones count once, excluded ones not at all.
+    finished
+        Points that ended well: finished, or with an outcome that the study expects.
+    failed
+        All others that have ended.
+    outcomes
+        Points by the label of their outcome.
+    cpu_seconds
+        Time of all of them, those that ran again counted each time.
+    """
+
+    total: int
+    finished: int = 0
+    failed: int = 0
+    outcomes: Mapping[str, int] | None = None
+    cpu_seconds: float = 0.0
+
+    @property
+    def missing(self) -> int:
+        """Points that have not ended."""
+        return max(0, self.total - self.finished - self.failed)
+
+
+class Progress:
+    """The points of one result directory, read from its journal as far as they are new.
+
+    Parameters
+    ----------
+    directory
+        The result directory of a study.
+    total
+        Points to compute.
+    expected
+        Outcomes besides finished that do not count as failures.
+    """
+
+    def __init__(self, directory: Path, total: int, expected: Collection[str] = ()) -> None:
+        self._directory, self._total = directory, total
+        self._good = {"finished", *expected}
+        self._last = 0
+        self._ends: dict[bytes, int] = {}
+        self._counts: Counter[int] = Counter()
+        self._cpu_seconds = 0.0
+
+    def read(self) -> PointCounts:
+        """Count what is there now; a journal that is not there yet, or busy, leaves what was counted before."""
+        if journal_path(self._directory).is_file():
+            try:
+                with closing(Journal(self._directory, read_only=True)) as journal:
+                    self._add(journal)
+            except sqlite3.Error:
+                pass
+        outcomes = {Outcome(number).label: count for number, count in self._counts.items() if count}
+        good = sum(count for label, count in outcomes.items() if label in self._good)
+        return PointCounts(self._total, good, sum(outcomes.values()) - good, outcomes, self._cpu_seconds)
+
+    def _add(self, journal: Journal) -> None:
+        for number, ends in journal.ends(self._last):
+            for key, outcome in zip(ends.keys, ends.outcomes.tolist(), strict=True):
+                fingerprint = key.tobytes()
+                if (earlier := self._ends.get(fingerprint)) is not None:
+                    self._counts[earlier] -= 1
+                self._ends[fingerprint] = outcome
+                self._counts[outcome] += 1
+            self._last, self._cpu_seconds = number, self._cpu_seconds + ends.cpu_seconds

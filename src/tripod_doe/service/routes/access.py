@@ -1,0 +1,44 @@
+"""What routes share: the service behind them, and the answers that any of them may give."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import Depends, Request
+
+from tripod_doe.service.forms import Errors
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.service import Service
+
+__all__ = ["CHANGES", "REFUSALS", "AnyService", "WritingService", "errors_at"]
+
+
+def errors_at(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """Statuses with a list of errors, for the description of a route."""
+    return {status: {"model": Errors} for status in statuses}
+
+
+REFUSALS = errors_at(400, 401, 413, 422, 500, 503)
+"""What any route may answer."""
+
+CHANGES = errors_at(403, 408, 409, 415)
+"""What routes that change something may answer as well."""
+
+
+def _service(request: Request) -> Service:
+    service: Service = request.app.state.service
+    return service
+
+
+AnyService = Annotated[Service, Depends(_service)]
+"""The service behind a route."""
+
+
+def _writing_service(service: AnyService) -> Service:
+    if service.settings.read_only:
+        raise RefusedError(403, "this server was started with --read-only: it changes nothing")
+    return service
+
+
+WritingService = Annotated[Service, Depends(_writing_service)]
+"""The service behind a route that changes something; refused (403) where the server is read-only."""

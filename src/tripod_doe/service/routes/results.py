@@ -1,0 +1,88 @@
+"""Routes about results: cells, cubes, analyses and reports of a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query
+from starlette.responses import FileResponse, RedirectResponse, Response
+
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.routes.access import REFUSALS, AnyService, errors_at
+from tripod_doe.service.service import Service
+from tripod_doe.study.results import is_shown
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404, 409))
+
+_TYPES = {"json": "application/json", "csv": "text/csv; charset=utf-8", "netcdf": "application/x-netcdf"}
+_REPORT_POLICY = (
+    "sandbox allow-scripts; default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; "
+    "frame-ancestors 'self'"
+)
+"""A report is one file with its own styles and script; in the sandbox they reach neither cookie nor interface."""
+
+Step = Annotated[str | None, Query(description="step of a workflow")]
+
+
+@router.get("/query", response_class=Response)
+def query(
+    run_id: str,
+    service: AnyService,
+    variable: str,
+    select: Annotated[list[str], Query(description="name=value, name=a,b,c or name=a:b; repeatable")] = [],  # noqa: B006
+    nearest: bool = False,
+    where: str | None = None,
+    format: Literal["json", "csv", "netcdf"] = "json",
+    step: Step = None,
+    analysis: Annotated[str | None, Query(description="analysis of the study, in place of its cube")] = None,
+) -> Response:
+    """Cells of a cube or of an analysis: the same records as `tripod-doe query`."""
+    data = service.query(run_id, variable, select, nearest, where, format, step, analysis)
+    headers = {"content-disposition": 'attachment; filename="answer.nc"'} if format == "netcdf" else {}
+    return Response(data, media_type=_TYPES[format], headers=headers)
+
+
+@router.get("/cube.nc", response_class=Response)
+def cube(run_id: str, service: AnyService, step: Step = None) -> Response:
+    """The cube as a netCDF file; while the study runs, that of the points that are finished."""
+    directory = service.results(run_id, step)
+    if is_shown(directory):
+        return _file(directory / "cube.nc")
+    return Response(service.cube_so_far(run_id, step), media_type=_TYPES["netcdf"])
+
+
+@router.get("/analysis/{name}.nc", response_class=Response)
+def analysis(run_id: str, name: str, service: AnyService, step: Step = None) -> Response:
+    """The result of an analysis as a netCDF file."""
+    return _file(service.analysis_file(run_id, name, step))
+
+
+@router.get("/report", response_class=Response)
+async def report_address(run_id: str, service: AnyService) -> Response:
+    """The report stands one level deeper, so that its links work."""
+    service.runs.find(run_id)
+    return RedirectResponse(f"/api/v1/runs/{run_id}/report/", 307)
+
+
+@router.get("/report/", response_class=Response)
+def report(run_id: str, service: AnyService) -> Response:
+    """The report page, in a sandbox."""
+    service.runs.find(run_id)
+    return _page(service, run_id, Path("report/index.html"))
+
+
+def _page(service: Service, run_id: str, path: Path) -> Response:
+    page = service.runs.directory(run_id) / path
+    if not page.is_file():
+        raise RefusedError(404, "this run has no report yet")
+    return FileResponse(page, media_type="text/html; charset=utf-8",
+                        headers={"content-security-policy": _REPORT_POLICY})  # fmt: skip
+
+
+def _file(path: Path) -> Response:
+    if not path.is_file():
+        raise RefusedError(404, f"{path.name}: this run has no such file yet")
+    return FileResponse(path, media_type=_TYPES["netcdf"], filename=path.name)

@@ -1,0 +1,59 @@
+"""Routes about studies that need not have run: schemas, limits, prices, and one simulated point."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from typing import Any
+
+from fastapi import APIRouter
+
+from tripod_doe.service.forms import Health, PlanRequest
+from tripod_doe.service.problems import RefusedError, problems_of
+from tripod_doe.service.routes.access import CHANGES, REFUSALS, AnyService
+
+__all__ = ["router"]
+
+router = APIRouter(responses=REFUSALS)
+
+
+@router.get("/health")
+async def health() -> Health:
+    """Whether the server answers; needs no token."""
+    return Health(status="ok", version=version("tripod-doe"))
+
+
+@router.get("/limits")
+async def limits(service: AnyService) -> dict[str, Any]:
+    """What requests, studies and the queue may ask for."""
+    return {"limits": service.settings.limits.told()}
+
+
+@router.get("/schema/study")
+def study_schema(scene: str = "joint") -> dict[str, Any]:
+    """JSON Schema of study files of a scene."""
+    from tripod_doe.study.schema import study_schema
+
+    return study_schema(scene)
+
+
+@router.get("/schema/workflow")
+def workflow_schema() -> dict[str, Any]:
+    """JSON Schema of workflow files."""
+    from tripod_doe.workflow.file import workflow_schema
+
+    return workflow_schema()
+
+
+@router.post("/plans", responses=CHANGES)
+def plan(body: PlanRequest, service: AnyService) -> dict[str, Any]:
+    """Points, blocks, bytes and CPU seconds of a study or a workflow; nothing is kept."""
+    return service.plan(body.model_dump(exclude={"timing"}), body.timing)
+
+
+@router.post("/simulate", responses=CHANGES)
+def simulate(body: dict[str, Any], service: AnyService) -> dict[str, Any]:
+    """One point by its parameters, with ``scene`` for another scene than the joint."""
+    scene = body.pop("scene", "joint")
+    if not isinstance(scene, str):
+        raise RefusedError(422, *problems_of(f"scene = {scene!r}: a name is needed", {}))
+    return service.simulate(scene, body)

@@ -1,0 +1,226 @@
+"""Runs: what is known of each, in one SQLite table that outlives the server, and as clients see it."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from datetime import UTC, datetime
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from tripod_doe.errors import InputError, StorageError, option
+from tripod_doe.service.progress import PointCounts
+
+__all__ = ["Run", "RunTable", "State"]
+
+TABLE = "service.sqlite"
+"""File of the folder that holds the table."""
+
+
+class State(StrEnum):
+    """What a run is doing."""
+
+    QUEUED = "queued"
+    RUNNING = "running"
+    STOPPING = "stopping"
+    STOPPED = "stopped"
+    FINISHED = "finished"
+    FAILED = "failed"
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether no process is meant to be at work, and none is waited for."""
+        return self in (State.STOPPED, State.FINISHED, State.FAILED)
+
+    @property
+    def alive(self) -> bool:
+        """Whether a process is at work."""
+        return self in (State.RUNNING, State.STOPPING)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a study or of a workflow.
+
+    Attributes
+    ----------
+    id
+        Random; also the name of its result directory in the folder.
+    kind
+        "study" or "workflow".
+    name, question
+        As its file says.
+    state
+        What it is doing.
+    message
+        Why it failed or stopped; empty otherwise.
+    plan
+        Its price, as `plans.plan_upload` gave it when it was submitted.
+    counts
+        Points that have ended.
+    steps
+        Of a workflow: what became of each step, in order.
+    eta_seconds
+        Time until the last point by the pace so far; None where it does not run or has no pace yet.
+    created, updated
+        Times in UTC.
+    retry_failed
+        Whether the run in the queue runs failed points again.
+    key, digest
+        The client's Idempotency-Key, and the hash of what it submitted.
+    """
+
+    id: str
+    kind: str
+    name: str
+    question: str
+    state: State
+    message: str = ""
+    plan: Mapping[str, Any] = field(default_factory=dict)
+    counts: PointCounts = field(default_factory=lambda: PointCounts(0))
+    steps: tuple[Mapping[str, Any], ...] = ()
+    eta_seconds: float | None = None
+    created: str = ""
+    updated: str = ""
+    retry_failed: bool = False
+    key: str | None = None
+    digest: str = ""
+
+    def record(self) -> dict[str, Any]:
+        """The run as clients see it."""
+        told: dict[str, Any] = {
+            "id": self.id,
+            "name": self.name,
+            "kind": self.kind,
+            "question": self.question,
+            "state": self.state.value,
+            "message": self.message,
+            "points": {
+                "total": self.counts.total,
+                "finished": self.counts.finished,
+                "failed": self.counts.failed,
+                "missing": self.counts.missing,
+            },
+            "outcomes": dict(self.counts.outcomes or {}),
+            "cpu_seconds": round(self.counts.cpu_seconds, 3),
+            "eta_seconds": None if self.eta_seconds is None else round(self.eta_seconds, 1),
+            "created": self.created,
+            "updated": self.updated,
+        }
+        if self.kind == "workflow":
+            told["steps"] = [dict(step) for step in self.steps]
+        return told
+
+    def changed(self, **values: Any) -> Run:
+        """The run with other values, updated now."""
+        return replace(self, updated=now(), **values)
+
+
+def now() -> str:
+    """The time in UTC, to the millisecond."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS run (
+    number INTEGER PRIMARY KEY AUTOINCREMENT,  -- the order in which runs were submitted
+    id TEXT NOT NULL UNIQUE,
+    key TEXT UNIQUE,                           -- the client's Idempotency-Key
+    record TEXT NOT NULL                       -- everything else, as JSON
+);
+"""
+
+
+class RunTable:
+    """The table of runs of a folder.
+
+    Parameters
+    ----------
+    folder
+        Where the table is; it must exist.
+    read_only
+        Open what is there, and change nothing.
+
+    Raises
+    ------
+    InputError
+        If it cannot be opened.
+    """
+
+    def __init__(self, folder: Path, read_only: bool = False) -> None:
+        self.path = folder / TABLE
+        self._lock = threading.Lock()
+        try:
+            if read_only and not self.path.exists():
+                self._connection = sqlite3.connect(":memory:", check_same_thread=False)
+            elif read_only:
+                uri = f"{self.path.absolute().as_uri()}?mode=ro"
+                self._connection = sqlite3.connect(uri, uri=True, check_same_thread=False)
+                return
+            else:
+                self._connection = sqlite3.connect(self.path, check_same_thread=False)
+            self._connection.execute("PRAGMA journal_mode = WAL")
+            self._connection.execute("PRAGMA synchronous = FULL")
+            self._connection.executescript(_SCHEMA)
+        except sqlite3.Error as error:
+            raise InputError(f"{self.path}: cannot use this table of runs ({error}); choose another "
+                             f"{option('folder')}, or move this file away") from error  # fmt: skip
+
+    def close(self) -> None:
+        """Close the file."""
+        with self._lock:
+            self._connection.close()
+
+    def all(self) -> list[Run]:
+        """All runs, in the order in which they were submitted."""
+        with self._lock:
+            rows = self._connection.execute("SELECT record FROM run ORDER BY number").fetchall()
+        return [_from_text(row[0]) for row in rows]
+
+    def put(self, run: Run) -> None:
+        """Store a run, new or changed; when this returns, no kill can lose it.
+
+        Raises
+        ------
+        StorageError
+            If the disk is full or fails.
+        """
+        self._write(
+            "INSERT INTO run (id, key, record) VALUES (?, ?, ?) "
+            "ON CONFLICT (id) DO UPDATE SET record = excluded.record",
+            (run.id, run.key, _to_text(run)),
+        )
+
+    def remove(self, id: str) -> None:
+        """Forget a run.
+
+        Raises
+        ------
+        StorageError
+            If the disk is full or fails.
+        """
+        self._write("DELETE FROM run WHERE id = ?", (id,))
+
+    def _write(self, statement: str, values: tuple[Any, ...]) -> None:
+        try:
+            with self._lock, self._connection:
+                self._connection.execute(statement, values)
+        except sqlite3.Error as error:
+            raise StorageError(f"{self.path}: cannot write ({error}); nothing that was finished is lost") from error
+
+
+def _to_text(run: Run) -> str:
+    content = {item.name: getattr(run, item.name) for item in fields(run)}
+    content["counts"] = {item.name: getattr(run.counts, item.name) for item in fields(run.counts)}
+    return json.dumps(content)
+
+
+def _from_text(text: str) -> Run:
+    content = json.loads(text)
+    content["counts"] = PointCounts(**content["counts"])
+    content["steps"] = tuple(content["steps"])
+    return Run(**(content | {"state": State(content["state"])}))

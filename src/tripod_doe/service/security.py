@@ -1,0 +1,228 @@
+"""Who may ask what: host, token, origin, content type and size of every request are checked before anything reads it.
+
+A browser on this machine also shows pages of strangers. They can send requests here, so every route checks the name by
+which it is called (a name that is bound anew would make their page ours), a token that they do not know, and for
+changes the page from which the request comes.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hmac
+import ipaddress
+import re
+import socket
+from http.cookies import CookieError, SimpleCookie
+from urllib.parse import parse_qsl, urlencode, urlsplit
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import JSONResponse, RedirectResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.settings import Settings
+
+__all__ = ["API", "BODY", "Guard", "allowed_hosts"]
+
+API = "/api/v1"
+"""Where the routes of the interface start."""
+
+BODY = "tripod_doe.body"
+"""Key of a request's scope under which its body is kept, for answers that point into it."""
+
+_OPEN = f"{API}/health"
+_SAFE = ("GET", "HEAD", "OPTIONS")
+_ANYWHERE = ("0.0.0.0", "::")
+_BODY_SECONDS = 60.0
+_TEXTS = re.compile(rb'"(?:[^"\\]|\\.)*"', re.DOTALL)
+
+_POLICY = "default-src 'none'; frame-ancestors 'none'"
+_HEADERS = {
+    "content-security-policy": _POLICY,
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-resource-policy": "same-origin",
+    "cross-origin-opener-policy": "same-origin",
+    "cache-control": "no-store",
+}
+"""Of every answer that does not bring its own."""
+
+
+def allowed_hosts(host: str) -> frozenset[str]:
+    """Names by which a server that listens on a host may be called; where it listens everywhere, also any address."""
+    names = {"127.0.0.1", "localhost", "::1", host.lower()}
+    if host in _ANYWHERE:
+        names |= {socket.gethostname().lower(), socket.getfqdn().lower()}
+    return frozenset(names - set(_ANYWHERE))
+
+
+class Guard:
+    """Middleware that checks every request, and gives every answer the headers that keep browsers strict.
+
+    Parameters
+    ----------
+    app
+        What answers.
+    settings
+        Of the server.
+    """
+
+    def __init__(self, app: ASGIApp, settings: Settings) -> None:
+        self._app, self._settings = app, settings
+        self._hosts = allowed_hosts(settings.host)
+        self._any_address = settings.host in _ANYWHERE
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request."""
+        if scope["type"] != "http":  # the lifespan; there are no websockets
+            await self._app(scope, receive, send)
+            return
+        send = _with_headers(send)
+        headers = Headers(scope=scope)
+        try:
+            self._check_host(headers)
+            if response := self._welcome(scope):
+                await response(scope, receive, send)
+                return
+            if scope["path"] != _OPEN:
+                self._check_token(scope["method"], headers)
+            if scope["method"] not in _SAFE:
+                self._check_change(scope, headers)
+                scope[BODY] = await self._body(scope, headers, receive)
+                receive = _again(scope[BODY])
+        except RefusedError as refusal:
+            answer = JSONResponse(refusal.answer(), refusal.status, refusal.headers)
+            await answer(scope, receive, send)
+            return
+        await self._app(scope, receive, send)
+
+    def _check_host(self, headers: Headers) -> None:
+        given = headers.getlist("host")
+        if len(given) == 1:
+            try:
+                name = (urlsplit(f"//{given[0]}").hostname or "").lower()
+            except ValueError:
+                name = ""
+            if name in self._hosts or (self._any_address and _is_address(name)):
+                return
+        raise RefusedError(400, "Host: this server is not called by this name; use the address that it printed")
+
+    def _welcome(self, scope: Scope) -> Response | None:
+        """The way in: an address of a page with the right token sets the cookie, and goes on without the token."""
+        if scope["method"] != "GET" or scope["path"].startswith(API):
+            return None
+        words = parse_qsl(scope["query_string"].decode("latin-1"), keep_blank_values=True, max_num_fields=100)
+        given = [value for name, value in words if name == "token"]
+        if not given or not self._is_token(given[0]):
+            return None
+        rest = urlencode([(name, value) for name, value in words if name != "token"])
+        path = "/" + scope["path"].lstrip("/")  # //host would be an address elsewhere
+        response = RedirectResponse(f"{path}?{rest}" if rest else path, 303)
+        response.set_cookie(self._settings.cookie, self._settings.token, httponly=True, samesite="strict", path="/")
+        return response
+
+    def _is_token(self, given: str) -> bool:
+        return hmac.compare_digest(given.encode("utf-8", "surrogateescape"), self._settings.token.encode())
+
+    def _cookie(self, headers: Headers) -> str:
+        try:
+            morsel = SimpleCookie(headers.get("cookie", "")).get(self._settings.cookie)
+        except CookieError:
+            return ""
+        return morsel.value if morsel else ""
+
+    def _check_token(self, method: str, headers: Headers) -> None:
+        kind, _, given = headers.get("authorization", "").partition(" ")
+        if kind.lower() == "bearer" and self._is_token(given.strip()):
+            return
+        if not kind and self._is_token(self._cookie(headers)):
+            if method in _SAFE or "origin" in headers or "sec-fetch-site" in headers:
+                return
+            raise RefusedError(403, "Origin: a change by cookie must say from which page it comes")
+        raise RefusedError(
+            401,
+            "a token is needed: open the address that the server printed at its start, or send "
+            "'Authorization: Bearer TOKEN'",
+            headers={"www-authenticate": "Bearer"},
+        )
+
+    def _check_change(self, scope: Scope, headers: Headers) -> None:
+        origin, site = headers.get("origin"), headers.get("sec-fetch-site")
+        if origin is not None and origin.lower() != f"{scope['scheme']}://{headers['host']}".lower():
+            raise RefusedError(403, "Origin: changes are taken from this server's own pages only")
+        if site is not None and site != "same-origin":
+            raise RefusedError(403, "Sec-Fetch-Site: changes are taken from this server's own pages only")
+
+    async def _body(self, scope: Scope, headers: Headers, receive: Receive) -> bytes:
+        """The whole body, of the right type and within its limits."""
+        kind = headers.get("content-type")
+        if kind is not None and kind.partition(";")[0].strip().lower() != "application/json":
+            raise RefusedError(415, f"Content-Type: {kind[:100]}: application/json is needed")
+        limits = self._settings.limits
+        most = limits.measurement_bytes if scope["path"].endswith("/compare") else limits.body_bytes
+        length = headers.get("content-length", "")
+        too_large = RefusedError(413, f"the body is larger than {most:,} bytes, which is the limit here")
+        if length.isdecimal() and int(length[:20]) > most:
+            raise too_large
+        body = bytearray()
+        while True:
+            try:
+                message = await asyncio.wait_for(receive(), _BODY_SECONDS)
+            except TimeoutError as error:
+                raise RefusedError(408, f"the body did not arrive within {_BODY_SECONDS:.0f} s") from error
+            if message["type"] != "http.request":
+                raise RefusedError(400, "the client went away")
+            body += message.get("body", b"")
+            if len(body) > most:
+                raise too_large
+            if not message.get("more_body"):
+                break
+        if body and kind is None:
+            raise RefusedError(415, "Content-Type: application/json is needed")
+        if _depth(bytes(body)) > limits.nesting:
+            raise RefusedError(413, f"brackets stand more than {limits.nesting} deep within each other, the limit here")
+        return bytes(body)
+
+
+def _is_address(name: str) -> bool:
+    """Whether a host is a plain address, which nobody can bind anew."""
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _depth(body: bytes) -> int:
+    """How deep brackets stand within each other in a JSON text, those in strings left out."""
+    depth = deepest = 0
+    for letter in re.findall(rb"[\[{\]}]", _TEXTS.sub(b"", body)):
+        depth += 1 if letter in b"[{" else -1
+        deepest = max(deepest, depth)
+    return deepest
+
+
+def _again(body: bytes) -> Receive:
+    """A channel that gives a body that was read, then the end of the connection."""
+    sent = False
+    gone = asyncio.Event()
+
+    async def receive() -> Message:
+        nonlocal sent
+        if sent:
+            await gone.wait()
+        sent = True
+        return {"type": "http.request", "body": body, "more_body": False}
+
+    return receive
+
+
+def _with_headers(send: Send) -> Send:
+    async def send_with_headers(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            headers = MutableHeaders(scope=message)
+            for name, value in _HEADERS.items():
+                headers.setdefault(name, value)
+        await send(message)
+
+    return send_with_headers

@@ -1,0 +1,103 @@
+"""The server's process: its folder, its socket, and an end in order."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import socket
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from types import FrameType
+
+import uvicorn
+
+from tripod_doe.errors import InputError, option
+from tripod_doe.service.app import create_app
+from tripod_doe.service.service import Service
+from tripod_doe.service.settings import Settings
+
+__all__ = ["serve"]
+
+_LOOPBACK = ("127.0.0.1", "localhost", "::1")
+_GRACE = 3  # seconds that open answers get at the end
+_LOCK = ".service.lock"
+
+
+def serve(settings: Settings) -> None:
+    """Serve until a signal ends it; prints the address with its token on standard output.
+
+    Raises
+    ------
+    InputError
+        If the folder or the port cannot be used.
+    """
+    with _held(settings), _listening(settings) as listener:
+        host, port = listener.getsockname()[:2]
+        settings = replace(settings, port=port)
+        app = create_app(settings)
+        config = uvicorn.Config(
+            app, log_level="warning", access_log=False, server_header=False, timeout_graceful_shutdown=_GRACE,
+            proxy_headers=False, ws="none",
+        )  # fmt: skip
+        if settings.host not in _LOOPBACK:
+            print(f"tripod-doe: {settings.host} is seen from other machines, and what they send is not encrypted; "
+                  "who knows the token can run studies here", file=sys.stderr)  # fmt: skip
+        shown = f"[{host}]" if ":" in host else host
+        print(f"http://{shown}:{port}/?token={settings.token}", flush=True)
+        _Server(config, app.state.service).run(sockets=[listener])
+
+
+class _Server(uvicorn.Server):
+    """A server that ends its event streams when it is asked to end: they would hold it up otherwise."""
+
+    def __init__(self, config: uvicorn.Config, service: Service) -> None:
+        super().__init__(config)
+        self._service = service
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """End on a signal."""
+        self._service.runs.events.close()
+        super().handle_exit(sig, frame)
+
+
+@contextmanager
+def _held(settings: Settings) -> Iterator[None]:
+    """Make the folder if need be, and hold it for this server; one that is read-only holds nothing."""
+    folder = settings.folder
+    if settings.read_only:
+        if not folder.is_dir():
+            raise InputError(f"{option('folder', str(folder))}: there is no such directory")
+        yield
+        return
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = os.open(folder / _LOCK, os.O_CREAT | os.O_RDWR, 0o600)
+    except OSError as error:
+        raise InputError(f"{option('folder', str(folder))}: cannot write here: {error.strerror}") from error
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    except BlockingIOError as error:
+        raise InputError(
+            f"{option('folder', str(folder))}: another server looks after this folder; use it, or choose another folder"
+        ) from error
+    finally:
+        os.close(lock)
+
+
+@contextmanager
+def _listening(settings: Settings) -> Iterator[socket.socket]:
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as listener:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listener.bind((settings.host, settings.port))
+            listener.listen(socket.SOMAXCONN)
+        except (OSError, OverflowError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise InputError(
+                f"{option('host', settings.host)} {option('port', settings.port)}: cannot listen here: {reason}"
+            ) from error
+        yield listener

@@ -1,0 +1,158 @@
+"""What the service does, for its routes and for its pages: one object that a server owns."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+import tempfile
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from tripod_doe.errors import StorageError, near_match
+from tripod_doe.service.desk import Desk
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.runs import Run
+from tripod_doe.service.settings import Settings
+from tripod_doe.service.supervisor import Supervisor
+from tripod_doe.service.uploads import upload_texts, write_upload
+
+__all__ = ["Service"]
+
+_UPLOADS = ".upload-"
+
+
+class Service:
+    """Runs, and the processes that answer questions about them.
+
+    All methods may wait for a process or for the disk: call them from a thread, not from the event loop.
+
+    Parameters
+    ----------
+    settings
+        Of the server.
+
+    Attributes
+    ----------
+    runs
+        Looks after the runs.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.runs = Supervisor(settings)
+        self._questions = Desk(2, settings.limits)
+        self._computing = Desk(1, settings.limits)
+
+    def start(self) -> None:
+        """Find runs, and start what answers."""
+        if not self.settings.read_only:
+            for left in self.settings.folder.glob(f"{_UPLOADS}*"):
+                shutil.rmtree(left, ignore_errors=True)
+        self.runs.start()
+        self._questions.warm()
+
+    def close(self) -> None:
+        """End everything but the runs."""
+        self.runs.close()
+        self._questions.close()
+        self._computing.close()
+
+    def plan(self, body: dict[str, Any], timing: bool = True) -> dict[str, Any]:
+        """Price of a study or a workflow before anything of it runs; see `plans.plan_upload`."""
+        main, texts = upload_texts(body)
+        limits = self.settings.limits
+        desk = self._computing if timing else self._questions
+        seconds = limits.simulate_seconds if timing else limits.query_seconds
+        told: dict[str, Any] = desk.ask("plan", seconds, main=main, texts=texts, limits=asdict(limits), timing=timing)[
+            0
+        ]
+        return told
+
+    def submit(self, body: dict[str, Any], key: str | None = None) -> Run:
+        """Check a study or a workflow, and put it into the queue."""
+        digest = hashlib.sha256(json.dumps(body, sort_keys=True).encode()).hexdigest()
+        if key and (earlier := self.runs.find_by_key(key, digest)):
+            return earlier
+        _, texts = upload_texts(body)
+        limits = self.settings.limits
+        try:
+            place = Path(tempfile.mkdtemp(prefix=_UPLOADS, dir=self.settings.folder))
+        except OSError as error:
+            raise StorageError(f"{self.settings.folder}: cannot write here: {error.strerror}") from error
+        try:
+            upload = place / "upload"
+            write_upload(upload, texts)
+            plan, _ = self._questions.ask(
+                "check", limits.query_seconds, folder=str(upload), texts=texts, limits=asdict(limits)
+            )
+            return self.runs.submit(upload, plan, key, digest)
+        except OSError as error:
+            raise StorageError(f"{self.settings.folder}: cannot write here: {error.strerror}") from error
+        finally:
+            shutil.rmtree(place, ignore_errors=True)
+
+    def simulate(self, scene: str, parameters: dict[str, Any]) -> dict[str, Any]:
+        """One point, as ``simulate --format json`` gives it."""
+        seconds = self.settings.limits.simulate_seconds
+        told: dict[str, Any] = self._computing.ask("simulate", seconds, scene=scene, parameters=parameters)[0]
+        return told
+
+    def query(
+        self,
+        run_id: str,
+        variable: str,
+        select: list[str],
+        nearest: bool = False,
+        where: str | None = None,
+        form: str = "json",
+        step: str | None = None,
+        analysis: str | None = None,
+    ) -> bytes:
+        """Cells of a run's cube, of a workflow's step or of an analysis: JSON or CSV text, or a netCDF file."""
+        limits = self.settings.limits
+        path = self.analysis_file(run_id, analysis, step) if analysis else self.results(run_id, step)
+        return self._questions.ask(
+            "query", limits.query_seconds, path=str(path), variable=variable, select=select,
+            nearest=nearest, where=where, form=form, cells=limits.cells,
+        )[1]  # fmt: skip
+
+    def cube_so_far(self, run_id: str, step: str | None = None) -> bytes:
+        """The cube of the points that a run has finished, as a netCDF file."""
+        seconds = self.settings.limits.query_seconds
+        return self._questions.ask("cube", seconds, path=str(self.results(run_id, step)))[1]
+
+    def results(self, run_id: str, step: str | None = None) -> Path:
+        """The directory with a run's cube; that of one of its steps for a workflow.
+
+        Raises
+        ------
+        RefusedError
+            404 if there is no such run or step, 409 where a workflow needs a step.
+        """
+        run = self.runs.find(run_id)
+        directory = self.runs.directory(run_id)
+        if run.kind != "workflow":
+            if step:
+                raise RefusedError(404, f"step: {step[:100]}: this run is a study; it has no steps")
+            return directory
+        steps = run.plan["steps"]
+        if step is None:
+            raise RefusedError(409, f"step: this run is a workflow: name one of its steps ({', '.join(steps)})")
+        if step not in steps:
+            raise RefusedError(404, f"step: {step[:100]}: no step of this workflow ({', '.join(steps)})")
+        return directory / "steps" / step
+
+    def analysis_file(self, run_id: str, name: str, step: str | None = None) -> Path:
+        """The result of an analysis of a run, or of a study step.
+
+        Raises
+        ------
+        RefusedError
+            404 if there is none of this name.
+        """
+        made = {path.stem: path for path in (self.results(run_id, step) / "analysis").glob("*.nc")}
+        if name not in made:  # a client's name only chooses; it never becomes a path
+            raise RefusedError(404, f"analysis: {name[:100]}: not made{near_match(name, made)}")
+        return made[name]

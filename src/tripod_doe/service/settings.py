@@ -1,0 +1,76 @@
+"""What a server is started with."""
+
+from __future__ import annotations
+
+import secrets
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tripod_doe.atomic_files import replace_file
+from tripod_doe.errors import InputError, option
+from tripod_doe.service.limits import Limits
+
+__all__ = ["Settings", "read_token"]
+
+_SHORTEST_TOKEN = 16
+
+
+@dataclass(frozen=True)
+class Settings:
+    """A server's settings.
+
+    Attributes
+    ----------
+    folder
+        Where the table of runs and the result directories are.
+    host, port
+        Where it listens; the port is also part of the cookie's name.
+    workers
+        Worker processes of each run; None leaves it to the run.
+    read_only
+        Whether all changes are refused, and nothing is run.
+    demo
+        Whether a small finished study is put into the list.
+    token
+        What a client must know.
+    limits
+        What it takes.
+    """
+
+    folder: Path
+    host: str = "127.0.0.1"
+    port: int = 8811
+    workers: int | None = None
+    read_only: bool = False
+    demo: bool = False
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(32), repr=False)
+    limits: Limits = field(default_factory=Limits)
+
+    @property
+    def cookie(self) -> str:
+        """Name of the cookie: servers on several ports of a machine share its cookies."""
+        return f"tripod_doe_{self.port}"
+
+
+def read_token(path: Path) -> str:
+    """The token in a file; a file that is not there is made, readable for its owner alone.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or made, or holds no usable token.
+    """
+    try:
+        if not path.exists():
+            with replace_file(path) as fresh:
+                fresh.touch(mode=0o600)
+                fresh.write_text(secrets.token_urlsafe(32) + "\n", encoding="ascii")
+        token = path.read_text(encoding="ascii").strip()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not ASCII text"
+        raise InputError(f"{option('token_file', str(path))}: cannot use this file: {reason}") from error
+    if len(token) < _SHORTEST_TOKEN or not all(letter.isalnum() or letter in "-_" for letter in token):
+        raise InputError(
+            f"{option('token_file', str(path))}: a token has at least {_SHORTEST_TOKEN} letters, digits, - and _"
+        )
+    return token

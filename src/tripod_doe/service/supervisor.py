@@ -1,0 +1,303 @@
+"""Looks after runs: starts what waits in the queue, counts what is finished, notices what has ended, stops and deletes.
+
+All that it knows of a run after a restart is in the table and in the run's directory: a lock that is free with points
+missing means that the run is dead, so nothing can stay "running".
+"""
+
+from __future__ import annotations
+
+import logging
+import secrets
+import shutil
+import subprocess
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from tripod_doe.errors import InputError, StorageError
+from tripod_doe.service import processes
+from tripod_doe.service.endings import ending_of
+from tripod_doe.service.events import Events
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.progress import PointCounts
+from tripod_doe.service.run_progress import RunProgress
+from tripod_doe.service.runs import Run, RunTable, State, now
+from tripod_doe.service.settings import Settings
+from tripod_doe.service.uploads import main_file
+
+__all__ = ["UPLOAD", "Supervisor"]
+
+UPLOAD = "upload"
+"""Folder of a result directory with what the client submitted."""
+
+_PERIOD = 0.25  # seconds between two looks: a finished point is to be seen within a second
+_PATIENCE = 20.0  # seconds in which a run may end in order after it was asked to
+_DELETED = ".deleted-"
+
+log = logging.getLogger(__name__)
+
+
+class Supervisor:
+    """The runs of a folder.
+
+    Parameters
+    ----------
+    settings
+        Where the folder is, and how runs are started.
+
+    Raises
+    ------
+    InputError
+        If the table of runs cannot be opened.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.events = Events()
+        self._table = RunTable(settings.folder, settings.read_only)
+        self._lock = threading.RLock()
+        self._runs: dict[str, Run] = {}
+        self._progress: dict[str, RunProgress] = {}
+        self._children: dict[str, subprocess.Popen[bytes]] = {}
+        self._stop_by: dict[str, float] = {}
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._look_after, name="supervisor", daemon=True)
+
+    def start(self) -> None:
+        """Find the runs of earlier servers, and look after all from now on."""
+        for run in self._table.all():
+            self._runs[run.id] = run
+            self.events.publish(run)
+        if not self.settings.read_only:
+            for left in self.settings.folder.glob(f"{_DELETED}*"):
+                shutil.rmtree(left, ignore_errors=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Look after nothing any more; runs at work go on."""
+        self.events.close()
+        self._ended.set()
+        self._thread.join()
+        self._table.close()
+
+    def directory(self, run_id: str) -> Path:
+        """The result directory of a run."""
+        return self.settings.folder.absolute() / run_id
+
+    def all(self) -> list[Run]:
+        """All runs, the newest first."""
+        with self._lock:
+            return list(reversed(self._runs.values()))
+
+    def find(self, run_id: str) -> Run:
+        """A run by its id.
+
+        Raises
+        ------
+        RefusedError
+            404 if there is none.
+        """
+        with self._lock:
+            run = self._runs.get(run_id)
+        if run is None:
+            raise RefusedError(404, f"{run_id[:100]}: no run of this id")
+        return run
+
+    def find_by_key(self, key: str, digest: str) -> Run | None:
+        """The run that was submitted with an Idempotency-Key; None where there is none.
+
+        Raises
+        ------
+        RefusedError
+            422 if something else was submitted with it.
+        """
+        with self._lock:
+            run = next((run for run in self._runs.values() if run.key == key), None)
+        if run is not None and run.digest != digest:
+            raise RefusedError(422, f"Idempotency-Key: {key[:100]}: another study was submitted with this key")
+        return run
+
+    def submit(self, upload: Path, plan: Mapping[str, Any], key: str | None = None, digest: str = "") -> Run:
+        """Put a checked upload into the queue.
+
+        Parameters
+        ----------
+        upload
+            Folder with its files, on the file system of the folder of runs; it becomes that of the run.
+        plan
+            What `plans.plan_upload` said.
+        key, digest
+            The client's Idempotency-Key, and the hash of what it submitted.
+
+        Raises
+        ------
+        RefusedError
+            413 if the queue is full.
+        """
+        limits = self.settings.limits
+        with self._lock:
+            if key and (earlier := self.find_by_key(key, digest)):
+                return earlier
+            if sum(run.state is State.QUEUED for run in self._runs.values()) >= limits.queued:
+                raise RefusedError(413, f"{limits.queued:,} runs are waiting, which is the limit: try again later")
+            run_id, time_now = secrets.token_hex(8), now()
+            directory = self.directory(run_id)
+            directory.mkdir()
+            upload.rename(directory / UPLOAD)
+            run = Run(
+                run_id, plan["kind"], plan["name"], plan["question"], State.QUEUED, plan=plan,
+                counts=PointCounts(plan["unique"]), created=time_now, updated=time_now, key=key, digest=digest,
+            )  # fmt: skip
+            self._put(run)
+        return run
+
+    def stop(self, run_id: str) -> Run:
+        """Stop a run: from the queue at once, otherwise after the points at work.
+
+        Raises
+        ------
+        RefusedError
+            409 if it neither waits nor runs.
+        """
+        with self._lock:
+            run = self.find(run_id)
+            if run.state is State.QUEUED:
+                return self._put(run.changed(state=State.STOPPED, message="stopped before it started"))
+            if not run.state.alive:
+                raise RefusedError(409, f"state: {run.state}: only a run that waits or is at work can be stopped")
+            if run.state is State.RUNNING:
+                run = self._put(run.changed(state=State.STOPPING))
+                self._stop_by[run_id] = time.monotonic() + _PATIENCE
+                processes.stop_run(self.directory(run_id))
+            return run
+
+    def resume(self, run_id: str, retry_failed: bool = False) -> Run:
+        """Put a run at rest into the queue again, for the points that are missing or, if asked for, failed.
+
+        Raises
+        ------
+        RefusedError
+            409 if it waits or runs, or there is nothing to run.
+        """
+        with self._lock:
+            run = self.find(run_id)
+            if not run.state.at_rest:
+                raise RefusedError(409, f"state: {run.state}: only a run at rest can be resumed")
+            if retry_failed and not run.counts.failed:
+                raise RefusedError(409, "no point of this run failed")
+            if run.state is State.FINISHED and not retry_failed:
+                raise RefusedError(409, f"state: {run.state}: no point of this run is missing")
+            if processes.is_held(self.directory(run_id)):
+                raise RefusedError(409, "another process computes into the directory of this run")
+            return self._put(run.changed(state=State.QUEUED, message="", retry_failed=retry_failed))
+
+    def delete(self, run_id: str) -> None:
+        """Forget a run and remove its directory.
+
+        Raises
+        ------
+        RefusedError
+            409 if a process is at work on it.
+        """
+        with self._lock:
+            run = self.find(run_id)
+            directory = self.directory(run_id)
+            if run.state.alive or processes.is_held(directory):
+                raise RefusedError(409, f"state: {run.state}: stop this run before you delete it")
+            doomed = directory.with_name(_DELETED + run_id)
+            if directory.exists():
+                directory.rename(doomed)  # a kill from here on leaves nothing that could be taken for a run
+            self._table.remove(run_id)
+            del self._runs[run_id]
+            self._progress.pop(run_id, None)
+            self.events.forget(run_id)
+        shutil.rmtree(doomed, ignore_errors=True)
+
+    def _put(self, run: Run) -> Run:
+        """Store a run whose state changed, and tell those who watch."""
+        self._table.put(run)
+        self._show(run)
+        return run
+
+    def _show(self, run: Run) -> None:
+        self._runs[run.id] = run
+        self.events.publish(run)
+
+    def _look_after(self) -> None:
+        while not self._ended.wait(_PERIOD):
+            try:
+                with self._lock:
+                    active = [run for run in self._runs.values() if run.state.alive]
+                for run in active:
+                    self._look_at(run.id)
+                if not self.settings.read_only:
+                    self._start_waiting()
+            except StorageError as error:  # a full disk: the state is told again as soon as it can be stored
+                log.error("%s", error)
+            except Exception:
+                log.exception("a run could not be looked after")
+
+    def _look_at(self, run_id: str) -> None:
+        """Count the points of a run at work, and notice its end."""
+        directory = self.directory(run_id)
+        with self._lock:
+            run = self._runs.get(run_id)
+        if run is None or not run.state.alive:
+            return
+        alive = processes.is_held(directory)
+        progress = self._progress.setdefault(run_id, RunProgress(run, directory))
+        counts, steps = progress.read()
+        with self._lock:
+            run = self._runs[run_id]
+            if not run.state.alive:
+                return
+            if alive:
+                if (counts, steps) != (run.counts, run.steps):
+                    self._show(run.changed(counts=counts, steps=steps, eta_seconds=progress.eta_seconds(counts)))
+                self._hasten(run_id)
+                return
+            self._reap(run_id)
+            state, message = ending_of(run, counts, steps, directory)
+            self._progress.pop(run_id, None)
+            self._put(run.changed(state=state, message=message, counts=counts, steps=steps, eta_seconds=None,
+                                  retry_failed=False))  # fmt: skip
+
+    def _hasten(self, run_id: str) -> None:
+        """End a run that was asked to stop and did not."""
+        if self._runs[run_id].state is State.STOPPING:
+            due = self._stop_by.setdefault(run_id, time.monotonic() + _PATIENCE)
+            if time.monotonic() > due:
+                self._stop_by[run_id] = time.monotonic() + _PATIENCE
+                processes.kill_run(self.directory(run_id))
+
+    def _reap(self, run_id: str) -> None:
+        self._stop_by.pop(run_id, None)
+        if child := self._children.pop(run_id, None):
+            child.wait()
+
+    def _start_waiting(self) -> None:
+        """Start the runs that have waited longest, as many as may be at work."""
+        with self._lock:
+            free = self.settings.limits.running - sum(run.state.alive for run in self._runs.values())
+            waiting = [run for run in self._runs.values() if run.state is State.QUEUED]
+            for run in waiting[: max(0, free)]:
+                self._start(run)
+
+    def _start(self, run: Run) -> None:
+        directory = self.directory(run.id)
+        self._put(run.changed(state=State.RUNNING))  # first: a kill here leaves a run that is seen to be dead
+        try:
+            self._children[run.id] = processes.start_run(directory, self._words(run, directory))
+        except InputError as error:
+            self._put(replace(self._runs[run.id], state=State.FAILED, message=str(error)))
+
+    def _words(self, run: Run, directory: Path) -> list[str]:
+        """The command line of a run."""
+        command = "workflow" if run.kind == "workflow" else "run"
+        words = [command, str(directory / UPLOAD / main_file(run.kind)), "--out", str(directory)]
+        if self.settings.workers is not None:
+            words += ["--workers", str(self.settings.workers)]
+        return [*words, "--retry-failed"] if run.retry_failed else words
