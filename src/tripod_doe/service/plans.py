@@ -11,8 +11,8 @@ from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import TooLargeError
 from tripod_doe.service.uploads import STUDY
 from tripod_doe.study.definition import Study, parse_study
+from tripod_doe.study.designs import point_count
 from tripod_doe.study.plan import Plan, plan
-from tripod_doe.study.size import point_count
 from tripod_doe.workflow.analyses import check_analyses
 from tripod_doe.workflow.definition import load_workflow
 
