@@ -123,6 +123,7 @@ class _Clerk:
             self._process = None
 
     def ask(self, question: str, seconds: float, arguments: dict[str, Any]) -> tuple[Any, bytes]:
+        """Ask, and end the process if it does not answer in time; see `Desk.ask`."""
         process = self.start()
         late = threading.Event()
 
