@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from itertools import product
 
 import numpy as np
@@ -12,7 +13,7 @@ from tripod_doe.joint.coupled_balance import settle_together
 from tripod_doe.joint.equilibrium import solve_equilibrium
 from tripod_doe.joint.free_rollers import settle_free
 from tripod_doe.joint.kinetostatic import solve_kinetostatic
-from tripod_doe.simulator import Outcome
+from tripod_doe.simulator import Outcome, counted_time
 
 SWITCHES = ("groove_sliding", "groove_spinning", "groove_rolling", "needle_sliding", "needle_rolling")
 SKEWS = {"initial_skew_1_deg": 0.4, "initial_skew_2_deg": -0.4, "initial_skew_3_deg": 0.4}
@@ -83,6 +84,26 @@ def test_rollers_that_slide_freely_balance_where_relaxation_runs_in_circles(poin
     assert rounds[0][0]
     assert abs(result.unexplained_power[0]) < 1e-9
     assert (result.groove_thrust == 0).all()
+
+
+def test_compilation_of_other_ways_is_no_cost_of_the_first_point_that_needs_them(points, monkeypatch):
+    """Regression: the price of the first such point held eleven seconds of compilation; half a second stands for it."""
+    calls = []
+
+    def compiled_first(row, memory):
+        end = time.thread_time() + (0 if calls else 0.5)
+        while time.thread_time() < end:
+            pass
+        calls.append(memory.samples)
+        return settle_together(row, memory)
+
+    equilibrium._compile_other_ways.cache_clear()
+    monkeypatch.setattr(equilibrium, "settle_moving", lambda *_: (False, 0))
+    monkeypatch.setattr(equilibrium, "settle_together", compiled_first)
+    began = counted_time()[0]
+    assert solve_kinetostatic(points(), 90).settled.all()
+    assert calls == [8, 90]
+    assert counted_time()[0] - began < 0.4
 
 
 def test_a_straight_joint_has_no_thrust(points):

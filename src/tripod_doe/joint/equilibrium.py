@@ -43,8 +43,8 @@ is the limit of little friction; without sliding friction in the grooves there i
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import nullcontext
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +56,7 @@ from tripod_doe.joint.coupled_balance import loads_at_rest, settle_together
 from tripod_doe.joint.free_rollers import settle_free
 from tripod_doe.joint.moving_relaxation import settle_moving
 from tripod_doe.joint.relaxation import settle_still
-from tripod_doe.joint.revolution import Memory, start
+from tripod_doe.joint.revolution import Memory, repeat_first, start
 from tripod_doe.joint.transition import transition_velocities
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.compilation import kernel
@@ -184,6 +184,17 @@ def point_constants(points: JointValues[FloatArray]) -> tuple[dict[str, FloatArr
     return {name: np.zeros_like(load) for name in PointConstants._fields} | columns, penetration
 
 
+@cache
+def _compile_other_ways() -> None:
+    """Compile what solves points that do not relax, once per process: most studies do without."""
+    row, memory = np.ones(len(PointConstants._fields)), Memory.for_samples(WIDTH)
+    with first_compilation("joints that do not relax", seconds=12):
+        for settle in (settle_together, settle_free):  # of any point: only the types of its numbers count
+            start(row, np.zeros(3), *_groove_angles(WIDTH), memory)
+            settle(row, memory)
+        repeat_first(memory)  # which only a point that settles reaches
+
+
 def solve_equilibrium(points: JointValues[FloatArray], samples: int) -> Equilibrium:
     """Solve the equilibrium model for a block of points.
 
@@ -217,9 +228,10 @@ def solve_balance(
     for i in np.flatnonzero(columns["torque"] != 0.0).tolist():
         ways = [settle_still if still[i] else settle_moving, settle_free if still[i] and free[i] else settle_together]
         for number, settle in enumerate(ways):
+            if number > 0:
+                _compile_other_ways()
             start(table[i], skews[i], cosines, sines, memory)
-            with nullcontext() if number == 0 else first_compilation("joints that do not relax", seconds=12):
-                solution.settled[i], work = settle(table[i], memory)
+            solution.settled[i], work = settle(table[i], memory)
             solution.sweeps[i] += work
             if solution.settled[i]:
                 account(table[i], memory, solution, i)

@@ -1,5 +1,7 @@
 """The first compilation of kernels in a version: announced on the terminal, and done by one process at a time.
 
+It is no cost of the points that need the kernels, nor is loading their machine code or waiting for another process.
+
 What was compiled is noted by a file in the folder of the kernel cache, with the number of compilations of each kernel.
 Where it is missing, a process takes the lock of these kernels, compiles and writes the file; others wait for the lock,
 find the file and load the machine code. The system releases the lock of a process that ends in any way.
@@ -22,6 +24,7 @@ from typing import IO, Any
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import StorageError
 from tripod_doe.mechanics.sources import cache_root, source_hashes
+from tripod_doe.simulator import not_counted
 
 __all__ = ["compilations", "first_compilation"]
 
@@ -49,9 +52,10 @@ def first_compilation(kernels: str, seconds: float) -> Iterator[None]:
     """
     note = _note(kernels)
     if note.exists():
-        yield
+        with not_counted():
+            yield
         return
-    with _one_thread, _locked(note.with_suffix(".lock")):
+    with not_counted(), _one_thread, _locked(note.with_suffix(".lock")):
         if note.exists():
             yield
             return

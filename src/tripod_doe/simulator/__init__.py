@@ -2,6 +2,7 @@
 
 from tripod_doe.simulator.block import WORK, BlockResult, Retries, Values
 from tripod_doe.simulator.candidate import Candidate
+from tripod_doe.simulator.counted_time import counted_time, not_counted
 from tripod_doe.simulator.model_error import (
     NOTABLE_ERROR,
     Departure,
@@ -38,8 +39,10 @@ __all__ = [
     "Values",
     "by_name",
     "check_parameters",
+    "counted_time",
     "departure_texts",
     "is_set",
     "model_error_texts",
     "model_notes",
+    "not_counted",
 ]

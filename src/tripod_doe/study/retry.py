@@ -8,7 +8,6 @@ step that was chosen for one method says nothing about another.
 from __future__ import annotations
 
 import itertools
-import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -17,7 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.simulator import WORK, BlockResult, Outcome, Retries, Simulator, Value, check_parameters, is_set
+from tripod_doe.simulator import (
+    WORK,
+    BlockResult,
+    Outcome,
+    Retries,
+    Simulator,
+    Value,
+    check_parameters,
+    counted_time,
+    is_set,
+)
 
 __all__ = [
     "NO_RETRIES",
@@ -246,9 +255,10 @@ def _timed(
     simulator: Simulator, points: Mapping[str, NDArray[Any]], keep: Collection[str]
 ) -> tuple[BlockResult, float, float]:
     simulator.prepare(points)
-    wall, cpu = time.perf_counter(), time.thread_time()
+    cpu, wall = counted_time()
     result = simulator.simulate(points, keep)
-    return result, time.thread_time() - cpu, time.perf_counter() - wall
+    later_cpu, later_wall = counted_time()
+    return result, later_cpu - cpu, later_wall - wall
 
 
 class _History:

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from tripod_doe.errors import InputError, near_match
+from tripod_doe.errors import InputError, TripodDoeError, near_match
 from tripod_doe.simulator import Simulator
 from tripod_doe.study.function import FunctionSimulator
 
@@ -80,6 +80,8 @@ def _import_object(reference: str) -> Any:
         raise InputError(f"function = {reference!r}: write it as package.module:function")
     try:
         module = importlib.import_module(module_name)
+    except TripodDoeError:  # of ours, meant to be read as it is
+        raise
     except Exception as error:  # whatever a user's module does when it is imported
         kind = "" if isinstance(error, ImportError) else f"{type(error).__name__}: "
         raise InputError(f"function = {reference!r}: cannot import {module_name}: {kind}{error}") from error
