@@ -81,10 +81,11 @@ class _Measured:
         """
         asked = ~np.isinf(self.errors[model])
         known_places, known_errors = self.places[asked], self.errors[model][asked]
+        known_squares = np.square(known_places).sum(axis=1)
         median, decile = np.empty(len(places)), np.empty(len(places))
         for start in range(0, len(places), _CHUNK):
             rows = slice(start, start + _CHUNK)
-            apart = np.square(places[rows, None] - known_places).sum(axis=2)
+            apart = known_squares - 2 * places[rows] @ known_places.T  # squares of distances, less those of the places
             nearest = np.argpartition(apart, _NEAREST - 1, axis=1)[:, :_NEAREST]
             found = np.sort(known_errors[nearest], axis=1)  # NaN last
             median[rows], decile[rows] = _quantile(found, 0.5), _quantile(found, 0.9)
