@@ -1,0 +1,65 @@
+"""What a person can change about a view: one control per dimension, and for factors of a list a range."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import xarray as xr
+
+from tripod_doe.report.responses import unit_text
+from tripod_doe.service.cube_axes import design_of, variable_axes
+from tripod_doe.service.figures.parts import label_of
+from tripod_doe.service.view import View
+
+__all__ = ["controls", "view_title"]
+
+
+def controls(cube: xr.Dataset, view: View) -> dict[str, Any]:
+    """The controls of a view that is filled in.
+
+    Returns
+    -------
+    dict
+        ``kinds`` of views that suit the variable; axes that can lie ``below`` and ``beside``; those that stand
+        ``still`` with their values; and ``ranges`` of factors with both ends as texts, empty where they are open.
+    """
+    axes = variable_axes(cube, view.variable)
+    own = [axis for axis in axes if axis.name == axis.dim and axis.name != "point"]
+    factors = [axis for axis in axes if axis.of_design and axis.name != "point"]
+    values = dict(text.split("=", 1) for text in view.select)
+    kinds = (["lines"] if own else []) + (["map"] if len(own) > 1 else []) + (["points", "parallel"] if factors else [])
+    shown = {axis.dim for axis in axes if axis.name in (view.x, view.by)}
+    listed = view.kind in ("points", "parallel") or view.by == "point"
+    if view.kind in ("points", "parallel"):
+        shown |= set(design_of(cube))
+    beside = own + [axis for axis in axes if axis.name == "point"] if view.kind == "lines" else own
+    ranges = [axis for axis in factors if axis.numeric and listed]
+    return {
+        "kinds": kinds,
+        "below": [asdict(axis) for axis in (factors if view.kind == "points" else own)] if view.x else [],
+        "beside": [asdict(axis) for axis in (factors if view.kind == "points" else beside)],
+        "still": [(asdict(axis), values.get(axis.name, "")) for axis in axes
+                  if axis.name == axis.dim not in shown and not (listed and axis in ranges)],
+        "ranges": [(asdict(axis), *_ends(values.get(axis.name, ""))) for axis in ranges],
+    }  # fmt: skip
+
+
+def _ends(wanted: str) -> tuple[str, str]:
+    low, colon, high = wanted.partition(":")
+    return (low, high) if colon else (wanted, wanted)
+
+
+def view_title(cube: xr.Dataset, view: View) -> str:
+    """What a view shows, in words: ``thrust amplitude (N), order 3, over joint angle``."""
+    parts = [label_of(cube[view.variable])]
+    for text in view.select:
+        name, _, wanted = text.partition("=")
+        unit = unit_text(str(cube[name].attrs.get("units", "1"))) if name in cube.variables else ""
+        words = label_of(cube[name]).partition(" (")[0] if name in cube.variables else name
+        parts.append(f"{words} {wanted.replace(':', ' to ')} {unit}".rstrip())
+    title = ", ".join(parts)
+    over = [label_of(cube[name]).partition(" (")[0] for name in (view.x, view.by) if name]
+    title = f"{title[0].upper()}{title[1:]}"
+    return f"{title}, over {' and '.join(over)}" if over else title
+

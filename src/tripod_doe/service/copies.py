@@ -1,0 +1,123 @@
+"""A view as somebody would write it elsewhere: the command, the lines of Python, the study file of what is seen."""
+
+from __future__ import annotations
+
+import shlex
+import tomllib
+from typing import Any
+
+import numpy as np
+import tomlkit
+import xarray as xr
+
+from tripod_doe.report.responses import factor_names
+from tripod_doe.service.cube_axes import design_of
+from tripod_doe.service.figures.parts import shown
+from tripod_doe.service.view import View
+
+__all__ = ["point_values", "query_command", "query_python", "simulate_command", "study_of", "study_of_view"]
+
+_MOST_ROWS = 500
+
+
+def query_command(place: str, view: View) -> str:
+    """The command that prints the numbers of a view."""
+    words = ["tripod-doe", "query", place, "--variable", view.variable]
+    for text in view.select:
+        words += ["--select", text]
+    return shlex.join(words + (["--where", view.where] if view.where else []))
+
+
+def query_python(place: str, view: View) -> str:
+    """Lines of Python that give the numbers of a view as a Dataset."""
+    call = [repr(place), repr(view.variable)] + ([f"select={list(view.select)!r}"] if view.select else [])
+    call += [f"where={view.where!r}"] if view.where else []
+    return f"import tripod_doe as td\n\ntd.query({', '.join(call)})"
+
+
+def simulate_command(cube: xr.Dataset, point: xr.Dataset) -> str:
+    """The command that computes one point again; empty for a function of the user's own."""
+    study = study_of(cube)
+    head = study.get("study", {})
+    if head.get("function"):
+        return ""
+    words = ["tripod-doe", "simulate"] + (["--scene", head["scene"]] if head.get("scene", "joint") != "joint" else [])
+    for name, value in point_values(cube, point).items():
+        words += [f"--{name.replace('_', '-')}", _plain(value)]
+    return shlex.join(words)
+
+
+def point_values(cube: xr.Dataset, point: xr.Dataset) -> dict[str, Any]:
+    """The parameters that a study gives one of its points: base values and factors, the model that was chosen."""
+    values = {name: value for name, value in study_of(cube).get("base", {}).items() if value != "auto"}
+    values |= {name: point[name].item() for name in factor_names(cube)}
+    if "model_used" in point and "model" not in values:
+        words = str(point["model_used"].attrs.get("flag_meanings", "")).split()
+        codes = np.atleast_1d(point["model_used"].attrs.get("flag_values", [])).tolist()
+        values |= {"model": dict(zip(codes, words, strict=False)).get(point["model_used"].item(), "")}
+    return {name: value for name, value in values.items() if value not in ("", "none")}
+
+
+def _plain(value: object) -> str:
+    return f"{value:.12g}" if isinstance(value, float) else str(value)
+
+
+def study_of(cube: xr.Dataset) -> dict[str, Any]:
+    """The study in a cube, as TOML gives it; empty where there is none."""
+    try:
+        return tomllib.loads(str(cube.attrs.get("study", "")))
+    except tomllib.TOMLDecodeError:
+        return {}
+
+
+def study_of_view(cube: xr.Dataset, view: View, data: xr.Dataset) -> str:
+    """A study file whose points are those that a view shows, for the variable that it shows.
+
+    Parameters
+    ----------
+    cube
+        The cube that is looked at.
+    view
+        The view, filled in.
+    data
+        Its slice, as `seen` gives it.
+
+    Returns
+    -------
+    str
+        TOML; the study itself where the view shows more points than a list should name, or no points of a study.
+    """
+    whole, study = str(cube.attrs.get("study", "")), study_of(cube)
+    names = factor_names(cube) if design_of(cube) else []
+    if not study or not names:
+        return whole
+    document = tomlkit.document()
+    head = {key: value for key, value in study["study"].items() if key in ("scene", "function")}
+    document["study"] = {"name": f"{study['study']['name']}: {view.variable}"} | head
+    base = dict(study.get("base", {}))
+    listed = "point" in shown(data).dims
+    if listed and data.sizes["point"] > _MOST_ROWS:
+        return whole
+    varied = [name for name in names if name in data.coords and (listed or name in shown(data).dims)]
+    base |= {name: value for name, value in _pinned(cube, view, names).items() if name not in varied}
+    document["base"] = base
+    document["factors"] = {name: {"values": [_number(value) for value in data[name].values.tolist()]} for name in varied}
+    if varied:
+        document["design"] = {"kind": "zip" if listed else "grid"}
+    if view.variable in cube and "user function" not in str(cube[view.variable].attrs.get("long_name")):
+        document["keep"] = {"outputs": [view.variable]}
+    return tomlkit.dumps(document)
+
+
+def _pinned(cube: xr.Dataset, view: View, names: list[str]) -> dict[str, Any]:
+    """Factors at which a view stands still."""
+    found: dict[str, Any] = {}
+    for text in view.select:
+        name, _, wanted = text.partition("=")
+        if name in names and not any(mark in wanted for mark in ":,"):
+            found[name] = float(wanted) if cube[name].dtype.kind in "fiu" else wanted
+    return {name: _number(value) for name, value in found.items()}
+
+
+def _number(value: Any) -> Any:
+    return int(value) if isinstance(value, float) and value.is_integer() else value

@@ -1,0 +1,181 @@
+"""What can be asked of a cube: its variables with their dimensions, and the coordinates along each; and a first view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import xarray as xr
+
+from tripod_doe.errors import InputError, near_match
+from tripod_doe.report.responses import factor_names, unit_text
+from tripod_doe.service.figures.parts import label_of
+from tripod_doe.service.view import View
+from tripod_doe.study.cube import COST_VARIABLES, RECORD_ROLE
+
+__all__ = ["Axis", "Choice", "choices", "coordinate_axes", "design_of", "full_view", "variable_axes"]
+
+_MANY_LEVELS = 8  # of both factors, from which a map says more than lines
+_PREFERRED = ("thrust_amplitude", "axial_drift_mm", "axial_force_n")
+_DENSE = 40  # values of an output's dimension above which it is a curve
+_MOST_LISTED = 200  # points that can be chosen from a list
+_FIRST = {"order": 3, "statistic": "mean"}
+"""Where a view starts along dimensions of outputs; elsewhere at the first value."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A coordinate that a view can lie along, or stand still at.
+
+    Attributes
+    ----------
+    name, label
+        Its name in the cube and for people.
+    dim
+        Its dimension: its own name, or ``point`` in a list of points.
+    texts
+        Its values as selections take them; empty where it is a sampled factor.
+    low, high
+        Its ends, of a number.
+    of_design
+        Whether it is a factor of the study, and not a dimension of an output.
+    numeric
+        Whether its values are numbers.
+    """
+
+    name: str
+    label: str
+    dim: str
+    texts: tuple[str, ...]
+    low: float | None
+    high: float | None
+    of_design: bool
+    numeric: bool
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A variable that can be shown, in its group, with what it means."""
+
+    name: str
+    label: str
+    group: str
+    meaning: str
+
+
+def design_of(cube: xr.Dataset) -> tuple[str, ...]:
+    """Dimensions of the design; none of a cube that holds no points, as the result of an analysis."""
+    return tuple(map(str, cube["outcome"].dims)) if "outcome" in cube else ()
+
+
+def coordinate_axes(cube: xr.Dataset) -> dict[str, Axis]:
+    """All coordinates with values: dimensions, and in a list of points its factors."""
+    design = design_of(cube)
+    factors = factor_names(cube) if design else []
+    names = [*factors, *(str(dim) for dim in cube.dims if dim not in factors and cube[dim].dims)]
+    return {name: _axis(cube, name, name in factors or name in design) for name in names}
+
+
+def _axis(cube: xr.Dataset, name: str, of_design: bool) -> Axis:
+    labels = cube[name]
+    dim = str(labels.dims[0]) if labels.dims else name
+    numeric = labels.dtype.kind in "fiub"
+    counted = dim != name or (name == "point" and labels.size > _MOST_LISTED)
+    texts = () if counted else tuple(_text(value) for value in labels.values.tolist())
+    low, high = (float(labels.min()), float(labels.max())) if numeric and labels.size else (None, None)
+    return Axis(name, label_of(labels), dim, texts, low, high, of_design, numeric)
+
+
+def _text(value: object) -> str:
+    return f"{value:.12g}" if isinstance(value, float) else str(value)
+
+
+def choices(cube: xr.Dataset) -> list[Choice]:
+    """Variables of numbers in groups: results first, then the record of the runs and their costs."""
+    found = []
+    for name, variable in cube.data_vars.items():
+        if variable.dtype.kind not in "fiub" or name == "outcome" or "flag_values" in variable.attrs:
+            continue
+        record = variable.attrs.get("role") == RECORD_ROLE
+        group = "Cost" if name in COST_VARIABLES else "Record of the run" if record else "Results"
+        found.append(Choice(str(name), label_of(variable), group, str(variable.attrs.get("long_name", ""))))
+    return sorted(found, key=lambda choice: ("Results", "Record of the run", "Cost").index(choice.group))
+
+
+def variable_axes(cube: xr.Dataset, variable: str) -> list[Axis]:
+    """The coordinates along the dimensions of a variable."""
+    return [axis for axis in coordinate_axes(cube).values() if axis.dim in cube[variable].dims]
+
+
+def full_view(cube: xr.Dataset, view: View) -> View:
+    """Fill in what a view leaves open: a variable, how it is shown, and a value along each dimension that is not shown.
+
+    Raises
+    ------
+    InputError
+        If it names what this cube does not have.
+    """
+    known = [choice.name for choice in choices(cube)]
+    if not known:
+        raise InputError("this cube holds no numbers to show")
+    preferred = next((name for name in _PREFERRED if name in known), known[0])
+    variable = view.variable or preferred
+    if variable not in known:
+        raise InputError(f"variable = {variable!r}: not in this cube{near_match(variable, known)}")
+    axes = {axis.name: axis for axis in variable_axes(cube, variable)}
+    if not axes:
+        return replace(view, variable=variable, kind="points", x="", by="", select=())
+    view = replace(view, variable=variable)
+    for name in ("x", "by"):
+        if getattr(view, name) not in axes:  # left from another variable
+            view = replace(view, **{name: ""})
+    view = _with_kind(view, axes)
+    shown = {axes[name].dim for name in (view.x, view.by) if name}
+    if view.kind in ("points", "parallel"):
+        shown |= set(design_of(cube))
+    kept = tuple(text for text in view.select if text.partition("=")[0] in axes)
+    still = [axis for axis in axes.values() if axis.name == axis.dim not in shown and not _has_value(kept, axis)]
+    return replace(view, select=kept + tuple(f"{axis.name}={_start(axis)}" for axis in still))
+
+
+def _has_value(select: tuple[str, ...], axis: Axis) -> bool:
+    return any(text.partition("=")[0] == axis.name for text in select)
+
+
+def _start(axis: Axis) -> str:
+    wanted = str(_FIRST.get(axis.name, ""))
+    return wanted if wanted in axis.texts else next(iter(axis.texts), "0")
+
+
+def _with_kind(view: View, axes: dict[str, Axis]) -> View:
+    """A kind that the variable can be shown in, with dimensions for it."""
+    own = [axis for axis in axes.values() if axis.dim == axis.name and axis.name != "point"]
+    design = [axis for axis in axes.values() if axis.of_design and axis.name != "point"]
+    listed = "point" in axes
+    if view.kind == "parallel" and design:
+        return replace(view, x="", by="")
+    kind = view.kind or ("points" if listed and view.x not in [axis.name for axis in own] else _suited([axis for axis in own if axis.of_design or _rank(axis) == 0] or own))
+    if (kind in ("points", "parallel") and not design) or (kind == "map" and len(own) < 2):
+        kind = "lines"
+    kind = "points" if kind == "lines" and not own else kind
+    below = sorted(design if kind == "points" else own, key=_rank)
+    first = next((axis.name for axis in below if axis.name != view.by), below[0].name)
+    x = view.x if view.x in [axis.name for axis in below] else first
+    if kind == "points":
+        return replace(view, kind=kind, x=x)
+    others = [axis.name for axis in below if axis.name != x] + ["point"] * (listed and kind == "lines")
+    chosen = kind == "lines" and bool(view.x)  # then without lines of its own is a choice, too
+    by = view.by if view.by in others else "" if chosen or not others else others[-1] if listed else others[0]
+    return replace(view, kind=kind, x=x, by=by)
+
+
+def _rank(axis: Axis) -> int:
+    """Order in which axes are taken: curves along what is measured densely, then factors, then words."""
+    dense = axis.numeric and not axis.of_design and len(axis.texts) > _DENSE
+    return 0 if dense else 1 if axis.numeric else 2
+
+
+def _suited(over: list[Axis]) -> str:
+    if any(_rank(axis) == 0 for axis in over):
+        return "lines"
+    long = [axis for axis in over if axis.numeric and len(axis.texts) >= _MANY_LEVELS]
+    return "map" if len(long) >= 2 else "lines"

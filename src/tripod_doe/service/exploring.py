@@ -1,0 +1,195 @@
+"""Questions of the cube explorer, answered in a process of the desk: what there is, a figure, one point."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.errors import InputError
+from tripod_doe.quantities import duration, number, with_unit
+from tripod_doe.report.responses import factor_names, unit_text
+from tripod_doe.service.controls import controls, view_title
+from tripod_doe.service.copies import (
+    point_values,
+    query_command,
+    query_python,
+    simulate_command,
+    study_of,
+    study_of_view,
+)
+from tripod_doe.service.cube_axes import choices, design_of, full_view
+from tripod_doe.service.figures.parts import NUMBER, blank_reasons, is_failed, label_of
+from tripod_doe.service.figures.point import point_figures
+from tripod_doe.service.opened import opened
+from tripod_doe.service.seen import colour_range, draw, numbered, seen
+from tripod_doe.service.view import View
+from tripod_doe.simulator import Outcome
+from tripod_doe.study.arrays import cube_arrays
+from tripod_doe.study.query import records
+from tripod_doe.study.scenes import SCENES, load_simulator
+
+__all__ = ["explore", "failures", "figure", "numbers", "point"]
+
+Items = Sequence[Sequence[str]]
+"""A view as its address says it: names and texts."""
+
+_MOST_ROWS = 500
+
+
+def explore(path: str, items: Items, place: str) -> tuple[Any, bytes]:
+    """What a view of a result directory can be changed to, and what it is called elsewhere.
+
+    Parameters
+    ----------
+    path
+        The result directory.
+    items
+        The view.
+    place
+        The directory as a user of the machine calls it.
+
+    Returns
+    -------
+    tuple
+        The view filled in, variables, axes, copies; no bytes.
+    """
+    asked = View.from_items((name, text) for name, text in items)
+    cube, source = _cube(path, asked)
+    view = full_view(cube, asked)
+    data = seen(cube, view)
+    return {
+        "view": asdict(view),
+        "address": view.address,
+        "title": view_title(cube, view),
+        "meaning": str(cube[view.variable].attrs.get("long_name", "")),
+        "variables": [asdict(choice) for choice in choices(cube)],
+        "range": colour_range(cube, view),
+        "points": bool(design_of(cube)),
+        "analyses": _analyses(path),
+        "copies": {
+            "Command line": query_command(place + source, view),
+            "Python": query_python(place + source, view),
+            "Study (TOML)": study_of_view(cube, view, seen(cube, view)),
+        },
+        **controls(cube, view),
+    }, b""
+
+
+def figure(path: str, items: Items, other: str | None) -> tuple[Any, bytes]:
+    """A view of a result directory as the JSON of a figure for Plotly; `other` is the directory that is subtracted."""
+    asked = View.from_items((name, text) for name, text in items)
+    cube, _ = _cube(path, asked)
+    view = full_view(cube, asked)
+    drawn = draw(cube, view, _cube(other, asked)[0] if other else None)
+    return {"address": view.address}, json.dumps(drawn, allow_nan=False).encode()
+
+
+def _cube(path: str, view: View) -> tuple[xr.Dataset, str]:
+    """The cube of a directory or the result of one of its analyses, and where in the directory it is."""
+    if not view.analysis:
+        return opened(path), ""
+    known = _analyses(path)
+    if view.analysis not in known:
+        raise InputError(f"analysis = {view.analysis!r}: not in this run; it has {', '.join(known) or 'none'}")
+    return opened(Path(path) / "analysis" / f"{view.analysis}.nc"), f"/analysis/{view.analysis}.nc"
+
+
+def _analyses(path: str) -> list[str]:
+    return sorted(file.stem for file in Path(path).glob("analysis/*.nc"))
+
+
+def numbers(path: str, items: Items) -> tuple[Any, bytes]:
+    """The cells of a view as texts, at most 500 of them: ``heads``, ``rows`` with the number of the point first."""
+    asked = View.from_items((name, text) for name, text in items)
+    cube, _ = _cube(path, asked)
+    view = full_view(cube, asked)
+    columns = records(cube_arrays(numbered(cube)), view.variable, view.select, where=view.where or None)
+    points = columns.pop(NUMBER, None)
+    columns.pop("point", None)
+    first = {name: column[:_MOST_ROWS].tolist() for name, column in columns.items()}
+    counted = points[:_MOST_ROWS].tolist() if points is not None else range(len(next(iter(first.values()))))
+    texts = [[_word(value) for value in column] for column in first.values()]
+    return {
+        "heads": [label_of(cube[name]) if name != "outcome" else "outcome" for name in first],
+        "rows": [list(row) for row in zip(counted, *texts, strict=True)],
+        "numbered": points is not None,
+        "count": next(iter(columns.values())).size,
+    }, b""
+
+
+def _word(value: Any) -> str:
+    return ("" if value != value else number(value, 6)) if isinstance(value, int | float) else str(value)
+
+
+def failures(path: str) -> tuple[Any, bytes]:
+    """Points that failed, at most 500 of them: their numbers, factors, outcomes and reasons."""
+    cube = opened(path)
+    names, lost = factor_names(cube), np.flatnonzero(is_failed(cube).values.ravel())
+    shown = cube[["outcome", "outcome_detail"]].load()
+    factors = [cube[name].broadcast_like(cube["outcome"]).transpose(*cube["outcome"].dims).values.ravel() for name in names]
+    outcomes, details = (shown[name].values.ravel() for name in ("outcome", "outcome_detail"))
+    rows = [
+        {"number": at, "values": [_word(column[at].item() if hasattr(column[at], "item") else column[at]) for column in factors],
+         "outcome": Outcome(int(outcomes[at])).label, "reason": str(details[at])}
+        for at in lost[:_MOST_ROWS].tolist()
+    ]  # fmt: skip
+    return {"heads": [label_of(cube[name]) for name in names], "rows": rows, "count": int(lost.size)}, b""
+
+
+def point(path: str, number_of_point: int) -> tuple[Any, bytes]:
+    """Everything about one point: its factors, how it ended, its scalar results, figures of the rest."""
+    cube = opened(path)
+    design = design_of(cube)
+    shape = tuple(cube.sizes[dim] for dim in design)
+    count = int(np.prod(shape))
+    if not 0 <= number_of_point < count:
+        raise InputError(f"point = {number_of_point}: this cube has points 0 to {count - 1}")
+    at = dict(zip(design, (int(where) for where in np.unravel_index(number_of_point, shape)), strict=True))
+    found = numbered(cube).isel(at).load()
+    factors = factor_names(cube)
+    scalars = [name for name in found.data_vars if found[name].dtype.kind in "fiu" and not found[name].dims
+               and "flag_values" not in found[name].attrs]  # fmt: skip
+    reason = str(blank_reasons(found.expand_dims("point"))[0])
+    scene, settings = str(study_of(cube).get("study", {}).get("scene", "joint")), point_values(cube, found)
+    return {
+        "scene": scene,
+        "others": _other_parameters(scene, settings),
+        "price": _price(found),
+        "number": number_of_point,
+        "count": count,
+        "factors": [{"label": label_of(cube[name]), "name": name, "value": _told(found[name])} for name in factors],
+        "outcome": Outcome(int(found["outcome"])).label,
+        "reason": reason,
+        "scalars": [{"label": label_of(found[name]), "value": _told(found[name]),
+                     "meaning": str(found[name].attrs.get("long_name", ""))}
+                    for name in scalars if np.isfinite(found[name].item())],
+        "parameters": settings,
+        "command": simulate_command(cube, found),
+        "figures": point_figures(found) if not reason else {},
+    }, b""  # fmt: skip
+
+
+def _other_parameters(scene: str, settings: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Parameters of a scene that a study leaves at their defaults, with these."""
+    if scene not in SCENES:
+        return []
+    parameters = load_simulator(scene).parameters.values()
+    return [(p.name, "" if p.default is None else _word(p.default)) for p in parameters if p.name not in settings]
+
+
+def _price(found: xr.Dataset) -> str:
+    """What the point cost, as the price of another one like it."""
+    seconds = float(found["cpu_seconds"]) if "cpu_seconds" in found else np.nan
+    return f"This point took {duration(seconds)} of CPU time." if np.isfinite(seconds) else ""
+
+
+def _told(value: xr.DataArray) -> str:
+    item = value.item()
+    text = number(float(item), 6) if isinstance(item, int | float) else str(item)
+    return with_unit(text, unit_text(str(value.attrs.get("units", "1"))))

@@ -1,0 +1,141 @@
+"""Heat maps: a variable over two dimensions, with a fixed range of colours; cells without a number are hatched."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.service.figures.parts import (
+    FAILED_COLOUR,
+    SEQUENTIAL,
+    WAITING_COLOUR,
+    Figure,
+    axis,
+    blank_reasons,
+    edges,
+    is_failed,
+    label_of,
+    packed,
+    point_numbers,
+    shown,
+)
+
+__all__ = ["heat_map"]
+
+_MOST_CROSSES = 2000
+_MOST_NAMED = 4000  # cells above which names in tooltips would outweigh the numbers
+
+
+def heat_map(data: xr.Dataset, x: str, y: str, limits: tuple[float, float] | None = None) -> Figure:
+    """Draw a variable as colours over two dimensions.
+
+    Parameters
+    ----------
+    data
+        The variable first, over `x` and `y`; beside it the outcome and its detail, from which cells without a number
+        are hatched: failed ones, and in grey dots those still to come.
+    x, y
+        Names of dimensions.
+    limits
+        Values at both ends of the colours, to be the same from one slice to the next; those of the data otherwise.
+
+    Returns
+    -------
+    dict
+        A figure for Plotly.
+    """
+    data = data.transpose(..., y, x)
+    variable = shown(data)
+    low, high = limits or _limits(variable.values)
+    places = {name: _places(data[name]) for name in (x, y)}
+    cells: dict[str, Any] = {
+        "type": "heatmap",
+        "x": packed(edges(*places[x])), "y": packed(edges(*places[y])), "z": packed(variable.values.astype(float)),
+        "zmin": low, "zmax": high, "colorscale": _scale(low, high), "hoverongaps": False,
+        "colorbar": {"title": {"text": label_of(variable), "side": "right"}, "thickness": 12, "outlinewidth": 0},
+        "hovertemplate": "%{x:.4~g}, %{y:.4~g}: <b>%{z:.4~g}</b><extra></extra>",
+    }  # fmt: skip
+    if variable.size <= _MOST_NAMED:
+        cells |= {"hovertemplate": "%{text}: <b>%{z:.4~g}</b><extra></extra>", "text": _names(data, x, y)}
+    traces = [cells]
+    if "outcome" in data and set(data["outcome"].dims) == {x, y}:
+        cells["customdata"] = packed(point_numbers(data))
+        traces += _blanks(data, places[x], places[y])
+    axes = [axis(data[name]) | _ticks(data[name]) for name in (x, y)]
+    return {"data": traces, "layout": {"xaxis": axes[0] | {"showgrid": False}, "yaxis": axes[1] | {"showgrid": False}}}
+
+
+def _limits(values: NDArray[Any]) -> tuple[float, float]:
+    known = values[np.isfinite(values)]
+    return (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+
+
+def _scale(low: float, high: float) -> list[list[Any]] | str:
+    """Shades from dark to light, or two colours from zero where the numbers have both signs."""
+    if low < 0 < high:
+        middle = -low / (high - low)
+        return [[0, "#2166ac"], [middle / 2, "#8ab8d8"], [middle, "#e8e8e6"],
+                [(1 + middle) / 2, "#e3a587"], [1, "#b2402b"]]  # fmt: skip
+    return [list(stop) for stop in SEQUENTIAL]
+
+
+def _places(coordinate: xr.DataArray) -> tuple[NDArray[np.float64], bool]:
+    """Places of the levels along an axis, and whether it is logarithmic; words and unordered numbers are counted."""
+    values = coordinate.values
+    if not _is_ordered(values):
+        return np.arange(values.size, dtype=float), False
+    return values.astype(float), axis(coordinate)["type"] == "log"
+
+
+def _is_ordered(values: NDArray[Any]) -> bool:
+    return values.dtype.kind in "fiu" and bool((np.diff(values) > 0).all())
+
+
+def _ticks(coordinate: xr.DataArray) -> dict[str, Any]:
+    """Ticks at the levels where they are words, or few."""
+    values = coordinate.values
+    if not _is_ordered(values):
+        return {"type": "linear", "tickvals": list(range(values.size)), "ticktext": [str(value) for value in values]}
+    return {"tickvals": values.tolist()} if values.size <= 8 else {}
+
+
+def _names(data: xr.Dataset, x: str, y: str) -> list[list[str]]:
+    """What each cell is, for its tooltip."""
+    across, up = ([f"{value:.6g}" if isinstance(value, float) else str(value) for value in data[name].values.tolist()]
+                  for name in (x, y))  # fmt: skip
+    return [[f"{label_of(data[x])} {right}, {label_of(data[y])} {top}" for right in across] for top in up]
+
+
+def _blanks(data: xr.Dataset, x: tuple[NDArray[np.float64], bool], y: tuple[NDArray[np.float64], bool]) -> list[Any]:
+    """Hatching and a mark with the reason for each cell without a number."""
+    reasons, failed, numbers = blank_reasons(data), is_failed(data).values, point_numbers(data)
+    left, bottom = edges(*x), edges(*y)
+    kinds = ((failed, "/", FAILED_COLOUR), ((reasons != "") & ~failed, ".", WAITING_COLOUR))
+    traces: list[Any] = []
+    for rows, shape, colour in kinds:
+        if not rows.any():
+            continue
+        up, across = np.nonzero(rows)
+        corners = np.full((up.size, 6), np.nan)
+        heights = corners.copy()
+        corners[:, :5] = left[np.stack([across, across + 1, across + 1, across, across], 1)]
+        heights[:, :5] = bottom[np.stack([up, up, up + 1, up + 1, up], 1)]
+        traces.append({
+            "type": "scatter", "mode": "lines", "x": packed(corners.ravel()), "y": packed(heights.ravel()),
+            "fill": "toself", "line": {"width": 0, "color": colour}, "hoverinfo": "skip", "showlegend": False,
+            "fillpattern": {"shape": shape, "fgcolor": colour, "bgcolor": "rgba(0,0,0,0)", "size": 6, "solidity": 0.25},
+            "fillcolor": colour,
+        })  # fmt: skip
+        few = slice(None, _MOST_CROSSES)
+        traces.append({
+            "type": "scatter", "mode": "markers", "showlegend": False,
+            "x": packed(x[0][across][few]), "y": packed(y[0][up][few]),
+            "text": reasons[rows].tolist()[few], "customdata": packed(numbers[rows][few]),
+            "marker": {"symbol": "x-thin" if shape == "/" else "circle-open", "size": 5 if up.size > 200 else 8,
+                       "color": colour, "line": {"width": 1.5, "color": colour}},
+            "hovertemplate": "%{text}<extra></extra>",
+        })  # fmt: skip
+    return traces

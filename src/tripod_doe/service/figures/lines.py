@@ -1,0 +1,129 @@
+"""Lines: a variable over one dimension, one line per value of another, with the numerical errors that are known."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.service.figures.parts import (
+    FAILED_COLOUR,
+    WAITING_COLOUR,
+    Figure,
+    axis,
+    blank_reasons,
+    is_failed,
+    label_of,
+    level_texts,
+    packed,
+    point_numbers,
+    ramp,
+    shown,
+)
+
+__all__ = ["lines"]
+
+_NAMED = 8  # lines that a legend can tell apart; more are shaded by their number
+_MARKED = 60  # points of a line above which it is drawn without markers
+_MOST = 200
+_WHOLE_TURN = 360.0
+
+
+def lines(data: xr.Dataset, x: str, series: str | None = None) -> Figure:
+    """Draw a variable over a dimension.
+
+    Parameters
+    ----------
+    data
+        The variable first, over `x` and perhaps `series`; beside it its error as ``VARIABLE_error``, and the outcome
+        and its detail, from which points without a number are marked at the foot of the axes with their reason.
+    x, series
+        Names of dimensions; one line per value of `series`, at most 200.
+
+    Returns
+    -------
+    dict
+        A figure for Plotly.
+    """
+    variable = shown(data)
+    rows = [data] if series is None else [data.isel({series: at}) for at in range(min(data.sizes[series], _MOST))]
+    names = [""] if series is None else level_texts(data[series])[:_MOST]
+    numeric = series is not None and data[series].dtype.kind in "fiu"
+    colours: list[str | None] = list(ramp(len(rows))) if numeric and len(rows) > 3 else [None] * len(rows)
+    traces = [_line(row, x, name, colour, len(rows)) for row, name, colour in zip(rows, names, colours, strict=True)]
+    traces += [mark for row, name in zip(rows, names, strict=True) for mark in _marks(row, x, name)]
+    layout: dict[str, Any] = {
+        "xaxis": axis(data[x]) | _turns(data[x]),
+        "yaxis": {"title": {"text": label_of(variable)}, "automargin": True},
+        "yaxis2": {"overlaying": "y", "range": [0, 1], "visible": False, "fixedrange": True},
+        "showlegend": 1 < len(rows) <= _NAMED,
+        "legend": {"title": {"text": label_of(data[series])} if series else {}},
+    }
+    if numeric and len(rows) > _NAMED:
+        traces.append(_scale(data[str(series)]))
+    return {"data": traces, "layout": layout}
+
+
+def _line(data: xr.Dataset, x: str, name: str, colour: str | None, count: int) -> dict[str, Any]:
+    variable = shown(data)
+    few = data.sizes[x] <= _MARKED
+    trace: dict[str, Any] = {
+        "type": "scatter",
+        "mode": "lines+markers" if few else "lines",
+        "name": name,
+        "x": packed(data[x].values),
+        "y": packed(variable.values.astype(float)),
+        "hovertemplate": "%{x}: <b>%{y:.4~g}</b>" + (f"<br>{name}" if name else "") + "<extra></extra>",
+    }
+    if colour:
+        trace |= {"line": {"color": colour}, "marker": {"color": colour}}
+    if "outcome" in data:
+        trace["customdata"] = packed(np.broadcast_to(point_numbers(data), variable.shape))
+    error = f"{variable.name}_error"
+    if error in data and few and count <= _NAMED:
+        trace["error_y"] = {"type": "data", "array": packed(data[error].values), "thickness": 1, "width": 4}
+    return trace
+
+
+def _marks(data: xr.Dataset, x: str, name: str) -> list[dict[str, Any]]:
+    """Points without a number, at the foot of the axes: crosses for failed ones, rings for those still to come."""
+    if "outcome" not in data or data["outcome"].dims != (x,):
+        return []
+    reasons, numbers, failed = blank_reasons(data), point_numbers(data), is_failed(data).values
+    found = []
+    for rows, symbol, colour in (
+        (failed, "x-thin", FAILED_COLOUR),
+        ((reasons != "") & ~failed, "circle-open", WAITING_COLOUR),
+    ):
+        if rows.any():
+            found.append({
+                "type": "scatter", "mode": "markers", "yaxis": "y2", "showlegend": False, "cliponaxis": False,
+                "x": packed(data[x].values[rows]), "y": [0.02] * int(rows.sum()),
+                "text": [f"{name + ': ' if name else ''}{reason}" for reason in reasons[rows]],
+                "customdata": packed(numbers[rows]), "hovertemplate": "%{x}: %{text}<extra></extra>",
+                "marker": {"symbol": symbol, "size": 9, "color": colour, "line": {"width": 2, "color": colour}},
+            })  # fmt: skip
+    return found
+
+
+def _turns(coordinate: xr.DataArray) -> dict[str, Any]:
+    """Ticks at quarter turns along an angle of rotation."""
+    values = coordinate.values
+    if str(coordinate.attrs.get("units")) != "degree" or values.dtype.kind != "f" or np.ptp(values) < _WHOLE_TURN - 1:
+        return {}
+    return {"dtick": 90 if np.ptp(values) < 2 * _WHOLE_TURN else 180, "tick0": 0}
+
+
+def _scale(coordinate: xr.DataArray) -> dict[str, Any]:
+    """A colour bar in place of a legend too long to read."""
+    values = coordinate.values.astype(float)[:_MOST]
+    colours = ramp(9)
+    return {
+        "type": "scatter", "mode": "markers", "x": [None], "y": [None], "showlegend": False, "hoverinfo": "skip",
+        "marker": {
+            "color": [float(values.min())], "cmin": float(values.min()), "cmax": float(values.max()), "showscale": True,
+            "colorscale": [[at / 8, colour] for at, colour in enumerate(colours)],
+            "colorbar": {"title": {"text": label_of(coordinate), "side": "right"}, "thickness": 12, "outlinewidth": 0},
+        },
+    }  # fmt: skip

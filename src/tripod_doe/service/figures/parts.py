@@ -1,0 +1,130 @@
+"""Parts that all figures are made of: axes with their units, marks of cells without a number, packed numbers."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.quantities import level, with_unit
+from tripod_doe.report.responses import spoken, unit_text
+from tripod_doe.simulator import OUTCOME_MEANINGS, Outcome
+
+__all__ = [
+    "FAILED_COLOUR", "NUMBER", "SEQUENTIAL", "WAITING_COLOUR", "Figure", "axis", "blank_reasons", "edges", "is_failed",
+    "label_of", "level_texts", "packed", "point_numbers", "ramp", "shown", "with_brackets",
+]  # fmt: skip
+
+Figure = dict[str, Any]
+"""A figure as Plotly takes it: ``{"data": [...], "layout": {...}}``."""
+
+NUMBER = "point_number"
+"""Coordinate over the dimensions of the design: the number by which a point is asked for, in the order of the cube."""
+
+FAILED_COLOUR, WAITING_COLOUR = "#b5532a", "#8b96a3"
+"""Readable on light and on dark paper."""
+
+SEQUENTIAL = (
+    (0.0, "#1f3b73"), (0.2, "#26648e"), (0.4, "#2a9187"), (0.6, "#6bb56b"), (0.8, "#c9c94f"), (1.0, "#fbe183"),
+)  # fmt: skip
+"""Colour scale of heat maps: darker is less, also for readers who do not see colours."""
+
+_LEAST_RATIO = 8.0  # levels that grow evenly by factors and span more than this are drawn on a logarithmic axis
+
+
+def packed(values: NDArray[Any]) -> dict[str, str] | list[Any]:
+    """Numbers as Plotly reads them fastest: base64 of their bytes; texts as a list."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiu":
+        return [str(value) for value in array.ravel()]
+    kind = "f8" if array.dtype.kind == "f" or array.dtype.itemsize == 8 else "i4"
+    array = np.ascontiguousarray(array, "<" + kind)
+    told = {"dtype": kind, "bdata": base64.b64encode(array.tobytes()).decode()}
+    return told | ({"shape": ", ".join(map(str, array.shape))} if array.ndim > 1 else {})
+
+
+def shown(data: xr.Dataset) -> xr.DataArray:
+    """The variable that a figure of this Dataset is about: the first one."""
+    return data[next(iter(data.data_vars))]
+
+
+def label_of(variable: xr.DataArray) -> str:
+    """A variable or a coordinate with its unit, as the label of an axis; names of a user's function stay bare."""
+    name, attrs = str(variable.name), variable.attrs
+    own = "user function" in (attrs.get("source"), str(attrs.get("long_name", "")).removeprefix("output of a "))
+    return with_brackets(name if own else spoken(name), unit_text(str(attrs.get("units", "1"))))
+
+
+def with_brackets(words: str, unit: str) -> str:
+    """A label with its unit, if it has one: ``torque (N m)``."""
+    return f"{words} ({unit})" if unit else words
+
+
+def axis(coordinate: xr.DataArray, **more: Any) -> dict[str, Any]:
+    """An axis along a coordinate: logarithmic where its levels are, by name where they are words."""
+    values = coordinate.values
+    kind = {"type": "category"} if values.dtype.kind not in "fiub" else {"type": "log" if _by_factors(values) else "linear"}
+    return {"title": {"text": label_of(coordinate)}, "automargin": True} | kind | more
+
+
+def _by_factors(values: NDArray[Any]) -> bool:
+    levels = np.unique(values.astype(float))
+    if levels.size < 3 or not levels[0] > 0 or levels[-1] / levels[0] < _LEAST_RATIO:
+        return False
+    ratios = levels[1:] / levels[:-1]
+    return bool(np.ptp(ratios) < 0.05 * ratios.mean())
+
+
+def edges(values: NDArray[np.float64], logarithmic: bool) -> NDArray[np.float64]:
+    """Limits of the cells around levels, shape (levels + 1,): midway between neighbours."""
+    places = np.log(values) if logarithmic else values
+    if places.size == 1:
+        half = abs(places[0]) / 20 or 0.5
+        found = np.array([places[0] - half, places[0] + half])
+    else:
+        middle = (places[1:] + places[:-1]) / 2
+        found = np.concatenate([[2 * places[0] - middle[0]], middle, [2 * places[-1] - middle[-1]]])
+    return np.exp(found) if logarithmic else found
+
+
+def level_texts(coordinate: xr.DataArray) -> list[str]:
+    """The values of a coordinate with their unit, as a legend names them."""
+    unit = unit_text(str(coordinate.attrs.get("units", "1")))
+    return [with_unit(level(value), unit) if isinstance(value, int | float) else str(value)
+            for value in np.atleast_1d(coordinate.values).tolist()]  # fmt: skip
+
+
+def ramp(count: int) -> list[str]:
+    """Colours of lines that stand for growing numbers, from the part of the scale that both papers show."""
+    places = np.array([place for place, _ in SEQUENTIAL])
+    channels = np.array([[int(colour[at : at + 2], 16) for at in (1, 3, 5)] for _, colour in SEQUENTIAL], float)
+    wanted = np.linspace(0.18, 0.86, count)
+    mixed = [np.interp(wanted, places, channel).round().astype(int) for channel in channels.T]
+    return [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in zip(*mixed, strict=True)]
+
+
+def is_failed(data: xr.Dataset) -> xr.DataArray:
+    """Where a point ran and gave no numbers."""
+    codes = data["outcome"]
+    return ~codes.isin([Outcome.FINISHED, Outcome.NOT_RUN, Outcome.NOT_APPLICABLE])
+
+
+def blank_reasons(data: xr.Dataset) -> NDArray[np.object_]:
+    """Why a cell holds no number, of the shape of the outcome; empty where it holds one."""
+    codes = data["outcome"].values
+    told = np.full(codes.shape, "", object)
+    for at in zip(*np.nonzero(codes != Outcome.FINISHED), strict=True):
+        outcome = Outcome(int(codes[at]))
+        reason = str(data["outcome_detail"].values[at]) if "outcome_detail" in data else ""
+        told[at] = f"{outcome.label}: {reason or OUTCOME_MEANINGS[outcome]}"
+    return told
+
+
+def point_numbers(data: xr.Dataset) -> NDArray[np.int32]:
+    """Numbers of the points, of the shape of the outcome; counted in their order where the Dataset names none."""
+    if NUMBER in data.coords:
+        return data[NUMBER].values.astype(np.int32)
+    return np.arange(data["outcome"].size, dtype=np.int32).reshape(data["outcome"].shape)

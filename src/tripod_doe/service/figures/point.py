@@ -1,0 +1,72 @@
+"""Figures of one point: its quantities over the rotation, its spectrum, and what its mechanisms make of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.service.figures.lines import lines
+from tripod_doe.service.figures.parts import Figure, axis, label_of, packed
+
+__all__ = ["bars", "point_figures"]
+
+_SHARED = 4  # curves that one pair of axes takes
+
+
+def point_figures(point: xr.Dataset) -> dict[str, Figure]:
+    """All figures of one point.
+
+    Parameters
+    ----------
+    point
+        The variables of a cube at one point: what is left are the dimensions of the outputs.
+
+    Returns
+    -------
+    dict
+        Figures for Plotly by the name of the variable that each shows: lines over dimensions that are measured, as the
+        rotation angle, and bars over those that are counted, as orders or mechanisms.
+    """
+    found = {}
+    for name, variable in point.data_vars.items():
+        if variable.dtype.kind != "f" or not variable.dims or not bool(variable.notnull().any()):
+            continue
+        *others, along = variable.dims
+        if str(name).endswith(("_error", "_scatter")) or len(others) > 1:
+            continue
+        companions = [str(name), *(other for other in (f"{name}_error",) if other in point)]
+        data = point[companions]
+        if data[along].dtype.kind == "f":
+            found[str(name)] = lines(data, str(along), str(others[0]) if others else None)
+        elif not others or data.sizes[others[0]] <= _SHARED:
+            found[str(name)] = bars(data, str(along), str(others[0]) if others else None)
+        else:
+            found[str(name)] = bars(data.transpose(along, others[0]), str(others[0]), None if not others else str(along))
+    return found
+
+
+def bars(data: xr.Dataset, x: str, series: str | None = None) -> Figure:
+    """Draw a variable as bars over a dimension that is counted, with its error as ``VARIABLE_error`` where known."""
+    variable = data[next(iter(data.data_vars))]
+    rows = [data] if series is None else [data.isel({series: at}) for at in range(min(data.sizes[series], 13))]
+    traces = []
+    for row in rows:
+        drawn = row[str(variable.name)]
+        name = "" if series is None else f"{series} {row[series].item()}"
+        trace = {
+            "type": "bar", "name": name, "x": packed(data[x].values), "y": packed(drawn.values.astype(float)),
+            "hovertemplate": f"{x} %{{x}}: <b>%{{y:.4~g}}</b><extra>{name}</extra>",
+        }  # fmt: skip
+        if f"{variable.name}_error" in row:
+            error = np.nan_to_num(row[f"{variable.name}_error"].values)
+            trace["error_y"] = {"type": "data", "array": packed(error), "thickness": 1, "width": 3}
+        traces.append(trace)
+    labels = [str(value).replace("_", " ") for value in data[x].values.tolist()]
+    ticks = {"tickvals": data[x].values.tolist(), "ticktext": labels} if len(labels) <= 16 else {}
+    return {
+        "data": traces,
+        "layout": {
+            "xaxis": axis(data[x]) | ticks, "yaxis": {"title": {"text": label_of(variable)}, "automargin": True},
+            "barmode": "group", "showlegend": len(traces) > 1,
+        },
+    }  # fmt: skip

@@ -1,0 +1,112 @@
+"""Points of a list: one quantity over another, each point by itself while they can be told apart, else their density."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.service.figures.parts import (
+    FAILED_COLOUR,
+    SEQUENTIAL,
+    Figure,
+    axis,
+    blank_reasons,
+    is_failed,
+    label_of,
+    packed,
+    point_numbers,
+    shown,
+)
+
+__all__ = ["scatter"]
+
+_MOST = 4000  # points that a browser draws at once without delay, and a reader tells apart
+_CELLS = 60
+
+
+def scatter(data: xr.Dataset, x: str, colour: str | None = None) -> Figure:
+    """Draw a variable over another quantity, one mark per point.
+
+    Parameters
+    ----------
+    data
+        The variable first, over the dimensions of the design; beside it the outcome and its detail.
+    x, colour
+        Names of coordinates or other variables of the same dimensions.
+
+    Returns
+    -------
+    dict
+        A figure for Plotly; more than 4000 points are drawn as their density.
+    """
+    variable = shown(data)
+    across = data[x].broadcast_like(variable).transpose(*variable.dims)
+    places, heights = across.values.ravel(), variable.values.ravel().astype(float)
+    known = np.isfinite(heights)
+    layout = {
+        "xaxis": axis(data[x]),
+        "yaxis": {"title": {"text": label_of(variable)}, "automargin": True},
+        "yaxis2": {"overlaying": "y", "range": [0, 1], "visible": False, "fixedrange": True},
+        "showlegend": False,
+    }
+    if int(known.sum()) > _MOST and places.dtype.kind in "fiu":
+        return {"data": [_density(places[known].astype(float), heights[known]), *_crosses(data, places)], "layout": layout}
+    numbers = point_numbers(data).ravel() if "outcome" in data else np.full(heights.shape, -1)
+    marker: dict[str, Any] = {"size": 7 if known.sum() < 400 else 5, "opacity": 0.85}
+    told = "%{x}: <b>%{y:.4~g}</b>"
+    if colour:
+        values = data[colour].broadcast_like(variable).transpose(*variable.dims).values.ravel()[known]
+        marker |= _colours(values, label_of(data[colour]))
+        told += f"<br>{label_of(data[colour])} %{{text}}"
+    trace = {
+        "type": "scatter", "mode": "markers", "x": packed(places[known]), "y": packed(heights[known]),
+        "customdata": packed(numbers[known]), "marker": marker, "hovertemplate": told + "<extra></extra>",
+    }  # fmt: skip
+    if colour:
+        trace["text"] = [f"{value:.6g}" if isinstance(value, float) else str(value) for value in values.tolist()]
+    return {"data": [trace, *_crosses(data, places)], "layout": layout}
+
+
+def _colours(values: NDArray[Any], label: str) -> dict[str, Any]:
+    if values.dtype.kind not in "fiub":
+        known, which = np.unique(values.astype(str), return_inverse=True)
+        ticks = {"tickvals": list(range(known.size)), "ticktext": known.tolist()}
+        return _colours(which.astype(float), label) | {"colorbar": _bar(label) | ticks}
+    return {
+        "color": packed(values.astype(float)), "colorscale": [list(stop) for stop in SEQUENTIAL], "colorbar": _bar(label),
+        "line": {"width": 0.5, "color": "#8b96a3"},
+    }  # fmt: skip
+
+
+def _bar(label: str) -> dict[str, Any]:
+    return {"title": {"text": label, "side": "right"}, "thickness": 12, "outlinewidth": 0}
+
+
+def _density(places: NDArray[np.float64], heights: NDArray[np.float64]) -> dict[str, Any]:
+    counts, right, top = np.histogram2d(places, heights, bins=_CELLS)
+    shade = np.where(counts > 0, np.log10(np.maximum(counts, 1)), np.nan).T
+    return {
+        "type": "heatmap", "x": packed(right), "y": packed(top), "z": packed(shade), "text": counts.T.astype(int).tolist(),
+        "colorscale": [list(stop) for stop in SEQUENTIAL], "hoverongaps": False,
+        "hovertemplate": "%{text} points near %{x:.4~g}, %{y:.4~g}<extra></extra>",
+        "colorbar": _bar("points") | {"tickvals": [0, 1, 2, 3, 4, 5], "ticktext": ["1", "10", "100", "1k", "10k", "100k"]},
+    }  # fmt: skip
+
+
+def _crosses(data: xr.Dataset, places: NDArray[Any]) -> list[dict[str, Any]]:
+    """Failed points at the foot of the axes, with their reason."""
+    if "outcome" not in data or data["outcome"].size != places.size:
+        return []
+    failed = is_failed(data).values.ravel()
+    if not failed.any():
+        return []
+    return [{
+        "type": "scatter", "mode": "markers", "yaxis": "y2", "cliponaxis": False, "x": packed(places[failed][:_MOST]),
+        "y": [0.02] * min(int(failed.sum()), _MOST), "text": blank_reasons(data).ravel()[failed].tolist()[:_MOST],
+        "customdata": packed(point_numbers(data).ravel()[failed][:_MOST]),
+        "hovertemplate": "%{x}: %{text}<extra></extra>",
+        "marker": {"symbol": "x-thin", "size": 8, "color": FAILED_COLOUR, "line": {"width": 2, "color": FAILED_COLOUR}},
+    }]  # fmt: skip

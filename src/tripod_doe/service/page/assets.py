@@ -1,0 +1,56 @@
+"""Files of the page: its scripts and styles, the report's style sheet, and Plotly as its wheel ships it."""
+
+from __future__ import annotations
+
+import gzip
+from functools import cache
+from importlib.resources import files
+
+from fastapi import APIRouter, Request
+from starlette.responses import Response
+
+from tripod_doe.service.problems import RefusedError
+
+__all__ = ["router"]
+
+router = APIRouter(include_in_schema=False)
+
+_TYPES = {"js": "text/javascript; charset=utf-8", "css": "text/css; charset=utf-8", "svg": "image/svg+xml"}
+_ELSEWHERE = {
+    "plotly.js": ("plotly", "package_data/plotly.min.js"),
+    "report.css": ("tripod_doe.report", "page.css"),
+}
+_KEPT = "private, max-age=31536000, immutable"
+_BRIEFLY = "private, max-age=60"
+
+
+@router.get("/assets/{stamp}/{name}")
+def versioned(stamp: str, name: str, request: Request) -> Response:
+    """A file whose address names its version."""
+    return _answer(name, request, _BRIEFLY if name.endswith(".js") and name != "plotly.js" else _KEPT)
+
+
+@router.get("/assets/{name}")
+def unversioned(name: str, request: Request) -> Response:
+    """A file that the browser asks for anew from time to time."""
+    return _answer(name, request, _BRIEFLY)
+
+
+def _answer(name: str, request: Request, kept: str) -> Response:
+    data, packed = _read(name)
+    headers = {"cache-control": kept, "vary": "accept-encoding"}
+    small = "gzip" in request.headers.get("accept-encoding", "")
+    if small:
+        headers["content-encoding"] = "gzip"
+    return Response(packed if small else data, media_type=_TYPES[name.rpartition(".")[2]], headers=headers)
+
+
+@cache
+def _read(name: str) -> tuple[bytes, bytes]:
+    """A file, plain and packed; names are those of files that there are, never paths."""
+    package, inside = _ELSEWHERE.get(name, ("tripod_doe.service.page", f"assets/{name}"))
+    known = {file.name for file in files("tripod_doe.service.page").joinpath("assets").iterdir()} | _ELSEWHERE.keys()
+    if name not in known:
+        raise RefusedError(404, "there is no such file")
+    data = files(package).joinpath(inside).read_bytes()
+    return data, gzip.compress(data, 6)

@@ -1,0 +1,154 @@
+"""Addresses of the page: the list of runs, one run, and the parts that scripts fetch anew."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter, Request
+from starlette.responses import HTMLResponse, Response
+
+from tripod_doe.errors import InputError
+from tripod_doe.service.page.pages import part, show
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.routes.access import AnyService
+from tripod_doe.service.runs import Run
+from tripod_doe.service.service import Service
+
+__all__ = ["router"]
+
+router = APIRouter(include_in_schema=False)
+
+_KINDS = (("lines", "Lines"), ("map", "Map"), ("points", "Points"), ("parallel", "Parallel axes"))
+_TABS = (("", "Explore"), ("report", "Report"), ("failed", "Failed points"), ("study", "Study"))
+_WORKFLOW_TABS = (("steps", "Steps"), *_TABS[:2], _TABS[3])
+
+
+@router.get("/")
+def runs(service: AnyService) -> HTMLResponse:
+    """The list of runs."""
+    return show("runs.html", service.settings, here="/", runs=service.runs.all())
+
+
+@router.get("/parts/runs")
+def run_list(service: AnyService) -> HTMLResponse:
+    """The list alone."""
+    return HTMLResponse(part("run_list.html", runs=service.runs.all(), read_only=service.settings.read_only))
+
+
+@router.get("/parts/runs/{run_id}")
+def run_head(run_id: str, service: AnyService) -> HTMLResponse:
+    """State, counts and price of a run."""
+    run = service.runs.find(run_id)
+    return HTMLResponse(part("run_head.html", run=run, read_only=service.settings.read_only))
+
+
+@router.get("/runs/{run_id}")
+def explorer(run_id: str, request: Request, service: AnyService) -> HTMLResponse:
+    """The cube explorer; the query string is the view."""
+    run = service.runs.find(run_id)
+    steps = [name for name, step in run.plan.get("steps", {}).items() if "points" in step]
+    chosen = request.query_params.get("step") or next(iter(steps), None)
+    found, trouble = _explored(service, run, request, chosen)
+    return _run_page(
+        "explore.html", service, run, "Explore", steps=steps, chosen_step=chosen, trouble=trouble,
+        **_control_values(service, run, found),
+    )  # fmt: skip
+
+
+@router.get("/runs/{run_id}/view")
+def view(run_id: str, request: Request, service: AnyService) -> dict[str, str]:
+    """Controls, copies and title of a view."""
+    run = service.runs.find(run_id)
+    step = request.query_params.get("step")
+    found = service.explore(run_id, _items(request), step)
+    values = _control_values(service, run, found)
+    return {
+        "title": found["title"],
+        "controls": part("controls.html", trouble="", **values),
+        "exports": part("exports.html", explored=found),
+    }
+
+
+@router.get("/runs/{run_id}/points/{number}")
+def point(run_id: str, number: int, service: AnyService, step: str | None = None) -> dict[str, Any]:
+    """One point in words and figures."""
+    found = service.point(run_id, number, step)
+    text = part("point.html", point=found, run_id=run_id, read_only=service.settings.read_only)
+    return {"html": text, "figures": found["figures"]}
+
+
+@router.get("/runs/{run_id}/numbers")
+def numbers(run_id: str, request: Request, service: AnyService) -> HTMLResponse:
+    """The cells of a view as a table."""
+    return HTMLResponse(part("numbers.html", **service.numbers(run_id, _items(request), request.query_params.get("step"))))
+
+
+@router.get("/runs/{run_id}/report")
+def report(run_id: str, service: AnyService) -> HTMLResponse:
+    """The report in its sandbox."""
+    run = service.runs.find(run_id)
+    written = (service.runs.directory(run_id) / "report" / "index.html").is_file()
+    return _run_page("report.html", service, run, "Report", written=written)
+
+
+@router.get("/runs/{run_id}/failed")
+def failed(run_id: str, service: AnyService, step: str | None = None) -> HTMLResponse:
+    """Points that failed, with their reasons."""
+    run = service.runs.find(run_id)
+    rows = service.failures(run_id, step) if run.counts.failed else {"heads": [], "rows": [], "count": 0}
+    return _run_page("failed.html", service, run, "Failed points", **rows)
+
+
+@router.get("/runs/{run_id}/study")
+def study(run_id: str, service: AnyService) -> HTMLResponse:
+    """The text that was submitted."""
+    run = service.runs.find(run_id)
+    return _run_page("study.html", service, run, "Study", texts=service.submitted(run_id))
+
+
+@router.get("/runs/{run_id}/steps")
+def steps(run_id: str, service: AnyService) -> HTMLResponse:
+    """The chain of a workflow with states and times."""
+    run = service.runs.find(run_id)
+    if run.kind != "workflow":
+        raise RefusedError(404, "this run is a study; it has no steps")
+    return _run_page("steps.html", service, run, "Steps")
+
+
+def _run_page(template: str, service: Service, run: Run, tab: str, **values: Any) -> HTMLResponse:
+    tabs = _WORKFLOW_TABS if run.kind == "workflow" else _TABS
+    return show(template, service.settings, run=run, tabs=tabs, tab=tab, **values)
+
+
+def _items(request: Request) -> list[tuple[str, str]]:
+    return list(request.query_params.multi_items())
+
+
+def _explored(service: Service, run: Run, request: Request, step: str | None) -> tuple[dict[str, Any] | None, str]:
+    """What the view can be changed to; or why there is nothing to see, in words."""
+    if run.counts.total == run.counts.missing:
+        return None, ""
+    try:
+        return service.explore(run.id, _items(request), step), ""
+    except (InputError, RefusedError) as error:
+        return None, str(error)
+
+
+def _control_values(service: Service, run: Run, found: dict[str, Any] | None) -> dict[str, Any]:
+    kinds = [kind for kind in _KINDS if found and kind[0] in found["kinds"]]
+    others = [other for other in service.runs.all() if other.id != run.id and other.kind == "study"
+              and other.counts.finished]  # fmt: skip
+    return {"explored": found, "kinds": kinds, "others": others if found and found["points"] else []}
+
+
+def is_page(path: str) -> bool:
+    """Whether people ask for this address, in place of programs."""
+    return not path.startswith(("/api/", "/assets/", "/parts/"))
+
+
+def trouble(error: RefusedError, service: Service) -> Response:
+    """An error as a page."""
+    told = "; ".join(problem.message for problem in error.problems)
+    page = show("trouble.html", service.settings, status=error.status, told=told)
+    page.status_code = error.status
+    return page

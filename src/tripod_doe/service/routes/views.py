@@ -1,0 +1,27 @@
+"""Routes about views: figures of cubes for Plotly, and single points with their figures."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter, Request
+from starlette.responses import Response
+
+from tripod_doe.service.routes.access import REFUSALS, AnyService, errors_at
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404, 409))
+
+
+@router.get("/figure", response_class=Response)
+def figure(run_id: str, request: Request, service: AnyService, step: str | None = None) -> Response:
+    """A view of a cube as a figure for Plotly; the query is that of the explorer's page."""
+    items = list(request.query_params.multi_items())
+    return Response(service.figure(run_id, items, step), media_type="application/json")
+
+
+@router.get("/points/{number}")
+def point(run_id: str, number: int, service: AnyService, step: str | None = None) -> dict[str, Any]:
+    """One point: its factors, how it ended, its numbers, and figures of the rest for Plotly."""
+    return service.point(run_id, number, step)

@@ -1,0 +1,146 @@
+"""What a view shows of a cube, found by the same query as on the command line, and drawn as a figure."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.errors import InputError
+from tripod_doe.service.cube_axes import coordinate_axes, design_of
+from tripod_doe.service.figures.heat_map import heat_map
+from tripod_doe.service.figures.lines import lines
+from tripod_doe.service.figures.parts import NUMBER, Figure, label_of, packed, shown
+from tripod_doe.service.figures.scatter import scatter
+from tripod_doe.service.view import View
+from tripod_doe.simulator import Outcome
+from tripod_doe.study.query import narrowed, query
+
+__all__ = ["colour_range", "draw", "numbered", "parallel_axes", "seen"]
+
+
+def numbered(cube: xr.Dataset) -> xr.Dataset:
+    """A cube with the number of each point as a coordinate, by which a mark in a figure leads to its point."""
+    design = design_of(cube)
+    if not design:
+        return cube
+    shape = tuple(cube.sizes[dim] for dim in design)
+    numbers = np.arange(int(np.prod(shape)), dtype=np.int32).reshape(shape)
+    return cube.assign_coords({NUMBER: (design, numbers, {"long_name": "number of the point"})})
+
+
+def seen(cube: xr.Dataset, view: View) -> xr.Dataset:
+    """The slice that a view shows: its variable first, then its error, the outcome and its detail where there are any.
+
+    Dimensions with one value left are dropped, but for those that the view lies along; cells that the condition leaves
+    out are NaN and count as finished, so that they stay blank.
+
+    Raises
+    ------
+    InputError
+        If a name or the condition is wrong, or no cell is left.
+    """
+    cube = numbered(cube)
+    answer = query(cube, view.variable, view.select, where=view.where or None)
+    if 0 in answer.sizes.values():
+        raise InputError(f"no cell matches: {', '.join(view.select)}")
+    found = narrowed(answer)
+    if "selected" in answer and "outcome" in found and not set(answer["selected"].dims) - set(found["outcome"].dims):
+        found["outcome"] = found["outcome"].where(answer["selected"], Outcome.FINISHED).astype(np.int8)
+    for name in (f"{view.variable}_error", "outcome_detail"):
+        if name in cube and set(cube[name].dims) <= set(cube[view.variable].dims):
+            axes = [axis.name for axis in coordinate_axes(cube).values() if axis.dim in cube[name].dims]
+            found[name] = query(cube, name, view.selected(axes))[name]
+    keep = {view.x, view.by}
+    return found.squeeze([dim for dim in found.dims if found.sizes[dim] == 1 and dim not in keep], drop=True)
+
+
+def draw(cube: xr.Dataset, view: View, other: xr.Dataset | None = None) -> Figure:
+    """Draw a view that is filled in; with another cube, the difference to it.
+
+    Raises
+    ------
+    InputError
+        If the view cannot be drawn of this cube, with what to change.
+    """
+    data = seen(cube, view)
+    if other is not None:
+        data = _difference(data, seen(other, view))
+    limits = None
+    if view.kind == "map":
+        limits = _limits(view, colour_range(cube, view) if other is None else None)
+    return _drawn(data, view, limits)
+
+
+def _drawn(data: xr.Dataset, view: View, limits: tuple[float, float] | None) -> Figure:
+    if view.kind == "parallel":
+        return parallel_axes(data)
+    left = [str(dim) for dim in shown(data).dims]
+    if view.kind == "points":
+        colour = view.by if view.by in data.variables and view.by != view.x else None
+        return scatter(data, view.x, colour) if view.x else {"data": [], "layout": {}}
+    along = [name for name in (view.x, view.by) if name]
+    if extra := [dim for dim in left if dim not in along]:
+        raise InputError(f"{', '.join(extra)}: choose one value for this kind of view, or show it along an axis")
+    if view.kind == "map":
+        return heat_map(data, view.x, view.by, limits)
+    return lines(data, view.x, view.by or None)
+
+
+def colour_range(cube: xr.Dataset, view: View) -> tuple[float, float] | None:
+    """Range of a variable over the whole design, at the same values along the dimensions of outputs.
+
+    Colours then mean the same in every slice; None where no number is known.
+    """
+    design = design_of(cube)
+    axes = [axis.name for axis in coordinate_axes(cube).values() if axis.dim not in design]
+    fixed = view.selected([name for name in axes if name not in (view.x, view.by)])
+    values = query(cube, view.variable, fixed)[view.variable].values if axes else cube[view.variable].values
+    known = values[np.isfinite(values)]
+    return (float(known.min()), float(known.max())) if known.size else None
+
+
+def _limits(view: View, found: tuple[float, float] | None) -> tuple[float, float] | None:
+    if view.low is not None and view.high is not None:
+        return view.low, view.high
+    return found
+
+
+def _difference(data: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
+    """The first slice less the other one, where both have the same coordinates."""
+    variable, taken = shown(data), shown(other)
+    try:
+        first, second = xr.align(variable, taken, join="exact")
+    except ValueError as error:
+        raise InputError("minus: the other run has other points: a difference needs equal values along each axis") from error
+    if first.dims != second.dims:
+        raise InputError("minus: the other run has other dimensions than this one")
+    changed = (first - second).assign_attrs(variable.attrs).rename(variable.name)
+    lost = data["outcome"].where(other["outcome"] == Outcome.FINISHED, other["outcome"]).astype(np.int8)
+    kept = [name for name in data.data_vars if name in ("outcome_detail",)]
+    return xr.Dataset({str(variable.name): changed, "outcome": lost.assign_attrs(data["outcome"].attrs)}).assign(
+        {name: data[name] for name in kept}
+    )
+
+
+def parallel_axes(data: xr.Dataset) -> Figure:
+    """Factors and the variable of all points, as axes side by side: ``{"axes": [...], "numbers": ..., "outcome": ...}``."""
+    variable, design = shown(data), data["outcome"].dims
+    factors = [name for name in coordinate_axes(data) if name not in ("point", NUMBER) and set(data[name].dims) <= set(design)]
+    columns = [data[name].broadcast_like(data["outcome"]).transpose(*design) for name in factors]
+    axes = [_parallel_axis(column) for column in (*columns, variable.transpose(*design))]
+    return {
+        "axes": axes,
+        "numbers": packed(data[NUMBER].transpose(*design).values.ravel()),
+        "outcome": packed(data["outcome"].values.ravel().astype(np.int32)),
+    }
+
+
+def _parallel_axis(column: xr.DataArray) -> dict[str, Any]:
+    values = column.values.ravel()
+    told: dict[str, Any] = {"name": str(column.name), "label": label_of(column)}
+    if values.dtype.kind in "fiub":
+        return told | {"values": packed(values.astype(float))}
+    known, which = np.unique(values.astype(str), return_inverse=True)
+    return told | {"words": known.tolist(), "values": packed(which.astype(float))}

@@ -1,0 +1,96 @@
+"""A view of a cube: what is shown, over what, of which slice. The address of the page is its text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from urllib.parse import urlencode
+
+from tripod_doe.errors import InputError, near_match
+
+__all__ = ["KINDS", "View"]
+
+KINDS = ("lines", "map", "points", "parallel")
+"""Kinds of views: lines over a dimension, colours over two, one mark per point, one line per point over many axes."""
+
+
+@dataclass(frozen=True)
+class View:
+    """What a person looks at; empty means that the cube decides.
+
+    Attributes
+    ----------
+    variable
+        Name of the variable.
+    kind
+        One of `KINDS`.
+    x
+        Dimension or factor along the bottom.
+    by
+        Dimension of the lines, the other axis of a map, or the colour of points.
+    select
+        Values of the other dimensions and ranges of factors, as ``--select`` takes them.
+    where
+        Condition on the cells, as ``--where`` takes it.
+    low, high
+        Fixed range of the colours.
+    analysis
+        Name of the analysis whose result is shown in place of the cube.
+    minus
+        Id of the run whose values are subtracted.
+    """
+
+    variable: str = ""
+    kind: str = ""
+    x: str = ""
+    by: str = ""
+    select: tuple[str, ...] = ()
+    where: str = ""
+    low: float | None = None
+    high: float | None = None
+    analysis: str = ""
+    minus: str = ""
+
+    @classmethod
+    def from_items(cls, items: Iterable[tuple[str, str]]) -> View:
+        """The view that the items of an address describe; unknown ones are none of its business.
+
+        Raises
+        ------
+        InputError
+            If a limit is no number, or the kind is unknown.
+        """
+        view = cls()
+        for name, text in items:
+            if name == "select" and text:
+                view = replace(view, select=(*view.select, text))
+            elif name in ("low", "high"):
+                view = replace(view, **{name: _number(name, text)})
+            elif name in ("variable", "kind", "x", "by", "where", "analysis", "minus"):
+                view = replace(view, **{name: text})
+        if view.kind and view.kind not in KINDS:
+            raise InputError(f"kind = {view.kind!r}: unknown{near_match(view.kind, KINDS)}")
+        return view
+
+    def items(self) -> list[tuple[str, str]]:
+        """What an address says of it."""
+        named = ("variable", "kind", "x", "by", "where", "analysis", "minus")
+        told = [(name, getattr(self, name)) for name in named if getattr(self, name)]
+        limits = [(name, f"{value:g}") for name, value in (("low", self.low), ("high", self.high)) if value is not None]
+        return told + limits + [("select", text) for text in self.select]
+
+    @property
+    def address(self) -> str:
+        """The query string of its page."""
+        return urlencode(self.items())
+
+    def selected(self, names: Sequence[str]) -> tuple[str, ...]:
+        """The selections of these coordinates."""
+        return tuple(text for text in self.select if text.partition("=")[0] in names)
+
+
+def _number(name: str, text: str) -> float | None:
+    try:
+        return float(text) if text else None
+    except ValueError as error:
+        raise InputError(f"{name} = {text!r}: expected a number") from error
