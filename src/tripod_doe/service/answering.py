@@ -11,6 +11,7 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Callable, Mapping
+from functools import partial
 from io import BufferedWriter, TextIOWrapper
 from pathlib import Path
 from typing import IO, Any, cast
@@ -89,9 +90,17 @@ def _netcdf_bytes(dataset: Any) -> bytes:
         return path.read_bytes()
 
 
+def _look(question: str, **arguments: Any) -> Answer:
+    from tripod_doe.service import exploring
+
+    answer: Answer = getattr(exploring, question)(**arguments)
+    return answer
+
+
+_LOOKS = ("explore", "figure", "numbers", "failures", "parameters", "point")
 QUESTIONS: Mapping[str, Callable[..., Answer]] = {
     function.__name__: function for function in (plan, check, simulate, query, cube)
-}
+} | {question: partial(_look, question) for question in _LOOKS}
 """Questions by name."""
 
 

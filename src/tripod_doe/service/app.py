@@ -17,8 +17,10 @@ from starlette.responses import JSONResponse
 
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.service.desk import DeskBusyError, DeskFailedError
+from tripod_doe.service.page import assets
+from tripod_doe.service.page import routes as pages
 from tripod_doe.service.problems import ForbiddenError, Problem, RefusedError, TooLargeError, problems_of
-from tripod_doe.service.routes import results, runs, studies
+from tripod_doe.service.routes import results, runs, studies, views
 from tripod_doe.service.security import API, BODY, Guard
 from tripod_doe.service.service import Service
 from tripod_doe.service.settings import Settings
@@ -66,8 +68,10 @@ def create_app(settings: Settings) -> FastAPI:
         lifespan=lifespan,
     )
     app.state.service = service
-    for module in (studies, runs, results):
+    for module in (studies, runs, results, views):
         app.include_router(module.router, prefix=API)
+    for part in (assets, pages):
+        app.include_router(part.router)
     app.add_middleware(Guard, settings=settings)
     _add_error_answers(app)
     return app

@@ -62,4 +62,3 @@ def view_title(cube: xr.Dataset, view: View) -> str:
     over = [label_of(cube[name]).partition(" (")[0] for name in (view.x, view.by) if name]
     title = f"{title[0].upper()}{title[1:]}"
     return f"{title}, over {' and '.join(over)}" if over else title
-

@@ -101,7 +101,9 @@ def study_of_view(cube: xr.Dataset, view: View, data: xr.Dataset) -> str:
     varied = [name for name in names if name in data.coords and (listed or name in shown(data).dims)]
     base |= {name: value for name, value in _pinned(cube, view, names).items() if name not in varied}
     document["base"] = base
-    document["factors"] = {name: {"values": [_number(value) for value in data[name].values.tolist()]} for name in varied}
+    document["factors"] = {
+        name: {"values": [_number(value) for value in data[name].values.tolist()]} for name in varied
+    }
     if varied:
         document["design"] = {"kind": "zip" if listed else "grid"}
     if view.variable in cube and "user function" not in str(cube[view.variable].attrs.get("long_name")):

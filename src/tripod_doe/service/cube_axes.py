@@ -1,4 +1,4 @@
-"""What can be asked of a cube: its variables with their dimensions, and the coordinates along each; and a first view."""
+"""What can be asked of a cube: its variables, and the coordinates along their dimensions; and a first view."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 import xarray as xr
 
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.report.responses import factor_names, unit_text
+from tripod_doe.report.responses import factor_names
 from tripod_doe.service.figures.parts import label_of
 from tripod_doe.service.view import View
+from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import COST_VARIABLES, RECORD_ROLE
 
 __all__ = ["Axis", "Choice", "choices", "coordinate_axes", "design_of", "full_view", "variable_axes"]
@@ -124,26 +125,28 @@ def full_view(cube: xr.Dataset, view: View) -> View:
     axes = {axis.name: axis for axis in variable_axes(cube, variable)}
     if not axes:
         return replace(view, variable=variable, kind="points", x="", by="", select=())
-    view = replace(view, variable=variable)
-    for name in ("x", "by"):
-        if getattr(view, name) not in axes:  # left from another variable
-            view = replace(view, **{name: ""})
+    x, by = (name if name in axes else "" for name in (view.x, view.by))  # others are left from another variable
+    view = replace(view, variable=variable, x=x, by=by)
     view = _with_kind(view, axes)
     shown = {axes[name].dim for name in (view.x, view.by) if name}
     if view.kind in ("points", "parallel"):
         shown |= set(design_of(cube))
     kept = tuple(text for text in view.select if text.partition("=")[0] in axes)
     still = [axis for axis in axes.values() if axis.name == axis.dim not in shown and not _has_value(kept, axis)]
-    return replace(view, select=kept + tuple(f"{axis.name}={_start(axis)}" for axis in still))
+    return replace(view, select=kept + tuple(f"{axis.name}={_start(cube, axis)}" for axis in still))
 
 
 def _has_value(select: tuple[str, ...], axis: Axis) -> bool:
     return any(text.partition("=")[0] == axis.name for text in select)
 
 
-def _start(axis: Axis) -> str:
+def _start(cube: xr.Dataset, axis: Axis) -> str:
+    """Where a view begins along an axis: where most points have finished, or as the field would choose."""
     wanted = str(_FIRST.get(axis.name, ""))
-    return wanted if wanted in axis.texts else next(iter(axis.texts), "0")
+    if not axis.of_design or not axis.texts:
+        return wanted if wanted in axis.texts else next(iter(axis.texts), "0")
+    done = (cube["outcome"] == Outcome.FINISHED).sum([dim for dim in cube["outcome"].dims if dim != axis.dim])
+    return axis.texts[int(done.values.argmax())]
 
 
 def _with_kind(view: View, axes: dict[str, Axis]) -> View:
@@ -153,7 +156,11 @@ def _with_kind(view: View, axes: dict[str, Axis]) -> View:
     listed = "point" in axes
     if view.kind == "parallel" and design:
         return replace(view, x="", by="")
-    kind = view.kind or ("points" if listed and view.x not in [axis.name for axis in own] else _suited([axis for axis in own if axis.of_design or _rank(axis) == 0] or own))
+    kind = view.kind or (
+        "points"
+        if listed and view.x not in [axis.name for axis in own]
+        else _suited([axis for axis in own if axis.of_design or _rank(axis) == 0] or own)
+    )
     if (kind in ("points", "parallel") and not design) or (kind == "map" and len(own) < 2):
         kind = "lines"
     kind = "points" if kind == "lines" and not own else kind

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from tripod_doe.errors import InputError
+from tripod_doe.errors import InputError, near_match
 from tripod_doe.quantities import duration, number, with_unit
 from tripod_doe.report.responses import factor_names, unit_text
 from tripod_doe.service.controls import controls, view_title
@@ -34,7 +34,7 @@ from tripod_doe.study.arrays import cube_arrays
 from tripod_doe.study.query import records
 from tripod_doe.study.scenes import SCENES, load_simulator
 
-__all__ = ["explore", "failures", "figure", "numbers", "point"]
+__all__ = ["explore", "failures", "figure", "numbers", "parameters", "point"]
 
 Items = Sequence[Sequence[str]]
 """A view as its address says it: names and texts."""
@@ -62,7 +62,6 @@ def explore(path: str, items: Items, place: str) -> tuple[Any, bytes]:
     asked = View.from_items((name, text) for name, text in items)
     cube, source = _cube(path, asked)
     view = full_view(cube, asked)
-    data = seen(cube, view)
     return {
         "view": asdict(view),
         "address": view.address,
@@ -132,13 +131,14 @@ def failures(path: str) -> tuple[Any, bytes]:
     cube = opened(path)
     names, lost = factor_names(cube), np.flatnonzero(is_failed(cube).values.ravel())
     shown = cube[["outcome", "outcome_detail"]].load()
-    factors = [cube[name].broadcast_like(cube["outcome"]).transpose(*cube["outcome"].dims).values.ravel() for name in names]
-    outcomes, details = (shown[name].values.ravel() for name in ("outcome", "outcome_detail"))
+    dims, told = cube["outcome"].dims, lost[:_MOST_ROWS]
+    factors = [cube[name].broadcast_like(cube["outcome"]).transpose(*dims).values.ravel()[told] for name in names]
+    inputs = zip(*([_word(value) for value in column.tolist()] for column in factors), strict=True)
+    outcomes, details = (shown[name].values.ravel()[told] for name in ("outcome", "outcome_detail"))
     rows = [
-        {"number": at, "values": [_word(column[at].item() if hasattr(column[at], "item") else column[at]) for column in factors],
-         "outcome": Outcome(int(outcomes[at])).label, "reason": str(details[at])}
-        for at in lost[:_MOST_ROWS].tolist()
-    ]  # fmt: skip
+        {"number": at, "values": list(values), "outcome": Outcome(code).label, "reason": str(reason)}
+        for at, values, code, reason in zip(told.tolist(), inputs, outcomes.tolist(), details, strict=True)
+    ]
     return {"heads": [label_of(cube[name]) for name in names], "rows": rows, "count": int(lost.size)}, b""
 
 
@@ -159,7 +159,6 @@ def point(path: str, number_of_point: int) -> tuple[Any, bytes]:
     scene, settings = str(study_of(cube).get("study", {}).get("scene", "joint")), point_values(cube, found)
     return {
         "scene": scene,
-        "others": _other_parameters(scene, settings),
         "price": _price(found),
         "number": number_of_point,
         "count": count,
@@ -175,12 +174,12 @@ def point(path: str, number_of_point: int) -> tuple[Any, bytes]:
     }, b""  # fmt: skip
 
 
-def _other_parameters(scene: str, settings: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Parameters of a scene that a study leaves at their defaults, with these."""
+def parameters(scene: str) -> tuple[Any, bytes]:
+    """Parameters of a scene with their defaults as texts, empty where the model decides."""
     if scene not in SCENES:
-        return []
-    parameters = load_simulator(scene).parameters.values()
-    return [(p.name, "" if p.default is None else _word(p.default)) for p in parameters if p.name not in settings]
+        raise InputError(f"scene = {scene!r}: unknown{near_match(scene, SCENES)}")
+    known = load_simulator(scene).parameters.values()
+    return [(p.name, "" if p.default is None else _word(p.default)) for p in known], b""
 
 
 def _price(found: xr.Dataset) -> str:

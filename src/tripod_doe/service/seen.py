@@ -113,7 +113,9 @@ def _difference(data: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
     try:
         first, second = xr.align(variable, taken, join="exact")
     except ValueError as error:
-        raise InputError("minus: the other run has other points: a difference needs equal values along each axis") from error
+        raise InputError(
+            "minus: the other run has other points: a difference needs equal values along each axis"
+        ) from error
     if first.dims != second.dims:
         raise InputError("minus: the other run has other dimensions than this one")
     changed = (first - second).assign_attrs(variable.attrs).rename(variable.name)
@@ -125,9 +127,11 @@ def _difference(data: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
 
 
 def parallel_axes(data: xr.Dataset) -> Figure:
-    """Factors and the variable of all points, as axes side by side: ``{"axes": [...], "numbers": ..., "outcome": ...}``."""
+    """Factors and variable of all points, as ``axes`` side by side, with their ``numbers`` and ``outcome``."""
     variable, design = shown(data), data["outcome"].dims
-    factors = [name for name in coordinate_axes(data) if name not in ("point", NUMBER) and set(data[name].dims) <= set(design)]
+    factors = [
+        name for name in coordinate_axes(data) if name not in ("point", NUMBER) and set(data[name].dims) <= set(design)
+    ]
     columns = [data[name].broadcast_like(data["outcome"]).transpose(*design) for name in factors]
     axes = [_parallel_axis(column) for column in (*columns, variable.transpose(*design))]
     return {

@@ -123,6 +123,10 @@ class Service:
         seconds = self.settings.limits.query_seconds
         return self._questions.ask("cube", seconds, path=str(self.results(run_id, step)))[1]
 
+    def look(self, question: str, **arguments: Any) -> tuple[Any, bytes]:
+        """One of the questions of `exploring`; see `looking`."""
+        return self._questions.ask(question, self.settings.limits.query_seconds, **arguments)
+
     def results(self, run_id: str, step: str | None = None) -> Path:
         """The directory with a run's cube; that of one of its steps for a workflow.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from urllib.parse import urlencode
 
 from tripod_doe.errors import InputError, near_match
@@ -12,6 +12,8 @@ __all__ = ["KINDS", "View"]
 
 KINDS = ("lines", "map", "points", "parallel")
 """Kinds of views: lines over a dimension, colours over two, one mark per point, one line per point over many axes."""
+
+_WORDS = ("variable", "kind", "x", "by", "where", "analysis", "minus")
 
 
 @dataclass(frozen=True)
@@ -60,22 +62,18 @@ class View:
         InputError
             If a limit is no number, or the kind is unknown.
         """
-        view = cls()
-        for name, text in items:
-            if name == "select" and text:
-                view = replace(view, select=(*view.select, text))
-            elif name in ("low", "high"):
-                view = replace(view, **{name: _number(name, text)})
-            elif name in ("variable", "kind", "x", "by", "where", "analysis", "minus"):
-                view = replace(view, **{name: text})
+        given = list(items)
+        words: dict[str, str] = {name: text for name, text in given if name in _WORDS}
+        limits = {name: _number(name, text) for name, text in given if name in ("low", "high")}
+        selected = tuple(text for name, text in given if name == "select" and text)
+        view = cls(select=selected, low=limits.get("low"), high=limits.get("high"), **words)
         if view.kind and view.kind not in KINDS:
             raise InputError(f"kind = {view.kind!r}: unknown{near_match(view.kind, KINDS)}")
         return view
 
     def items(self) -> list[tuple[str, str]]:
         """What an address says of it."""
-        named = ("variable", "kind", "x", "by", "where", "analysis", "minus")
-        told = [(name, getattr(self, name)) for name in named if getattr(self, name)]
+        told = [(name, getattr(self, name)) for name in _WORDS if getattr(self, name)]
         limits = [(name, f"{value:g}") for name, value in (("low", self.low), ("high", self.high)) if value is not None]
         return told + limits + [("select", text) for text in self.select]
 

@@ -15,6 +15,7 @@ from tripod_doe.service.figures.parts import (
     Figure,
     axis,
     blank_reasons,
+    colour_bar,
     edges,
     is_failed,
     label_of,
@@ -55,7 +56,7 @@ def heat_map(data: xr.Dataset, x: str, y: str, limits: tuple[float, float] | Non
         "type": "heatmap",
         "x": packed(edges(*places[x])), "y": packed(edges(*places[y])), "z": packed(variable.values.astype(float)),
         "zmin": low, "zmax": high, "colorscale": _scale(low, high), "hoverongaps": False,
-        "colorbar": {"title": {"text": label_of(variable), "side": "right"}, "thickness": 12, "outlinewidth": 0},
+        "colorbar": colour_bar(label_of(variable)),
         "hovertemplate": "%{x:.4~g}, %{y:.4~g}: <b>%{z:.4~g}</b><extra></extra>",
     }  # fmt: skip
     if variable.size <= _MOST_NAMED:

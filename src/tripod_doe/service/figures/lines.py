@@ -13,6 +13,7 @@ from tripod_doe.service.figures.parts import (
     Figure,
     axis,
     blank_reasons,
+    colour_bar,
     is_failed,
     label_of,
     level_texts,
@@ -112,7 +113,7 @@ def _turns(coordinate: xr.DataArray) -> dict[str, Any]:
     values = coordinate.values
     if str(coordinate.attrs.get("units")) != "degree" or values.dtype.kind != "f" or np.ptp(values) < _WHOLE_TURN - 1:
         return {}
-    return {"dtick": 90 if np.ptp(values) < 2 * _WHOLE_TURN else 180, "tick0": 0}
+    return {"dtick": 90 if np.ptp(values) < 1.5 * _WHOLE_TURN else 180, "tick0": 0}
 
 
 def _scale(coordinate: xr.DataArray) -> dict[str, Any]:
@@ -124,6 +125,6 @@ def _scale(coordinate: xr.DataArray) -> dict[str, Any]:
         "marker": {
             "color": [float(values.min())], "cmin": float(values.min()), "cmax": float(values.max()), "showscale": True,
             "colorscale": [[at / 8, colour] for at, colour in enumerate(colours)],
-            "colorbar": {"title": {"text": label_of(coordinate), "side": "right"}, "thickness": 12, "outlinewidth": 0},
+            "colorbar": colour_bar(label_of(coordinate)),
         },
     }  # fmt: skip

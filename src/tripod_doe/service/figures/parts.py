@@ -14,8 +14,8 @@ from tripod_doe.report.responses import spoken, unit_text
 from tripod_doe.simulator import OUTCOME_MEANINGS, Outcome
 
 __all__ = [
-    "FAILED_COLOUR", "NUMBER", "SEQUENTIAL", "WAITING_COLOUR", "Figure", "axis", "blank_reasons", "edges", "is_failed",
-    "label_of", "level_texts", "packed", "point_numbers", "ramp", "shown", "with_brackets",
+    "FAILED_COLOUR", "NUMBER", "SEQUENTIAL", "WAITING_COLOUR", "Figure", "axis", "blank_reasons", "colour_bar", "edges",
+    "is_failed", "label_of", "level_texts", "packed", "point_numbers", "ramp", "shown", "with_brackets",
 ]  # fmt: skip
 
 Figure = dict[str, Any]
@@ -66,7 +66,11 @@ def with_brackets(words: str, unit: str) -> str:
 def axis(coordinate: xr.DataArray, **more: Any) -> dict[str, Any]:
     """An axis along a coordinate: logarithmic where its levels are, by name where they are words."""
     values = coordinate.values
-    kind = {"type": "category"} if values.dtype.kind not in "fiub" else {"type": "log" if _by_factors(values) else "linear"}
+    kind = (
+        {"type": "category"}
+        if values.dtype.kind not in "fiub"
+        else {"type": "log" if _by_factors(values) else "linear"}
+    )
     return {"title": {"text": label_of(coordinate)}, "automargin": True} | kind | more
 
 
@@ -76,6 +80,11 @@ def _by_factors(values: NDArray[Any]) -> bool:
         return False
     ratios = levels[1:] / levels[:-1]
     return bool(np.ptp(ratios) < 0.05 * ratios.mean())
+
+
+def colour_bar(label: str) -> dict[str, Any]:
+    """The bar that tells what colours stand for."""
+    return {"title": {"text": label, "side": "right", "font": {"size": 12.5}}, "thickness": 12, "outlinewidth": 0}
 
 
 def edges(values: NDArray[np.float64], logarithmic: bool) -> NDArray[np.float64]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 
@@ -41,7 +43,9 @@ def point_figures(point: xr.Dataset) -> dict[str, Figure]:
         elif not others or data.sizes[others[0]] <= _SHARED:
             found[str(name)] = bars(data, str(along), str(others[0]) if others else None)
         else:
-            found[str(name)] = bars(data.transpose(along, others[0]), str(others[0]), None if not others else str(along))
+            found[str(name)] = bars(
+                data.transpose(along, others[0]), str(others[0]), None if not others else str(along)
+            )
     return found
 
 
@@ -53,7 +57,7 @@ def bars(data: xr.Dataset, x: str, series: str | None = None) -> Figure:
     for row in rows:
         drawn = row[str(variable.name)]
         name = "" if series is None else f"{series} {row[series].item()}"
-        trace = {
+        trace: dict[str, Any] = {
             "type": "bar", "name": name, "x": packed(data[x].values), "y": packed(drawn.values.astype(float)),
             "hovertemplate": f"{x} %{{x}}: <b>%{{y:.4~g}}</b><extra>{name}</extra>",
         }  # fmt: skip

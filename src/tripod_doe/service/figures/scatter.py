@@ -1,4 +1,4 @@
-"""Points of a list: one quantity over another, each point by itself while they can be told apart, else their density."""
+"""Points: one quantity over another, each point by itself while they can be told apart, else their density."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from tripod_doe.service.figures.parts import (
     Figure,
     axis,
     blank_reasons,
+    colour_bar,
     is_failed,
     label_of,
     packed,
@@ -53,7 +54,10 @@ def scatter(data: xr.Dataset, x: str, colour: str | None = None) -> Figure:
         "showlegend": False,
     }
     if int(known.sum()) > _MOST and places.dtype.kind in "fiu":
-        return {"data": [_density(places[known].astype(float), heights[known]), *_crosses(data, places)], "layout": layout}
+        return {
+            "data": [_density(places[known].astype(float), heights[known]), *_crosses(data, places)],
+            "layout": layout,
+        }
     numbers = point_numbers(data).ravel() if "outcome" in data else np.full(heights.shape, -1)
     marker: dict[str, Any] = {"size": 7 if known.sum() < 400 else 5, "opacity": 0.85}
     told = "%{x}: <b>%{y:.4~g}</b>"
@@ -74,25 +78,23 @@ def _colours(values: NDArray[Any], label: str) -> dict[str, Any]:
     if values.dtype.kind not in "fiub":
         known, which = np.unique(values.astype(str), return_inverse=True)
         ticks = {"tickvals": list(range(known.size)), "ticktext": known.tolist()}
-        return _colours(which.astype(float), label) | {"colorbar": _bar(label) | ticks}
+        return _colours(which.astype(float), label) | {"colorbar": colour_bar(label) | ticks}
     return {
-        "color": packed(values.astype(float)), "colorscale": [list(stop) for stop in SEQUENTIAL], "colorbar": _bar(label),
-        "line": {"width": 0.5, "color": "#8b96a3"},
+        "color": packed(values.astype(float)), "colorscale": [list(stop) for stop in SEQUENTIAL],
+        "colorbar": colour_bar(label), "line": {"width": 0.5, "color": "#8b96a3"},
     }  # fmt: skip
-
-
-def _bar(label: str) -> dict[str, Any]:
-    return {"title": {"text": label, "side": "right"}, "thickness": 12, "outlinewidth": 0}
 
 
 def _density(places: NDArray[np.float64], heights: NDArray[np.float64]) -> dict[str, Any]:
     counts, right, top = np.histogram2d(places, heights, bins=_CELLS)
     shade = np.where(counts > 0, np.log10(np.maximum(counts, 1)), np.nan).T
+    powers = {"tickvals": [0, 1, 2, 3, 4, 5], "ticktext": ["1", "10", "100", "1k", "10k", "100k"]}
     return {
-        "type": "heatmap", "x": packed(right), "y": packed(top), "z": packed(shade), "text": counts.T.astype(int).tolist(),
+        "type": "heatmap", "x": packed(right), "y": packed(top), "z": packed(shade),
+        "text": counts.T.astype(int).tolist(),
         "colorscale": [list(stop) for stop in SEQUENTIAL], "hoverongaps": False,
         "hovertemplate": "%{text} points near %{x:.4~g}, %{y:.4~g}<extra></extra>",
-        "colorbar": _bar("points") | {"tickvals": [0, 1, 2, 3, 4, 5], "ticktext": ["1", "10", "100", "1k", "10k", "100k"]},
+        "colorbar": colour_bar("points") | powers,
     }  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import hashlib
 from functools import cache
 from importlib.resources import files
 
@@ -11,7 +12,7 @@ from starlette.responses import Response
 
 from tripod_doe.service.problems import RefusedError
 
-__all__ = ["router"]
+__all__ = ["router", "stamp"]
 
 router = APIRouter(include_in_schema=False)
 
@@ -27,7 +28,7 @@ _BRIEFLY = "private, max-age=60"
 @router.get("/assets/{stamp}/{name}")
 def versioned(stamp: str, name: str, request: Request) -> Response:
     """A file whose address names its version."""
-    return _answer(name, request, _BRIEFLY if name.endswith(".js") and name != "plotly.js" else _KEPT)
+    return _answer(name, request, _KEPT)
 
 
 @router.get("/assets/{name}")
@@ -43,6 +44,16 @@ def _answer(name: str, request: Request, kept: str) -> Response:
     if small:
         headers["content-encoding"] = "gzip"
     return Response(packed if small else data, media_type=_TYPES[name.rpartition(".")[2]], headers=headers)
+
+
+@cache
+def stamp() -> str:
+    """Part of the address of all files: a browser keeps them until one of them changes."""
+    own = sorted(file.name for file in files("tripod_doe.service.page").joinpath("assets").iterdir())
+    digest = hashlib.sha256()
+    for name in [*own, "report.css"]:
+        digest.update(_read(name)[0])
+    return digest.hexdigest()[:12]
 
 
 @cache

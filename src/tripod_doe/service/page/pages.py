@@ -11,6 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from starlette.responses import HTMLResponse
 
 from tripod_doe.quantities import duration, level, number
+from tripod_doe.service.page.assets import stamp
 from tripod_doe.service.runs import Run
 from tripod_doe.service.settings import Settings
 
@@ -36,15 +37,17 @@ def _templates() -> Environment:
         loader=PackageLoader("tripod_doe.service.page"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
-    words = {"duration": duration, "level": level, "round_level": number, "to_come": _to_come, "day": _day, "words": _words}
+    words = {
+        "duration": duration,
+        "level": level,
+        "round_level": number,
+        "to_come": _to_come,
+        "day": _day,
+        "words": _words,
+    }
     environment.filters |= words
-    environment.globals |= {"version": _stamp("tripod-doe"), "plotly": _stamp("plotly")}
+    environment.globals |= {"version": stamp(), "plotly": version("plotly")}
     return environment
-
-
-def _stamp(package: str) -> str:
-    """Part of the address of assets: a browser keeps them until the version changes."""
-    return version(package)
 
 
 def show(template: str, settings: Settings, here: str = "", **values: Any) -> HTMLResponse:

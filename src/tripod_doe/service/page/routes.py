@@ -8,6 +8,7 @@ from fastapi import APIRouter, Request
 from starlette.responses import HTMLResponse, Response
 
 from tripod_doe.errors import InputError
+from tripod_doe.service import looking
 from tripod_doe.service.page.pages import part, show
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.routes.access import AnyService
@@ -60,7 +61,7 @@ def view(run_id: str, request: Request, service: AnyService) -> dict[str, str]:
     """Controls, copies and title of a view."""
     run = service.runs.find(run_id)
     step = request.query_params.get("step")
-    found = service.explore(run_id, _items(request), step)
+    found = looking.explore(service, run_id, _items(request), step)
     values = _control_values(service, run, found)
     return {
         "title": found["title"],
@@ -72,15 +73,23 @@ def view(run_id: str, request: Request, service: AnyService) -> dict[str, str]:
 @router.get("/runs/{run_id}/points/{number}")
 def point(run_id: str, number: int, service: AnyService, step: str | None = None) -> dict[str, Any]:
     """One point in words and figures."""
-    found = service.point(run_id, number, step)
+    found = looking.point(service, run_id, number, step)
     text = part("point.html", point=found, run_id=run_id, read_only=service.settings.read_only)
     return {"html": text, "figures": found["figures"]}
+
+
+@router.get("/parts/parameters")
+def parameters(scene: str, service: AnyService) -> HTMLResponse:
+    """Parameters of a scene as a list to choose from."""
+    return HTMLResponse(part("parameters.html", parameters=looking.parameters(service, scene)))
 
 
 @router.get("/runs/{run_id}/numbers")
 def numbers(run_id: str, request: Request, service: AnyService) -> HTMLResponse:
     """The cells of a view as a table."""
-    return HTMLResponse(part("numbers.html", **service.numbers(run_id, _items(request), request.query_params.get("step"))))
+    return HTMLResponse(
+        part("numbers.html", **looking.numbers(service, run_id, _items(request), request.query_params.get("step")))
+    )
 
 
 @router.get("/runs/{run_id}/report")
@@ -95,7 +104,7 @@ def report(run_id: str, service: AnyService) -> HTMLResponse:
 def failed(run_id: str, service: AnyService, step: str | None = None) -> HTMLResponse:
     """Points that failed, with their reasons."""
     run = service.runs.find(run_id)
-    rows = service.failures(run_id, step) if run.counts.failed else {"heads": [], "rows": [], "count": 0}
+    rows = looking.failures(service, run_id, step) if run.counts.failed else {"heads": [], "rows": [], "count": 0}
     return _run_page("failed.html", service, run, "Failed points", **rows)
 
 
@@ -103,7 +112,7 @@ def failed(run_id: str, service: AnyService, step: str | None = None) -> HTMLRes
 def study(run_id: str, service: AnyService) -> HTMLResponse:
     """The text that was submitted."""
     run = service.runs.find(run_id)
-    return _run_page("study.html", service, run, "Study", texts=service.submitted(run_id))
+    return _run_page("study.html", service, run, "Study", texts=looking.submitted(service, run_id))
 
 
 @router.get("/runs/{run_id}/steps")
@@ -129,7 +138,7 @@ def _explored(service: Service, run: Run, request: Request, step: str | None) ->
     if run.counts.total == run.counts.missing:
         return None, ""
     try:
-        return service.explore(run.id, _items(request), step), ""
+        return looking.explore(service, run.id, _items(request), step), ""
     except (InputError, RefusedError) as error:
         return None, str(error)
 

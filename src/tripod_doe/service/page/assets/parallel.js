@@ -148,12 +148,9 @@ function paintAxis(pen, state, axis, at) {
   folded(pen, axis.label, LEAST + 10).forEach((line, row, lines) => pen.fillText(line, x, TOP - 12 - 14 * (lines.length - 1 - row)));
   pen.fillStyle = colour("--muted");
   pen.textAlign = "left";
-  const marks = axis.words ? axis.words.map((word, place) => [place, word]) : [0, 1, 2, 3, 4].map((part) => {
-    const value = axis.low + part / 4 * (axis.high - axis.low);
-    return [value, text(value)];
-  });
-  for (const [value, word] of marks.slice(0, 12)) pen.fillText(word, x + 6, heightOf(state, axis, value) + 4);
-  if (axis.values.some(Number.isNaN)) pen.fillText("no value", x + 6, state.bottom + 20);
+  const marks = axis.words ? axis.words.map((word, place) => [place, word]) : ticks(axis).map((value) => [value, text(value)]);
+  for (const [value, word] of marks.slice(0, 12)) write(pen, word, x, heightOf(state, axis, value));
+  if (axis.values.some(Number.isNaN)) write(pen, "no value", x, state.bottom + 16);
   const brush = state.brushes.get(at);
   if (!brush) return;
   const [top, bottom] = [heightOf(state, axis, brush[1]), heightOf(state, axis, brush[0])];
@@ -161,6 +158,28 @@ function paintAxis(pen, state, axis, at) {
   pen.strokeStyle = colour("--accent");
   pen.fillRect(x - 7, top, 14, bottom - top);
   pen.strokeRect(x - 7, top, 14, bottom - top);
+}
+
+function ticks({ low, high }) {  // about five round values
+  const rough = (high - low) / 4, power = 10 ** Math.floor(Math.log10(rough));
+  const step = power * [1, 2, 2.5, 5, 10].find((part) => part * power >= rough);
+  const found = [];
+  for (let at = Math.ceil(low / step - 1e-9); at * step <= high + 1e-9 * step; at += 1) found.push(at * step);
+  return found;
+}
+
+function write(pen, word, x, y) {  // on lines, so with a rim of paper
+  pen.strokeStyle = colour("--paper");
+  pen.lineWidth = 3;
+  pen.beginPath();
+  pen.strokeText(word, x + 6, y + 4);
+  pen.fillText(word, x + 6, y + 4);
+  pen.beginPath();
+  pen.strokeStyle = colour("--rule");
+  pen.lineWidth = 1.5;
+  pen.moveTo(x, y);
+  pen.lineTo(x + 4, y);
+  pen.stroke();
 }
 
 function folded(pen, label, width) {

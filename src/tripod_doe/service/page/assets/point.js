@@ -1,6 +1,6 @@
 // One point: how it ended, its numbers, its curves, and the same point simulated again with other values.
 
-import { askJson, complain, post, say } from "./asking.js";
+import { ask, askJson, complain, post, say } from "./asking.js";
 import { settings, themed } from "./theme.js";
 
 const PREFERRED = ["thrust", "axial_drift_mm", "thrust_amplitude", "friction_power_w"];
@@ -63,7 +63,15 @@ function takeAgain(place, explorer) {
       button.disabled = false;
     }
   });
-  form.querySelector("#add-parameter")?.addEventListener("change", (event) => {
+  form.closest("details").addEventListener("toggle", async () => {
+    const list = form.querySelector("#add-parameter");
+    try {
+      if (list.options.length < 2) list.innerHTML = await (await ask(`/parts/parameters?scene=${encodeURIComponent(form.dataset.scene)}`)).text();
+    } catch (error) {
+      complain(error);
+    }
+  });
+  form.querySelector("#add-parameter").addEventListener("change", (event) => {
     const name = event.target.value;
     if (!name || form.querySelector(`[data-parameter="${name}"]`)) return;
     const label = document.createElement("label");
