@@ -12,6 +12,7 @@ import tempfile
 import traceback
 from collections.abc import Callable, Mapping
 from functools import partial
+from importlib import import_module
 from io import BufferedWriter, TextIOWrapper
 from pathlib import Path
 from typing import IO, Any, cast
@@ -90,17 +91,18 @@ def _netcdf_bytes(dataset: Any) -> bytes:
         return path.read_bytes()
 
 
-def _look(question: str, **arguments: Any) -> Answer:
-    from tripod_doe.service import exploring
-
-    answer: Answer = getattr(exploring, question)(**arguments)
+def _later(module: str, question: str, **arguments: Any) -> Answer:
+    answer: Answer = getattr(import_module(f"tripod_doe.service.{module}"), question)(**arguments)
     return answer
 
 
-_LOOKS = ("explore", "figure", "numbers", "failures", "parameters", "point")
+_LATER = {
+    "exploring": ("explore", "figure", "numbers", "failures", "parameters", "point"),
+    "study_form": ("study_form", "changed_text"),
+}
 QUESTIONS: Mapping[str, Callable[..., Answer]] = {
     function.__name__: function for function in (plan, check, simulate, query, cube)
-} | {question: partial(_look, question) for question in _LOOKS}
+} | {question: partial(_later, module, question) for module, questions in _LATER.items() for question in questions}
 """Questions by name."""
 
 

@@ -17,7 +17,7 @@ from starlette.responses import JSONResponse
 
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.service.desk import DeskBusyError, DeskFailedError
-from tripod_doe.service.page import assets
+from tripod_doe.service.page import assets, writing
 from tripod_doe.service.page import routes as pages
 from tripod_doe.service.problems import ForbiddenError, Problem, RefusedError, TooLargeError, problems_of
 from tripod_doe.service.routes import results, runs, studies, views
@@ -70,7 +70,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.service = service
     for module in (studies, runs, results, views):
         app.include_router(module.router, prefix=API)
-    for part in (assets, pages):
+    for part in (assets, pages, writing):
         app.include_router(part.router)
     app.add_middleware(Guard, settings=settings)
     _add_error_answers(app)

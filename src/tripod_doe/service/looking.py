@@ -1,4 +1,4 @@
-"""What people look at: each function puts a question of `exploring` about a run to the desk."""
+"""What people look at: each function puts a question of `exploring` or `study_form` to the desk."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from tripod_doe.service.service import Service
 from tripod_doe.service.supervisor import UPLOAD
 from tripod_doe.service.uploads import STUDY, WORKFLOW
 
-__all__ = ["explore", "failures", "figure", "numbers", "parameters", "point", "submitted"]
+__all__ = [
+    "changed_text", "explore", "failures", "figure", "numbers", "parameters", "point", "study_form", "submitted",
+]  # fmt: skip
 
 Items = Sequence[tuple[str, str]]
 
@@ -43,6 +45,18 @@ def failures(service: Service, run_id: str, step: str | None = None) -> dict[str
 def parameters(service: Service, scene: str) -> list[list[str]]:
     """Parameters of a scene with their defaults as texts."""
     told: list[list[str]] = service.look("parameters", scene=scene)[0]
+    return told
+
+
+def study_form(service: Service, text: str) -> dict[str, Any]:
+    """A study file as the fields of a form."""
+    told: dict[str, Any] = service.look("study_form", text=text)[0]
+    return told
+
+
+def changed_text(service: Service, text: str, key: str, value: str) -> str:
+    """The text of a study file after one field of its form was changed."""
+    told: str = service.look("changed_text", text=text, key=key, value=value)[0]
     return told
 
 

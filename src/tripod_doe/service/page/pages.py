@@ -10,7 +10,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from starlette.responses import HTMLResponse
 
-from tripod_doe.quantities import duration, level, number
+from tripod_doe.quantities import duration, level, number, size
 from tripod_doe.service.page.assets import stamp
 from tripod_doe.service.runs import Run
 from tripod_doe.service.settings import Settings
@@ -41,6 +41,7 @@ def _templates() -> Environment:
         "duration": duration,
         "level": level,
         "round_level": number,
+        "size": size,
         "to_come": _to_come,
         "day": _day,
         "words": _words,
