@@ -7,7 +7,7 @@ import random
 
 import pytest
 
-from tripod_doe.quantities import count_of, duration, interval, level, number, pace, rounded_up, size
+from tripod_doe.quantities import count_of, digits_apart, duration, interval, level, number, pace, rounded_up, size
 
 
 @pytest.mark.parametrize(
@@ -80,3 +80,10 @@ def test_counts_and_sizes():
         "1,664 points",
     ]
     assert [size(0), size(999.9), size(7200), size(1.7e10)] == ["0 bytes", "1 kB", "7.2 kB", "17 GB"]
+
+
+def test_numbers_that_differ_look_different():
+    assert digits_apart(1.0, 2.0) == digits_apart(1.001, 2.0) == 3
+    assert digits_apart(6.9400, 6.9416) == 4
+    assert digits_apart(0.1, 0.1 + 1e-9) == 9
+    assert digits_apart(0.1, 0.1) == 16

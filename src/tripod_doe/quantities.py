@@ -7,7 +7,18 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["count_of", "duration", "interval", "level", "number", "pace", "rounded_up", "size", "with_unit"]
+__all__ = [
+    "count_of",
+    "digits_apart",
+    "duration",
+    "interval",
+    "level",
+    "number",
+    "pace",
+    "rounded_up",
+    "size",
+    "with_unit",
+]
 
 _DIGITS = 3
 _GIVEN_DIGITS = 6  # of a value that somebody wrote down: enough to recognise it
@@ -36,6 +47,11 @@ def number(value: float, digits: int = _DIGITS) -> str:
     decimals = max(digits - 1 - math.floor(math.log10(abs(rounded))), 0)
     text = f"{rounded:{',' if abs(rounded) >= _GROUPED else ''}.{decimals}f}"
     return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def digits_apart(low: float, high: float) -> int:
+    """Significant digits, at least three, with which two numbers look different; 16 if they are equal."""
+    return next((digits for digits in range(_DIGITS, 16) if number(low, digits) != number(high, digits)), 16)
 
 
 def level(value: float) -> str:

@@ -7,8 +7,9 @@ import pytest
 import xarray as xr
 
 from tripod_doe.report.analyses import findings_of
+from tripod_doe.report.figures.effects import effect_charts
 from tripod_doe.report.findings import find
-from tripod_doe.report.responses import main_effect, responses
+from tripod_doe.report.responses import factor_text, main_effect, responses
 
 LINE = """
 [study]
@@ -57,6 +58,28 @@ def test_values_of_both_signs_are_not_told_as_a_size(make_cube):
     assert any("Over x, y lies between" in s and "(at -310)" in s and "(at 9)" in s for s in two)
     assert not any("creases with x" in s or "proportional" in s for s in two)
     assert any(s.startswith("y increases with x (with its sign), from ") for s in more)
+
+
+def test_factors_with_their_values_read_as_words():
+    """Regression: "initial skew 1 2 deg", and "step nan s" where a table leaves it open."""
+    cube = xr.Dataset(
+        coords={
+            "initial_skew_1_deg": ("point", [2.0], {"units": "degree"}),
+            "step_s": ("point", [np.nan], {"units": "s"}),
+            "torque_n_m": ("point", [50.0], {"units": "N m"}),
+        }
+    )
+    told = [factor_text(cube, str(name), cube[name].item()) for name in cube.coords]
+    assert told == ["initial skew 1 = 2 deg", "step not given", "torque 50 N m"]
+    assert factor_text(cube, "step_s", "nan") == "step not given"
+    assert factor_text(cube, "step_s", "0.001") == "step 0.001 s"
+
+
+def test_repetitions_are_no_quantity_to_draw_over(make_cube):
+    text = '[study]\nname = "r"\nfunction = "report_functions:noisy"\n[factors.replicate]\nvalues = [0, 1, 2]\n'
+    cube = make_cube(text)
+    assert effect_charts(cube) == []
+    assert "y lies between 5 (at replicate 0) and 5.000002 (at replicate 2)." in find(cube)
 
 
 def test_a_factor_without_effect_is_said_to_have_none(make_cube):

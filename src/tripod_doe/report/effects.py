@@ -14,7 +14,7 @@ from tripod_doe.analysis.additive_fit import Estimate, Separation
 from tripod_doe.analysis.curve_shape import Shape, extreme_levels, mirror_level
 from tripod_doe.analysis.factor_effects import FactorEffect, Ground, factor_effects
 from tripod_doe.quantities import count_of, interval, level, number, rounded_up, with_unit
-from tripod_doe.report.responses import Response, factor_label, factor_names, factor_unit, listed
+from tripod_doe.report.responses import Response, factor_label, factor_names, factor_text, factor_unit, listed
 
 __all__ = ["effects_on", "find_effects", "point_columns", "unseparated"]
 
@@ -186,7 +186,7 @@ class _Teller:
     def at(self, effect: FactorEffect, value: object) -> str:
         """A level of a factor with its unit; a mean of a class is rounded."""
         if not isinstance(value, int | float):
-            return str(value)
+            return "none" if value == "nan" else str(value)  # a column with open fields
         text = number(value) if effect.ground is Ground.REGRESSION else level(value)
         return with_unit(text, factor_unit(self.cube, effect.factor))
 
@@ -210,12 +210,7 @@ class _Teller:
             return "others at their base values"
         if len(effect.held) > _MOST_HELD:
             return "the others at one of their values each"
-        told = [
-            f"{factor_label(self.cube, name)} "
-            + with_unit(level(value) if isinstance(value, int | float) else str(value), factor_unit(self.cube, name))
-            for name, value in effect.held.items()
-        ]
-        return f"at {listed(told)}"
+        return f"at {listed([factor_text(self.cube, name, held) for name, held in effect.held.items()])}"
 
     def _alike(self, effect: FactorEffect) -> str:
         """How single settings of the others differ from the mean over them, with semicolons in front."""

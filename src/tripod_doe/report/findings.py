@@ -7,7 +7,7 @@ import json
 import numpy as np
 import xarray as xr
 
-from tripod_doe.quantities import level, number, with_unit
+from tripod_doe.quantities import digits_apart, level, number, with_unit
 from tripod_doe.report.effects import effects_on, find_effects, point_columns, unseparated
 from tripod_doe.report.model_choice import asked_orders
 from tripod_doe.report.responses import (
@@ -16,7 +16,7 @@ from tripod_doe.report.responses import (
     asked,
     factor_label,
     factor_names,
-    factor_unit,
+    factor_text,
     finished,
     listed,
     responses,
@@ -169,9 +169,9 @@ def _range(response: Response, cube: xr.Dataset) -> str:
     if known.size == 1 or high - low <= _FLAT * largest:
         same = "" if known.size == 1 else " the same at all points:"
         return f"{name} is{same} {with_unit(number(high), response.unit)}."
-    ends = []
+    ends, digits = [], digits_apart(low, high)
     for value, at in ((low, np.nanargmin(values)), (high, np.nanargmax(values))):
-        text = with_unit(number(0.0 if abs(value) < _FLAT * largest else value), response.unit)
+        text = with_unit(number(0.0 if abs(value) < _FLAT * largest else value, digits), response.unit)
         ends.append(text + _place(cube, int(at)))
     return f"{name} lies between {ends[0]} and {ends[1]}."
 
@@ -186,8 +186,7 @@ def _place(cube: xr.Dataset, at: int) -> str:
     for name, column in varying.items():
         value = column[at].item()
         given = level if np.unique(column).size <= _MOST_GIVEN else number  # a sampled value has too many digits
-        text = given(value) if isinstance(value, int | float) else str(value)
-        told.append(f"{factor_label(cube, name)} {with_unit(text, factor_unit(cube, name))}")
+        told.append(factor_text(cube, name, value, given))
     return f" (at {', '.join(told)})"
 
 
@@ -199,6 +198,5 @@ def _one_level(cube: xr.Dataset) -> list[str]:
     told = []
     for name in lost:
         value = done[name][0].item()
-        text = level(value) if isinstance(value, int | float) else str(value)
-        told.append(f"{factor_label(cube, name)} {with_unit(text, factor_unit(cube, name))}")
+        told.append(factor_text(cube, name, value))
     return [f"Only points with {listed(told)} finished: no effect is known of what was varied there."] if told else []

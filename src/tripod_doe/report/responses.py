@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +27,7 @@ __all__ = [
     "design_kind",
     "factor_label",
     "factor_names",
+    "factor_text",
     "factor_unit",
     "finished",
     "listed",
@@ -51,7 +54,8 @@ _ERRORS = ("thrust_amplitude_error", "thrust_amplitude_scatter")
 _VISIBLE = 5e-3  # orders smaller than this part of the largest one are not worth a sentence
 _CLASSES = 10  # classes of a sampled factor
 _MOST_LEVELS = 40  # a factor with more values than this is a sampled one
-_UNIT_SUFFIX = re.compile(r"(?:_per)?_(deg|n_m|rpm|mm_s|mm|um|kg_m2|kg_m3|kg|gpa|s_per_mm|s|w)$")
+_REPETITION = "replicate"  # the factor that tells runs of one point apart
+_UNIT_SUFFIX = re.compile(r"(?:_per)?_(deg|n_m|n|rpm|mm_s|mm|um|kg_m2|kg_m3|kg|gpa|s_per_mm|s|w)$")
 
 
 @dataclass(frozen=True)
@@ -140,14 +144,30 @@ def axis_label(cube: xr.Dataset, name: str) -> str:
     return f"{factor_label(cube, name)} ({unit})" if unit else factor_label(cube, name)
 
 
+def factor_text(cube: xr.Dataset, name: str, value: object, given: Callable[[float], str] = level) -> str:
+    """A factor with its value: ``torque 50 N m``, ``initial skew 1 = 2 deg``, ``step not given``.
+
+    Parameters
+    ----------
+    cube, name
+        Where the factor stands.
+    value
+        Its value, a number or a word; a number may be given as text.
+    given
+        How a number is written.
+    """
+    label = factor_label(cube, name)
+    if isinstance(value, str) and cube[name].dtype.kind == "f":
+        value = float(value)
+    if isinstance(value, float) and math.isnan(value):
+        return f"{label} not given"
+    text = with_unit(given(value) if isinstance(value, int | float) else str(value), factor_unit(cube, name))
+    return f"{label}{' =' * label[-1].isdigit()} {text}"
+
+
 def point_text(cube: xr.Dataset, point: xr.Dataset) -> str:
     """The factors of one point in words: ``joint angle 10 deg, torque 50 N m``."""
-    parts = []
-    for name in factor_names(cube):
-        value = point[name].item()
-        text = level(value) if isinstance(value, int | float) else str(value)
-        parts.append(f"{factor_label(cube, name)} {with_unit(text, factor_unit(cube, name))}")
-    return ", ".join(parts)
+    return ", ".join(factor_text(cube, name, point[name].item()) for name in factor_names(cube))
 
 
 def design_kind(cube: xr.Dataset) -> str:
@@ -200,8 +220,9 @@ def factor_names(cube: xr.Dataset) -> list[str]:
 
 
 def numeric_factors(cube: xr.Dataset) -> list[str]:
-    """Factors that are numbers and take more than one value."""
-    return [name for name in factor_names(cube) if cube[name].dtype.kind in "fiu" and np.ptp(cube[name].values) > 0]
+    """Factors that are quantities and take more than one value at all points; a repetition is none."""
+    numbers = [name for name in factor_names(cube) if cube[name].dtype.kind in "fiu" and name != _REPETITION]
+    return [name for name in numbers if np.ptp(cube[name].values) > 0]
 
 
 def responses(cube: xr.Dataset) -> list[Response]:

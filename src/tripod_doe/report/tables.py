@@ -105,7 +105,9 @@ def failed_points(cube: xr.Dataset, most: int = 50) -> list[FailedPoint]:
 def _text(value: Any) -> str:
     if isinstance(value, np.generic):
         value = value.item()
-    return level(value) if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return str(value)
+    return "-" if np.isnan(value) else level(value)
 
 
 def cost_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:

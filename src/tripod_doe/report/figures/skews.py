@@ -11,10 +11,10 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.analysis.claims.rules import RULES
-from tripod_doe.quantities import level, with_unit
+from tripod_doe.quantities import level
 from tripod_doe.report.figures.chart import COLOURS, HATCHES, INK, LINES, MARKERS, MUTED, Chart, drawing, legend_above
 from tripod_doe.report.figures.paper import SKEWS, first_points
-from tripod_doe.report.responses import axis_label, factor_label, factor_unit, finished, numeric_factors
+from tripod_doe.report.responses import axis_label, factor_text, finished, numeric_factors
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes
@@ -121,10 +121,7 @@ def kept_skew_charts(cube: xr.Dataset) -> list[Chart]:
 
 def _bearing(cube: xr.Dataset, row: pd.Series) -> str:
     """The factors of a bearing as text."""
-    return ", ".join(
-        f"{factor_label(cube, str(name))} {with_unit(level(value), factor_unit(cube, str(name)))}"
-        for name, value in row.items()
-    )
+    return ", ".join(factor_text(cube, str(name), value) for name, value in row.items())
 
 
 def _those_that_keep(cube: xr.Dataset, part: pd.DataFrame, others: list[str]) -> str:
