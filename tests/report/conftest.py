@@ -27,7 +27,7 @@ def line(x, z=0.0, offset=0.0):
 def cubic(x):
     return {"y": x**3}
 def noisy(replicate):
-    return {"y": 5 + 1e-6 * replicate}
+    return {"y": 5 + 1e-4 * replicate}
 def ishigami(x1, x2, x3):
     return {"y": math.sin(x1) + 7 * math.sin(x2) ** 2 + 0.1 * x3**4 * math.sin(x1)}
 def mechanisms(a, b, x, z):

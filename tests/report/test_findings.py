@@ -79,7 +79,7 @@ def test_repetitions_are_no_quantity_to_draw_over(make_cube):
     text = '[study]\nname = "r"\nfunction = "report_functions:noisy"\n[factors.replicate]\nvalues = [0, 1, 2]\n'
     cube = make_cube(text)
     assert effect_charts(cube) == []
-    assert "y lies between 5 (at replicate 0) and 5.000002 (at replicate 2)." in find(cube)
+    assert "y lies between 5 (at replicate 0) and 5.0002 (at replicate 2)." in find(cube)
 
 
 def test_a_factor_without_effect_is_said_to_have_none(make_cube):
