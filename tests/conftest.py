@@ -12,6 +12,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parent / "joint"))
 sys.path.insert(0, str(Path(__file__).parent / "analysis"))
 sys.path.insert(0, str(Path(__file__).parent / "workflow"))
+sys.path.insert(0, str(Path(__file__).parent / "service"))
 
 
 MODELS_OF_PROCESS = {

@@ -17,10 +17,10 @@ from io import BufferedWriter, TextIOWrapper
 from pathlib import Path
 from typing import IO, Any, cast
 
-from tripod_doe.errors import InputError, TripodDoeError
+from tripod_doe.errors import InputError, TripodDoeError, option
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import ForbiddenError, TooLargeError
-from tripod_doe.service.uploads import WORKFLOW, check_upload, write_upload
+from tripod_doe.service.uploads import STUDY, WORKFLOW, check_upload, write_upload
 from tripod_doe.study.child_process import answers
 
 __all__ = ["QUESTIONS"]
@@ -46,7 +46,7 @@ def check(folder: str, texts: dict[str, str], limits: dict[str, Any]) -> Answer:
 
     allowed = Limits(**limits)
     check_upload(texts, allowed)
-    main = WORKFLOW if WORKFLOW in texts else "study.toml"
+    main = WORKFLOW if WORKFLOW in texts else STUDY
     return _in_folder(Path(folder), lambda: plan_upload(Path(folder), main, allowed, timing=False)), b""
 
 
@@ -82,6 +82,62 @@ def cube(path: str) -> Answer:
     return None, _netcdf_bytes(cube_so_far(Path(path)))
 
 
+def describe(path: str) -> Answer:
+    """What a cube holds: dimensions, coordinates with their values, variables with units and flags, attributes."""
+    from tripod_doe.service.descriptions import describe_cube
+    from tripod_doe.study.results import open_cube
+
+    return describe_cube(open_cube(path)), b""
+
+
+def analyses(paths: dict[str, str]) -> Answer:
+    """Results of analyses by name: kind, sentences, table and variables."""
+    from tripod_doe.service.descriptions import describe_analysis
+    from tripod_doe.study.netcdf import read_dataset
+
+    return [describe_analysis(name, read_dataset(Path(path))) for name, path in paths.items()], b""
+
+
+def compare(path: str, measurement: str, settings: dict[str, Any]) -> Answer:
+    """A measurement beside a point of a cube, as ``compare --format json`` gives it."""
+    from tripod_doe.service.measurements import compare_upload
+
+    return compare_upload(path, measurement, **settings), b""
+
+
+def choice(folder: str, path: str) -> Answer:
+    """Lines on the choice of model of a study with model = "auto"; empty for another."""
+    from tripod_doe.analysis.model_choice.study_choice import describe_choice
+    from tripod_doe.study.definition import load_study
+
+    study = load_study(Path(folder) / STUDY)
+    return describe_choice(study, Path(path)).splitlines() if study.accuracy else [], b""
+
+
+def extend(folder: str, path: str, texts: dict[str, str], limits: dict[str, Any]) -> Answer:
+    """Check the larger version of a study whose results are in a directory; anything but growth is refused."""
+    told, _ = check(folder, texts, limits)
+    try:
+        _in_folder(Path(folder), lambda: _refuse_changes(Path(folder), Path(path)))
+    except InputError as error:
+        changed = f"the study changed under the results in {path}; choose another {option('out')}, or take back"
+        told_here = "the study may only grow; submit it as a run of its own, or take back"
+        raise InputError(str(error).replace(changed, told_here).replace(path, "this run")) from error
+    return told, b""
+
+
+def _refuse_changes(folder: Path, path: Path) -> None:
+    from tripod_doe.study.definition import parse_study
+    from tripod_doe.study.designs import make_points
+    from tripod_doe.study.directory import ResultDirectory
+    from tripod_doe.study.study_points import StudyPoints
+
+    study = parse_study((folder / STUDY).read_text(encoding="utf-8"), STUDY, folder, functions=False)
+    asked = StudyPoints(study, make_points(study))
+    with ResultDirectory(path) as directory:
+        directory.refuse_changes(study, asked.wanted_keys)
+
+
 def _netcdf_bytes(dataset: Any) -> bytes:
     from tripod_doe.study.netcdf import write_dataset
 
@@ -101,7 +157,8 @@ _LATER = {
     "study_form": ("study_form", "changed_text"),
 }
 QUESTIONS: Mapping[str, Callable[..., Answer]] = {
-    function.__name__: function for function in (plan, check, simulate, query, cube)
+    function.__name__: function
+    for function in (plan, check, simulate, query, cube, describe, analyses, compare, choice, extend)
 } | {question: partial(_later, module, question) for module, questions in _LATER.items() for question in questions}
 """Questions by name."""
 

@@ -6,7 +6,7 @@ from typing import Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-__all__ = ["Errors", "Health", "PlanRequest", "RunRecord", "Submission"]
+__all__ = ["Comparison", "Errors", "Health", "PlanRequest", "RunRecord", "Submission"]
 
 
 class _Form(BaseModel):
@@ -31,6 +31,20 @@ class PlanRequest(Submission):
     """What is to be planned."""
 
     timing: bool = Field(True, description="time some points, for at most ten seconds; else use recorded prices")
+
+
+class Comparison(_Form):
+    """A measurement, and the point that it is compared with."""
+
+    measurement: str = Field(description="table (CSV) with thrust_n and rotation_deg, or thrust_n, time_s and tacho")
+    select: list[str] = Field([], description="name=value, so that one point is left, or the points over speed_rpm")
+    nearest: bool = Field(False, description="take the nearest value where none matches")
+    columns: dict[str, str] = Field({}, description="headings of thrust_n, rotation_deg, time_s or tacho in the table")
+    pulses_per_revolution: int = Field(1, ge=1, description="rising edges of tacho per revolution")
+    reference_angle: float | None = Field(
+        None, allow_inf_nan=False, description="rotation angle of the housing at the first rising edge (deg)"
+    )
+    speeds: str | None = Field(None, description="range of speed LOW:HIGH of the revolutions that are used (rpm)")
 
 
 class Health(BaseModel):

@@ -15,7 +15,8 @@ __all__ = ["ForbiddenError", "Problem", "RefusedError", "TooLargeError", "proble
 _MESSAGE = re.compile(
     r"(?:\[(?P<table>[^\]\s]+)\]:? ?)?(?:(?P<key>[A-Za-z_][\w.-]*) ?= ?(?P<value>.+?): )?(?P<told>.*)", re.DOTALL
 )
-_NAMED = re.compile(r"unknown (?:key|parameter|output|name) '([^']+)'|^([\w.-]+) is (?:missing|both)|^([\w-]+): ")
+_NAMED = re.compile(r"unknown (?:key|parameter|output|name) '([^']+)'|^([\w.-]+) is (?:missing|both)|^([\w.-]+): ")
+_STEP = re.compile(r"^\[steps\.[^\]]+\]: ")
 _NEAR = re.compile(r"did you mean '([^']+)'")
 _AT = re.compile(r"\(at line (\d+), column (\d+)\)")
 _TABLES = {"designs": "design"}  # as the checked form calls them, and as a file writes them
@@ -81,25 +82,31 @@ def problems_of(error: InputError | str, texts: dict[str, str]) -> list[Problem]
     texts
         Uploaded files by name; a sentence about one starts with its name.
     """
-    return [_problem(line, texts) for line in str(error).split("\n") if line.strip()]
+    problems: list[Problem] = []
+    for line in str(error).split("\n"):
+        if line.strip():
+            file = problems[-1].file if line.startswith("  ") and problems else None  # a list goes on
+            problems.append(_problem(line.strip(), file, texts))
+    return problems
 
 
-def _problem(line: str, texts: dict[str, str]) -> Problem:
-    file, told = None, line
-    while (name := next((name for name in texts if told.startswith(f"{name}: ")), None)) is not None:
-        file, told = name, told.removeprefix(f"{name}: ")  # a workflow's sentence goes on with that of its study
+def _problem(told: str, file: str | None, texts: dict[str, str]) -> Problem:
+    while (name := next((name for name in texts if _STEP.sub("", told).startswith(f"{name}: ")), None)) is not None:
+        file, told = name, _STEP.sub("", told).removeprefix(f"{name}: ")  # a workflow's goes on with its study's
     match = _MESSAGE.fullmatch(told)
     assert match is not None
     table, key, value, rest = match["table"], match["key"], match["value"], match["told"]
     if key is None and (named := _NAMED.search(rest)):
         key = next(name for name in named.groups() if name)
-    path = table.split(".") if table else []
+    path = [*(table.split(".") if table else []), *(key.split(".") if key else [])]
+    if key and len(path) > 1:
+        table, key = ".".join(path[:-1]), path[-1]
+    elif table and not key:
+        key = path[-1]
     path[:1] = [_TABLES.get(name, name) for name in path[:1]]
-    place = _place(told, texts.get(file or ""), [*path, *(key.split(".") if key else [])])
+    line, column = _place(told, texts.get(file or ""), path)
     near = _NEAR.search(rest)
-    return Problem(
-        told, key or (path[-1] if path else None), _value(value), *place, near[1] if near else None, file, table
-    )
+    return Problem(told, key, _value(value), line, column, near[1] if near else None, file, table)
 
 
 def _place(told: str, text: str | None, path: list[str]) -> tuple[int | None, int | None]:

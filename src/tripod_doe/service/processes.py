@@ -11,6 +11,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -19,14 +20,15 @@ import psutil
 
 from tripod_doe.errors import InputError
 
-__all__ = ["LOG", "is_alive", "is_held", "kill_run", "last_words", "start_run", "stop_run"]
+__all__ = ["LOG", "is_alive", "is_held", "kill_run", "last_words", "run_log", "start_run", "stop_run"]
 
 LOG = "run.log"
 """File of a result directory with what the latest run of it said."""
 
 _ALIVE = ".alive"
 _NICE = 5  # answers come before points: a page must not wait for a study
-_LAST_BYTES = 4096
+_TRIES, _PAUSE = 20, 0.05
+_LAST_BYTES = 65_536
 
 
 def start_run(directory: Path, words: Sequence[str]) -> subprocess.Popen[bytes]:
@@ -106,21 +108,32 @@ def kill_run(directory: Path) -> bool:
 
 
 def _signal(directory: Path, number: signal.Signals) -> bool:
-    found = False
-    for process in psutil.process_iter(["cmdline"]):
-        words = process.info["cmdline"] or []
-        if "tripod_doe.cli" in words and str(directory) in words:
-            found = True
-            with suppress(ProcessLookupError, PermissionError):
-                if number is signal.SIGKILL:
-                    os.killpg(process.pid, number)  # it leads a group of its own
-                else:
-                    os.kill(process.pid, number)
-    return found
+    for _ in range(_TRIES):
+        if found := _of_directory(directory):
+            for process in found:
+                with suppress(ProcessLookupError, PermissionError):
+                    if number is signal.SIGKILL:
+                        os.killpg(process, number)  # it leads a group of its own
+                    else:
+                        os.kill(process, number)
+            return True
+        if not is_alive(directory):
+            return False
+        time.sleep(_PAUSE)  # one that has only just started has no command line yet
+    return False
 
 
-def last_words(directory: Path) -> str:
-    """What the latest run of a directory said last: the line with its error, or its last line."""
+def _of_directory(directory: Path) -> list[int]:
+    """Numbers of the processes that run our command line on a directory; its name is random, so it tells them."""
+    return [
+        process.pid
+        for process in psutil.process_iter(["cmdline"])
+        if {"tripod_doe.cli", str(directory)} <= set(process.info["cmdline"] or ())
+    ]
+
+
+def run_log(directory: Path) -> str:
+    """What the latest run of a directory said, its end where that is long; its own place is left out."""
     try:
         with (directory / LOG).open("rb") as log:
             log.seek(0, os.SEEK_END)
@@ -128,6 +141,11 @@ def last_words(directory: Path) -> str:
             text = log.read().decode("utf-8", "replace")
     except OSError:
         return ""
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    return text.replace(f"{directory}{os.sep}", "").replace(str(directory), "")
+
+
+def last_words(directory: Path) -> str:
+    """The last complaint of the latest run of a directory, or else its last line."""
+    lines = [line.strip() for line in run_log(directory).splitlines() if line.strip()]
     own = [line.removeprefix("tripod-doe: ") for line in lines if line.startswith("tripod-doe: ")]
-    return (own or lines or [""])[-1].replace(f"{directory}{os.sep}", "")
+    return (own or lines or [""])[-1]

@@ -154,18 +154,9 @@ class RunTable:
     def __init__(self, folder: Path, read_only: bool = False) -> None:
         self.path = folder / TABLE
         self._lock = threading.Lock()
+        self._version = -1
         try:
-            if read_only and not self.path.exists():
-                self._connection = sqlite3.connect(":memory:", check_same_thread=False)
-            elif read_only:
-                uri = f"{self.path.absolute().as_uri()}?mode=ro"
-                self._connection = sqlite3.connect(uri, uri=True, check_same_thread=False)
-                return
-            else:
-                self._connection = sqlite3.connect(self.path, check_same_thread=False)
-            self._connection.execute("PRAGMA journal_mode = WAL")
-            self._connection.execute("PRAGMA synchronous = FULL")
-            self._connection.executescript(_SCHEMA)
+            self._connection = _opened_for_reading(self.path) if read_only else _opened(self.path)
         except sqlite3.Error as error:
             raise InputError(f"{self.path}: cannot use this table of runs ({error}); choose another "
                              f"{option('folder')}, or move this file away") from error  # fmt: skip
@@ -180,6 +171,13 @@ class RunTable:
         with self._lock:
             rows = self._connection.execute("SELECT record FROM run ORDER BY number").fetchall()
         return [_from_text(row[0]) for row in rows]
+
+    def is_changed(self) -> bool:
+        """Whether another process has changed the table since this was asked last."""
+        with self._lock:
+            version = int(self._connection.execute("PRAGMA data_version").fetchone()[0])
+        changed, self._version = version != self._version, version
+        return changed
 
     def put(self, run: Run) -> None:
         """Store a run, new or changed; when this returns, no kill can lose it.
@@ -211,6 +209,30 @@ class RunTable:
                 self._connection.execute(statement, values)
         except sqlite3.Error as error:
             raise StorageError(f"{self.path}: cannot write ({error}); nothing that was finished is lost") from error
+
+
+def _opened(path: Path) -> sqlite3.Connection:
+    connection = sqlite3.connect(path, check_same_thread=False)
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute("PRAGMA synchronous = FULL")
+    connection.executescript(_SCHEMA)
+    return connection
+
+
+def _opened_for_reading(path: Path) -> sqlite3.Connection:
+    """What is there, or an empty table in memory; nothing is written, also where the folder could be."""
+    if not path.exists():
+        connection = sqlite3.connect(":memory:", check_same_thread=False)
+        connection.executescript(_SCHEMA)
+        return connection
+    address = path.absolute().as_uri()
+    try:
+        connection = sqlite3.connect(f"{address}?mode=ro", uri=True, check_same_thread=False)
+        connection.execute("SELECT count(*) FROM run").fetchone()
+    except sqlite3.OperationalError:  # a folder in which SQLite cannot make its shared memory: nobody writes there
+        connection = sqlite3.connect(f"{address}?immutable=1", uri=True, check_same_thread=False)
+        connection.execute("SELECT count(*) FROM run").fetchone()
+    return connection
 
 
 def _to_text(run: Run) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import hmac
 import ipaddress
+import json
 import re
 import socket
 from http.cookies import CookieError, SimpleCookie
@@ -181,7 +182,20 @@ class Guard:
             raise RefusedError(415, "Content-Type: application/json is needed")
         if _depth(bytes(body)) > limits.nesting:
             raise RefusedError(413, f"brackets stand more than {limits.nesting} deep within each other, the limit here")
+        _check_text(bytes(body))
         return bytes(body)
+
+
+def _check_text(body: bytes) -> None:
+    """Refuse what is no text, or would be none when it is sent back: half of a pair of surrogates."""
+    try:
+        text = body.decode()
+        if "\\ud" in text.lower():
+            json.dumps(json.loads(text), ensure_ascii=False).encode()
+    except UnicodeError as error:
+        raise RefusedError(422, "the body is not UTF-8 text") from error
+    except ValueError:  # no JSON: told with its place by what reads it
+        pass
 
 
 def _is_address(name: str) -> bool:

@@ -15,6 +15,7 @@ import uvicorn
 
 from tripod_doe.errors import InputError, option
 from tripod_doe.service.app import create_app
+from tripod_doe.service.demo import add_demo
 from tripod_doe.service.service import Service
 from tripod_doe.service.settings import Settings
 
@@ -35,18 +36,22 @@ def serve(settings: Settings) -> None:
     """
     with _held(settings), _listening(settings) as listener:
         host, port = listener.getsockname()[:2]
-        settings = replace(settings, port=port)
+        settings = replace(settings, folder=settings.folder.resolve(), port=port)
         app = create_app(settings)
+        service: Service = app.state.service
         config = uvicorn.Config(
             app, log_level="warning", access_log=False, server_header=False, timeout_graceful_shutdown=_GRACE,
             proxy_headers=False, ws="none",
         )  # fmt: skip
+        if settings.demo and not settings.read_only:
+            service.start()
+            add_demo(service)
         if settings.host not in _LOOPBACK:
             print(f"tripod-doe: {settings.host} is seen from other machines, and what they send is not encrypted; "
                   "who knows the token can run studies here", file=sys.stderr)  # fmt: skip
         shown = f"[{host}]" if ":" in host else host
         print(f"http://{shown}:{port}/?token={settings.token}", flush=True)
-        _Server(config, app.state.service).run(sockets=[listener])
+        _Server(config, service).run(sockets=[listener])
 
 
 class _Server(uvicorn.Server):
@@ -57,9 +62,10 @@ class _Server(uvicorn.Server):
         self._service = service
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """End on a signal."""
+        """End on a signal, at once on the second; that is how a server ends, so its exit code is 0."""
         self._service.runs.events.close()
-        super().handle_exit(sig, frame)
+        self.force_exit = self.should_exit
+        self.should_exit = True
 
 
 @contextmanager

@@ -6,6 +6,8 @@ import hashlib
 import json
 import shutil
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -15,12 +17,13 @@ from tripod_doe.service.desk import Desk
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.runs import Run
 from tripod_doe.service.settings import Settings
-from tripod_doe.service.supervisor import Supervisor
-from tripod_doe.service.uploads import upload_texts, write_upload
+from tripod_doe.service.supervisor import UPLOAD, Supervisor
+from tripod_doe.service.uploads import main_file, upload_texts, write_upload
 
 __all__ = ["Service"]
 
 _UPLOADS = ".upload-"
+_WITHOUT_CUBE = ("study", "figure", "report")  # kinds of steps that have no analysis
 
 
 class Service:
@@ -44,9 +47,13 @@ class Service:
         self.runs = Supervisor(settings)
         self._questions = Desk(2, settings.limits)
         self._computing = Desk(1, settings.limits)
+        self._started = False
 
     def start(self) -> None:
-        """Find runs, and start what answers."""
+        """Find runs, and start what answers; once is enough."""
+        if self._started:
+            return
+        self._started = True
         if not self.settings.read_only:
             for left in self.settings.folder.glob(f"{_UPLOADS}*"):
                 shutil.rmtree(left, ignore_errors=True)
@@ -77,21 +84,25 @@ class Service:
             return earlier
         _, texts = upload_texts(body)
         limits = self.settings.limits
-        try:
-            place = Path(tempfile.mkdtemp(prefix=_UPLOADS, dir=self.settings.folder))
-        except OSError as error:
-            raise StorageError(f"{self.settings.folder}: cannot write here: {error.strerror}") from error
-        try:
-            upload = place / "upload"
-            write_upload(upload, texts)
+        with self._uploaded(texts) as upload:
             plan, _ = self._questions.ask(
                 "check", limits.query_seconds, folder=str(upload), texts=texts, limits=asdict(limits)
             )
             return self.runs.submit(upload, plan, key, digest)
+
+    @contextmanager
+    def _uploaded(self, texts: dict[str, str]) -> Iterator[Path]:
+        """Texts as files in the folder of runs; what is not taken from there is removed at the end."""
+        folder = self.settings.folder
+        try:
+            place = Path(tempfile.mkdtemp(prefix=_UPLOADS, dir=folder))
+            try:
+                write_upload(place / UPLOAD, texts)
+                yield place / UPLOAD
+            finally:
+                shutil.rmtree(place, ignore_errors=True)
         except OSError as error:
-            raise StorageError(f"{self.settings.folder}: cannot write here: {error.strerror}") from error
-        finally:
-            shutil.rmtree(place, ignore_errors=True)
+            raise StorageError(f"{folder}: cannot write here: {error.strerror}") from error
 
     def simulate(self, scene: str, parameters: dict[str, Any]) -> dict[str, Any]:
         """One point, as ``simulate --format json`` gives it."""
@@ -126,6 +137,71 @@ class Service:
     def look(self, question: str, **arguments: Any) -> tuple[Any, bytes]:
         """One of the questions of `exploring`; see `looking`."""
         return self._questions.ask(question, self.settings.limits.query_seconds, **arguments)
+
+    def describe(self, run_id: str, step: str | None = None, analysis: str | None = None) -> dict[str, Any]:
+        """What a run's cube holds; see `descriptions.describe_cube`."""
+        path = self.analysis_file(run_id, analysis, step) if analysis else self.results(run_id, step)
+        told: dict[str, Any] = self._questions.ask("describe", self.settings.limits.query_seconds, path=str(path))[0]
+        return told
+
+    def analyses(self, run_id: str, step: str | None = None) -> list[dict[str, Any]]:
+        """Results of a run's analyses; of a workflow, those of its steps."""
+        run = self.runs.find(run_id)
+        if run.kind == "workflow" and step is None:
+            steps = self.runs.directory(run_id) / "steps"
+            kinds = {name: told["kind"] for name, told in run.plan["steps"].items()}
+            made = {name: steps / name / "cube.nc" for name, kind in kinds.items() if kind not in _WITHOUT_CUBE}
+            paths = {name: str(path) for name, path in made.items() if path.is_file()}
+        else:
+            paths = {path.stem: str(path) for path in sorted((self.results(run_id, step) / "analysis").glob("*.nc"))}
+        told: list[dict[str, Any]] = self._questions.ask("analyses", self.settings.limits.query_seconds, paths=paths)[0]
+        return told
+
+    def compare(self, run_id: str, measurement: str, step: str | None, settings: dict[str, Any]) -> dict[str, Any]:
+        """A measurement beside a point of a run's cube, as ``compare --format json`` gives it."""
+        told: dict[str, Any] = self._questions.ask(
+            "compare", self.settings.limits.query_seconds, path=str(self.results(run_id, step)),
+            measurement=measurement, settings=settings,
+        )[0]  # fmt: skip
+        return told
+
+    def plan_of(self, run_id: str) -> dict[str, Any]:
+        """The price that a run had when it was submitted, and the choice of its models where a pilot makes it."""
+        run, directory = self.runs.find(run_id), self.runs.directory(run_id)
+        told = dict(run.plan) | {"choice": []}
+        if run.plan.get("model_chosen_by_pilot"):
+            seconds = self.settings.limits.query_seconds
+            told["choice"] = self._questions.ask(
+                "choice", seconds, folder=str(directory / UPLOAD), path=str(directory)
+            )[0]
+        return told
+
+    def upload_of(self, run_id: str) -> dict[str, Any]:
+        """What was submitted as a run: its study or workflow, and its files."""
+        run = self.runs.find(run_id)
+        folder = self.runs.directory(run_id) / UPLOAD
+        texts = {path.name: path.read_text(encoding="utf-8") for path in sorted(folder.iterdir())}
+        return {run.kind: texts.pop(main_file(run.kind)), "files": texts}
+
+    def extend(self, run_id: str, body: dict[str, Any]) -> Run:
+        """Put a run into the queue with a study that grew: what is there is kept, and only new points run.
+
+        Raises
+        ------
+        RefusedError
+            409 if the run is not at rest, or is that of a workflow.
+        """
+        run = self.runs.find(run_id)
+        if run.kind == "workflow" or body.get("study") is None:
+            raise RefusedError(409, "only the run of a study can be extended, by a study")
+        _, texts = upload_texts(body)
+        limits = self.settings.limits
+        with self._uploaded(texts) as upload:
+            plan, _ = self._questions.ask(
+                "extend", limits.query_seconds, folder=str(upload), path=str(self.runs.directory(run_id)), texts=texts,
+                limits=asdict(limits),
+            )  # fmt: skip
+            return self.runs.extend(run_id, upload, plan)
 
     def results(self, run_id: str, step: str | None = None) -> Path:
         """The directory with a run's cube; that of one of its steps for a workflow.

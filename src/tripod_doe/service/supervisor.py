@@ -194,6 +194,26 @@ class Supervisor:
                 raise RefusedError(409, "another process computes into the directory of this run")
             return self._put(run.changed(state=State.QUEUED, message="", retry_failed=retry_failed))
 
+    def extend(self, run_id: str, upload: Path, plan: Mapping[str, Any]) -> Run:
+        """Put a run at rest into the queue with a checked upload in place of its own.
+
+        Raises
+        ------
+        RefusedError
+            409 if it waits or runs.
+        """
+        with self._lock:
+            run = self.find(run_id)
+            if not run.state.at_rest or processes.is_held(self.directory(run_id)):
+                raise RefusedError(409, f"state: {run.state}: only a run at rest can be extended")
+            own = self.directory(run_id) / UPLOAD
+            own.rename(own.with_name(f".{UPLOAD}.old"))
+            upload.rename(own)
+            shutil.rmtree(own.with_name(f".{UPLOAD}.old"), ignore_errors=True)
+            counts = replace(run.counts, total=plan["unique"])
+            return self._put(run.changed(state=State.QUEUED, message="", plan=plan, counts=counts, name=plan["name"],
+                                         question=plan["question"]))  # fmt: skip
+
     def delete(self, run_id: str) -> None:
         """Forget a run and remove its directory.
 
@@ -218,7 +238,8 @@ class Supervisor:
 
     def _put(self, run: Run) -> Run:
         """Store a run whose state changed, and tell those who watch."""
-        self._table.put(run)
+        if not self.settings.read_only:
+            self._table.put(run)
         self._show(run)
         return run
 
@@ -233,12 +254,27 @@ class Supervisor:
                     active = [run for run in self._runs.values() if run.state.alive]
                 for run in active:
                     self._look_at(run.id)
-                if not self.settings.read_only:
+                if self.settings.read_only:
+                    self._read_again()
+                else:
                     self._start_waiting()
             except StorageError as error:  # a full disk: the state is told again as soon as it can be stored
                 log.error("%s", error)
             except Exception:
                 log.exception("a run could not be looked after")
+
+    def _read_again(self) -> None:
+        """Take over what the server that runs studies in this folder has written."""
+        if not self._table.is_changed():
+            return
+        stored = {run.id: run for run in self._table.all()}
+        with self._lock:
+            for gone in self._runs.keys() - stored.keys():
+                del self._runs[gone]
+                self.events.forget(gone)
+            for run in stored.values():
+                if run != self._runs.get(run.id):
+                    self._show(run)
 
     def _look_at(self, run_id: str) -> None:
         """Count the points of a run at work, and notice its end."""

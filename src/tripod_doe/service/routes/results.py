@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query
 from starlette.responses import FileResponse, RedirectResponse, Response
 
+from tripod_doe.service.forms import Comparison
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.routes.access import REFUSALS, AnyService, errors_at
+from tripod_doe.service.routes.access import CHANGES, REFUSALS, AnyService, errors_at
 from tripod_doe.service.service import Service
 from tripod_doe.study.results import is_shown
 
@@ -52,6 +53,24 @@ def cube(run_id: str, service: AnyService, step: Step = None) -> Response:
     if is_shown(directory):
         return _file(directory / "cube.nc")
     return Response(service.cube_so_far(run_id, step), media_type=_TYPES["netcdf"])
+
+
+@router.get("/cube")
+def describe(run_id: str, service: AnyService, step: Step = None, analysis: str | None = None) -> dict[str, Any]:
+    """What the cube holds: dimensions, coordinates with their values, variables with units and flags."""
+    return service.describe(run_id, step, analysis)
+
+
+@router.get("/analyses")
+def analyses(run_id: str, service: AnyService, step: Step = None) -> list[dict[str, Any]]:
+    """Analyses with their kind, sentences and table."""
+    return service.analyses(run_id, step)
+
+
+@router.post("/compare", responses=CHANGES)
+def compare(run_id: str, body: Comparison, service: AnyService, step: Step = None) -> dict[str, Any]:
+    """A measurement beside a point of the cube: the object of `tripod-doe compare --format json`."""
+    return service.compare(run_id, body.measurement, step, body.model_dump(exclude={"measurement"}))
 
 
 @router.get("/analysis/{name}.nc", response_class=Response)

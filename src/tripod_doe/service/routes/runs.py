@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import AsyncIterator
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Header, Response
 from fastapi.sse import EventSourceResponse, ServerSentEvent
+from starlette.responses import PlainTextResponse
 
 from tripod_doe.service.forms import RunRecord, Submission
+from tripod_doe.service.processes import run_log
 from tripod_doe.service.routes.access import CHANGES, REFUSALS, AnyService, WritingService, errors_at
 
 __all__ = ["router"]
@@ -90,6 +92,37 @@ def resume(run_id: str, service: WritingService) -> RunRecord:
 def retry_failed(run_id: str, service: WritingService) -> RunRecord:
     """Run failed points again."""
     return RunRecord(**service.runs.resume(run_id, retry_failed=True).record())
+
+
+@router.post("/runs/{run_id}/extend", responses=CHANGES | errors_at(404))
+def extend(run_id: str, body: Submission, service: WritingService) -> RunRecord:
+    """Run a study that grew on the results of this run: only its new points are computed."""
+    return RunRecord(**service.extend(run_id, body.model_dump()).record())
+
+
+@router.get("/runs/{run_id}/plan", responses=errors_at(404))
+def plan_of_run(run_id: str, service: AnyService) -> dict[str, Any]:
+    """The price of a run when it was submitted, and its choice of models where a pilot makes one."""
+    return service.plan_of(run_id)
+
+
+@router.get("/runs/{run_id}/upload", responses=errors_at(404))
+def upload_of_run(run_id: str, service: AnyService) -> dict[str, Any]:
+    """What was submitted, as it can be submitted again."""
+    return service.upload_of(run_id)
+
+
+@router.get("/runs/{run_id}/steps", responses=errors_at(404))
+async def steps_of_run(run_id: str, service: AnyService) -> list[dict[str, Any]]:
+    """The steps of a workflow with their states and times; none for a study."""
+    return [dict(step) for step in service.runs.find(run_id).steps]
+
+
+@router.get("/runs/{run_id}/log", response_class=PlainTextResponse, responses=errors_at(404))
+def log_of_run(run_id: str, service: AnyService) -> PlainTextResponse:
+    """What the latest process of a run said."""
+    service.runs.find(run_id)
+    return PlainTextResponse(run_log(service.runs.directory(run_id)))
 
 
 @router.delete("/runs/{run_id}", status_code=204, responses=CHANGES | errors_at(404))

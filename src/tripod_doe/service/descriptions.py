@@ -1,0 +1,75 @@
+"""Cubes and analyses in words and numbers for a page: what there is to choose from, and what was found."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analysis.kinds import kind_of
+from tripod_doe.report.analyses import findings_of, table_of
+
+__all__ = ["describe_analysis", "describe_cube"]
+
+
+def describe_cube(cube: xr.Dataset) -> dict[str, Any]:
+    """A cube without its values.
+
+    Parameters
+    ----------
+    cube
+        A cube, or the result of an analysis.
+
+    Returns
+    -------
+    dict
+        ``sizes`` of the dimensions; ``coordinates`` by name with dims, units, meaning and values; ``variables`` with
+        dims, units, meaning and the words of flags; ``attributes``.
+    """
+    return {
+        "sizes": {str(name): int(size) for name, size in cube.sizes.items()},
+        "coordinates": {
+            str(name): _meaning(array) | {"values": _plain(array.values.tolist())}
+            for name, array in cube.coords.items()
+        },
+        "variables": {str(name): _meaning(array) for name, array in cube.data_vars.items()},
+        "attributes": {str(name): _plain(_listed(value)) for name, value in cube.attrs.items()},
+    }
+
+
+def describe_analysis(name: str, result: xr.Dataset) -> dict[str, Any]:
+    """The result of an analysis: what it is, what it found in sentences, its table, and its variables."""
+    table = table_of(result)
+    told = describe_cube(result)
+    return {
+        "name": name,
+        "kind": kind_of(result),
+        "findings": findings_of(name, result),
+        "table": None if table is None else {"heads": table[0], "rows": table[1]},
+    } | told
+
+
+def _meaning(array: xr.DataArray) -> dict[str, Any]:
+    attributes = array.attrs
+    told: dict[str, Any] = {
+        "dims": [str(dim) for dim in array.dims],
+        "units": str(attributes.get("units", "")),
+        "long_name": str(attributes.get("long_name", "")),
+    }
+    if {"flag_values", "flag_meanings"} <= attributes.keys():
+        values = np.atleast_1d(attributes["flag_values"]).tolist()
+        told["flags"] = dict(zip(map(str, values), str(attributes["flag_meanings"]).split(), strict=False))
+    return told
+
+
+def _listed(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+
+
+def _plain(value: Any) -> Any:
+    """Numbers, texts and lists for JSON, NaN as None."""
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

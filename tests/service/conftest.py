@@ -1,0 +1,36 @@
+from __future__ import annotations
+
+import pytest
+from service_client import ADDRESS, TOKEN, Asked
+from starlette.testclient import TestClient
+
+from tripod_doe.service.app import create_app
+from tripod_doe.service.settings import Settings
+
+
+@pytest.fixture(scope="session")
+def settings(tmp_path_factory):
+    return Settings(tmp_path_factory.mktemp("service"), token=TOKEN, workers=0)
+
+
+@pytest.fixture(scope="session")
+def client(settings):
+    """A client without a token, of a server in this process."""
+    with TestClient(create_app(settings), ADDRESS, raise_server_exceptions=False, follow_redirects=False) as client:
+        yield client
+
+
+@pytest.fixture(scope="session")
+def api(client, settings):
+    """The interface as a program with the token asks it."""
+    own = TestClient(client.app, ADDRESS, raise_server_exceptions=False, follow_redirects=False,
+                     headers={"authorization": f"Bearer {settings.token}"})  # fmt: skip
+    return Asked(own)
+
+
+@pytest.fixture(scope="session")
+def coast(api):
+    """A finished run."""
+    run_id = api.submit()
+    assert api.wait(run_id, "finished", "failed")["state"] == "finished"
+    return run_id

@@ -1,0 +1,178 @@
+"""The life of a run over HTTP: submitted, watched, asked, stopped, resumed, retried, extended, deleted."""
+
+from __future__ import annotations
+
+import json
+import textwrap
+
+import pytest
+import xarray as xr
+from service_client import COAST
+
+import tripod_doe as td
+
+
+def grown(*angles):
+    return textwrap.dedent(COAST).replace("[2.5, 17]", str(list(angles)))
+
+
+def test_health_needs_nothing_and_names_the_version(client):
+    assert client.get("/api/v1/health").json() == {"status": "ok", "version": "0.1.0"}
+
+
+def test_schemas_are_those_of_the_command_line(api):
+    from tripod_doe.workflow.file import workflow_schema
+
+    assert api.get("/schema/study").json() == json.loads(json.dumps(td.study_schema()))
+    assert api.get("/schema/study", params={"scene": "roller-in-groove"}).json()["properties"]["base"]
+    assert api.get("/schema/study", params={"scene": "rollers-in-groove"}).status_code == 422
+    assert api.get("/schema/workflow").json() == json.loads(json.dumps(workflow_schema()))
+    assert "/api/v1/runs/{run_id}/query" in api.get("/openapi.json").json()["paths"]
+
+
+def test_limits_are_told_with_their_meanings(api, settings):
+    told = {entry["name"]: entry for entry in api.get("/limits").json()["limits"]}
+    assert told["body_bytes"]["value"] == settings.limits.body_bytes == 256 * 1024
+    assert all(entry["meaning"] for entry in told.values())
+
+
+def test_a_plan_counts_and_prices_without_a_trace(api, settings):
+    before = sorted(path.name for path in settings.folder.iterdir())
+    plan = api.post("/plans", {"study": textwrap.dedent(COAST), "timing": False}).json()
+    assert (plan["points"], plan["blocks"]) == (8, 1)
+    assert plan["bytes"] == 8 * (8 * 13 * 5 + 1)  # two outputs of 13 orders, and one in three grooves
+    assert 0 < plan["cpu_seconds"]["low"] <= plan["cpu_seconds"]["mean"] <= plan["cpu_seconds"]["high"] < 60
+    assert plan["foreseen"][0]["outcome"] == "jammed"
+    assert plan["foreseen"][0]["count"] == 4
+    assert sorted(path.name for path in settings.folder.iterdir()) == before
+
+
+def test_a_finished_run_tells_its_points_and_outcomes(api, coast):
+    run = api.get(f"/runs/{coast}").json()
+    assert run["state"] == "finished"  # failed points are told by the counts
+    assert run["points"] == {"total": 8, "finished": 4, "failed": 4, "missing": 0}
+    assert run["outcomes"] == {"finished": 4, "jammed": 4}
+    assert run["name"] == "coast"
+    assert run["cpu_seconds"] > 0
+    assert run["eta_seconds"] is None
+    assert run["created"] < run["updated"]
+    assert run in api.get("/runs").json()
+    assert api.get("/runs/none").status_code == 404
+
+
+def test_an_idempotency_key_makes_one_run(api):
+    headers = {"Idempotency-Key": "one"}
+    first = api.submit(grown(3, 4), headers=headers)
+    assert api.submit(grown(3, 4), headers=headers) == first
+    other = api.post("/runs", {"study": grown(3, 5)}, headers=headers)
+    assert other.status_code == 422
+    api.post(f"/runs/{first}/stop")
+    api.wait(first, "stopped", "finished")
+    assert api.delete(f"/runs/{first}").status_code == 204
+
+
+def test_a_query_selects_as_the_command_line_does(api, coast, tmp_path):
+    ask = f"/runs/{coast}/query"
+    options = {"variable": "thrust_rms", "select": ["order=3", "joint_angle_deg=2:3"]}
+    rows = api.get(ask, params=options).json()
+    assert len(rows) == 4
+    assert {row["outcome"] for row in rows} == {"finished", "jammed"}
+    assert all((row["thrust_rms"] is None) == (row["outcome"] == "jammed") for row in rows)
+    assert len(api.get(ask, params=options | {"where": "outcome == 'finished'"}).json()) == 2
+    assert api.get(ask, params=options | {"select": "order=99"}).json() == []
+    assert api.get(ask, params=options | {"select": ["order=3", "speed_rpm=3500"], "nearest": True}).json()
+    table = api.get(ask, params=options | {"format": "csv"})
+    assert table.text.splitlines()[0].startswith("joint_angle_deg,speed_rpm")
+    assert table.headers["content-type"].startswith("text/csv")
+    (tmp_path / "answer.nc").write_bytes(api.get(ask, params=options | {"format": "netcdf"}).content)
+    with xr.open_dataset(tmp_path / "answer.nc") as cube:
+        assert dict(cube.sizes) == {"joint_angle_deg": 1, "speed_rpm": 2, "bearing_radial_clearance_mm": 2, "order": 1}
+
+
+@pytest.mark.parametrize(
+    ("options", "key", "near"),
+    [
+        ({"variable": "thrust_rmz"}, "variable", "thrust_rms"),
+        ({"variable": "thrust_rms", "select": "torqe=3"}, "select", None),
+        ({"variable": "thrust_rms", "where": "thrust_rmz > 1"}, None, "thrust_rms"),
+        ({"variable": "thrust_rms", "where": "9**9**9 > thrust_rms +"}, None, None),
+        ({"variable": "thrust_rms", "where": "+" * 50_000 + "x"}, None, None),
+        ({"variable": "thrust_rms", "format": "xml"}, "format", None),
+        ({}, "variable", None),
+    ],
+)
+def test_a_wrong_query_names_what_is_wrong(api, coast, options, key, near):
+    answer = api.get(f"/runs/{coast}/query", params=options)
+    assert answer.status_code == 422
+    error = answer.json()["errors"][0]
+    assert error["key"] == key or key is None
+    assert error["near"] == near
+
+
+def test_a_huge_power_is_answered_at_once(api, coast):
+    options = {"variable": "thrust_rms", "select": "order=3", "where": "9**9**9 > thrust_rms"}
+    assert api.get(f"/runs/{coast}/query", params=options).status_code == 200
+
+
+def test_the_cube_is_a_file_that_can_be_read_in_parts(api, coast, settings):
+    whole = api.get(f"/runs/{coast}/cube.nc")
+    assert whole.content == (settings.folder / coast / "cube.nc").read_bytes()
+    part = api.get(f"/runs/{coast}/cube.nc", headers={"range": "bytes=8-107"})
+    assert part.status_code == 206
+    assert part.content == whole.content[8:108]
+    assert part.headers["content-range"] == f"bytes 8-107/{len(whole.content)}"
+    assert api.get(f"/runs/{coast}/cube.nc", headers={"range": "bytes=99999999-"}).status_code == 416
+
+
+def test_a_cube_is_described_for_those_who_choose_from_it(api, coast):
+    told = api.get(f"/runs/{coast}/cube").json()
+    assert told["sizes"]["order"] == 13
+    assert told["coordinates"]["joint_angle_deg"]["values"] == [2.5, 17.0]
+    assert told["variables"]["thrust_rms"]["units"] == "N"
+    assert told["variables"]["outcome"]["flags"]["0"] == "finished"
+    assert "study_hash" in told["attributes"]
+
+
+def test_what_was_submitted_can_be_submitted_again(api, coast):
+    assert api.get(f"/runs/{coast}/upload").json() == {"study": textwrap.dedent(COAST), "files": {}}
+    assert api.get(f"/runs/{coast}/plan").json()["points"] == 8
+    assert api.get(f"/runs/{coast}/steps").json() == []
+    assert "8 points computed" in api.get(f"/runs/{coast}/log").text
+
+
+def test_a_report_stands_in_a_sandbox(api, coast):
+    page = api.get(f"/runs/{coast}/report/")
+    assert page.status_code == 200
+    assert "coast" in page.text
+    policy = page.headers["content-security-policy"]
+    assert "sandbox allow-scripts;" in policy
+    assert "allow-same-origin" not in policy
+    assert "default-src 'none'" in policy
+    assert api.get(f"/runs/{coast}/report").headers["location"] == f"/api/v1/runs/{coast}/report/"
+
+
+def test_wrong_states_are_refused(api, coast):
+    assert api.post(f"/runs/{coast}/stop").status_code == 409
+    assert api.post(f"/runs/{coast}/resume").status_code == 409
+    assert api.get(f"/runs/{coast}/analysis/sobol.nc").status_code == 404
+    assert api.get(f"/runs/{coast}/query", params={"variable": "thrust_rms", "step": "pilot"}).status_code == 404
+    for path in ("/stop", "/resume", "/retry-failed"):
+        assert api.post(f"/runs/none{path}").status_code == 404
+
+
+@pytest.mark.slow
+def test_a_run_grows_and_keeps_what_it_has(api):
+    run_id = api.submit(grown(3))
+    api.wait(run_id, "finished")
+    changed = api.post(f"/runs/{run_id}/extend", {"study": grown(3, 4).replace("-35", "-36")})
+    assert changed.status_code == 422
+    assert {error["key"] for error in changed.json()["errors"]} >= {"torque_n_m"}
+    longer = api.post(f"/runs/{run_id}/extend", {"study": grown(3, 4)})
+    assert longer.json()["points"] == {"total": 8, "finished": 2, "failed": 2, "missing": 4}
+    assert api.wait(run_id, "finished")["points"] == {"total": 8, "finished": 4, "failed": 4, "missing": 0}
+    assert "4 points computed" in api.get(f"/runs/{run_id}/log").text
+    assert api.post(f"/runs/{run_id}/retry-failed").json()["state"] == "queued"
+    assert api.wait(run_id, "finished")["points"]["failed"] == 4  # they fail again, and are counted once
+    assert "4 points computed" in api.get(f"/runs/{run_id}/log").text
+    assert api.delete(f"/runs/{run_id}").status_code == 204
+    assert api.get(f"/runs/{run_id}").status_code == 404

@@ -1,0 +1,221 @@
+"""The states of runs, with processes that do nothing but hold the lock of their directory, or end."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import pytest
+
+from tripod_doe.errors import InputError, StorageError
+from tripod_doe.service import processes
+from tripod_doe.service.limits import Limits
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.runs import RunTable, State
+from tripod_doe.service.settings import Settings
+from tripod_doe.service.supervisor import UPLOAD, Supervisor
+
+PLAN = {"kind": "study", "name": "idle", "question": "", "unique": 3, "expected_outcomes": []}
+SLEEP = "import signal, time; signal.signal(signal.SIGINT, signal.{}); time.sleep(60)"
+ENDS = "print('tripod-doe: {}', flush=True)"
+
+
+@pytest.fixture
+def settings(tmp_path):
+    return Settings(tmp_path / "runs", limits=Limits(running=1, queued=3))
+
+
+@pytest.fixture
+def start(settings, monkeypatch):
+    """Start a supervisor whose runs do what a line of Python says."""
+    started, children = [], []
+
+    def start(program, given=settings):
+        def start_run(directory, words):
+            words = [sys.executable, "-c", program, "tripod_doe.cli", *words]
+            lock = os.open(directory / ".alive", os.O_CREAT | os.O_RDWR)
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            with (directory / processes.LOG).open("wb") as log:
+                child = subprocess.Popen(words, stdout=log, stderr=log, start_new_session=True, pass_fds=(lock,))
+            os.close(lock)
+            children.append(child)
+            return child
+
+        monkeypatch.setattr(processes, "start_run", start_run)
+        given.folder.mkdir(exist_ok=True)
+        started.append(Supervisor(given))
+        started[-1].start()
+        return started[-1]
+
+    yield start
+    for supervisor in started:
+        supervisor.close()
+    for child in children:
+        child.kill()
+        child.wait()
+
+
+def submit(supervisor, tmp_path, **options):
+    upload = tmp_path / f"new{time.monotonic_ns()}"
+    upload.mkdir()
+    return supervisor.submit(upload, PLAN, **options).id
+
+
+def wait(supervisor, run_id, state, seconds=20):
+    until = time.monotonic() + seconds
+    while not (found := [run for run in supervisor.all() if run.id == run_id and run.state is state]):
+        assert time.monotonic() < until, supervisor.all()
+        time.sleep(0.02)
+    return found[0]
+
+
+def test_runs_wait_their_turn_and_a_stop_lets_the_next_one_go(start, tmp_path):
+    supervisor = start(SLEEP.format("SIG_DFL"))
+    first, second = submit(supervisor, tmp_path), submit(supervisor, tmp_path)
+    wait(supervisor, first, State.RUNNING)
+    assert supervisor.find(second).state is State.QUEUED
+    assert supervisor.stop(first).state is State.STOPPING
+    assert wait(supervisor, first, State.STOPPED).message == ""
+    wait(supervisor, second, State.RUNNING, seconds=5)
+    assert [run.id for run in supervisor.all()] == [second, first]
+
+
+def test_a_run_that_dies_is_failed_with_its_last_words(start, tmp_path):
+    supervisor = start(ENDS.format("the disk is full"))
+    assert wait(supervisor, submit(supervisor, tmp_path), State.FAILED).message == "the disk is full"
+
+
+def test_a_run_killed_without_a_word_is_failed_and_says_so(start, tmp_path):
+    supervisor = start("import os; os.kill(os.getpid(), 9)")
+    assert "without a word" in wait(supervisor, submit(supervisor, tmp_path), State.FAILED).message
+
+
+def test_a_run_that_does_not_stop_is_killed(start, tmp_path, monkeypatch):
+    monkeypatch.setattr("tripod_doe.service.supervisor._PATIENCE", 0.3)
+    supervisor = start(SLEEP.format("SIG_IGN"))
+    run_id = submit(supervisor, tmp_path)
+    wait(supervisor, run_id, State.RUNNING)
+    time.sleep(0.3)  # it ignores interrupts by now
+    supervisor.stop(run_id)
+    wait(supervisor, run_id, State.STOPPED)
+
+
+def test_the_next_server_finds_runs_at_work_and_moves_the_queue(start, settings, tmp_path):
+    """The first server ends as by a kill: nothing tells its runs, nothing is written."""
+    first = start(SLEEP.format("SIG_DFL"))
+    at_work, waiting = submit(first, tmp_path), submit(first, tmp_path)
+    wait(first, at_work, State.RUNNING)
+    first._ended.set()
+    first._thread.join()
+    second = start(SLEEP.format("SIG_DFL"))
+    assert second.find(at_work).state is State.RUNNING
+    assert second.find(waiting).state is State.QUEUED
+    processes.kill_run(second.directory(at_work))
+    first._children[at_work].wait()
+    wait(second, at_work, State.FAILED)
+    wait(second, waiting, State.RUNNING, seconds=5)
+
+
+def test_a_run_that_died_while_no_server_looked_is_not_running(start, settings, tmp_path):
+    settings.folder.mkdir()
+    table = RunTable(settings.folder)
+    lost = start(SLEEP.format("SIG_DFL"))
+    run = replace(lost.find(submit(lost, tmp_path)), id="0" * 16, key=None, state=State.RUNNING)
+    table.put(run)
+    table.put(replace(run, id="1" * 16, state=State.STOPPING))
+    table.close()
+    supervisor = start(SLEEP.format("SIG_DFL"))
+    wait(supervisor, "0" * 16, State.FAILED)
+    wait(supervisor, "1" * 16, State.STOPPED)
+
+
+def test_a_directory_that_somebody_else_fills_is_left_alone(start, tmp_path):
+    """`tripod-doe run --out` by hand holds the directory's own lock."""
+    supervisor = start(ENDS.format("over"))
+    run_id = submit(supervisor, tmp_path)
+    wait(supervisor, run_id, State.FAILED)
+    with (supervisor.directory(run_id) / ".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        for change in (supervisor.resume, supervisor.delete):
+            with pytest.raises(RefusedError) as refused:
+                change(run_id)
+            assert refused.value.status == 409
+    supervisor.delete(run_id)
+
+
+def test_a_deleted_run_leaves_nothing(start, settings, tmp_path):
+    supervisor = start(ENDS.format("over"))
+    run_id = submit(supervisor, tmp_path, key="k", digest="d")
+    wait(supervisor, run_id, State.FAILED)
+    supervisor.delete(run_id)
+    assert sorted(path.name for path in settings.folder.iterdir() if "sqlite" not in path.name) == []
+    assert supervisor.find_by_key("k", "other") is None
+    with pytest.raises(RefusedError) as refused:
+        supervisor.find(run_id)
+    assert refused.value.status == 404
+
+
+def test_a_full_queue_is_told(start, tmp_path):
+    supervisor = start(SLEEP.format("SIG_DFL"))
+    wait(supervisor, submit(supervisor, tmp_path), State.RUNNING)
+    for _ in range(3):
+        submit(supervisor, tmp_path)
+    with pytest.raises(RefusedError) as refused:
+        submit(supervisor, tmp_path)
+    assert refused.value.status == 413
+    assert "3 runs" in str(refused.value)
+
+
+def test_the_upload_becomes_part_of_the_run(start, settings, tmp_path):
+    supervisor = start(SLEEP.format("SIG_DFL"))
+    upload = tmp_path / "new"
+    upload.mkdir()
+    (upload / "study.toml").write_text("a study")
+    run = supervisor.submit(upload, PLAN)
+    assert (settings.folder / run.id / UPLOAD / "study.toml").read_text() == "a study"
+    assert len(run.id) == 16
+
+
+def test_a_server_that_only_reads_follows_the_one_that_runs(start, settings, tmp_path):
+    supervisor = start(SLEEP.format("SIG_DFL"))
+    run_id = submit(supervisor, tmp_path)
+    reader = start(SLEEP.format("SIG_DFL"), replace(settings, read_only=True))
+    wait(supervisor, run_id, State.RUNNING)
+    wait(reader, run_id, State.RUNNING)
+    other = submit(supervisor, tmp_path)
+    wait(reader, other, State.QUEUED)
+    supervisor.stop(other)
+    wait(reader, other, State.STOPPED)
+    supervisor.delete(other)
+    until = time.monotonic() + 10
+    while any(run.id == other for run in reader.all()):
+        assert time.monotonic() < until
+        time.sleep(0.02)
+
+
+def test_a_table_that_is_none_is_told(tmp_path):
+    (tmp_path / "service.sqlite").write_bytes(b"no table" * 1000)
+    with pytest.raises(InputError, match="cannot use this table of runs"):
+        RunTable(tmp_path)
+
+
+def test_a_full_disk_is_told_and_ends_nothing(start, tmp_path, monkeypatch):
+    supervisor = start(SLEEP.format("SIG_DFL"))
+    run_id = submit(supervisor, tmp_path)
+    wait(supervisor, run_id, State.RUNNING)
+
+    def full(*_):
+        raise StorageError("database or disk is full")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(supervisor._table, "_write", full)
+        with pytest.raises(StorageError):
+            submit(supervisor, tmp_path)
+        processes.kill_run(supervisor.directory(run_id))
+        time.sleep(0.6)
+        assert supervisor.find(run_id).state is State.RUNNING  # nothing is told that could not be stored
+    wait(supervisor, run_id, State.FAILED)
