@@ -43,7 +43,7 @@ def operating_ratios(points: Mapping[str, NDArray[Any]]) -> dict[str, FloatArray
     ]
     mass = roller_inertia(roller, points["roller_width_mm"], bore, 1e-9 * points["density_kg_m3"])[0]  # kg
     orbit = mass * 1e-3 * pitch * (np.pi / 30 * points["speed_rpm"]) ** 2
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         return {
             "joint_angle_deg": np.asarray(points["joint_angle_deg"], float),
             "groove_friction": friction,

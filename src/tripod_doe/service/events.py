@@ -50,6 +50,11 @@ class Events:
         self._waiting: set[asyncio.Event] = set()
         self.closing = False
 
+    @property
+    def watching(self) -> int:
+        """Streams that are open."""
+        return len(self._waiting)
+
     def attach(self, loop: asyncio.AbstractEventLoop) -> None:
         """Name the loop in which streams wait."""
         self._loop = loop

@@ -63,6 +63,8 @@ def check_upload(texts: Mapping[str, str], limits: Limits) -> None:
     InputError
         If a text is not TOML.
     """
+    if len(texts) - 1 > limits.files:
+        raise TooLargeError(f"files: {len(texts) - 1:,} files; at most {limits.files:,} are taken here")
     for origin, text in texts.items():
         if not _is_toml(origin):
             continue

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import AsyncIterator
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Header, Response
+from fastapi import APIRouter, Depends, Header, Response
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from starlette.responses import PlainTextResponse
 
 from tripod_doe.service.forms import RunRecord, Submission
+from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.processes import run_log
 from tripod_doe.service.routes.access import CHANGES, REFUSALS, AnyService, WritingService, errors_at
 
@@ -42,7 +43,18 @@ async def list_runs(service: AnyService) -> list[RunRecord]:
     return [RunRecord(**run.record()) for run in service.runs.all()]
 
 
-@router.get("/events", response_class=EventSourceResponse)
+def _may_watch(service: AnyService) -> None:
+    """Before a stream begins, as nothing can be refused afterwards."""
+    most = service.settings.limits.streams
+    if service.runs.events.watching >= most:
+        raise RefusedError(503, f"{most:,} event streams are open, the limit here")
+
+
+def _is_run(run_id: str, service: AnyService) -> None:
+    service.runs.find(run_id)
+
+
+@router.get("/events", response_class=EventSourceResponse, dependencies=[Depends(_may_watch)])
 async def watch_all(service: AnyService, last_event_id: LastEventId = None) -> AsyncIterator[ServerSentEvent]:
     """The object of every run whenever it changes, in one stream; ``deleted`` events name runs that are gone."""
     async for event in _stream(service, None, last_event_id):
@@ -55,12 +67,12 @@ async def show_run(run_id: str, service: AnyService) -> RunRecord:
     return RunRecord(**service.runs.find(run_id).record())
 
 
-@router.get("/runs/{run_id}/events", response_class=EventSourceResponse, responses=errors_at(404))
+@router.get("/runs/{run_id}/events", response_class=EventSourceResponse, responses=errors_at(404),
+            dependencies=[Depends(_is_run), Depends(_may_watch)])  # fmt: skip
 async def watch_run(
     run_id: str, service: AnyService, last_event_id: LastEventId = None
 ) -> AsyncIterator[ServerSentEvent]:
     """The object of a run whenever it changes; Last-Event-ID goes on where a stream broke off."""
-    service.runs.find(run_id)
     async for event in _stream(service, run_id, last_event_id):
         yield event
 

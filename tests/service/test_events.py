@@ -1,0 +1,110 @@
+"""Streams of changes: each change once, in order, and none lost when a stream breaks off."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+
+import pytest
+from service_client import API, TOKEN
+
+from tripod_doe.service.events import _KEPT, Events
+from tripod_doe.service.runs import Run, State
+
+QUIET = 0.2
+
+
+def run(run_id, name):
+    return Run(run_id, "study", str(name), "", State.RUNNING)
+
+
+def watched(events, run_id=None, last=None, count=None):
+    """What a stream gives, up to `count` events or the first silence."""
+
+    async def watch():
+        events.attach(asyncio.get_running_loop())
+        seen = []
+        async for event in events.watch(run_id, last, QUIET):
+            if event is None:
+                break
+            seen.append((events.name_of(event), event.run_id, event.text and json.loads(event.text)["name"]))
+            if len(seen) == count:
+                break
+        return seen
+
+    return asyncio.run(watch())
+
+
+def test_a_stream_begins_with_each_run_as_it_is():
+    events = Events()
+    for name in range(3):
+        events.publish(run("a", name))
+    events.publish(run("b", "x"))
+    assert [told[1:] for told in watched(events)] == [("a", "2"), ("b", "x")]
+    assert [told[1:] for told in watched(events, "b")] == [("b", "x")]
+
+
+def test_a_stream_goes_on_after_the_last_event_that_was_seen():
+    events = Events()
+    for name in range(5):
+        events.publish(run("a", name))
+    first = watched(events, "a", count=1)[0][0]
+    for name in range(5, 9):
+        events.publish(run("a", name))
+        events.publish(run("b", name))
+    assert [told[2] for told in watched(events, "a", last=first)] == ["5", "6", "7", "8"]
+    assert [told[2] for told in watched(events, "a", last="other-3")] == ["8"]  # of another server
+    assert [told[2] for told in watched(events, "a", last="nonsense")] == ["8"]
+
+
+def test_a_stream_that_was_away_too_long_gets_the_latest():
+    events = Events()
+    events.publish(run("a", "old"))
+    last = watched(events, count=1)[0][0]
+    for name in range(_KEPT + 10):
+        events.publish(run("a", name))
+    assert [told[2] for told in watched(events, "a", last=last)] == [str(_KEPT + 9)]
+
+
+def test_a_deleted_run_ends_its_stream():
+    events = Events()
+    events.publish(run("a", 1))
+    last = watched(events, "a", count=1)[0][0]
+    events.forget("a")
+    assert watched(events, "a", last=last)[-1][1:] == ("a", None)
+    assert watched(events) == []
+
+
+def test_no_event_of_a_busy_thread_is_lost():
+    """Two hundred streams see every change of a thread, in order."""
+    events, count, streams = Events(), 500, 200
+
+    async def watch(number):
+        seen = []
+        async for event in events.watch("a", None, 30):
+            seen.append(event.number)
+            if json.loads(event.text)["name"] == str(count - 1):
+                return seen
+
+    async def watch_all():
+        events.attach(asyncio.get_running_loop())
+        events.publish(run("a", "first"))
+        watching = [asyncio.create_task(watch(number)) for number in range(streams)]
+        await asyncio.sleep(0.1)
+        thread = threading.Thread(target=lambda: [events.publish(run("a", name)) for name in range(count)])
+        thread.start()
+        seen = await asyncio.gather(*watching)
+        thread.join()
+        return seen
+
+    assert all(numbers == list(range(1, count + 2)) for numbers in asyncio.run(watch_all()))
+    assert events.watching == 0
+
+
+@pytest.mark.parametrize("path", ["/runs/none/events", "/events"])
+def test_what_cannot_be_watched_is_refused(client, api, path):
+    assert client.get(API + path).status_code == 401
+    answer = client.get(API + "/runs/none/events", headers={"authorization": f"Bearer {TOKEN}"})
+    assert answer.status_code == 404
+    assert answer.json()["errors"][0]["message"] == "none: no run of this id"
