@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import replace
 
 import numpy as np
 import pytest
 import xarray as xr
 
 import tripod_doe as td
+from stand_in_workers import OtherProcess, SlowStart
 from tripod_doe.study import dask_workers, execution
 from tripod_doe.study.block_queue import BlockQueue
 from tripod_doe.study.cube import build_cube
@@ -17,7 +17,6 @@ from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution import Execution
 from tripod_doe.study.study_points import StudyPoints
-from tripod_doe.study.this_process import ThisProcess
 
 STUDY = """
 [study]
@@ -32,39 +31,6 @@ count = 12
 [run]
 block = 2
 """
-
-
-class OtherProcess(ThisProcess):
-    """Stands for a worker process."""
-
-    def next_finished(self):
-        block, answer = super().next_finished()
-        return block, replace(answer, worker="worker")
-
-
-class SlowStart:
-    """Workers that are ready when they have been looked at so many times."""
-
-    looks = 2
-    started = 0
-
-    def __init__(self, count, scheduler):
-        self.count, self.scheduler, self.left = count, scheduler, self.looks
-        SlowStart.started += 1
-
-    def start(self, study):
-        pass
-
-    @property
-    def ready(self):
-        self.left -= 1
-        return self.left < 0
-
-    def executor(self, study):
-        return OtherProcess()
-
-    def close(self):
-        pass
 
 
 @pytest.fixture

@@ -195,7 +195,7 @@ def test_quick_overrides_studies_and_says_so(bench):
 def test_a_kill_loses_no_finished_point_and_no_finished_step(bench):
     for tag, name in enumerate(("first", "second", "other")):
         bench.study(name, ", ".join(map(str, range(40))), tag=tag, slow=0.03)
-    command = [sys.executable, "-m", "tripod_doe.cli", "workflow", str(bench.folder / "chain.toml"), "--workers", "1"]
+    command = [sys.executable, "-m", "tripod_doe.cli", "workflow", str(bench.folder / "chain.toml"), "--workers", "0"]
     command += ["--out", str(bench.out), "--only", "second"]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, start_new_session=True, env=os.environ)
     while not bench.log.exists() or len(bench.log.read_text().splitlines()) < 55:
@@ -209,13 +209,13 @@ def test_a_kill_loses_no_finished_point_and_no_finished_step(bench):
     after = bench.calls()
     assert not [call for call in after if call[0] == 0], "a finished step ran again"
     lost = set(before) & set(after)
-    assert len(lost) <= 2, "only blocks in flight may run again: one at work, one waiting"
+    assert len(lost) <= 1, "only the block at work may run again"
     assert sorted(set(before) | set(after)) == sorted((tag, x) for tag in (0, 1) for x in range(40))
 
 
 @pytest.mark.slow
 def test_an_interrupt_ends_with_130_and_keeps_what_is_finished(bench):
-    bench.study("first", ", ".join(map(str, range(200))), slow=0.05)
+    bench.study("first", ", ".join(map(str, range(80))), slow=0.05)
     command = [sys.executable, "-m", "tripod_doe.cli", "workflow", str(bench.folder / "chain.toml"), "--workers", "1"]
     process = subprocess.Popen(
         [*command, "--out", str(bench.out), "--only", "first"],
@@ -232,7 +232,7 @@ def test_an_interrupt_ends_with_130_and_keeps_what_is_finished(bench):
     assert "interrupted; finished points are kept" in message
     bench.calls()
     bench.run(only="first")
-    assert len(bench.calls()) <= 198
+    assert len(bench.calls()) <= 78
 
 
 class Settings(BaseModel):

@@ -15,15 +15,17 @@ from tripod_doe.study.child_process import start_child
 CALLS = """
 import os
 import tripod_doe as td
-import tripod_doe.study.plan as plan
-plan._TIMING_SECONDS = 600.0  # however slow the machine is
 with open("started", "a") as started:
     started.write("once\\n")
 summary = td.run("study.toml", out="out", workers=1, progress=False)
 assert summary.good and summary.computed == 4, summary
+"""
+PLAN = """
+import tripod_doe.study.plan as plan
+plan._TIMING_SECONDS = 600.0  # however slow the machine is
 assert td.plan("study.toml").timed > 0
 """
-CELL = "import asyncio\nasync def cell():\n    exec(open('script.py').read())\nasyncio.run(cell())"
+CELL = f"import asyncio\nasync def cell():\n    exec({CALLS!r})\nasyncio.run(cell())"
 
 
 @pytest.fixture
@@ -31,7 +33,7 @@ def folder(tmp_path):
     (tmp_path / "square.py").write_text("def square(x):\n    print('loud')\n    return {'y': x * x}\n")
     text = '[study]\nname = "s"\nfunction = "square:square"\n[factors.x]\nvalues = [1, 2, 3, 5]\n'
     (tmp_path / "study.toml").write_text(text)
-    (tmp_path / "script.py").write_text(CALLS)
+    (tmp_path / "script.py").write_text(CALLS + PLAN)  # both kinds of children; they start in the same way anywhere
     return tmp_path
 
 
