@@ -13,12 +13,13 @@ from typing import Any
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
-from starlette.responses import JSONResponse
+from starlette.responses import JSONResponse, Response
 
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.service.desk import DeskBusyError, DeskFailedError
 from tripod_doe.service.page import assets, writing
 from tripod_doe.service.page import routes as pages
+from tripod_doe.service.page.trouble import is_page, trouble_page
 from tripod_doe.service.problems import ForbiddenError, Problem, RefusedError, TooLargeError, problems_of
 from tripod_doe.service.routes import results, runs, studies, views
 from tripod_doe.service.security import API, BODY, Guard
@@ -80,37 +81,39 @@ def create_app(settings: Settings) -> FastAPI:
 def _add_error_answers(app: FastAPI) -> None:
     """Every error is a list of problems, never a traceback."""
 
-    def answer(refusal: RefusedError) -> JSONResponse:
+    def answer(request: Request, refusal: RefusedError) -> Response:
+        if is_page(request):
+            return trouble_page(refusal, request.app.state.service.settings)
         return JSONResponse(refusal.answer(), refusal.status, refusal.headers)
 
-    async def refused(request: Request, error: Exception) -> JSONResponse:
+    async def refused(request: Request, error: Exception) -> Response:
         assert isinstance(error, RefusedError)
-        return answer(error)
+        return answer(request, error)
 
-    async def wrong_input(request: Request, error: Exception) -> JSONResponse:
+    async def wrong_input(request: Request, error: Exception) -> Response:
         assert isinstance(error, InputError)
         status = 403 if isinstance(error, ForbiddenError) else 413 if isinstance(error, TooLargeError) else 422
-        return answer(RefusedError(status, *problems_of(error, _texts(request))))
+        return answer(request, RefusedError(status, *problems_of(error, _texts(request))))
 
-    async def wrong_form(request: Request, error: Exception) -> JSONResponse:
+    async def wrong_form(request: Request, error: Exception) -> Response:
         assert isinstance(error, RequestValidationError)
-        return answer(RefusedError(422, *(_form_problem(item) for item in error.errors())))
+        return answer(request, RefusedError(422, *(_form_problem(item) for item in error.errors())))
 
-    async def no_route(request: Request, error: Exception) -> JSONResponse:
+    async def no_route(request: Request, error: Exception) -> Response:
         assert isinstance(error, HTTPException)
-        return answer(RefusedError(error.status_code, str(error.detail), headers=dict(error.headers or {})))
+        return answer(request, RefusedError(error.status_code, str(error.detail), headers=dict(error.headers or {})))
 
-    async def full_disk(request: Request, error: Exception) -> JSONResponse:
-        return answer(RefusedError(503, str(error)))
+    async def full_disk(request: Request, error: Exception) -> Response:
+        return answer(request, RefusedError(503, str(error)))
 
-    async def busy(request: Request, error: Exception) -> JSONResponse:
+    async def busy(request: Request, error: Exception) -> Response:
         told = "all processes that answer are at work: ask again in a moment"
-        return answer(RefusedError(503, told, headers={"retry-after": "5"}))
+        return answer(request, RefusedError(503, told, headers={"retry-after": "5"}))
 
-    async def failed(request: Request, error: Exception) -> JSONResponse:
+    async def failed(request: Request, error: Exception) -> Response:
         known = error if not isinstance(error, DeskFailedError) else None
         log.error("%s %s: %s", request.method, request.url.path, error, exc_info=known)
-        return answer(RefusedError(500, "internal error; the server's standard error says more"))
+        return answer(request, RefusedError(500, "internal error; the server's standard error says more"))
 
     app.add_exception_handler(RefusedError, refused)
     app.add_exception_handler(InputError, wrong_input)

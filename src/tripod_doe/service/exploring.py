@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from tripod_doe.service.copies import (
     study_of,
     study_of_view,
 )
-from tripod_doe.service.cube_axes import choices, design_of, full_view
+from tripod_doe.service.cube_axes import choices, coordinate_axes, design_of, full_view
 from tripod_doe.service.figures.parts import NUMBER, blank_reasons, is_failed, label_of
 from tripod_doe.service.figures.point import point_figures
 from tripod_doe.service.opened import opened
@@ -60,8 +61,12 @@ def explore(path: str, items: Items, place: str) -> tuple[Any, bytes]:
         The view filled in, variables, axes, copies; no bytes.
     """
     asked = View.from_items((name, text) for name, text in items)
-    cube, source = _cube(path, asked)
-    view = full_view(cube, asked)
+    with _cube(path, asked) as cube:
+        return _explored(cube, full_view(cube, asked), path, place), b""
+
+
+def _explored(cube: xr.Dataset, view: View, path: str, place: str) -> dict[str, Any]:
+    source = f"/analysis/{view.analysis}.nc" if view.analysis else ""
     return {
         "view": asdict(view),
         "address": view.address,
@@ -71,32 +76,33 @@ def explore(path: str, items: Items, place: str) -> tuple[Any, bytes]:
         "range": colour_range(cube, view),
         "points": bool(design_of(cube)),
         "analyses": _analyses(path),
+        "design": [asdict(axis) for axis in coordinate_axes(cube).values() if axis.of_design and axis.name != "point"],
         "copies": {
             "Command line": query_command(place + source, view),
             "Python": query_python(place + source, view),
             "Study (TOML)": study_of_view(cube, view, seen(cube, view)),
         },
         **controls(cube, view),
-    }, b""
+    }
 
 
 def figure(path: str, items: Items, other: str | None) -> tuple[Any, bytes]:
     """A view of a result directory as the JSON of a figure for Plotly; `other` is the directory that is subtracted."""
     asked = View.from_items((name, text) for name, text in items)
-    cube, _ = _cube(path, asked)
-    view = full_view(cube, asked)
-    drawn = draw(cube, view, _cube(other, asked)[0] if other else None)
+    with _cube(path, asked) as cube, _cube(other, asked) if other else nullcontext() as subtracted:
+        view = full_view(cube, asked)
+        drawn = draw(cube, view, subtracted)
     return {"address": view.address}, json.dumps(drawn, allow_nan=False).encode()
 
 
-def _cube(path: str, view: View) -> tuple[xr.Dataset, str]:
-    """The cube of a directory or the result of one of its analyses, and where in the directory it is."""
+def _cube(path: str, view: View) -> AbstractContextManager[xr.Dataset]:
+    """The cube of a directory, or the result of one of its analyses."""
     if not view.analysis:
-        return opened(path), ""
+        return opened(path)
     known = _analyses(path)
     if view.analysis not in known:
         raise InputError(f"analysis = {view.analysis!r}: not in this run; it has {', '.join(known) or 'none'}")
-    return opened(Path(path) / "analysis" / f"{view.analysis}.nc"), f"/analysis/{view.analysis}.nc"
+    return opened(Path(path) / "analysis" / f"{view.analysis}.nc")
 
 
 def _analyses(path: str) -> list[str]:
@@ -106,8 +112,11 @@ def _analyses(path: str) -> list[str]:
 def numbers(path: str, items: Items) -> tuple[Any, bytes]:
     """The cells of a view as texts, at most 500 of them: ``heads``, ``rows`` with the number of the point first."""
     asked = View.from_items((name, text) for name, text in items)
-    cube, _ = _cube(path, asked)
-    view = full_view(cube, asked)
+    with _cube(path, asked) as cube:
+        return _table(cube, full_view(cube, asked)), b""
+
+
+def _table(cube: xr.Dataset, view: View) -> dict[str, Any]:
     columns = records(cube_arrays(numbered(cube)), view.variable, view.select, where=view.where or None)
     points = columns.pop(NUMBER, None)
     columns.pop("point", None)
@@ -119,7 +128,7 @@ def numbers(path: str, items: Items) -> tuple[Any, bytes]:
         "rows": [list(row) for row in zip(counted, *texts, strict=True)],
         "numbered": points is not None,
         "count": next(iter(columns.values())).size,
-    }, b""
+    }
 
 
 def _word(value: Any) -> str:
@@ -128,7 +137,11 @@ def _word(value: Any) -> str:
 
 def failures(path: str) -> tuple[Any, bytes]:
     """Points that failed, at most 500 of them: their numbers, factors, outcomes and reasons."""
-    cube = opened(path)
+    with opened(path) as cube:
+        return _failed_points(cube), b""
+
+
+def _failed_points(cube: xr.Dataset) -> dict[str, Any]:
     names, lost = factor_names(cube), np.flatnonzero(is_failed(cube).values.ravel())
     shown = cube[["outcome", "outcome_detail"]].load()
     dims, told = cube["outcome"].dims, lost[:_MOST_ROWS]
@@ -139,12 +152,16 @@ def failures(path: str) -> tuple[Any, bytes]:
         {"number": at, "values": list(values), "outcome": Outcome(code).label, "reason": str(reason)}
         for at, values, code, reason in zip(told.tolist(), inputs, outcomes.tolist(), details, strict=True)
     ]
-    return {"heads": [label_of(cube[name]) for name in names], "rows": rows, "count": int(lost.size)}, b""
+    return {"heads": [label_of(cube[name]) for name in names], "rows": rows, "count": int(lost.size)}
 
 
 def point(path: str, number_of_point: int) -> tuple[Any, bytes]:
     """Everything about one point: its factors, how it ended, its scalar results, figures of the rest."""
-    cube = opened(path)
+    with opened(path) as cube:
+        return _point(cube, number_of_point), b""
+
+
+def _point(cube: xr.Dataset, number_of_point: int) -> dict[str, Any]:
     design = design_of(cube)
     shape = tuple(cube.sizes[dim] for dim in design)
     count = int(np.prod(shape))
@@ -171,7 +188,7 @@ def point(path: str, number_of_point: int) -> tuple[Any, bytes]:
         "parameters": settings,
         "command": simulate_command(cube, found),
         "figures": point_figures(found) if not reason else {},
-    }, b""  # fmt: skip
+    }  # fmt: skip
 
 
 def parameters(scene: str) -> tuple[Any, bytes]:

@@ -10,7 +10,8 @@ from tripod_doe.service.supervisor import UPLOAD
 from tripod_doe.service.uploads import STUDY, WORKFLOW
 
 __all__ = [
-    "changed_text", "explore", "failures", "figure", "numbers", "parameters", "point", "study_form", "submitted",
+    "changed_text", "explore", "failures", "figure", "lay_over", "numbers", "parameters", "point", "study_form",
+    "submitted",
 ]  # fmt: skip
 
 Items = Sequence[tuple[str, str]]
@@ -64,6 +65,13 @@ def point(service: Service, run_id: str, number: int, step: str | None = None) -
     """One point of a run, with its figures."""
     place = str(service.results(run_id, step))
     told: dict[str, Any] = service.look("point", path=place, number_of_point=number)[0]
+    return told
+
+
+def lay_over(service: Service, run_id: str, measurement: str, settings: dict[str, Any]) -> dict[str, Any]:
+    """A measurement over a point of a run, in words and figures."""
+    place = str(service.results(run_id))
+    told: dict[str, Any] = service.look("lay_over", path=place, measurement=measurement, **settings)[0]
     return told
 
 

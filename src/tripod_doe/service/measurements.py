@@ -8,19 +8,24 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import xarray as xr
+
 from tripod_doe.analysis.comparison import compare, model_point, parse_speeds
 from tripod_doe.analysis.measurement import read_measurement
 from tripod_doe.errors import InputError
-from tripod_doe.report.comparison import comparison_json
+from tripod_doe.report.comparison import ORDER_HEADS, comparison_json, find_in_comparison, order_rows
+from tripod_doe.service.figures.lines import lines
+from tripod_doe.service.figures.point import bars
 from tripod_doe.study.results import open_cube
 
-__all__ = ["MEASUREMENT", "compare_upload"]
+__all__ = ["MEASUREMENT", "compare_upload", "compared_upload", "lay_over"]
 
 MEASUREMENT = "measurement.csv"
 """How messages call the uploaded table."""
 
 
-def compare_upload(
+def compared_upload(
     path: str,
     measurement: str,
     select: Sequence[str],
@@ -29,7 +34,7 @@ def compare_upload(
     pulses_per_revolution: int,
     reference_angle: float | None,
     speeds: str | None,
-) -> dict[str, Any]:
+) -> xr.Dataset:
     """Compare an uploaded measurement with one point of a cube, or with the points over speed.
 
     Parameters
@@ -43,8 +48,8 @@ def compare_upload(
 
     Returns
     -------
-    dict
-        The object of ``compare --format json``.
+    xarray.Dataset
+        As `compare` gives it.
 
     Raises
     ------
@@ -57,8 +62,38 @@ def compare_upload(
         file.write_text(measurement, encoding="utf-8", newline="")
         try:
             record = read_measurement(file, pulses_per_revolution, columns)
-            compared = compare(record, point, reference_angle, parse_speeds(speeds))
+            return compare(record, point, reference_angle, parse_speeds(speeds))
         except InputError as error:
             raise InputError(str(error).replace(f"{folder}/", "")) from error
-    told: dict[str, Any] = json.loads(comparison_json(compared).replace(f"{folder}/", ""))
+
+
+def compare_upload(path: str, measurement: str, **settings: Any) -> dict[str, Any]:
+    """The same as the object of ``compare --format json``."""
+    told: dict[str, Any] = json.loads(comparison_json(compared_upload(path, measurement, **settings)))
     return told
+
+
+def lay_over(path: str, measurement: str, **settings: Any) -> tuple[Any, bytes]:
+    """The same as findings, a table of orders and figures of measurement and model over each other."""
+    compared = compared_upload(path, measurement, **settings)
+    return {
+        "findings": find_in_comparison(compared),
+        "heads": ORDER_HEADS,
+        "rows": order_rows(compared),
+        "figures": {
+            "waveform": lines(_beside(compared, "thrust", "thrust"), "rotation_deg", "of"),
+            "orders": bars(_beside(compared, "amplitude", "thrust_amplitude"), "order", "of"),
+        },
+    }, b""
+
+
+def _beside(compared: xr.Dataset, ending: str, name: str) -> xr.Dataset:
+    """Measurement and model along a dimension ``of``, with the uncertainty of the former where it is known."""
+    both = [compared[f"{which}_{ending}"] for which in ("measured", "model")]
+    found = {name: xr.concat(both, xr.Variable("of", ["measured", "model"])).assign_attrs(units="N")}
+    if (unsure := f"measured_{ending}_uncertainty") in compared:
+        error = compared[unsure]
+        found[f"{name}_error"] = xr.concat(
+            [error, xr.full_like(error, np.nan)], xr.Variable("of", ["measured", "model"])
+        )
+    return xr.Dataset(found)

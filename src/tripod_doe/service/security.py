@@ -17,9 +17,11 @@ from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import HTTPConnection
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from tripod_doe.service.page.trouble import is_page, trouble_page
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.settings import Settings
 
@@ -92,7 +94,9 @@ class Guard:
                 scope[BODY] = await self._body(scope, headers, receive)
                 receive = _again(scope[BODY])
         except RefusedError as refusal:
-            answer = JSONResponse(refusal.answer(), refusal.status, refusal.headers)
+            answer: Response = JSONResponse(refusal.answer(), refusal.status, refusal.headers)
+            if is_page(HTTPConnection(scope)) and refusal.status == 401:
+                answer = trouble_page(refusal, self._settings)
             await answer(scope, receive, send)
             return
         await self._app(scope, receive, send)

@@ -8,10 +8,12 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.errors import InputError
+from tripod_doe.quantities import count_of
+from tripod_doe.report.responses import listed
 from tripod_doe.service.cube_axes import coordinate_axes, design_of
 from tripod_doe.service.figures.heat_map import heat_map
 from tripod_doe.service.figures.lines import lines
-from tripod_doe.service.figures.parts import NUMBER, Figure, label_of, packed, shown
+from tripod_doe.service.figures.parts import NUMBER, Figure, is_failed, label_of, packed, shown
 from tripod_doe.service.figures.scatter import scatter
 from tripod_doe.service.view import View
 from tripod_doe.simulator import Outcome
@@ -66,11 +68,35 @@ def draw(cube: xr.Dataset, view: View, other: xr.Dataset | None = None) -> Figur
     """
     data = seen(cube, view)
     if other is not None:
-        data = _difference(data, seen(other, view))
+        data = _difference(data, _seen_of_other(other, view))
     limits = None
     if view.kind == "map":
         limits = _limits(view, colour_range(cube, view) if other is None else None)
-    return _drawn(data, view, limits)
+    return _drawn(data, view, limits) | {"note": _note(data)}
+
+
+def _note(data: xr.Dataset) -> str:
+    """How many of the points that are seen hold no number, and why; empty where all do."""
+    if "outcome" not in data:
+        return ""
+    failed, codes = is_failed(data).values, data["outcome"].values
+    waiting = int((codes == Outcome.NOT_RUN).sum())
+    parts = []
+    if failed.any():
+        kinds, counts = np.unique(codes[failed], return_counts=True)
+        told = listed([f"{count:,} {Outcome(int(kind)).label.replace('_', ' ')}"
+                       for kind, count in zip(kinds, counts, strict=True)])  # fmt: skip
+        parts.append(f"{int(failed.sum()):,} of {count_of(codes.size, 'point')} failed: {told}.")
+    if waiting:
+        parts.append(f"{waiting:,} of {count_of(codes.size, 'point')} not computed.")
+    return " ".join(parts)
+
+
+def _seen_of_other(cube: xr.Dataset, view: View) -> xr.Dataset:
+    try:
+        return seen(cube, view)
+    except InputError as error:
+        raise InputError(f"in the run that is subtracted: {error}") from error
 
 
 def _drawn(data: xr.Dataset, view: View, limits: tuple[float, float] | None) -> Figure:

@@ -53,13 +53,13 @@ def lines(data: xr.Dataset, x: str, series: str | None = None) -> Figure:
     numeric = series is not None and data[series].dtype.kind in "fiu"
     colours: list[str | None] = list(ramp(len(rows))) if numeric and len(rows) > 3 else [None] * len(rows)
     traces = [_line(row, x, name, colour, len(rows)) for row, name, colour in zip(rows, names, colours, strict=True)]
-    traces += [mark for row, name in zip(rows, names, strict=True) for mark in _marks(row, x, name)]
+    traces += _marks(rows, x, names)
     layout: dict[str, Any] = {
         "xaxis": axis(data[x]) | _turns(data[x]),
         "yaxis": {"title": {"text": label_of(variable)}, "automargin": True},
         "yaxis2": {"overlaying": "y", "range": [0, 1], "visible": False, "fixedrange": True},
         "showlegend": 1 < len(rows) <= _NAMED,
-        "legend": {"title": {"text": label_of(data[series])} if series else {}},
+        "legend": {"title": {"text": label_of(data[series])} if numeric else {}},
     }
     if numeric and len(rows) > _NAMED:
         traces.append(_scale(data[str(series)]))
@@ -87,24 +87,37 @@ def _line(data: xr.Dataset, x: str, name: str, colour: str | None, count: int) -
     return trace
 
 
-def _marks(data: xr.Dataset, x: str, name: str) -> list[dict[str, Any]]:
-    """Points without a number, at the foot of the axes: crosses for failed ones, rings for those still to come."""
-    if "outcome" not in data or data["outcome"].dims != (x,):
+def _marks(rows: list[xr.Dataset], x: str, names: list[str]) -> list[dict[str, Any]]:
+    """Points without a number, at the foot of the axes: crosses for failed ones, rings for those still to come.
+
+    Lines that fail at the same place share a mark, which names the first of them.
+    """
+    if "outcome" not in rows[0] or rows[0]["outcome"].dims != (x,):
         return []
-    reasons, numbers, failed = blank_reasons(data), point_numbers(data), is_failed(data).values
+    reasons = np.stack([blank_reasons(row) for row in rows])
+    failed = np.stack([is_failed(row).values for row in rows])
+    numbers = np.stack([point_numbers(row) for row in rows])
     found = []
-    for rows, symbol, colour in (
+    for blank, symbol, colour in (
         (failed, "x-thin", FAILED_COLOUR),
         ((reasons != "") & ~failed, "circle-open", WAITING_COLOUR),
     ):
-        if rows.any():
-            found.append({
-                "type": "scatter", "mode": "markers", "yaxis": "y2", "showlegend": False, "cliponaxis": False,
-                "x": packed(data[x].values[rows]), "y": [0.02] * int(rows.sum()),
-                "text": [f"{name + ': ' if name else ''}{reason}" for reason in reasons[rows]],
-                "customdata": packed(numbers[rows]), "hovertemplate": "%{x}: %{text}<extra></extra>",
-                "marker": {"symbol": symbol, "size": 9, "color": colour, "line": {"width": 2, "color": colour}},
-            })  # fmt: skip
+        at = np.flatnonzero(blank.any(axis=0))
+        if not at.size:
+            continue
+        first, count = blank[:, at].argmax(axis=0), blank[:, at].sum(axis=0)
+        texts = [
+            (f"{names[line]}: " if names[line] else "")
+            + reasons[line, place]
+            + (f"<br>and {n - 1} more" if n > 1 else "")
+            for line, place, n in zip(first.tolist(), at.tolist(), count.tolist(), strict=True)
+        ]
+        found.append({
+            "type": "scatter", "mode": "markers", "yaxis": "y2", "showlegend": False, "cliponaxis": False,
+            "x": packed(rows[0][x].values[at]), "y": [0.02] * at.size, "text": texts,
+            "customdata": packed(numbers[first, at]), "hovertemplate": "%{x}: %{text}<extra></extra>",
+            "marker": {"symbol": symbol, "size": 9, "color": colour, "line": {"width": 2, "color": colour}},
+        })  # fmt: skip
     return found
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import xarray as xr
 
 from tripod_doe.service.figures.lines import lines
@@ -56,14 +55,20 @@ def bars(data: xr.Dataset, x: str, series: str | None = None) -> Figure:
     traces = []
     for row in rows:
         drawn = row[str(variable.name)]
-        name = "" if series is None else f"{series} {row[series].item()}"
+        name = (
+            ""
+            if series is None
+            else str(row[series].item())
+            if row[series].dtype.kind == "U"
+            else f"{series} {row[series].item()}"
+        )
         trace: dict[str, Any] = {
             "type": "bar", "name": name, "x": packed(data[x].values), "y": packed(drawn.values.astype(float)),
             "hovertemplate": f"{x} %{{x}}: <b>%{{y:.4~g}}</b><extra>{name}</extra>",
         }  # fmt: skip
         if f"{variable.name}_error" in row:
-            error = np.nan_to_num(row[f"{variable.name}_error"].values)
-            trace["error_y"] = {"type": "data", "array": packed(error), "thickness": 1, "width": 3}
+            error = packed(row[f"{variable.name}_error"].values)
+            trace["error_y"] = {"type": "data", "array": error, "thickness": 1, "width": 3}
         traces.append(trace)
     labels = [str(value).replace("_", " ") for value in data[x].values.tolist()]
     ticks = {"tickvals": data[x].values.tolist(), "ticktext": labels} if len(labels) <= 16 else {}

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from fastapi import APIRouter, Request
-from starlette.responses import HTMLResponse, Response
+from starlette.responses import HTMLResponse
 
 from tripod_doe.errors import InputError
 from tripod_doe.service import looking
+from tripod_doe.service.forms import Comparison
 from tripod_doe.service.page.pages import part, show
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.routes.access import AnyService
@@ -124,6 +125,22 @@ def steps(run_id: str, service: AnyService) -> HTMLResponse:
     return _run_page("steps.html", service, run, "Steps")
 
 
+@router.get("/compare")
+def compare(service: AnyService, run: str = "") -> HTMLResponse:
+    """Upload a measurement and lay it over a point."""
+    studies = [other for other in service.runs.all() if other.kind == "study" and other.counts.finished]
+    chosen = next((other.id for other in studies if other.id == run), studies[0].id if studies else "")
+    axes = looking.explore(service, chosen, [("kind", "parallel")])["design"] if chosen else []
+    return show("compare.html", service.settings, here="/compare", studies=studies, chosen=chosen, axes=axes)
+
+
+@router.post("/parts/runs/{run_id}/compare")
+def lay_over(run_id: str, body: Comparison, service: AnyService) -> dict[str, Any]:
+    """A measurement over a point, in words and figures."""
+    found = looking.lay_over(service, run_id, body.measurement, body.model_dump(exclude={"measurement"}))
+    return {"html": part("laid_over.html", **found), "figures": found["figures"]}
+
+
 def _run_page(template: str, service: Service, run: Run, tab: str, **values: Any) -> HTMLResponse:
     tabs = _WORKFLOW_TABS if run.kind == "workflow" else _TABS
     return show(template, service.settings, run=run, tabs=tabs, tab=tab, **values)
@@ -148,16 +165,3 @@ def _control_values(service: Service, run: Run, found: dict[str, Any] | None) ->
     others = [other for other in service.runs.all() if other.id != run.id and other.kind == "study"
               and other.counts.finished]  # fmt: skip
     return {"explored": found, "kinds": kinds, "others": others if found and found["points"] else []}
-
-
-def is_page(path: str) -> bool:
-    """Whether people ask for this address, in place of programs."""
-    return not path.startswith(("/api/", "/assets/", "/parts/"))
-
-
-def trouble(error: RefusedError, service: Service) -> Response:
-    """An error as a page."""
-    told = "; ".join(problem.message for problem in error.problems)
-    page = show("trouble.html", service.settings, status=error.status, told=told)
-    page.status_code = error.status
-    return page

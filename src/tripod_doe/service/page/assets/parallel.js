@@ -3,12 +3,13 @@
 
 import { colour } from "./theme.js";
 
-const MOST_LINES = 4000, BINS = 72, TOP = 44, BOTTOM = 40, SIDE = 56, LEAST = 92, GRIP = 22;
+const MOST_LINES = 4000, BINS = 120, ROOM = 20, TOP = 44, BOTTOM = 40, SIDE = 56, LEAST = 92, GRIP = 22;
 const STOPS = [[31, 59, 115], [38, 100, 142], [42, 145, 135], [107, 181, 107], [201, 201, 79], [251, 225, 131]];
 const FINISHED = 0, NOT_RUN = 10;
 
 export function unpacked({ bdata, dtype }) {
-  const bytes = Uint8Array.from(atob(bdata), (letter) => letter.charCodeAt(0));
+  const letters = atob(bdata), bytes = new Uint8Array(letters.length);
+  for (let at = 0; at < bytes.length; at += 1) bytes[at] = letters.charCodeAt(at);
   return dtype === "f8" ? new Float64Array(bytes.buffer) : new Int32Array(bytes.buffer);
 }
 
@@ -23,9 +24,10 @@ export function drawParallel(place, figure, { chosen, brushed }) {
   place.replaceChildren(state.canvas);
   state.redraw = () => paint(state, place);
   takePointer(state);
-  state.observer?.disconnect();
-  new ResizeObserver(state.redraw).observe(place);
+  place.watcher?.disconnect();
+  place.watcher = new ResizeObserver(() => { if (place.parallel === state && state.width !== place.clientWidth) state.redraw(); });
   state.redraw();
+  place.watcher.observe(place);
 }
 
 export function pictureOfParallel(place) {
@@ -53,6 +55,7 @@ function prepare(axis) {
 
 function paint(state, place) {
   const { canvas, axes } = state;
+  state.width = place.clientWidth;
   const scale = devicePixelRatio || 1;
   const width = Math.max(place.clientWidth, LEAST * (axes.length - 1) + 2 * SIDE), height = 440;
   canvas.width = width * scale;
@@ -84,11 +87,14 @@ function rowsWithin({ axes, brushes, numbers }) {
   return found;
 }
 
-function shade(part, alpha) {
+function mixed(part) {
   const place = Math.min(Math.max(0.12 + 0.76 * part, 0), 1) * (STOPS.length - 1);
   const below = Math.min(Math.floor(place), STOPS.length - 2), rest = place - below;
-  const mixed = STOPS[below].map((channel, at) => Math.round(channel + rest * (STOPS[below + 1][at] - channel)));
-  return `rgba(${mixed.join()},${alpha})`;
+  return STOPS[below].map((channel, at) => Math.round(channel + rest * (STOPS[below + 1][at] - channel)));
+}
+
+function shade(part, alpha) {
+  return `rgba(${mixed(part).join()},${alpha})`;
 }
 
 function paintLines(pen, state, rows) {
@@ -108,26 +114,47 @@ function paintLines(pen, state, rows) {
   pen.setLineDash([]);
 }
 
-function paintDensity(pen, state, rows) {
+function paintDensity(pen, state, rows) {  // lines are added up pixel by pixel: a stroke for each would take seconds
   const { axes, left } = state;
-  const bin = (axis, value) => (Number.isNaN(value) ? BINS : Math.min(BINS - 1, Math.floor((value - axis.low) / (axis.high - axis.low) * BINS)));
-  const middle = (place) => (place === BINS ? state.bottom + 16 : state.bottom - (place + 0.5) / BINS * (state.bottom - TOP));
+  const height = state.bottom - TOP + ROOM;
   for (let at = 0; at + 1 < axes.length; at += 1) {
-    const [one, two] = [axes[at], axes[at + 1]];
-    const counts = new Float64Array((BINS + 1) * (BINS + 1));
-    for (const row of rows) counts[bin(one, one.values[row]) * (BINS + 1) + bin(two, two.values[row])] += 1;
-    const most = Math.log1p(counts.reduce((a, b) => Math.max(a, b)));
-    pen.lineWidth = 1.5;
-    for (let cell = 0; cell < counts.length; cell += 1) {
-      if (!counts[cell]) continue;
-      const part = Math.log1p(counts[cell]) / most;
-      pen.strokeStyle = shade(1 - part, 0.08 + 0.5 * part * part);
-      pen.beginPath();
-      pen.moveTo(left[at], middle(Math.floor(cell / (BINS + 1))));
-      pen.lineTo(left[at + 1], middle(cell % (BINS + 1)));
-      pen.stroke();
+    const width = Math.round(left[at + 1] - left[at]);
+    const sums = addedLines(pairCounts(axes[at], axes[at + 1], rows), width, height);
+    const picture = new OffscreenCanvas(width, height), inside = picture.getContext("2d");
+    const pixels = inside.createImageData(width, height), ink = new Uint32Array(pixels.data.buffer);
+    const most = Math.log1p(sums.reduce((one, two) => Math.max(one, two)));
+    for (let cell = 0; cell < sums.length; cell += 1) {
+      if (sums[cell]) ink[cell] = INKS[Math.round(255 * Math.log1p(sums[cell]) / most)];
     }
+    inside.putImageData(pixels, 0, 0);
+    pen.drawImage(picture, left[at], TOP);
   }
+}
+
+const INKS = Uint32Array.from({ length: 256 }, (_, level) => {  // little-endian: alpha, blue, green, red
+  const part = level / 255, [red, green, blue] = mixed(1 - part);
+  return ((255 * Math.min(1, 0.06 + part * part)) << 24 | blue << 16 | green << 8 | red) >>> 0;
+});
+
+function pairCounts(one, two, rows) {  // of the classes that lines join, the last one for points without a value
+  const counts = new Float64Array((BINS + 1) ** 2);
+  const bin = (axis, row) => {
+    const value = axis.values[row];
+    return Number.isNaN(value) ? BINS : Math.min(BINS - 1, Math.floor((value - axis.low) / (axis.high - axis.low) * BINS));
+  };
+  for (const row of rows) counts[bin(one, row) * (BINS + 1) + bin(two, row)] += 1;
+  return counts;
+}
+
+function addedLines(counts, width, height) {
+  const sums = new Float64Array(width * height), span = height - ROOM;
+  const middle = (place) => (place === BINS ? span + ROOM - 4 : span - (place + 0.5) / BINS * span);
+  for (let cell = 0; cell < counts.length; cell += 1) {
+    if (!counts[cell]) continue;
+    const start = middle(Math.floor(cell / (BINS + 1))), slope = (middle(cell % (BINS + 1)) - start) / width;
+    for (let x = 0; x < width; x += 1) sums[Math.floor(start + slope * (x + 0.5)) * width + x] += counts[cell];
+  }
+  return sums;
 }
 
 function text(value) {

@@ -1,0 +1,222 @@
+"""The page as a person uses it: each test clicks through one thing that it is for."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from urllib.parse import parse_qsl, urlsplit
+
+import pytest
+
+pytestmark = pytest.mark.slow
+
+DRAWN = "#figure[data-drawn]"
+
+
+def explore(page, served, run_id, query=""):
+    page.goto(f"{served.address}/runs/{run_id}?{query}")
+    page.wait_for_selector(DRAWN)
+
+
+def until(page, expression, seconds=30):
+    """Wait until an expression is true; Playwright's own way evaluates texts, which the page's policy stops."""
+    for _ in range(10 * seconds):
+        if page.evaluate(expression):
+            return
+        page.wait_for_timeout(100)
+    raise AssertionError(expression)
+
+
+def change(page, act):
+    """Do something that draws the figure anew, and wait for it."""
+    before = page.get_attribute("#figure", "data-drawn")
+    act()
+    until(page, f"document.getElementById('figure').dataset.drawn !== '{before}'")
+
+
+def traces(page):
+    return json.loads(page.evaluate("JSON.stringify(document.getElementById('figure').data)"))
+
+
+def test_a_run_appears_and_ends_without_reload_and_is_deleted_after_a_question(served, page):
+    page.goto(served.address)
+    page.evaluate("window.same = true")
+    study = '[study]\nname = "Seen live"\n[factors.joint_angle_deg]\nvalues = [4, 8]\n'
+    run_id = served.ask("POST", "/api/v1/runs", {"study": study})["id"]
+    row = page.locator(f"#run-{run_id}")
+    row.locator(".state.finished").wait_for(timeout=60_000)
+    assert "2 of 2" in row.inner_text()
+    row.get_by_role("button", name="Delete").click()
+    page.get_by_role("button", name="Keep it").click()
+    assert row.is_visible()
+    row.get_by_role("button", name="Delete").click()
+    page.locator("#sure").get_by_role("button", name="Delete").click()
+    row.wait_for(state="detached")
+    assert page.evaluate("window.same")
+    assert run_id not in [run["id"] for run in served.ask("GET", "/api/v1/runs")]
+
+
+def test_controls_make_the_address_and_the_address_makes_the_view(served, page, coast):
+    explore(page, served, coast)
+    assert page.locator("[name=kind]:checked").get_attribute("value") == "lines"
+    change(page, lambda: page.get_by_text("Map", exact=True).click())
+    change(page, lambda: page.get_by_label("order", exact=True).select_option("6"))
+    address = page.url
+    chosen = parse_qsl(urlsplit(address).query)
+    assert {("kind", "map"), ("select", "order=6"), ("select", "bearing_radial_clearance_mm=0.01")} <= set(chosen)
+    seen = traces(page)
+    page.goto(address)
+    page.wait_for_selector(DRAWN)
+    assert traces(page)[0]["z"] == seen[0]["z"]
+    assert page.locator("#seen-title").inner_text().startswith("Thrust amplitude (N)")
+    change(page, lambda: page.go_back())  # the order before
+    assert page.get_by_label("order", exact=True).input_value() == "3"
+
+
+def test_the_range_of_colours_stays_from_slice_to_slice(served, page, coast):
+    explore(page, served, coast, "kind=map&x=joint_angle_deg&by=torque_n_m")
+    before = [(trace["zmin"], trace["zmax"]) for trace in traces(page) if trace["type"] == "heatmap"]
+    change(page, lambda: page.get_by_role("button", name="previous bearing radial clearance").click())
+    after = [(trace["zmin"], trace["zmax"]) for trace in traces(page) if trace["type"] == "heatmap"]
+    assert before == after
+    assert before[0][1] > 10
+
+
+def test_failed_cells_are_hatched_and_lead_to_their_reason(served, page, coast):
+    explore(page, served, coast, "kind=map&x=joint_angle_deg&by=torque_n_m&select=bearing_radial_clearance_mm=-0.03")
+    hatched = [trace for trace in traces(page) if "fillpattern" in trace]
+    assert hatched[0]["fillpattern"]["shape"] == "/"
+    reasons = next(trace["text"] for trace in traces(page) if trace.get("mode") == "markers")
+    assert len(reasons) == 12
+    assert all(reason.startswith("jammed: ") for reason in reasons)
+    assert "12 of 12 points failed" in page.locator("#figure-note").inner_text()
+    box = page.locator("#figure .nsewdrag").first.bounding_box()
+    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 8)
+    panel = page.locator("#point")
+    panel.get_by_text("jammed").first.wait_for()
+    assert "9 deg" in panel.inner_text()
+    assert "bearing_radial_clearance_mm" in panel.locator(".caution").inner_text()
+
+
+def test_a_number_leads_to_its_point_its_curve_and_the_same_point_again(served, page, coast):
+    explore(page, served, coast)
+    page.locator("#numbers summary").click()
+    page.locator("#numbers [data-point]").nth(3).click()
+    panel = page.locator("#point")
+    panel.locator("#curve-figure .main-svg").first.wait_for()
+    assert page.locator("#curve").input_value() == "thrust"
+    assert "point=" in page.url
+    panel.get_by_text("Simulate again").click()
+    panel.get_by_label("joint angle deg").fill("12")
+    panel.get_by_role("button", name="Simulate").click()
+    panel.get_by_text("Finished in").wait_for(timeout=60_000)
+    names = page.evaluate("document.getElementById('curve-figure').data.map(trace => trace.name)")
+    assert names[-1] == "again"
+
+
+def test_what_is_copied_and_saved_are_the_numbers_that_are_seen(served, page, coast):
+    explore(page, served, coast, "select=bearing_radial_clearance_mm=0.01")
+    page.get_by_text("Copy as", exact=True).click()
+    copies = page.locator("#exports pre").all_inner_texts()
+    assert copies[0].startswith("tripod-doe query ")
+    assert "--select order=3" in copies[0]
+    assert "td.query(" in copies[1]
+    assert "torque_n_m" in copies[2]
+    page.keyboard.press("Escape")
+    page.get_by_text("Save as", exact=True).click()
+    with page.expect_download() as download:
+        page.get_by_text("CSV, numbers of this view").click()
+    rows = list(csv.DictReader(io.StringIO(download.value.path().read_text())))
+    asked = served.ask(
+        "GET",
+        f"/api/v1/runs/{coast}/query?variable=thrust_amplitude&select=order=3&select=bearing_radial_clearance_mm=0.01",
+    )
+    assert [float(row["thrust_amplitude"]) for row in rows] == [row["thrust_amplitude"] for row in asked]
+    with page.expect_download() as download:
+        page.get_by_text("PNG, this picture").click()
+    assert download.value.path().read_bytes().startswith(b"\x89PNG")
+
+
+def test_marks_on_parallel_axes_narrow_points_down(served, page, sampled):
+    explore(page, served, sampled, "kind=parallel")
+    note = page.locator("#figure-note")
+    assert note.inner_text().startswith("40 points")
+    box = page.locator("#figure canvas").bounding_box()
+    page.mouse.move(box["x"] + 56, box["y"] + 60)  # on the first axis
+    page.mouse.down()
+    page.mouse.move(box["x"] + 56, box["y"] + 200, steps=4)
+    page.mouse.up()
+    kept = re.match(r"(\d+) of 40 points within the marks", note.inner_text())
+    assert 5 < int(kept[1]) < 25  # the sample is even along each factor
+
+
+def test_filters_of_a_list_of_points_are_those_of_a_query(served, page, sampled):
+    explore(page, served, sampled)
+    low = page.locator("[data-range=torque_n_m] input").first
+    change(page, lambda: (low.fill("100"), low.press("Enter")))
+    assert "select=torque_n_m%3A" not in page.url
+    assert ("select", "torque_n_m=100:") in parse_qsl(urlsplit(page.url).query)
+    asked = served.ask(
+        "GET", f"/api/v1/runs/{sampled}/query?variable=thrust_amplitude&select=order=3&select=torque_n_m=100:"
+    )
+    page.locator("#numbers summary").click()
+    page.locator("#numbers tbody tr").first.wait_for()
+    assert page.locator("#numbers tbody tr").count() == len(asked)
+
+
+def test_a_wrong_condition_is_told_beside_it(served, page, coast):
+    explore(page, served, coast)
+    field = page.get_by_label("Only where")
+    field.fill("thrust_amplitud > 3")
+    field.press("Enter")
+    until(page, "document.getElementById('complaint').textContent.includes('thrust_amplitude')")
+
+
+def test_text_and_form_follow_each_other_and_complaints_stand_at_their_line(served, page):
+    page.goto(f"{served.address}/new?study=thrust_map")
+    page.locator("#price dt", has_text="Points").wait_for(timeout=60_000)
+    assert "52" in page.locator("#price").inner_text()
+    torque = page.get_by_label("torque (N m)")
+    torque.fill("20, 40")
+    torque.press("Tab")
+    until(page, "document.getElementById('text').value.includes('values = [20, 40]')")
+    page.locator("#price dd", has_text=re.compile("^26$")).wait_for(timeout=60_000)
+    text = page.locator("#text")
+    text.fill(text.input_value().replace("speed_rpm", "sped_rpm"))
+    button = page.locator("#problems").get_by_role("button")
+    button.wait_for()
+    assert "speed_rpm" in page.locator("#problems").inner_text()
+    assert page.get_by_role("button", name="Run this study").is_disabled()
+    button.click()
+    line = page.evaluate("(t => t.value.slice(t.selectionStart, t.selectionEnd))(document.getElementById('text'))")
+    assert line.startswith("sped_rpm")
+    text.fill('[study]\nname = "From the page"\n[base]\nspeed_rpm = 900\n[factors.joint_angle_deg]\nvalues = [5, 11]\n')
+    until(page, "document.querySelector('[name=\"parameter.speed_rpm\"]').value === '900'")
+    page.get_by_role("button", name="Run this study").click()
+    page.wait_for_url("**/runs/*")
+    page.locator("#run-head .state.finished").wait_for(timeout=60_000)
+    page.wait_for_selector(DRAWN)
+
+
+def test_a_report_stands_in_a_sandbox(served, page, coast):
+    page.goto(f"{served.address}/runs/{coast}/report")
+    frame = page.frame_locator("iframe.report")
+    frame.get_by_role("heading", name="Coast and drive").wait_for()
+    assert page.locator("iframe.report").get_attribute("sandbox") == "allow-scripts"
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_page_fits_a_narrow_window(served, chromium, coast, sampled, scheme):
+    context = chromium.new_context(viewport={"width": 400, "height": 800}, color_scheme=scheme)
+    page = context.new_page()
+    page.goto(served.door)
+    for path in ("/", "/new", f"/runs/{coast}?point=2", f"/runs/{sampled}?kind=parallel", f"/runs/{coast}/failed",
+                 f"/runs/{coast}/report", f"/runs/{coast}/study", "/runs/none"):  # fmt: skip
+        page.goto(served.address + path)
+        page.wait_for_load_state()
+        assert page.evaluate("document.documentElement.scrollWidth") <= 400, path
+    ground = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (sum(map(int, re.findall(r"\d+", ground))) < 200) == (scheme == "dark")
+    context.close()

@@ -1,0 +1,276 @@
+"""Views of cubes: what is drawn are the numbers of a query, whatever the design; texts of studies survive the form."""
+
+from __future__ import annotations
+
+import base64
+import shlex
+import tomllib
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import tripod_doe as td
+from tripod_doe.cli.main import main
+from tripod_doe.errors import InputError
+from tripod_doe.service.copies import query_command, simulate_command, study_of_view
+from tripod_doe.service.cube_axes import full_view
+from tripod_doe.service.exploring import explore, failures, figure, numbers, point
+from tripod_doe.service.figures.lines import lines
+from tripod_doe.service.figures.scatter import scatter
+from tripod_doe.service.gallery import gallery, gallery_text
+from tripod_doe.service.seen import draw, numbered, seen
+from tripod_doe.service.study_form import changed_text, study_form
+from tripod_doe.service.view import View
+from tripod_doe.study.definition import parse_study
+from tripod_doe.study.designs import make_points
+
+GRID = """
+[study]
+name = "Small and jammed"
+[base]
+speed_rpm = 1400
+initial_skew_2_deg = 0.3
+[factors.joint_angle_deg]
+values = [2, 7, 13]
+[factors.torque_n_m]
+values = [-40, 90]
+[factors.bearing_radial_clearance_mm]
+values = [-0.03, 0.02]
+[keep]
+outputs = ["thrust", "thrust_amplitude"]
+"""
+LIST = GRID.replace("Small", "List") .replace("values = [2, 7, 13]", "low = 2\nhigh = 13").replace("values = [-40, 90]", "low = -40\nhigh = 90").replace(
+    "values = [-0.03, 0.02]", "low = 0.0\nhigh = 0.02") + '[design]\nkind = "latin-hypercube"\nsamples = 9\n'  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """Result directories of a grid of which half is jammed, and of a list of points."""
+    found = {}
+    for name, text in (("grid", GRID), ("list", LIST)):
+        found[name] = tmp_path_factory.mktemp(name)
+        (found[name] / "a.toml").write_text(text)
+        td.run(found[name] / "a.toml", out=found[name] / "out", workers=0)
+        found[name] /= "out"
+    return found
+
+
+def values(packed):
+    """Numbers that were packed for Plotly."""
+    if isinstance(packed, list):
+        return np.array(packed)
+    array = np.frombuffer(base64.b64decode(packed["bdata"]), np.dtype(packed["dtype"]).newbyteorder("<"))
+    return array.reshape([int(size) for size in packed["shape"].split(",")]) if "shape" in packed else array
+
+
+def view_of(cube, address=""):
+    return full_view(cube, View.from_items(part.split("=", 1) for part in address.split("&") if part))
+
+
+def test_an_address_is_a_view_and_a_view_an_address():
+    view = View("thrust", "map", "torque_n_m", "joint_angle_deg", ("order=3", "speed_rpm=1:2"), "thrust > 1", -1.5, 4.0)
+    assert View.from_items(view.items()) == view
+    with pytest.raises(InputError, match="did you mean 'lines'"):
+        View.from_items([("kind", "line")])
+
+
+def test_lines_and_maps_show_the_numbers_of_a_query(folders):
+    cube = td.open_cube(folders["grid"])
+    for kind in ("lines", "map"):
+        view = view_of(cube, f"kind={kind}&x=joint_angle_deg&by=torque_n_m")
+        assert view.select == ("bearing_radial_clearance_mm=0.02", "order=3")  # where points have finished
+        asked = td.query(cube, view.variable, view.select)["thrust_amplitude"].squeeze(drop=True)
+        drawn = draw(cube, view)["data"]
+        if kind == "lines":
+            shown = np.stack([values(trace["y"]) for trace in drawn[:2]], axis=1)
+        else:
+            shown = values(drawn[0]["z"]).T
+        assert np.array_equal(shown, asked.transpose("joint_angle_deg", "torque_n_m").values)
+
+
+def test_every_cell_without_a_number_is_marked_with_its_reason(folders):
+    cube = td.open_cube(folders["grid"])
+    for kind in ("lines", "map", "points"):
+        figure = draw(
+            cube, view_of(cube, f"kind={kind}&x=joint_angle_deg&by=torque_n_m&select=bearing_radial_clearance_mm=-0.03")
+        )
+        marks = [
+            trace
+            for trace in figure["data"]
+            if trace.get("text") is not None and trace["type"] == "scatter" and trace.get("mode") == "markers"
+        ]
+        told = [text for trace in marks for text in trace["text"] if "jammed" in text]
+        assert told, kind
+        assert len(told) == (3 if kind == "lines" else 6)  # lines that fail at the same place share a mark
+        assert "6 of 6 points failed: 6 jammed" in figure["note"] or kind == "points"
+
+
+def test_what_a_condition_leaves_out_is_blank_and_no_failure(folders):
+    cube = td.open_cube(folders["grid"])
+    view = view_of(cube, "kind=map&x=joint_angle_deg&by=torque_n_m&where=thrust_amplitude > 5")
+    figure = draw(cube, view)
+    assert figure["note"] == ""
+    shown = values(figure["data"][0]["z"])
+    assert np.nanmin(shown) > 5
+    assert np.isnan(shown).any()
+
+
+def test_colours_span_the_whole_design(folders):
+    cube = td.open_cube(folders["grid"])
+    limits = [draw(cube, view_of(cube, f"kind=map&x=joint_angle_deg&by=bearing_radial_clearance_mm&select=torque_n_m={torque}"))["data"][0]
+              for torque in (-40, 90)]  # fmt: skip
+    third = cube["thrust_amplitude"].sel(order=3)
+    assert {(cells["zmin"], cells["zmax"]) for cells in limits} == {(float(third.min()), float(third.max()))}
+
+
+def test_a_list_of_points_is_filtered_by_ranges_as_by_a_query(folders):
+    cube = td.open_cube(folders["list"])
+    view = view_of(cube, "select=torque_n_m=0:90")
+    assert view.kind == "points"
+    shown = values(draw(cube, view)["data"][0]["y"])
+    asked = td.query(cube, "thrust_amplitude", ["order=3", "torque_n_m=0:90"])["thrust_amplitude"].values.ravel()
+    assert 0 < shown.size == asked.size < 9
+    assert np.array_equal(shown, asked)
+    axes = draw(cube, view_of(cube, "kind=parallel"))["axes"]
+    assert [axis["name"] for axis in axes] == [
+        "joint_angle_deg",
+        "torque_n_m",
+        "bearing_radial_clearance_mm",
+        "thrust_amplitude",
+    ]
+
+
+def test_curves_of_a_list_are_one_per_point(folders):
+    cube = td.open_cube(folders["list"])
+    view = view_of(cube, "variable=thrust&kind=lines")
+    assert (view.x, view.by) == ("rotation_deg", "point")
+    traces = draw(cube, view)["data"]
+    assert np.array_equal(values(traces[4]["y"]), cube["thrust"].values[4])
+
+
+def test_numbers_and_failures_and_points_belong_together(folders):
+    path = str(folders["grid"])
+    table, _ = numbers(path, [["kind", "lines"], ["select", "bearing_radial_clearance_mm=0.02"]])
+    cube = numbered(td.open_cube(path))
+    first = table["rows"][0]
+    found, _ = point(path, first[0])
+    assert [factor["value"] for factor in found["factors"]] == ["2 deg", "-40 N m", "0.02 mm"]
+    assert found["outcome"] == "finished"
+    assert set(found["figures"]) == {"thrust", "thrust_amplitude"}
+    lost, _ = failures(path)
+    assert lost["count"] == 6
+    assert all(int(cube["outcome"].values.ravel()[row["number"]]) for row in lost["rows"])
+    assert point(path, lost["rows"][0]["number"])[0]["reason"].startswith("jammed: ")
+    with pytest.raises(InputError, match="points 0 to 11"):
+        point(path, 12)
+
+
+def test_the_command_that_is_copied_gives_what_is_seen(folders, capsys):
+    cube = td.open_cube(folders["grid"])
+    view = view_of(cube, "kind=lines&where=thrust_amplitude > 5")
+    assert main([*shlex.split(query_command(str(folders["grid"]), view))[1:], "--format", "csv"]) == 0
+    printed = [float(line.split(",")[4]) for line in capsys.readouterr().out.splitlines()[1:]]
+    shown = np.concatenate([values(trace["y"]) for trace in draw(cube, view)["data"][:2]])
+    assert sorted(printed) == sorted(shown[np.isfinite(shown)])
+    one = numbered(cube).isel(joint_angle_deg=1, torque_n_m=0, bearing_radial_clearance_mm=1)
+    words = shlex.split(simulate_command(cube, one))
+    assert main([*words[1:], "--format", "json"]) == 0
+    answer = capsys.readouterr().out
+    assert f"{float(one['thrust_amplitude'].sel(order=3))!r}" in answer
+
+
+@pytest.mark.parametrize("name", ["grid", "list"])
+def test_the_study_that_is_copied_has_the_points_that_are_seen(folders, name):
+    cube = td.open_cube(folders[name])
+    view = view_of(cube, "kind=lines&x=joint_angle_deg&by=torque_n_m" if name == "grid" else "select=torque_n_m=0:90")
+    data = seen(cube, view)
+    study = parse_study(study_of_view(cube, view, data))
+    points = make_points(study)
+    assert points.count == data["outcome"].size
+    assert study.base["speed_rpm"] == 1400
+    clearance = {
+        study.base.get("bearing_radial_clearance_mm"),
+        *points.columns.get("bearing_radial_clearance_mm", [0.02]),
+    }
+    assert clearance <= {None, 0.02} or name == "list"
+    shown = np.broadcast_to(
+        data["joint_angle_deg"].values.reshape((-1, 1) if name == "grid" else -1), data["outcome"].shape
+    )
+    assert np.allclose(np.sort(points.columns["joint_angle_deg"]), np.sort(shown.ravel()))
+
+
+def test_the_difference_of_a_cube_and_itself_is_zero_and_of_others_refused(folders):
+    cube, other = td.open_cube(folders["grid"]), td.open_cube(folders["list"])
+    view = view_of(cube, "kind=map&x=joint_angle_deg&by=torque_n_m")
+    assert not values(draw(cube, view, cube)["data"][0]["z"]).any()
+    with pytest.raises(InputError, match="in the run that is subtracted: no cell matches"):
+        draw(cube, view, other)
+
+
+def test_wrong_names_are_told_with_a_near_one(folders):
+    with pytest.raises(InputError, match="did you mean 'thrust_amplitude'"):
+        explore(str(folders["grid"]), [["variable", "thrust_amplitud"]], "x")
+    with pytest.raises(InputError, match="analysis = 'none'"):
+        figure(str(folders["grid"]), [["analysis", "none"]], None)
+
+
+def test_many_points_are_drawn_as_their_density():
+    generator = np.random.default_rng(1)
+    data = xr.Dataset(
+        {"force": ("point", generator.normal(size=9000)), "outcome": ("point", np.zeros(9000, np.int8))},
+        {"load": ("point", generator.normal(size=9000))},
+    )
+    drawn = scatter(data, "load")["data"][0]
+    assert drawn["type"] == "heatmap"
+    assert np.sum(drawn["text"]) == 9000
+    assert scatter(data.isel(point=slice(0, 50)), "load")["data"][0]["type"] == "scatter"
+
+
+def test_known_errors_stand_as_bars():
+    data = xr.Dataset({"force": ("load", [1.0, 2, 4]), "force_error": ("load", [0.1, 0.2, 0.3])}, {"load": [1.0, 2, 3]})
+    assert np.array_equal(values(lines(data, "load")["data"][0]["error_y"]["array"]), [0.1, 0.2, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("name", "field", "table"),
+    [
+        ("torque_n_m", "20, 40.5", {"values": [20, 40.5]}),
+        ("torque_n_m", "7,", {"values": [7]}),
+        ("joint_angle_deg", "2 : 14 : 5", {"low": 2, "high": 14, "count": 5}),
+        ("speed_rpm", "100 : 1000 : 4 log", {"low": 100, "high": 1000, "count": 4, "scale": "log"}),
+        ("roller_radius_mm", "15 : 17", {"low": 15, "high": 17}),
+    ],
+)
+def test_a_field_becomes_a_factor_and_is_read_back(name, field, table):
+    text = changed_text(gallery_text("template-grid"), f"parameter.{name}", field)[0]
+    study = tomllib.loads(text)
+    assert study["factors"][name] == table
+    assert name not in study.get("base", {})
+    assert "# Remove the # before a line to use it." in text
+    shown = {entry["name"]: entry["value"] for group in study_form(text)[0]["groups"] for entry in group["fields"]}
+    assert shown[name] == field
+    fixed = tomllib.loads(changed_text(text, f"parameter.{name}", "12")[0])
+    assert fixed["base"][name] == 12
+    assert name not in fixed.get("factors", {})
+    assert name not in tomllib.loads(changed_text(text, f"parameter.{name}", "")[0]).get("factors", {})
+
+
+def test_a_field_that_cannot_be_read_is_refused_in_words():
+    with pytest.raises(InputError, match="low : high"):
+        changed_text(GRID, "parameter.torque_n_m", "a : b")
+    with pytest.raises(InputError, match="not valid TOML"):
+        changed_text("[study", "study.name", "x")
+
+
+def test_the_gallery_holds_only_studies_that_can_be_sent():
+    entries = gallery()
+    assert {"template-grid", "template-sensitivity", "template-contribution", "thrust_map"} <= {
+        entry["id"] for entry in entries
+    }
+    for entry in entries:
+        head = tomllib.loads(gallery_text(entry["id"]))
+        assert "function" not in head["study"]
+        assert "table" not in head.get("design", {})
+    with pytest.raises(InputError, match="no study of this name"):
+        gallery_text("../pyproject")
