@@ -86,6 +86,28 @@ def test_rollers_that_slide_freely_balance_where_relaxation_runs_in_circles(poin
     assert (result.groove_thrust == 0).all()
 
 
+def test_without_groove_sliding_the_thrust_is_zero_even_where_the_spin_is_open(points):
+    """Exact physics: the rollers may spin in several ways here, and none of them passes thrust. Regression: diverged."""
+    given = points(
+        joint_angle_deg=2.1448747287190235, torque_n_m=288.85918870907028, speed_rpm=535.69380606289974,
+        groove_sliding_friction=0.16851689302579362, needle_sliding_friction=0.11487753914271878,
+        transition_ratio=0.067266296547435767, initial_skew_1_deg=1.6073661655283482,
+        initial_skew_2_deg=1.5764232738407329, initial_skew_3_deg=0.24826485388254982,
+        bearing_radial_clearance_mm=0.004660103621180251, pitch_radius_mm=19.692868187269589,
+        roller_radius_mm=14.234544815595999, roller_width_mm=9.3385831700554149, needle_count=24,
+        needle_diameter_mm=1.8436772119568454, needle_length_mm=9.451562294270774,
+        needle_pitch_diameter_mm=20.862500214219878, shaft_mass_kg=2.0854212160687489,
+        groove_radius_ratio=1.0090021501159869, groove_sliding=0, groove_rolling=0, needle_rolling=0,
+        relative_tolerance=models.MODELS["kinetostatic"].methods["newton"]["relative_tolerance"],
+    )  # fmt: skip
+    assert not solve_kinetostatic(given, 360).settled[0]
+    result = models.MODELS["kinetostatic"].simulate(given, "newton", 360, ("thrust", "friction_power_w"))
+    assert Outcome(result.outcome[0]) == Outcome.FINISHED
+    assert "friction power is not known" in result.detail[0]
+    assert (result.outputs["thrust"].data == 0).all()
+    assert np.isnan(result.outputs["friction_power_w"].data).all()
+
+
 def test_compilation_of_other_ways_is_no_cost_of_the_first_point_that_needs_them(points, monkeypatch):
     """Regression: the price of the first such point held eleven seconds of compilation; half a second stands for it."""
     calls = []

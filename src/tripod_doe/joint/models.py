@@ -34,6 +34,10 @@ _PRELOADED = (
     "-0.003 mm; use model rollers or needles"
 )
 _UNSETTLED = "the balance of the rollers did not converge; raise transition_ratio, or use model rollers"
+_SPIN_OPEN = (
+    "nothing passes thrust: groove sliding is off; the spin of the rollers did not converge, so that the friction power is "
+    "not known"
+)
 _RATES = tuple(output.name for output in RATE_OUTPUTS)
 _SKEWS = ("needle_skew_deg", "needle_skew_summary_deg")
 
@@ -105,18 +109,22 @@ def _balance_chunk(
     if not set(PART_OUTPUTS).isdisjoint(keep):
         outputs |= part_outputs(solution.thrust_parts[:, None], keep)
     in_groove = np.cbrt(np.maximum(solution.largest_normal_force, 0) / points.groove_stiffness) ** 2  # Eq. 2
+    # Without sliding friction in the groove nothing passes thrust: it is zero, whatever way the rollers turn.
+    spin_open = ~solution.settled & (points.groove_sliding_friction == 0)
+    solution.friction_power[spin_open] = solution.energy_residual[spin_open] = np.nan
     outputs |= {
         "friction_power_w": solution.friction_power / 1e3,
         "largest_penetration_um": 1e3 * np.maximum(in_groove, solution.needle_penetration),
         "energy_residual": solution.energy_residual,
     }
     reasons = [
+        (spin_open, Outcome.FINISHED, _SPIN_OPEN),
         (
-            ~(np.abs(solution.unexplained_power) <= energy_limit + _left_by_tolerance(points, solution)),
+            ~spin_open & ~(np.abs(solution.unexplained_power) <= energy_limit + _left_by_tolerance(points, solution)),
             Outcome.INACCURATE,
             "the energy balance does not close; lower relative_tolerance, or use model rollers",
         ),
-        (~solution.settled, Outcome.DIVERGED, _UNSETTLED),
+        (~spin_open & ~solution.settled, Outcome.DIVERGED, _UNSETTLED),
         (~(solution.smallest_normal_force >= 0), Outcome.OUT_OF_RANGE, "a roller lifts off its groove"),
         (points.bearing_radial_clearance < 0, Outcome.OUT_OF_RANGE, _PRELOADED),
     ]
