@@ -35,8 +35,8 @@ _PRELOADED = (
 )
 _UNSETTLED = "the balance of the rollers did not converge; raise transition_ratio, or use model rollers"
 _SPIN_OPEN = (
-    "nothing passes thrust: groove sliding is off; the spin of the rollers did not converge, so that the friction power is "
-    "not known"
+    "groove sliding is off, so that nothing passes thrust; the spin of the rollers did not converge, and the friction "
+    "power is not known"
 )
 _RATES = tuple(output.name for output in RATE_OUTPUTS)
 _SKEWS = ("needle_skew_deg", "needle_skew_summary_deg")
