@@ -14,8 +14,8 @@ import xarray as xr
 from tripod_doe.study.netcdf import write_dataset
 
 STUDY = Path(__file__).parent.parent / "studies" / "thrust_map.toml"
-LIBRARIES = {"dask", "distributed", "matplotlib", "netCDF4", "numba", "numpy", "pandas", "pydantic", "SALib", "scipy",
-             "xarray"}  # fmt: skip
+LIBRARIES = {"dask", "distributed", "fastapi", "matplotlib", "netCDF4", "numba", "numpy", "pandas", "pydantic", "SALib", "scipy",
+             "starlette", "uvicorn", "xarray"}  # fmt: skip
 
 
 FUNCTION = """
@@ -70,3 +70,16 @@ def test_a_run_imports_what_draws_and_analyses_only_when_it_does(tmp_path):
     assert {"distributed", "matplotlib", "numba", "SALib", "scipy"} & first == set()
     assert {"numba", "SALib", "scipy.stats"} & last == set()
     assert "matplotlib" in last
+
+
+def test_the_server_computes_nothing_and_what_computes_serves_nothing():
+    """The server's process stays small and quick; a process that answers or computes loads no web code."""
+    computes, serves = {"dask", "matplotlib", "netCDF4", "numba", "xarray"}, {"fastapi", "starlette", "uvicorn"}
+    for modules, unwanted in (
+        (["tripod_doe.service.server"], computes),
+        (["tripod_doe.service.answering", "tripod_doe.service.plans", "tripod_doe.service.descriptions"], serves),
+        (["tripod_doe.study.local_cluster", "tripod_doe.study.task", "tripod_doe.workflow.chain"], serves),
+    ):
+        script = f"import sys, {', '.join(modules)}; print(*sys.modules)"
+        done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+        assert unwanted & set(done.stdout.split()) == set(), modules

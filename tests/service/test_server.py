@@ -28,11 +28,11 @@ LONG = """
     [factors.joint_angle_deg]
     low = 1
     high = 20
-    count = 400
+    count = 200
     [factors.torque_n_m]
     low = 10
     high = 400
-    count = 400
+    count = 200
     [keep]
     outputs = ["thrust_rms"]
     [run]

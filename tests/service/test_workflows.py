@@ -1,0 +1,127 @@
+"""A workflow over HTTP: its steps with states, their cubes and analyses, a measurement beside a point."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+RUN_UP = (Path(__file__).parent.parent.parent / "measurements" / "run_up.csv").read_text()
+CHAIN = """
+[workflow]
+name = "shares on coast"
+question = "which friction?"
+
+[steps.switched]
+kind = "study"
+study = "switched.toml"
+
+[steps.beside]
+kind = "comparison"
+inputs = ["switched"]
+settings = { measurement = "run_up.csv", select = ["all_on=1"] }
+
+[steps.page]
+kind = "report"
+inputs = ["switched"]
+"""
+SWITCHED = """
+[study]
+name = "switched"
+[base]
+model = "equilibrium"
+joint_angle_deg = 13
+torque_n_m = -60
+[design]
+kind = "ablation"
+combinations = "single"
+[analysis.contribution]
+"""
+
+
+@pytest.fixture(scope="module")
+def chain(api):
+    """A workflow whose comparison fails, as it selects by a name that its cube does not have."""
+    body = {"workflow": CHAIN, "files": {"switched.toml": SWITCHED, "run_up.csv": RUN_UP[:100_000]}}
+    answer = api.post("/runs", body)
+    assert answer.status_code == 201, answer.text
+    run_id = answer.json()["id"]
+    api.wait(run_id, "finished", "failed", seconds=240)
+    return run_id
+
+
+@pytest.mark.slow
+def test_a_workflow_tells_its_steps(api, chain):
+    run = api.get(f"/runs/{chain}").json()
+    assert run["kind"] == "workflow"
+    assert run["name"] == "shares on coast"
+    assert run["points"] == {"total": 12, "finished": 12, "failed": 0, "missing": 0}
+    steps = {step["name"]: step for step in api.get(f"/runs/{chain}/steps").json()}
+    assert list(steps) == ["switched", "beside", "page"]
+    assert {name: step["state"] for name, step in steps.items()} == {
+        "switched": "finished",
+        "beside": "failed",
+        "page": "finished",
+    }
+    assert steps["switched"]["seconds"] > 0
+    assert steps["page"]["inputs"] == ["switched"]
+    assert run["state"] == "failed"
+    assert run["message"].startswith("beside: ")
+    assert "all_on" in run["message"]
+    assert api.get(f"/runs/{chain}/report/").status_code == 200
+
+
+@pytest.mark.slow
+def test_a_step_is_asked_as_a_study_is(api, chain, settings):
+    options = {"variable": "thrust_rms", "select": "order=3"}
+    refused = api.get(f"/runs/{chain}/query", params=options)
+    assert refused.status_code == 409
+    assert "switched" in refused.json()["errors"][0]["message"]
+    assert len(api.get(f"/runs/{chain}/query", params=options | {"step": "switched"}).json()) == 12
+    assert api.get(f"/runs/{chain}/query", params=options | {"step": "../switched"}).status_code == 404
+    whole = api.get(f"/runs/{chain}/cube.nc", params={"step": "switched"})
+    assert whole.content == (settings.folder / chain / "steps" / "switched" / "cube.nc").read_bytes()
+
+
+@pytest.mark.slow
+def test_analyses_come_with_their_sentences_and_cubes(api, chain):
+    (analysis,) = api.get(f"/runs/{chain}/analyses", params={"step": "switched"}).json()
+    assert (analysis["name"], analysis["kind"]) == ("contribution", "contribution")
+    assert any("third order" in sentence for sentence in analysis["findings"])
+    assert analysis["variables"]["share_off"]["dims"]
+    options = {"variable": "share_off", "select": "order=3", "step": "switched", "analysis": "contribution"}
+    rows = api.get(f"/runs/{chain}/query", params=options).json()
+    assert {row["mechanism"] for row in rows} >= {"groove_sliding", "needle_rolling"}
+    file = api.get(f"/runs/{chain}/analysis/contribution.nc", params={"step": "switched"})
+    assert file.content.startswith(b"\x89HDF")
+    near = api.get(f"/runs/{chain}/analysis/contributions.nc", params={"step": "switched"})
+    assert near.status_code == 404
+    assert "did you mean 'contribution'?" in near.json()["errors"][0]["message"]
+
+
+@pytest.mark.slow
+def test_a_measurement_is_compared_as_on_the_command_line(api, chain, settings, tmp_path, capsys):
+    from tripod_doe.cli import main
+
+    (tmp_path / "measurement.csv").write_text(RUN_UP)
+    body = {"measurement": RUN_UP, "select": ["point=0"], "reference_angle": 0.0}
+    answer = api.post(f"/runs/{chain}/compare", body, params={"step": "switched"})
+    cube = settings.folder / chain / "steps" / "switched"
+    words = [
+        "compare",
+        str(cube),
+        str(tmp_path / "measurement.csv"),
+        "--select",
+        "point=0",
+        "--reference-angle",
+        "0",
+        "--format",
+        "json",
+    ]
+    assert main(words) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert answer.json() | {"measurement": told["measurement"]} == told
+    wrong = api.post(f"/runs/{chain}/compare", body | {"measurement": "a,b\n1,2\n"}, params={"step": "switched"})
+    assert wrong.status_code == 422
+    assert wrong.json()["errors"][0]["message"].startswith("measurement.csv")
