@@ -3,13 +3,15 @@
 A run follows `cycles` revolutions from the balanced start; the last two are sampled. Then the last one is run again in
 finer steps, for the numerical error and the outcome (`numerical_error`).
 
-Halving steps cannot show what all affordable steps damp: at low torque and speed the joint vibrates by itself, at some
-hundred hertz. Runs that pass all other checks are therefore tested for vibration (`joint.vibration`).
+Halving steps cannot show what all affordable steps damp: many joints vibrate by themselves. So it is asked first
+whether a joint does (`vibration`). If so, runs by the models' own method are followed with the vibration, and others
+are compared with that (`vibrating_joint`).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -18,10 +20,12 @@ from numpy.typing import NDArray
 from tripod_doe.joint.joint_run import JointRun, Readings
 from tripod_doe.joint.multibody_scene import build_joint
 from tripod_doe.joint.numerical_error import ERROR_LIMIT, LEAD, amplitude_error, finer_thrust, judge
+from tripod_doe.joint.orders import ORDERS, complex_amplitudes
 from tripod_doe.joint.readings import groove_readings, needle_skews
 from tripod_doe.joint.thrust_parts import thrust_parts
 from tripod_doe.joint.values import JointValues
-from tripod_doe.joint.vibration import vibration
+from tripod_doe.joint.vibrating_joint import SMALLEST_THIRD, VibratingJoint
+from tripod_doe.joint.vibration import growing_vibration
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
 from tripod_doe.mechanics.first_compilation import first_compilation
 from tripod_doe.mechanics.floquet import fastest_growth
@@ -49,6 +53,12 @@ _TURNED_OVER = 1e-3
 """Share of the transmitted energy to which an energy balance is related where friction dissipates less: a straight
 joint dissipates nothing, and its rounding cannot be related to nothing."""
 
+_DAMPS = "adaptive-euler"
+"""The models' own method, which damps vibrations."""
+
+_ACCURACY = 0.02
+"""Share of the third order that may be off where a vibration is followed."""
+
 _RATE_STATES = 12
 """States of a third of a revolution at which a run is linearised."""
 
@@ -75,6 +85,11 @@ def run_joint(
     """
     if reason := _out_of_range(values):
         return JointRun(Outcome.OUT_OF_RANGE, reason)
+    vibrating = None
+    if found := growing_vibration(values):
+        vibrating = VibratingJoint(values, found, samples, _limits(values, 1, _DAMPS), _allowed(values), split)
+        if method == _DAMPS and (answer := vibrating.answer(needles)):
+            return _with_rates(answer, vibrating.last_turn, values) if rates else answer
     assembly = assemble(build_joint(values, needles))
     step, tolerance = (None if math.isnan(given) else given for given in (values.step, values.relative_tolerance))
     settings = Settings(budget=int(values.evaluation_budget), tolerance=tolerance or Settings().tolerance)
@@ -86,10 +101,9 @@ def run_joint(
         if rates:
             readings = replace(readings, rates=_rates(result, values, samples))
         outcome, detail = judge(result, again, readings.groove_thrust.sum(1), readings.amplitude_error, values)
-        if outcome == Outcome.FINISHED and (
-            found := vibration(values, ERROR_LIMIT, result, samples, method, settings.tolerance)
-        ):
-            outcome, detail = (Outcome.INACCURATE if found.invalidates else outcome), found.note
+        if outcome == Outcome.FINISHED and vibrating:
+            third = None if needles else float(abs(complex_amplitudes(readings.groove_thrust.sum(1)).mean(0)[3]))
+            outcome, detail = vibrating.verdict(third, ERROR_LIMIT)
         done = JointRun(outcome, detail, readings)
     parts = [part for part in (result, again) if part]
     return replace(
@@ -130,6 +144,25 @@ def _rates(result: Run, values: JointValues[float], samples: int) -> Rates:
     chosen = np.unique(np.linspace(-1 - samples // 3, -1, _RATE_STATES, endpoint=False).round().astype(int))
     states = [State(float(result.times[k]), result.positions[k], result.velocities[k]) for k in chosen]
     return fastest_rates(result.assembly, states, pace=3 * values.speed)
+
+
+def _with_rates(answer: JointRun, turn: Run | None, values: JointValues[float]) -> JointRun:
+    """The answer of a joint that vibrates, with what limits the step in its last revolution."""
+    if answer.readings is None or turn is None:
+        return answer
+    return replace(answer, readings=replace(answer.readings, rates=_rates(turn, values, turn.times.size - 1)))
+
+
+def _allowed(values: JointValues[float]) -> Callable[[FloatArray], FloatArray]:
+    """Errors that orders of such amplitudes may have: only the third order is asked for."""
+    least = SMALLEST_THIRD * abs(values.torque) / values.pitch_radius
+
+    def allowed(amplitudes: FloatArray) -> FloatArray:
+        errors = np.full(ORDERS.size, math.inf)
+        errors[3] = _ACCURACY * max(float(amplitudes[3]), least)
+        return errors
+
+    return allowed
 
 
 def _states(result: Run) -> tuple[FloatArray, FloatArray]:

@@ -1,30 +1,41 @@
-"""Self-excited vibration: whether the joint would vibrate where the method of a run damps it.
+"""Self-excited vibration: whether a joint vibrates by itself, and with which damping it would not.
 
-Friction that depends on the slip excites a vibration of rollers and spider at some hundred hertz; contact damping, and
-friction across the slip, damp it. At low torque and low speed the excitation is stronger: at the reference joint below
-about 10 N m at 300 rpm and 7 N m at 600 rpm, and up to a higher torque with more groove friction (0.09: 22 N m at 700
-rpm). How large the vibration becomes is known only from a run that does not damp it: a growth by 1.2 to 40 per
-revolution reduces the third order by 0 to 12 %. The result holds for as many revolutions as the run follows; slow
-growth may show later (1.09 per revolution, which is not reported, reduced it by 5 % after ten).
+The friction laws rise with the slip, so that friction damps. What excites is that it turns normal forces into other
+directions: it couples motions with nearby frequencies one way only, and one drives the other (mode coupling). Contact
+damping acts against it, and friction across the slip. Parts of the rate at which a departure grows fastest, 1/s:
+
+    joint, grooves' friction                    frequency    rate   groove sliding  needle sliding  contact damping
+    7 deg, 76 N m, 1860 rpm, 0.015 (needles 0.14)  741 Hz      78               59             404              -31
+    10 deg, 25 N m, 600 rpm, 0.1                   708 Hz      75              546             108              -14
+    9 deg, 57 N m, 1170 rpm, 0.18                 2810 Hz    3150             3870            1019             -104
+
+The rest is elastic. At some 700 Hz the output shaft turns against the contacts, in most of a revolution: twice to three
+times the contact damping that is assumed here ends it. At some kHz a roller spins against the shaft, in parts of a
+revolution, and faster than contact damping could take it there.
+
+The method that runs use damps vibrations. So departures from the smooth motion that it gives are tested for growth.
+The answer holds for small departures; how large they become, and what that makes of the thrust, is seen by following
+the joint with a method that does not damp (`vibrating_run`).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tripod_doe.joint.multibody_scene import build_joint
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.readings import groove_thrust
+from tripod_doe.joint.revolutions import unrest
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
 from tripod_doe.mechanics.floquet import Growth, fastest_growth
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, run
 
-__all__ = ["Vibration", "vibration"]
+__all__ = ["Vibration", "damping_against", "growing_vibration"]
 
 _METHOD = "adaptive-euler"
 """The method whose motion is tested: it damps vibrations. A method that damps little is on its way into them,
@@ -45,91 +56,87 @@ of states show as 0.93 to 1.07."""
 _FAST = 12
 """Order above which a departure is a vibration: slower ones would be seen in the orders of the thrust."""
 
-_UNDAMPED, _STEP = "generalized-alpha", 3e-5
-"""What leaves vibrations alone: a third of the step changes the third order that they leave by 0.3 % (by 4 % at the
-joint that vibrates most, where it changes as much from one revolution to the next)."""
-
-_LEAST = 2e-3
-"""Share of |T| / R_p: a smaller third order, as a straight joint has, counts as one of this size."""
-
-_ADVICE = "raise torque, speed or contact damping, or use model kinetostatic for the motion without vibration"
+_STRONGER, _LEAST_DAMPING = (2.0, 4.0, 8.0, 16.0, 32.0), 1e-4
+"""Factors of contact damping that are tried against a vibration, and the damping in s/mm that counts at least."""
 
 
 @dataclass(frozen=True)
 class Vibration:
-    """A vibration that a run damps away.
+    """A vibration that grows from the smooth motion of a joint.
 
     Attributes
     ----------
-    invalidates
-        Whether it reduces the third order so much that the run is wrong.
-    note
-        Frequency, growth and loss, in words.
+    growth
+        How fast small departures grow.
+    third
+        Third order of the thrust in the smooth motion.
+    unrest
+        Effective value of the thrust above the orders that are reported, in the smooth motion.
     """
 
-    invalidates: bool
-    note: str
+    growth: Growth
+    third: float
+    unrest: float
+
+    @property
+    def described(self) -> str:
+        """Frequency and growth, in words."""
+        hertz, factor = self.growth.frequency / (2 * math.pi), self.growth.factor
+        return f"self-excited vibration at about {hertz:.0f} Hz, growing by a factor of {factor:.2g} per revolution"
 
 
-def vibration(
-    values: JointValues[float], limit: float, result: Run, samples: int, method: str, tolerance: float
-) -> Vibration | None:
-    """Estimate how much a vibration would reduce the third order of a run; None where nothing vibrates.
+def growing_vibration(values: JointValues[float]) -> Vibration | None:
+    """Find a vibration that grows from the smooth motion of a joint; None where all departures die out.
 
-    Departures from a smooth motion of the joint are tested for growth; where they grow, the same revolutions are run
-    without damping. The growth alone does not show the loss: 1.5 per revolution was seen to cost 11 %, 1e10 (at 3 kHz)
-    half a percent. Needles rattle with any method, so that they have no smooth motion whose departures could be
-    followed, and undamped runs of needles cost thirty times as much: they are tested with lumped bearings. Of 20
-    points that were also run undamped with needles, lumped bearings predicted a loss above 5 % wrongly at one.
+    Needles rattle, so that a joint with needle bodies has no smooth motion whose departures could be followed: joints
+    are tested with lumped bearings.
 
     Parameters
     ----------
     values
         The operating point.
-    limit
-        Largest loss, as a share of the third order, with which a run is right.
-    result, samples, method, tolerance
-        The run, its samples per revolution, and its numerics.
     """
-    assembly = result.assembly
-    lumped = bool(assembly.tables.bearings.size)
-    if not (lumped and method == _METHOD and tolerance <= _ASKS):
-        assembly, samples = assembly if lumped else assemble(build_joint(values, needles=False)), 8 * _FEW
-        result = _smooth(assembly, values, samples, _ASKS)
-    if not _vibrates(result, samples, _FEW, values):
+    assembly = assemble(build_joint(values, needles=False))
+    asked = _smooth(assembly, values, 8 * _FEW, _ASKS)
+    if not (growth := _vibrates(asked, 8 * _FEW, _FEW, values)):
         return None
-    many = 2 * _MANY
-    smooth = _smooth(assembly, values, many, _DECIDES)
-    if not (growth := _vibrates(smooth, many, _MANY, values)):
+    decides = _smooth(assembly, values, 2 * _MANY, _DECIDES)
+    if _came_to_its_end(decides, 2 * _MANY) and not (growth := _vibrates(decides, 2 * _MANY, _MANY, values)):
         return None
-    free = _undamped(assembly, values, many)
-    if free.times.size <= int(values.cycles) * many:  # it stopped on its way
-        return None
-    third = _third_order(smooth, many, 1)
-    least = _LEAST * abs(values.torque) / values.pitch_radius
-    lost = (third - _third_order(free, many, 2)) / max(third, least)
-    percent = round(100 * lost, 1) + 0.0  # no negative zero
-    note = f"{_described(growth)}; without damping, lumped bearings have a third order lower by {percent:g} %"
-    return Vibration(True, f"{note}; {_ADVICE}") if abs(lost) > limit else Vibration(False, note)
+    last = slice(-8 * _FEW, None)
+    thrust = groove_thrust(assembly, asked.positions[last], asked.velocities[last]).sum(0)
+    return Vibration(growth, float(np.abs(complex_amplitudes(thrust))[3]), unrest(thrust))
 
 
-def _described(growth: Growth) -> str:
-    return (
-        f"self-excited vibration at about {growth.frequency / (2 * math.pi):.0f} Hz, growing by a factor of "
-        f"{growth.factor:.2g} per revolution, which this run damps"
-    )
+def damping_against(values: JointValues[float]) -> float | None:
+    """Contact damping in s/mm with which a joint that vibrates would not, among doublings of what it has.
+
+    Parameters
+    ----------
+    values
+        The operating point.
+
+    Returns
+    -------
+    float or None
+        None where the joint vibrates with all that are tried.
+    """
+    own = max(values.contact_damping, _LEAST_DAMPING)
+    for factor in _STRONGER:
+        damped = replace(values, contact_damping=factor * own)
+        asked = _smooth(assemble(build_joint(damped, needles=False)), damped, 8 * _FEW, _ASKS)
+        if _came_to_its_end(asked, 8 * _FEW) and not _vibrates(asked, 8 * _FEW, _FEW, damped):
+            return factor * own
+    return None
 
 
-def _third_order(result: Run, samples: int, revolutions: int) -> float:
-    """Third order of the thrust in the last revolutions."""
-    last = slice(-revolutions * samples, None)
-    thrust = groove_thrust(result.assembly, result.positions[last], result.velocities[last]).sum(0)
-    return float(np.abs(complex_amplitudes(thrust.reshape(revolutions, samples)).mean(0))[3])
+def _came_to_its_end(result: Run, samples: int) -> bool:
+    return result.times.size > 2 * samples
 
 
 def _vibrates(result: Run, samples: int, count: int, values: JointValues[float]) -> Growth | None:
     """How departures grow, if that makes a vibration; nothing is known of a motion that did not come to its end."""
-    if result.times.size <= 2 * samples:
+    if not _came_to_its_end(result, samples):
         return None
     growth = _growth_in_a_revolution(result, samples, count)
     return growth if growth.factor > _GROWS and growth.frequency > _FAST * values.speed else None
@@ -160,13 +167,4 @@ def _smooth(assembly: Assembly, values: JointValues[float], samples: int, tolera
     return run(
         assembly, _METHOD, 4 * math.pi / values.speed, samples=2 * samples,
         settings=Settings(tolerance=tolerance), limits=Limits(windows=0),
-    )  # fmt: skip
-
-
-def _undamped(assembly: Assembly, values: JointValues[float], samples: int) -> Run:
-    """As many revolutions as a run follows, without damping."""
-    cycles = int(values.cycles)
-    return run(
-        assembly, _UNDAMPED, cycles * 2 * math.pi / values.speed, step=_STEP, samples=cycles * samples,
-        limits=Limits(windows=0),
     )  # fmt: skip

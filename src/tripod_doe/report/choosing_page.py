@@ -34,10 +34,10 @@ measures them in a pilot ([automatic_choice.md](automatic_choice.md)).
 
 
 _VIBRATING = """
-At low torque and low speed, and more so with higher friction in the grooves, friction makes the joint vibrate. All
-affordable time steps damp this vibration (`joint/vibration.py`). `rollers` and `needles` end with a failure where the
-vibration would change the third order by more than 5 %; other points that vibrate have a note in `outcome_detail`.
-`kinetostatic` computes the motion without vibration.
+Many joints vibrate by themselves: with high friction in the grooves or of the needles, with large joint angles, and at
+low torque and low speed. `rollers` and `needles` follow the vibration, which takes several times as long, and
+`outcome_detail` tells frequency, growth and size ([models.md](models.md#vibration)). `kinetostatic` computes the motion
+without vibration.
 """
 
 

@@ -1,0 +1,170 @@
+"""A joint followed revolution by revolution, of each of which only what is read off it is kept.
+
+The thrust is sampled so often that a vibration does not appear as a low order. Waveforms are what is left of it below
+the sampling limit of the run's results, as behind the filter of a measurement.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import resample
+
+from tripod_doe.joint.orders import ORDERS, complex_amplitudes
+from tripod_doe.joint.readings import groove_readings, needle_skews
+from tripod_doe.joint.thrust_parts import thrust_parts
+from tripod_doe.joint.values import JointValues
+from tripod_doe.mechanics.assembly import Assembly, State
+from tripod_doe.mechanics.integrators.contract import Method
+from tripod_doe.mechanics.monitor import Settings
+from tripod_doe.mechanics.run import Limits, Run, run
+from tripod_doe.simulator import Outcome
+
+__all__ = ["JointInTurns", "Revolution", "StoppedError", "unrest"]
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_RATE = 2e4
+"""Least samples per second: contact damping keeps the contacts, which could vibrate faster, from doing so."""
+
+_CORRECTION = 1e-6
+"""Relative correction at which the iterations of an implicit step end: a tighter one changes no digit of a mean order,
+and costs half as much again."""
+
+
+class StoppedError(Exception):
+    """A run stopped on its way."""
+
+    def __init__(self, stopped: Run) -> None:
+        super().__init__(stopped.detail)
+        self.stopped = stopped
+
+
+@dataclass(frozen=True)
+class Revolution:
+    """What is read off one revolution, in internal units; waveforms at the samples of the run's results.
+
+    Attributes
+    ----------
+    thrust
+        At each groove, shape (groove, sample).
+    orders
+        Complex orders of their sum, shape (order,).
+    parts
+        Part of each mechanism, shape (part, sample); None unless requested.
+    power
+        Mean power lost to each mechanism, shape (mechanism,).
+    unrest
+        Effective value of the thrust above the orders that are reported.
+    skew, skew_summary
+        See `needle_skews`; None without needles.
+    penetration, energy_residual
+        See `mechanics.run.Run`.
+    """
+
+    thrust: FloatArray
+    orders: ComplexArray
+    parts: FloatArray | None
+    power: FloatArray
+    unrest: float
+    skew: FloatArray | None
+    skew_summary: FloatArray | None
+    penetration: float
+    energy_residual: float
+
+
+@dataclass
+class JointInTurns:
+    """A joint that is followed revolution by revolution.
+
+    Attributes
+    ----------
+    assembly, values
+        The joint and its operating point.
+    method
+        How it is followed.
+    samples
+        Samples per revolution of the results.
+    limits
+        What a revolution may show.
+    budget
+        Force evaluations that are left.
+    split
+        Whether the thrust is split into the parts of the mechanisms.
+    state
+        Where it has come to; None at its start.
+    last_turn
+        The last revolution that was followed.
+    steps, force_evaluations, solves
+        Counted work.
+    """
+
+    assembly: Assembly
+    values: JointValues[float]
+    method: Method
+    samples: int
+    limits: Limits
+    budget: int
+    split: bool = False
+    state: State | None = None
+    last_turn: Run | None = None
+    steps: int = 0
+    force_evaluations: int = 0
+    solves: int = 0
+
+    @property
+    def has_needles(self) -> bool:
+        """Whether needles are bodies."""
+        return "needle 1.1" in self.assembly.names
+
+    def follow(self, count: int, setting: float) -> list[Revolution]:
+        """Follow so many revolutions with a tolerance or step.
+
+        Raises
+        ------
+        StoppedError
+            If one stops on its way.
+        """
+        return [self._read(self._turn(setting)) for _ in range(count)]
+
+    def _turn(self, setting: float) -> Run:
+        duration, controlled = 2 * math.pi / self.values.speed, self.method.controlled
+        rate = _RATE if controlled else 1 / setting  # else a sample a step
+        settings = Settings(budget=max(self.budget, 1), correction=_CORRECTION)
+        result = run(
+            self.assembly, self.method.name, duration, step=None if controlled else setting,
+            samples=self.samples * math.ceil(rate * duration / self.samples), start=self.state, limits=self.limits,
+            settings=settings._replace(tolerance=setting) if controlled else settings,
+        )  # fmt: skip
+        self.steps, self.solves = self.steps + result.steps, self.solves + result.solves
+        self.force_evaluations += result.force_evaluations
+        self.budget -= result.force_evaluations
+        self.last_turn = result
+        if result.outcome != Outcome.FINISHED:
+            raise StoppedError(result)
+        self.state = State(float(result.times[-1]), result.positions[-1].copy(), result.velocities[-1].copy())
+        return result
+
+    def _read(self, result: Run) -> Revolution:
+        states = (result.times[:-1], result.positions[:-1], result.velocities[:-1])  # the end is the next one's start
+        thrust, power = groove_readings(self.assembly, *states[1:])
+        total, skew, summary = thrust.sum(0), None, None
+        if self.has_needles:
+            every = total.size // self.samples
+            skew, summary = needle_skews(self.assembly, states[1][::every], self.values, 1)
+        parts = thrust_parts(self.assembly, *states, self.values).sum(1) if self.split else None
+        return Revolution(
+            resample(thrust, self.samples, axis=-1), complex_amplitudes(total),
+            None if parts is None else resample(parts, self.samples, axis=-1), power.mean(1), unrest(total),
+            skew, summary, result.penetration, result.energy_residual,
+        )  # fmt: skip
+
+
+def unrest(thrust: FloatArray) -> float:
+    """Effective value of a thrust above the orders that are reported, from its samples over one revolution."""
+    reported = np.fft.irfft(np.fft.rfft(thrust)[: ORDERS.size], thrust.size)
+    return float(np.sqrt(((thrust - reported) ** 2).mean()))

@@ -1,0 +1,96 @@
+"""What becomes of a joint that vibrates: which runs are followed, which may do without, and what they say."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tripod_doe.joint.joint_run import Readings
+from tripod_doe.joint.orders import ORDERS
+from tripod_doe.joint.vibrating_joint import VibratingJoint
+from tripod_doe.joint.vibrating_run import FollowedVibration
+from tripod_doe.joint.vibration import Vibration
+from tripod_doe.mechanics.floquet import Growth
+from tripod_doe.mechanics.run import Limits
+from tripod_doe.simulator import Outcome
+
+SMOOTH = Vibration(Growth(3.0, 10.0, 2 * math.pi * 700), third=10.0, unrest=0.1)
+
+
+def followed_to(third, unrest=5.0, certain=True):
+    """What following it came to."""
+    readings = Readings(
+        np.zeros((4, 3, 30)),
+        None,
+        np.zeros(5),
+        np.full(ORDERS.size, 0.1),
+        None,
+        None,
+        penetration=0.0,
+        energy_residual=0.0,
+    )
+    return FollowedVibration(4, 11, 1e-3, third, 0.2, unrest, steady=certain, certain=certain, readings=readings)
+
+
+@pytest.fixture
+def vibrating(monkeypatch, joint_values):
+    """A joint of which is known what following it comes to; that of needles is 9 N."""
+
+    def make(lumped):
+        joint = VibratingJoint(joint_values(), SMOOTH, 30, Limits(), lambda a: 0.02 * a, split=False)
+        outcomes = {False: lumped, True: followed_to(9.0)}
+        asked = SimpleNamespace(needles=[])
+
+        def follow(self, needles):
+            asked.needles.append(needles)
+            return outcomes[needles]
+
+        monkeypatch.setattr(VibratingJoint, "_followed", follow)
+        monkeypatch.setattr("tripod_doe.joint.vibrating_joint.damping_against", lambda _: 0.002)
+        return joint, asked
+
+    return make
+
+
+def test_rollers_are_followed(vibrating):
+    joint, _ = vibrating(followed_to(9.5))
+    answer = joint.answer(needles=False)
+    assert answer.outcome == Outcome.FINISHED
+    for part in ("at about 700 Hz", "9.5 +- 0.1 N", "10 N without", "contact_damping_s_per_mm = 0.002 it would not"):
+        assert part in answer.detail
+
+
+def test_what_comes_to_nothing_is_no_vibration(vibrating):
+    joint, _ = vibrating(followed_to(10.0, unrest=0.11))
+    assert joint.answer(needles=False) is None
+    assert joint.verdict(10.0, 0.05) == (Outcome.FINISHED, "")
+
+
+@pytest.mark.parametrize(("lumped", "asked"), [(9.85, [False]), (9.0, [False, True])])
+def test_needles_are_followed_where_it_matters(vibrating, lumped, asked):
+    """2 % of 10 N may be off, of which 0.1 N is not known."""
+    joint, seen = vibrating(followed_to(lumped))
+    answer = joint.answer(needles=True)
+    assert seen.needles == asked
+    assert (answer is None) == (len(asked) == 1)
+
+
+@pytest.mark.parametrize(
+    ("third", "outcome"), [(9.1, Outcome.FINISHED), (10.0, Outcome.INACCURATE), (None, Outcome.INACCURATE)]
+)
+def test_a_run_whose_method_is_chosen_is_compared(vibrating, third, outcome):
+    joint, _ = vibrating(followed_to(9.0))
+    found, note = joint.verdict(third, 0.05)
+    assert found == outcome
+    assert "the third order is 9 N with it and 10 N without it" in note
+    assert ("leave out method" in note) == (outcome == Outcome.INACCURATE)
+
+
+def test_what_has_not_settled_is_no_result(vibrating):
+    joint, _ = vibrating(followed_to(9.0, certain=False))
+    answer = joint.answer(needles=False)
+    assert answer.outcome == Outcome.INACCURATE
+    assert "after 11 revolutions it has not settled" in answer.detail

@@ -1,0 +1,85 @@
+"""When a vibration counts as followed: statistics of revolutions, and what is done next."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tripod_doe.joint.orders import ORDERS
+from tripod_doe.joint.revolutions import Revolution
+from tripod_doe.joint.vibrating_run import follow_vibration, mean_and_chance
+from tripod_doe.mechanics.integrators.registry import METHODS
+
+METHOD = METHODS["rosenbrock"]
+
+
+class Turning:
+    """A joint whose third order is 10 N, plus a share of the setting, plus chance, under a vibration that grows by half."""
+
+    method, has_needles = METHOD, False
+
+    def __init__(self, joint_values, by_steps=0.0, by_chance=0.0, growing=0):
+        self.values, self.by_steps, self.by_chance, self.growing = joint_values(), by_steps, by_chance, growing
+        self.rng, self.turns, self.settings = np.random.default_rng(3), 0, []
+
+    def follow(self, count, setting):
+        self.settings.append(setting)
+        return [self._turn(setting) for _ in range(count)]
+
+    def _turn(self, setting):
+        self.turns += 1
+        orders = np.zeros(ORDERS.size, complex)
+        orders[3] = 10 + self.by_steps * setting + self.by_chance * self.rng.normal()
+        unrest = 1.5 ** min(self.turns, self.growing)
+        return Revolution(np.zeros((3, 4)), orders, None, np.zeros(5), unrest, None, None, 0.0, 0.0)
+
+
+def allowed(amplitudes):
+    """Two percent of the third order."""
+    errors = np.full(ORDERS.size, np.inf)
+    errors[3] = 0.02 * amplitudes[3]
+    return errors
+
+
+def test_a_regular_vibration_is_followed_once_and_again_finer(joint_values):
+    joint = Turning(joint_values)
+    found = follow_vibration(joint, 4e-3, allowed)
+    assert found.certain
+    assert found.third == pytest.approx(10)
+    assert (found.followed, joint.settings) == (6 + 1 + 4, [4e-3, 1e-3, 1e-3])
+
+
+def test_growth_is_waited_for(joint_values):
+    assert follow_vibration(Turning(joint_values, growing=9), 4e-3, allowed).followed > 24
+
+
+def test_chance_asks_for_revolutions_and_leaves_an_honest_error(joint_values):
+    """Exact: the mean of n revolutions with a standard deviation of 0.6 N is off by 2 * 0.6 / sqrt n at most."""
+    found = follow_vibration(Turning(joint_values, by_chance=0.6), 4e-3, allowed)
+    assert found.certain
+    assert found.revolutions >= 36
+    assert abs(found.third - 10) < found.readings.amplitude_error[3] < 0.2
+
+
+def test_steps_that_matter_are_refined(joint_values):
+    """Exact: an error in proportion to the setting is a third of what the setting's quarter changed."""
+    joint = Turning(joint_values, by_steps=500.0)
+    found = follow_vibration(joint, 4e-3, allowed)
+    assert found.setting == pytest.approx(4e-3 / 16)
+    assert found.readings.amplitude_error[3] == pytest.approx(found.third - 10)
+
+
+def test_a_vibration_that_never_settles_says_so(joint_values):
+    found = follow_vibration(Turning(joint_values, growing=1000), 4e-3, allowed)
+    assert not found.steady
+    assert not found.certain
+
+
+def test_revolutions_that_are_alike_tell_less():
+    """Exact: of a process that keeps r of itself, n values are worth n (1 - r) / (1 + r)."""
+    rng, keeps, count = np.random.default_rng(1), 0.6, 4000
+    values = np.zeros((count, 13), complex)
+    for k in range(1, count):
+        values[k] = keeps * values[k - 1] + rng.normal(size=13)
+    expected = 2 * values.std(0) * np.sqrt((1 + keeps) / (1 - keeps) / count)
+    assert mean_and_chance(values)[1] == pytest.approx(expected, rel=0.1)
