@@ -44,3 +44,11 @@ def write_study(tmp_path):
         return path
 
     return write
+
+
+@pytest.fixture
+def charts_not_drawn(monkeypatch):
+    """Pages whose charts are empty: drawing takes most of the time of a small study; tests of pages draw them."""
+    from tripod_doe.report.figures.chart import Chart
+
+    monkeypatch.setattr(Chart, "svg", lambda chart: f"<svg><title>{chart.title}</title></svg>")

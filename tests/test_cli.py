@@ -17,6 +17,8 @@ import tripod_doe as td
 from tripod_doe.cli import main
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 
+pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+
 STUDY = """
     [study]
     name = "small"

@@ -12,6 +12,8 @@ from tripod_doe.study.designs import make_points
 from tripod_doe.study.simulate import simulate
 from tripod_doe.study.task import make_task, run_task
 
+pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+
 FUNCTIONS = """
 def told(n, mode="sum", scale=2):
     rows = range(n)                       # a float would not do

@@ -16,6 +16,8 @@ from tripod_doe.study.execution import Execution
 from tripod_doe.study.results import is_shown
 from tripod_doe.study.study_points import StudyPoints
 
+pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+
 STUDY = """
 [study]
 name = "plates"

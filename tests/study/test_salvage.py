@@ -15,6 +15,8 @@ from tripod_doe.simulator import BlockResult, Outcome
 from tripod_doe.study.directory import ResultDirectory
 from tripod_doe.study.journal import FinishedBlock, Journal
 
+pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+
 BLOCKS = 60
 
 

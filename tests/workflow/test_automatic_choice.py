@@ -27,6 +27,8 @@ from tripod_doe.study.designs import make_points
 from tripod_doe.study.journal import PILOT, FinishedBlock, Journal
 from tripod_doe.study.study_points import StudyPoints
 
+pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+
 WAVE = """
 import os, time
 from tripod_doe.simulator import Candidate

@@ -22,6 +22,8 @@ from tripod_doe.cli import main
 from tripod_doe.report.analyses import ANALYSES, Analysis
 from tripod_doe.workflow.definition import load_workflow
 
+pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+
 COUNTED = """
 import os, time
 def counted(x, slow=0.0, tag=0.0):

@@ -14,6 +14,8 @@ from choosing_chain import CHAIN
 
 import tripod_doe as td
 
+pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+
 WAVE = """
 import os, time
 from tripod_doe.simulator import Candidate

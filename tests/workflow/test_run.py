@@ -24,6 +24,8 @@ from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.directory import ResultDirectory
 from tripod_doe.study.journal import Journal
 
+pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+
 GRID = """
     [study]
     name = "grid"
