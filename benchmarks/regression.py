@@ -6,8 +6,9 @@
 Counted work (points finished, steps, force evaluations, solves) must be what `counted_work.toml` says: that needs no
 quiet machine. Prices are compared with COMMIT in one run: both versions stay loaded, take turns, and the ratio of every
 pair of turns is noted, so that other work on the machine burdens both alike. Exit code 1 where counted work differs, or
-where the whole spread between the quartiles of the ratios lies above 1.05. `study` is compared by wall time, all others
-by CPU time; an older commit gets a worktree and a compile cache in a temporary folder, so its first turn takes a while.
+where the whole spread between the quartiles of the ratios lies above 1.05. Prices are CPU time, of `study` that of all
+its processes; its wall time is told besides. An older commit gets a worktree and a compile cache in a temporary folder,
+so its first turn takes a while.
 """
 
 from __future__ import annotations
@@ -60,17 +61,18 @@ class Version:
         return self.answer()
 
 
-def paired_ratios(name: str, count: int, tree: Path, cache: str, rounds: int) -> tuple[np.ndarray, dict]:
-    """Price here over the price in `tree`, of every pair of turns, and the work counted here."""
+def paired_ratios(name: str, count: int, tree: Path, cache: str, rounds: int) -> tuple[dict[str, np.ndarray], dict]:
+    """CPU and wall time here over those in `tree`, of every pair of turns, and the work counted here."""
     with Version(name, count, HERE.parent) as ours, Version(name, count, tree, cache) as theirs:
         ours.answer(), theirs.answer()
-        ratios = []
+        pairs = []
         for number in range(rounds):
             first, second = (ours, theirs) if number % 2 == 0 else (theirs, ours)
             turns = first.turn(), second.turn()
             mine, other = turns if number % 2 == 0 else turns[::-1]
-            ratios.append(mine["cpu_seconds"] / other["cpu_seconds"])
-    return np.array(ratios), mine["counted"]
+            pairs.append((mine, other))
+    times = [key for key in ("cpu_seconds", "wall_seconds") if key in mine]
+    return {key: np.array([mine[key] / other[key] for mine, other in pairs]) for key in times}, mine["counted"]
 
 
 def counted_work(name: str, count: int) -> dict:
@@ -99,8 +101,10 @@ def compare(names: list[str], against: str | None, rounds: int) -> bool:
                 text = ""
                 if against:
                     ratios, counted = paired_ratios(name, COUNTS[name], tree, cache, rounds)
-                    low, middle, high = np.quantile(ratios, (0.25, 0.5, 0.75))
+                    low, middle, high = np.quantile(ratios["cpu_seconds"], (0.25, 0.5, 0.75))
                     text, well = f"{middle:.3f} of the price ({low:.3f} to {high:.3f})", well and low <= SLOWER
+                    if "wall_seconds" in ratios:
+                        text += f", {np.median(ratios['wall_seconds']):.3f} of the wall time"
                 else:
                     counted = counted_work(name, COUNTS[name])
                 found = differences(counted, recorded.get(name, {}))
