@@ -9,6 +9,17 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 __all__ = ["Comparison", "Errors", "Health", "PlanRequest", "RunRecord", "Submission"]
 
 
+_STUDY = """[study]
+name = "two angles"
+
+[base]
+model = "equilibrium"
+
+[factors.joint_angle_deg]
+values = [4, 12]
+"""
+
+
 class _Form(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
@@ -16,7 +27,7 @@ class _Form(BaseModel):
 class Submission(_Form):
     """A study or a workflow, with the files that it names."""
 
-    study: str | None = Field(None, description="text of a study file")
+    study: str | None = Field(None, description="text of a study file", examples=[_STUDY])
     workflow: str | None = Field(None, description="text of a workflow file, in place of a study")
     files: dict[str, str] = Field({}, description="texts of the files that it names, by their plain names")
 

@@ -10,12 +10,17 @@ from tripod_doe.service.forms import Errors
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.service import Service
 
-__all__ = ["CHANGES", "REFUSALS", "AnyService", "WritingService", "errors_at"]
+__all__ = ["CHANGES", "REFUSALS", "AnyService", "WritingService", "errors_at", "gives"]
 
 
 def errors_at(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """Statuses with a list of errors, for the description of a route."""
     return {status: {"model": Errors} for status in statuses}
+
+
+def gives(*media_types: str) -> dict[int | str, dict[str, Any]]:
+    """The answer of a route that is a file or a text of one of these types."""
+    return {200: {"content": {name: {"schema": {"type": "string"}} for name in media_types}}}
 
 
 REFUSALS = errors_at(400, 401, 413, 422, 500, 503)

@@ -10,7 +10,7 @@ from starlette.responses import FileResponse, RedirectResponse, Response
 
 from tripod_doe.service.forms import Comparison
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.routes.access import CHANGES, REFUSALS, AnyService, errors_at
+from tripod_doe.service.routes.access import CHANGES, REFUSALS, AnyService, errors_at, gives
 from tripod_doe.service.service import Service
 from tripod_doe.study.results import is_shown
 
@@ -28,7 +28,7 @@ _REPORT_POLICY = (
 Step = Annotated[str | None, Query(description="step of a workflow")]
 
 
-@router.get("/query", response_class=Response)
+@router.get("/query", response_class=Response, responses=gives(*_TYPES.values()))
 def query(
     run_id: str,
     service: AnyService,
@@ -46,7 +46,7 @@ def query(
     return Response(data, media_type=_TYPES[format], headers=headers)
 
 
-@router.get("/cube.nc", response_class=Response)
+@router.get("/cube.nc", response_class=Response, responses=gives(_TYPES["netcdf"]))
 def cube(run_id: str, service: AnyService, step: Step = None) -> Response:
     """The cube as a netCDF file; while the study runs, that of the points that are finished."""
     directory = service.results(run_id, step)
@@ -73,7 +73,7 @@ def compare(run_id: str, body: Comparison, service: AnyService, step: Step = Non
     return service.compare(run_id, body.measurement, step, body.model_dump(exclude={"measurement"}))
 
 
-@router.get("/analysis/{name}.nc", response_class=Response)
+@router.get("/analysis/{name}.nc", response_class=Response, responses=gives(_TYPES["netcdf"]))
 def analysis(run_id: str, name: str, service: AnyService, step: Step = None) -> Response:
     """The result of an analysis as a netCDF file."""
     return _file(service.analysis_file(run_id, name, step))
@@ -86,7 +86,7 @@ async def report_address(run_id: str, service: AnyService) -> Response:
     return RedirectResponse(f"/api/v1/runs/{run_id}/report/", 307)
 
 
-@router.get("/report/", response_class=Response)
+@router.get("/report/", response_class=Response, responses=gives("text/html"))
 def report(run_id: str, service: AnyService) -> Response:
     """The report page, in a sandbox."""
     service.runs.find(run_id)

@@ -12,7 +12,7 @@ from starlette.responses import PlainTextResponse
 from tripod_doe.service.forms import RunRecord, Submission
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.processes import run_log
-from tripod_doe.service.routes.access import CHANGES, REFUSALS, AnyService, WritingService, errors_at
+from tripod_doe.service.routes.access import CHANGES, REFUSALS, AnyService, WritingService, errors_at, gives
 
 __all__ = ["router"]
 
@@ -130,7 +130,7 @@ async def steps_of_run(run_id: str, service: AnyService) -> list[dict[str, Any]]
     return [dict(step) for step in service.runs.find(run_id).steps]
 
 
-@router.get("/runs/{run_id}/log", response_class=PlainTextResponse, responses=errors_at(404))
+@router.get("/runs/{run_id}/log", response_class=Response, responses=gives("text/plain") | errors_at(404))
 def log_of_run(run_id: str, service: AnyService) -> PlainTextResponse:
     """What the latest process of a run said."""
     service.runs.find(run_id)

@@ -1,0 +1,189 @@
+"""What the service costs: small answers per second, a slice of a cube, 200 event streams, memory, price of watchers.
+
+    python benchmarks/service_load.py [--requests 5000] [--memory 100000] [--watchers 20]
+
+It starts a server on a folder of its own, with the demonstration study. Rates are of one connection per client with
+pipelining off; on a busy machine only the counted parts (bytes, events, growth of memory) say anything.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import psutil
+
+LONG = """
+[study]
+name = "watched"
+[base]
+model = "equilibrium"
+[factors.joint_angle_deg]
+low = 2
+high = 18
+count = {count}
+[factors.torque_n_m]
+low = 20
+high = 300
+count = {count}
+[keep]
+outputs = ["thrust_rms"]
+[run]
+block = 20
+"""
+
+
+class Server:
+    """A server on a folder of its own."""
+
+    def __init__(self, folder: Path, *flags: str) -> None:
+        words = [sys.executable, "-m", "tripod_doe.cli", "serve", "--folder", str(folder), "--port", "0", *flags]
+        self.process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+        found = re.fullmatch(r"http://127\.0\.0\.1:(\d+)/\?token=(\S+)\n", self.process.stdout.readline())
+        self.port, self.token = int(found[1]), found[2]
+
+    def head(self, method: str, path: str, body: bytes = b"") -> bytes:
+        """A request as bytes."""
+        lines = [f"{method} /api/v1{path} HTTP/1.1", f"Host: 127.0.0.1:{self.port}",
+                 f"Authorization: Bearer {self.token}"]  # fmt: skip
+        lines += ["Content-Type: application/json", f"Content-Length: {len(body)}"] if body else []
+        return "\r\n".join([*lines, "", ""]).encode() + body
+
+    def end(self) -> None:
+        """End it."""
+        self.process.terminate()
+        self.process.wait()
+        self.process.stdout.close()
+
+
+async def answer(reader: asyncio.StreamReader) -> tuple[int, bytes]:
+    """Status and body of an answer with a known length."""
+    head = (await reader.readuntil(b"\r\n\r\n")).decode("latin-1").lower()
+    length = re.search(r"content-length: (\d+)", head)
+    return int(head.split()[1]), await reader.readexactly(int(length[1]) if length else 0)
+
+
+async def asked(server: Server, request: bytes, count: int, clients: int) -> np.ndarray:
+    """Seconds of each of `count` equal requests over some connections side by side."""
+    seconds: list[float] = []
+
+    async def client(share: int) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+        for _ in range(share):
+            started = time.perf_counter()
+            writer.write(request)
+            status, _ = await answer(reader)
+            assert status == 200, status
+            seconds.append(time.perf_counter() - started)
+        writer.close()
+
+    await asyncio.gather(*(client(count // clients) for _ in range(clients)))
+    return np.array(seconds)
+
+
+async def once(server: Server, method: str, path: str, body: object = None) -> object:
+    """One request, and its JSON."""
+    reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+    writer.write(server.head(method, path, b"" if body is None else json.dumps(body).encode()))
+    status, data = await answer(reader)
+    writer.close()
+    assert status < 300, (status, data[:300])
+    return json.loads(data) if data else None
+
+
+async def events(server: Server, streams: int, run_id: str, until: str) -> list[list[str]]:
+    """Names of the events that each of some streams saw of a run until it was in a state."""
+
+    async def watch() -> list[str]:
+        reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+        writer.write(server.head("GET", f"/runs/{run_id}/events"))
+        names, state = [], ""
+        while line := await reader.readline():
+            if line.startswith(b"data: "):
+                state = json.loads(line[6:])["state"]
+            if line.startswith(b"id: "):
+                names.append(line.decode().strip())
+                if state == until:
+                    break
+        writer.close()
+        return names
+
+    return list(await asyncio.gather(*(watch() for _ in range(streams))))
+
+
+async def finished(server: Server, run_id: str) -> dict:
+    """A run when it is at rest."""
+    while (run := await once(server, "GET", f"/runs/{run_id}"))["state"] not in ("finished", "failed", "stopped"):
+        await asyncio.sleep(0.2)
+    return run
+
+
+async def measure(server: Server, requests: int, memory: int, watchers: int) -> None:
+    """Measure, and print a line for each figure."""
+    (demo,) = await once(server, "GET", "/runs")
+    small = server.head("GET", f"/runs/{demo['id']}")
+    await asked(server, small, 200, 1)
+    for clients in (1, 8):
+        cpu = psutil.Process(server.process.pid).cpu_times().user
+        seconds = await asked(server, small, requests, clients)
+        cpu = psutil.Process(server.process.pid).cpu_times().user - cpu
+        rate = clients / seconds.mean()
+        print(f"small answers, {clients} clients: {rate:.0f} per second, p99 {1e3 * np.quantile(seconds, 0.99):.1f} ms, "
+              f"{1e6 * cpu / seconds.size:.0f} us of CPU time each")  # fmt: skip
+    query = server.head("GET", f"/runs/{demo['id']}/query?variable=thrust_rms")
+    await asked(server, query, 5, 1)
+    seconds = await asked(server, query, 50, 1)
+    print(f"slice of {144 * 13:,} cells as JSON: median {1e3 * np.median(seconds):.0f} ms")
+    before = psutil.Process(server.process.pid).memory_info().rss
+    await asked(server, small, memory, 8)
+    growth = psutil.Process(server.process.pid).memory_info().rss / before - 1
+    print(f"memory after {memory:,} requests: {100 * growth:+.1f} % of {before / 1e6:.0f} MB")
+    await watch_figures(server, watchers)
+
+
+async def watch_figures(server: Server, watchers: int) -> None:
+    """Price of a study with and without watchers, in turns, and what 200 streams see of one."""
+    prices: dict[int, list[float]] = {0: [], watchers: []}
+    for turn, count in enumerate([0, watchers] * 3):
+        study = LONG.format(count=40).replace("low = 2\n", f"low = {2 + turn / 100}\n")
+        run = await once(server, "POST", "/runs", {"study": study})
+        before = psutil.Process(server.process.pid).cpu_times().user
+        seen = await events(server, max(count, 1), run["id"], "finished")
+        done = await finished(server, run["id"])
+        cpu = psutil.Process(server.process.pid).cpu_times().user - before
+        prices[count].append((done["cpu_seconds"] + cpu) / done["cpu_seconds"])
+        assert len({tuple(names) for names in seen}) <= 2, "streams differ"
+    for count, ratios in prices.items():
+        print(f"{count} watchers: the server adds {100 * (np.median(ratios) - 1):.1f} % to the study's CPU time")
+    run = await once(server, "POST", "/runs", {"study": LONG.format(count=30)})
+    seen = await events(server, 200, run["id"], "finished")
+    last = max(seen, key=len)
+    lost = sum(names != last[len(last) - len(names) :] for names in seen)
+    print(f"200 streams: {lost} lost an event of the {len(last)} that the first saw")
+
+
+def main() -> None:
+    """Measure with a server of its own."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--requests", type=int, default=5_000)
+    parser.add_argument("--memory", type=int, default=100_000)
+    parser.add_argument("--watchers", type=int, default=20)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        server = Server(Path(folder) / "results", "--demo", "--workers", "0")
+        try:
+            asyncio.run(measure(server, options.requests, options.memory, options.watchers))
+        finally:
+            server.end()
+
+
+if __name__ == "__main__":
+    main()
