@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -82,6 +83,24 @@ def test_a_step_is_asked_as_a_study_is(api, chain, settings):
     assert api.get(f"/runs/{chain}/query", params=options | {"step": "../switched"}).status_code == 404
     whole = api.get(f"/runs/{chain}/cube.nc", params={"step": "switched"})
     assert whole.content == (settings.folder / chain / "steps" / "switched" / "cube.nc").read_bytes()
+
+
+@pytest.mark.slow
+def test_links_of_a_report_work_without_the_cookie_and_open_nothing_else(api, client, chain):
+    page = api.get(f"/runs/{chain}/report/")
+    assert "sandbox" in page.headers["content-security-policy"]
+    base = re.search('<base href="([^"]+)index.html">', page.text)[1]
+    linked = client.get(base + "../steps/switched/report/index.html")  # the client resolves it as a browser does
+    assert linked.status_code == 200
+    assert "sandbox" in linked.headers["content-security-policy"]
+    root, _, key = base.removesuffix("/report/").rpartition("/pages/")
+    assert len(key) == 32
+    for place in ("report/../upload/switched.toml", "upload/workflow.toml", "steps.json", "..%2f..%2fservice.sqlite",
+                  "report/nothing.html", "steps/switched/journal.sqlite", "run.log"):  # fmt: skip
+        assert client.get(f"{root}/pages/{key}/{place}").status_code in (401, 404)
+    assert client.get(f"{root}/pages/{'0' * 32}/report/index.html").status_code == 401
+    assert client.get(f"/api/v1/runs/{'0' * 16}/pages/{key}/report/index.html").status_code == 401
+    assert client.post(f"{root}/pages/{key}/report/index.html").status_code == 401
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ from tripod_doe.service.page import assets, writing
 from tripod_doe.service.page import routes as pages
 from tripod_doe.service.page.trouble import is_page, trouble_page
 from tripod_doe.service.problems import ForbiddenError, Problem, RefusedError, TooLargeError, problems_of
-from tripod_doe.service.routes import results, runs, studies, views
+from tripod_doe.service.routes import reports, results, runs, studies, views
 from tripod_doe.service.security import API, BODY, Guard
 from tripod_doe.service.service import Service
 from tripod_doe.service.settings import Settings
@@ -69,7 +69,7 @@ def create_app(settings: Settings) -> FastAPI:
         lifespan=lifespan,
     )
     app.state.service = service
-    for module in (studies, runs, results, views):
+    for module in (studies, runs, results, reports, views):
         app.include_router(module.router, prefix=API)
     for part in (assets, pages, writing):
         app.include_router(part.router)

@@ -23,6 +23,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from tripod_doe.service.page.trouble import is_page, trouble_page
 from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.report_keys import is_report_address
 from tripod_doe.service.settings import Settings
 
 __all__ = ["API", "BODY", "Guard", "allowed_hosts"]
@@ -87,7 +88,7 @@ class Guard:
             if response := self._welcome(scope):
                 await response(scope, receive, send)
                 return
-            if scope["path"] != _OPEN:
+            if not self._is_open(scope):
                 self._check_token(scope["method"], headers)
             if scope["method"] not in _SAFE:
                 self._check_change(scope, headers)
@@ -125,6 +126,11 @@ class Guard:
         response = RedirectResponse(f"{path}?{rest}" if rest else path, 303)
         response.set_cookie(self._settings.cookie, self._settings.token, httponly=True, samesite="strict", path="/")
         return response
+
+    def _is_open(self, scope: Scope) -> bool:
+        """Whether an address needs no token: the sign of life, and pages by their key."""
+        path = scope["path"]
+        return path == _OPEN or (scope["method"] in _SAFE and is_report_address(path, self._settings.token))
 
     def _is_token(self, given: str) -> bool:
         return hmac.compare_digest(given.encode("utf-8", "surrogateescape"), self._settings.token.encode())

@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query
-from starlette.responses import FileResponse, RedirectResponse, Response
+from starlette.responses import FileResponse, Response
 
 from tripod_doe.service.forms import Comparison
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.routes.access import CHANGES, REFUSALS, AnyService, errors_at, gives
-from tripod_doe.service.service import Service
 from tripod_doe.study.results import is_shown
 
 __all__ = ["router"]
@@ -19,12 +18,6 @@ __all__ = ["router"]
 router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404, 409))
 
 _TYPES = {"json": "application/json", "csv": "text/csv; charset=utf-8", "netcdf": "application/x-netcdf"}
-_REPORT_POLICY = (
-    "sandbox allow-scripts; default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; "
-    "frame-ancestors 'self'"
-)
-"""A report is one file with its own styles and script; in the sandbox they reach neither cookie nor interface."""
-
 Step = Annotated[str | None, Query(description="step of a workflow")]
 
 
@@ -77,28 +70,6 @@ def compare(run_id: str, body: Comparison, service: AnyService, step: Step = Non
 def analysis(run_id: str, name: str, service: AnyService, step: Step = None) -> Response:
     """The result of an analysis as a netCDF file."""
     return _file(service.analysis_file(run_id, name, step))
-
-
-@router.get("/report", response_class=Response)
-async def report_address(run_id: str, service: AnyService) -> Response:
-    """The report stands one level deeper, so that its links work."""
-    service.runs.find(run_id)
-    return RedirectResponse(f"/api/v1/runs/{run_id}/report/", 307)
-
-
-@router.get("/report/", response_class=Response, responses=gives("text/html"))
-def report(run_id: str, service: AnyService) -> Response:
-    """The report page, in a sandbox."""
-    service.runs.find(run_id)
-    return _page(service, run_id, Path("report/index.html"))
-
-
-def _page(service: Service, run_id: str, path: Path) -> Response:
-    page = service.runs.directory(run_id) / path
-    if not page.is_file():
-        raise RefusedError(404, "this run has no report yet")
-    return FileResponse(page, media_type="text/html; charset=utf-8",
-                        headers={"content-security-policy": _REPORT_POLICY})  # fmt: skip
 
 
 def _file(path: Path) -> Response:

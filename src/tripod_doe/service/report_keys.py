@@ -1,0 +1,22 @@
+"""Keys to the pages of one run: a page in a sandbox sends no cookie, so what it links to carries a key."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import re
+
+__all__ = ["is_report_address", "report_key"]
+
+_ADDRESS = re.compile(r"/api/v1/runs/([^/]+)/pages/([0-9a-f]{32})/.+")
+
+
+def report_key(token: str, run_id: str) -> str:
+    """The key to the pages of a run; who knows it can read them, and neither find the token nor open anything else."""
+    return hmac.new(token.encode(), f"pages of {run_id}".encode(), hashlib.sha256).hexdigest()[:32]
+
+
+def is_report_address(path: str, token: str) -> bool:
+    """Whether an address is that of a page with the right key."""
+    found = _ADDRESS.fullmatch(path)
+    return found is not None and hmac.compare_digest(found[2], report_key(token, found[1]))

@@ -1,0 +1,55 @@
+"""Routes to reports: pages in a sandbox, and what they link to."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter
+from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
+
+from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.report_keys import report_key
+from tripod_doe.service.routes.access import REFUSALS, AnyService, errors_at, gives
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404))
+
+_POLICY = (
+    "sandbox allow-scripts allow-downloads; default-src 'none'; style-src 'unsafe-inline'; "
+    "script-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'"
+)
+"""A report is one file with its own styles and script; in the sandbox they reach neither cookie nor interface."""
+
+_PAGE = "index.html"
+_KINDS = {".html": "text/html; charset=utf-8", ".nc": "application/x-netcdf"}
+
+
+@router.get("/report", response_class=Response)
+async def report_address(run_id: str, service: AnyService) -> Response:
+    """The report stands one level deeper."""
+    service.runs.find(run_id)
+    return RedirectResponse(f"/api/v1/runs/{run_id}/report/", 307)
+
+
+@router.get("/report/", response_class=Response, responses=gives("text/html"))
+def report(run_id: str, service: AnyService) -> Response:
+    """The report, a page in a sandbox; its links lead to pages with a key, as it cannot send the cookie."""
+    service.runs.find(run_id)
+    page = service.runs.directory(run_id) / "report" / _PAGE
+    if not page.is_file():
+        raise RefusedError(404, "this run has no report yet")
+    key = report_key(service.settings.token, run_id)
+    start = f'<base href="/api/v1/runs/{run_id}/pages/{key}/report/{_PAGE}">'
+    text = page.read_text(encoding="utf-8").replace("<head>", f"<head>{start}", 1)
+    return HTMLResponse(text, headers={"content-security-policy": _POLICY})
+
+
+@router.get("/pages/{key}/{place:path}", response_class=Response, responses=gives(*_KINDS.values()))
+def page(run_id: str, key: str, place: str, service: AnyService) -> Response:
+    """A page or a cube that a report links to; `Guard` has checked the key."""
+    service.runs.find(run_id)
+    directory = service.runs.directory(run_id)
+    path = (directory / place).resolve()
+    inside = any(path.is_relative_to(directory / name) for name in ("report", "steps"))
+    if not inside or path.suffix not in _KINDS or not path.is_file():
+        raise RefusedError(404, "no such page of this run")
+    return FileResponse(path, media_type=_KINDS[path.suffix], headers={"content-security-policy": _POLICY})
