@@ -82,7 +82,7 @@ def _axis(cube: xr.Dataset, name: str, of_design: bool) -> Axis:
     numeric = labels.dtype.kind in "fiub"
     counted = dim != name or (name == "point" and labels.size > _MOST_LISTED)
     texts = () if counted else tuple(_text(value) for value in labels.values.tolist())
-    low, high = (float(labels.min()), float(labels.max())) if numeric and labels.size else (None, None)
+    low, high = (float(labels.values.min()), float(labels.values.max())) if numeric and labels.size else (None, None)
     return Axis(name, label_of(labels), dim, texts, low, high, of_design, numeric)
 
 

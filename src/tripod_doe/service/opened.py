@@ -1,7 +1,8 @@
-"""Cubes as a question needs them: opened for it, read as far as it asks, and closed again."""
+"""Cubes as questions need them: small ones stay in memory between questions, large ones are read as far as asked."""
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -14,13 +15,15 @@ from tripod_doe.study.results import cube_files, cube_so_far, is_shown
 
 __all__ = ["opened"]
 
-_so_far: dict[tuple[object, ...], xr.Dataset] = {}
-"""The cube of the run that was asked for last while it ran, by the state of its journal."""
+_SMALL = 64_000_000  # bytes
+_MOST = 4
+_kept: OrderedDict[tuple[object, ...], xr.Dataset] = OrderedDict()
+"""Cubes in memory, by the state of the files that they were made from."""
 
 
 @contextmanager
 def opened(path: str | Path) -> Iterator[xr.Dataset]:
-    """Open a result directory with its costs, or a netCDF file; only what is used of it is read.
+    """Open a result directory with its costs, or a netCDF file.
 
     While a study runs, this is its cube so far, made again when a block has been finished.
 
@@ -30,25 +33,44 @@ def opened(path: str | Path) -> Iterator[xr.Dataset]:
         If there is no cube and no finished point, or what is there is damaged.
     """
     place = Path(path)
-    if not is_shown(place):
-        yield _cube_so_far(place)
+    shown = is_shown(place)
+    files = cube_files(place) if shown else _journal_files(place)
+    key = (str(place), *((file.name, file.stat().st_mtime_ns, file.stat().st_size) for file in files))
+    if not shown and key not in _kept:
+        _keep(key, cube_so_far(place))
+    if key in _kept:
+        _kept.move_to_end(key)
+        yield _kept[key]
         return
     with ExitStack() as stack:
-        datasets = []
-        for file in cube_files(place):
-            with reading(file):
-                datasets.append(stack.enter_context(xr.open_dataset(file, engine="netcdf4", decode_timedelta=False)))
-        cube, *costs = datasets
-        for cost in costs:
-            cube = cube.assign({name: cost[name] for name in cost.data_vars})
+        cube = _lazy(files, stack)
+        if cube.nbytes <= _SMALL:
+            with reading(files[0]):
+                _keep(key, cube.load())
         yield cube
 
 
-def _cube_so_far(place: Path) -> xr.Dataset:
+def _keep(key: tuple[object, ...], cube: xr.Dataset) -> None:
+    """Keep a cube in place of an older state of the same, and of the one that was not asked for the longest."""
+    for other in [other for other in _kept if other[0] == key[0]]:
+        del _kept[other]
+    _kept[key] = cube
+    while len(_kept) > _MOST:
+        _kept.popitem(last=False)
+
+
+def _journal_files(place: Path) -> list[Path]:
     journal = journal_path(place)
-    files = [file for file in (journal, journal.with_name(journal.name + "-wal")) if file.exists()]
-    key = (str(place), *((file.stat().st_mtime_ns, file.stat().st_size) for file in files))
-    if key not in _so_far:
-        _so_far.clear()
-        _so_far[key] = cube_so_far(place)
-    return _so_far[key]
+    return [file for file in (journal, journal.with_name(journal.name + "-wal")) if file.exists()]
+
+
+def _lazy(files: list[Path], stack: ExitStack) -> xr.Dataset:
+    """The variables of several files, read when they are used, as long as the stack is open."""
+    datasets = []
+    for file in files:
+        with reading(file):
+            datasets.append(stack.enter_context(xr.open_dataset(file, engine="netcdf4", decode_timedelta=False)))
+    cube, *costs = datasets
+    for cost in costs:
+        cube = cube.assign({name: cost[name] for name in cost.data_vars})
+    return cube

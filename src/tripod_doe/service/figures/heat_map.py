@@ -105,9 +105,12 @@ def _ticks(coordinate: xr.DataArray) -> dict[str, Any]:
 
 def _names(data: xr.Dataset, x: str, y: str) -> list[list[str]]:
     """What each cell is, for its tooltip."""
-    across, up = ([f"{value:.6g}" if isinstance(value, float) else str(value) for value in data[name].values.tolist()]
-                  for name in (x, y))  # fmt: skip
-    return [[f"{label_of(data[x])} {right}, {label_of(data[y])} {top}" for right in across] for top in up]
+    across, up = ([f"{label_of(data[name])} {_word(value)}" for value in data[name].values.tolist()] for name in (x, y))
+    return [[f"{right}, {top}" for right in across] for top in up]
+
+
+def _word(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def _blanks(data: xr.Dataset, x: tuple[NDArray[np.float64], bool], y: tuple[NDArray[np.float64], bool]) -> list[Any]:

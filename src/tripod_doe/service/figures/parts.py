@@ -102,8 +102,9 @@ def edges(values: NDArray[np.float64], logarithmic: bool) -> NDArray[np.float64]
 def level_texts(coordinate: xr.DataArray) -> list[str]:
     """The values of a coordinate with their unit, as a legend names them."""
     unit = unit_text(str(coordinate.attrs.get("units", "1")))
-    return [with_unit(level(value), unit) if isinstance(value, int | float) else str(value)
-            for value in np.atleast_1d(coordinate.values).tolist()]  # fmt: skip
+    numbers = coordinate.dtype.kind in "fiu"
+    texts = [level(value) if numbers else str(value) for value in np.atleast_1d(coordinate.values).tolist()]
+    return [with_unit(text.replace("-", "\N{MINUS SIGN}") if numbers else text, unit) for text in texts]
 
 
 def ramp(count: int) -> list[str]:

@@ -182,5 +182,5 @@ document.addEventListener("keydown", (event) => {
 window.addEventListener("popstate", () => look([...new URLSearchParams(location.search)], { remember: false }));
 whenThemeChanges(() => drawn && draw(drawn));
 liveHead(() => look(controls.elements.variable ? itemsOfControls() : [...new URLSearchParams(location.search)], { remember: false }));
-await look([...new URLSearchParams(location.search)], { remember: false });
+if (controls.elements.variable) await look([...new URLSearchParams(location.search)], { remember: false });
 if (pointOfAddress() !== null) open(pointOfAddress());
