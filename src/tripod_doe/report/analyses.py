@@ -21,13 +21,35 @@ from tripod_doe.analysis.comparison import ComparisonSettings, compare_file
 from tripod_doe.analysis.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analysis.kinds import is_study, kind_made_by, kind_of
 from tripod_doe.analysis.model_choice.selection import ChooseSettings, choose_for_study
-from tripod_doe.analysis.sensitivity import MorrisSettings, SobolSettings, morris_effects, sobol_indices
+from tripod_doe.analysis.sensitivity import (
+    EFFECT_DESIGNS,
+    SAMPLED_DESIGNS,
+    DeltaSettings,
+    DgsmSettings,
+    EffectsSettings,
+    FastSettings,
+    MorrisSettings,
+    PawnSettings,
+    RbdFastSettings,
+    ShapleySettings,
+    SobolSettings,
+    borgonovo_delta,
+    derivative_measures,
+    factorial_effects,
+    fast_indices,
+    morris_effects,
+    pawn_indices,
+    rbd_fast_indices,
+    shapley_effects,
+    sobol_indices,
+)
 from tripod_doe.analysis.speed_accuracy import SpeedAccuracySettings, speed_accuracy
 from tripod_doe.analysis.stability import StabilitySettings, stability_borders
 from tripod_doe.report.claims.over_skew import find_over_skew, over_skew_table
 from tripod_doe.report.claims.verdicts import claim_table, find_in_claims
 from tripod_doe.report.comparison import find_in_comparison
 from tripod_doe.report.contribution_sentences import find_in_contribution
+from tripod_doe.report.factorial_effects import effect_table, find_in_effects
 from tripod_doe.report.figures.claims import claims_chart
 from tripod_doe.report.figures.comparison import comparison_charts
 from tripod_doe.report.figures.contributions import contribution_figures
@@ -90,6 +112,8 @@ class Analysis:
         Its settings: [analysis.NAME] of a study, [steps.NAME.settings] of a workflow.
     designs
         Design kinds of the studies whose cube it can read; empty where only a workflow can ask for it.
+    independent
+        Whether the factors of these designs must not be correlated.
     crossed
         Whether such a design may also be a part of a product.
     files
@@ -110,6 +134,7 @@ class Analysis:
     function: Function
     settings: type[BaseModel]
     designs: tuple[str, ...] = ()
+    independent: bool = False
     crossed: bool = False
     files: tuple[str, ...] = ()
     partial: bool = False
@@ -135,6 +160,32 @@ ANALYSES: dict[str, Analysis] = {
             figures={"indices": indices_of_study},
         ),
         Analysis(_of_cube(morris_effects), MorrisSettings, designs=("morris",), findings=find_in_sensitivity),
+        Analysis(_of_cube(fast_indices), FastSettings, designs=("fast",), findings=find_in_sensitivity),
+        Analysis(
+            _of_cube(rbd_fast_indices),
+            RbdFastSettings,
+            designs=SAMPLED_DESIGNS,
+            independent=True,
+            findings=find_in_sensitivity,
+        ),
+        Analysis(_of_cube(pawn_indices), PawnSettings, designs=SAMPLED_DESIGNS, findings=find_in_sensitivity),
+        Analysis(_of_cube(borgonovo_delta), DeltaSettings, designs=SAMPLED_DESIGNS, findings=find_in_sensitivity),
+        Analysis(
+            _of_cube(derivative_measures), DgsmSettings, designs=("finite-differences",), findings=find_in_sensitivity
+        ),
+        Analysis(
+            _of_cube(shapley_effects),
+            ShapleySettings,
+            designs=("latin-hypercube", "rbd-fast"),
+            findings=find_in_sensitivity,
+        ),
+        Analysis(
+            _of_cube(factorial_effects),
+            EffectsSettings,
+            designs=EFFECT_DESIGNS,
+            findings=find_in_effects,
+            table=effect_table,
+        ),
         Analysis(
             _of_cube(contribution_shares),
             ContributionSettings,

@@ -9,6 +9,7 @@ import xarray as xr
 
 from tripod_doe.quantities import digits_apart, level, number, with_unit
 from tripod_doe.report.effects import effects_on, find_effects, point_columns, unseparated
+from tripod_doe.report.failing_region import failing_region_of
 from tripod_doe.report.model_choice import asked_orders
 from tripod_doe.report.responses import (
     ORDINALS,
@@ -62,13 +63,15 @@ def find(cube: xr.Dataset) -> list[str]:
 
 
 def _unfinished(cube: xr.Dataset, good: int, total: int) -> list[str]:
-    """How many points failed, with the reasons, and how many are not computed yet."""
+    """How many points failed, with the reasons and the region, and how many are not computed yet."""
     left = int(waiting(cube).sum())
     failed, told = total - good - left, []
     if failed:
         none = failed == total
         start = f"None of {total:,} points finished" if none else f"{failed:,} of {total:,} points did not finish"
         told.append(f"{start}: {_reasons(cube)}.")
+        if region := failing_region_of(cube):
+            told.append(f"Most of them lie together: points fail {region.text}.")
     if left:
         told.append(f"{left:,} of {total:,} points {'is' if left == 1 else 'are'} not computed yet.")
     return told

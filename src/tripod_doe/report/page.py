@@ -14,6 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from tripod_doe.analysis.kinds import of_kind
+from tripod_doe.analysis.sensitivity import RANKED
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError
 from tripod_doe.report.analyses import findings_of, table_of
@@ -24,6 +25,8 @@ from tripod_doe.report.figures import (
     Chart,
     contribution_charts,
     effect_charts,
+    factorial_effect_charts,
+    failing_region_chart,
     findings_over_skew_charts,
     index_charts,
     kept_skew_charts,
@@ -65,8 +68,8 @@ _MOST_FAILED = 50
 _SECTIONS = {
     "tables": "Tables", "models": "Models", "borders": "Maps", "contribution": "Contribution", "loci": "Loci",
     "effects": "Effects", "sensitivity": "Sensitivity", "waveforms": "Waveforms", "spectrum": "Orders",
-    "skews": "Needle skew", "failed": "Unfinished points", "cost": "Cost", "setting": "Parameters",
-    "provenance": "Provenance",
+    "skews": "Needle skew", "region": "Where points fail", "failed": "Unfinished points", "cost": "Cost",
+    "setting": "Parameters", "provenance": "Provenance",
 }  # fmt: skip
 _ALWAYS = {"setting", "provenance"}  # the others only where there is something to fill them
 _FILES = ("cube.nc", "cost.nc", "study.toml")
@@ -143,7 +146,7 @@ def make_page(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset], files: Seque
         "failed": failed_points(cube, _MOST_FAILED),
     }  # fmt: skip
     lost, left = int((asked(cube) & ~finished(cube)).sum() - waiting(cube).sum()), int(waiting(cube).sum())
-    silent = [name for name, result in of_kind(analyses, "sobol", "morris").items() if not sensitivity_parts(result)]
+    silent = [name for name, result in of_kind(analyses, *RANKED).items() if not sensitivity_parts(result)]
     filled = {name for name, part in content.items() if part}
     filled |= {"sensitivity"} if silent else set()
     filled |= {"failed"} if lost or left else set()
@@ -192,7 +195,8 @@ def _charts(cube: xr.Dataset, shown: xr.Dataset, analyses: Mapping[str, xr.Datas
     return {
         "models": [choice] if choice else [],
         "borders": [chart for result in of_kind(analyses, "stability").values() for chart in stability_charts(result)],
-        "sensitivity": index_charts(analyses, cube),
+        "sensitivity": index_charts(analyses, cube) + factorial_effect_charts(analyses),
+        "region": [region] if (region := failing_region_chart(cube)) else [],
         "loci": [loci] if loci else [],
         "waveforms": waveform_charts(shown) if every_order else [],
         "spectrum": [spectrum] if spectrum else [],

@@ -1,4 +1,4 @@
-"""Findings of a sensitivity analysis: sentences on its strongest factors."""
+"""Findings of a sensitivity analysis: its strongest factors, what is not resolved, whether the points are enough."""
 
 from __future__ import annotations
 
@@ -8,18 +8,26 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analysis.kinds import kind_of
-from tripod_doe.quantities import interval, rounded_up
+from tripod_doe.analysis.sensitivity import RANKED
+from tripod_doe.quantities import count_of, interval, number, rounded_up
 from tripod_doe.report.responses import ORDINALS, listed, spoken
 
 __all__ = ["SensitivityPart", "find_in_sensitivity", "sensitivity_parts"]
 
 _MOST_NAMED = 4  # factors that a sentence names
-_LARGEST_FIRST = {"sobol": "ST", "morris": "mu_star"}
-"""The index by which factors are ranked, by the kind of the analysis."""
+_NOT_RESOLVED, _BELOW_ERROR = 0, 2  # flags of `resolved`
+_HEADS = {
+    "fast": "Total Sobol' indices (FAST) of {what}",
+    "rbd-fast": "First-order Sobol' indices (RBD-FAST) of {what}",
+    "pawn": "PAWN indices of {what}",
+    "delta": "Borgonovo's delta of {what}",
+    "dgsm": "Upper bounds of the total Sobol' indices of {what}, from derivatives",
+    "shapley": "Shapley effects on {what}, as parts of its variance",
+}
 
 
 def find_in_sensitivity(name: str, result: xr.Dataset) -> list[str]:
-    """Sentences on the strongest factors of a Sobol' or Morris analysis.
+    """Sentences on the strongest factors of each main output, then on the points and on what failed.
 
     Parameters
     ----------
@@ -28,8 +36,18 @@ def find_in_sensitivity(name: str, result: xr.Dataset) -> list[str]:
     result
         Its indices.
     """
-    sentence = {"sobol": _sobol_sentence, "morris": _morris_sentence}[kind_of(result)]
-    return [sentence(name, part.what, part.indices) for part in sensitivity_parts(result)]
+    kind = kind_of(result)
+    sentences = []
+    for part in sensitivity_parts(result):
+        match kind:
+            case "sobol":
+                told = _sobol_sentence(part)
+            case "morris":
+                told = _morris_sentence(part)
+            case _:
+                told = _index_sentence(part, kind)
+        sentences += [f"{told} (analysis {name}).", *_unresolved(part), *_convergence(part, kind, result)]
+    return sentences + _holes(result)
 
 
 class SensitivityPart(NamedTuple):
@@ -45,45 +63,109 @@ def sensitivity_parts(result: xr.Dataset) -> list[SensitivityPart]:
 
     The third and second order of the thrust; of a function, its first four outputs. Parts without numbers are left out.
     """
-    key = _LARGEST_FIRST[kind_of(result)]
+    key = RANKED[kind_of(result)]
+    if key not in result:
+        return []
     outputs = [str(name) for name in result["output"].values] if "output" in result.dims else []
     if "thrust_amplitude" in outputs:
         outputs = ["thrust_amplitude"]
     parts = []
-    for output in outputs[:4] or [str(result.attrs.get("outputs", "the output"))]:
+    for output in outputs[:4] or [str(result.attrs.get("outputs", "the output")).split(", ")[0]]:
         of_output = result.sel(output=output) if outputs else result
         for order in (3, 2) if "order" in result.dims else (None,):
             indices = of_output if order is None else of_output.sel(order=order)
-            indices = indices.isel(dict.fromkeys((dim for dim in indices[key].dims if dim != "factor"), 0))
+            others = (dim for dim in indices[key].dims if dim != "factor")
+            indices = indices.isel(dict.fromkeys(others, 0))
             if indices[key].notnull().any():
                 parts.append(SensitivityPart(output, output if order is None else f"the {ORDINALS[order]}", indices))
     return parts
 
 
-def _sobol_sentence(name: str, what: str, part: xr.Dataset) -> str:
-    ranked = _ranked(part, "ST")
+def _sobol_sentence(part: SensitivityPart) -> str:
+    ranked = _ranked(part.indices, "ST")
     shown = [row for row in ranked[:_MOST_NAMED] if row[1] > row[2]] or ranked[:1]
     told = listed([f"{spoken(factor)} {interval(value, half)}" for factor, value, half in shown])
     rest = [value + half for _, value, half in ranked[len(shown) :]]
     others = f"; all others at most {rounded_up(max(rest))}" if rest else ""
-    first = {index: part[index].values[np.isfinite(part["S1"].values)] for index in ("S1", "S1_conf")}
+    first = {index: part.indices[index].values[np.isfinite(part.indices["S1"].values)] for index in ("S1", "S1_conf")}
     total, half = float(first["S1"].sum()), float(np.sqrt((first["S1_conf"] ** 2).sum()))
     alone = (
         f"the first-order indices add up to {interval(total, half)}: "
         + ("no interaction shows" if total + half >= 1 else "the rest are interactions")
     )  # fmt: skip
-    return f"Total Sobol' indices of {what}: {told}{others}; {alone} (analysis {name})."
+    return f"Total Sobol' indices of {part.what}: {told}{others}; {alone}"
 
 
-def _morris_sentence(name: str, what: str, part: xr.Dataset) -> str:
-    told = [f"{spoken(factor)} {interval(value, half)}" for factor, value, half in _ranked(part, "mu_star")]
+def _morris_sentence(part: SensitivityPart) -> str:
+    told = [f"{spoken(factor)} {interval(value, half)}" for factor, value, half in _ranked(part.indices, "mu_star")]
     return (
-        f"The largest mean elementary effects on {what}, in its unit over a factor's whole range: "
-        f"{listed(told[:_MOST_NAMED])} (analysis {name})."
+        f"The largest mean elementary effects on {part.what}, in its unit over a factor's whole range: "
+        f"{listed(told[:_MOST_NAMED])}"
     )
 
 
+def _index_sentence(part: SensitivityPart, kind: str) -> str:
+    ranked = _ranked(part.indices, RANKED[kind])
+    told = [f"{spoken(factor)} {interval(value, half)}" for factor, value, half in ranked[:_MOST_NAMED]]
+    chance = ""
+    if "chance" in part.indices:
+        chance = f"; a factor without any effect would have {number(float(part.indices['chance']), 2)}"
+    return f"{_HEADS[kind].format(what=part.what)}: {listed(told)}{chance}"
+
+
+def _unresolved(part: SensitivityPart) -> list[str]:
+    """Factors whose interval covers zero, and those whose effect is below the numerical error of the model."""
+    if "resolved" not in part.indices:
+        return []
+    flags = dict(zip(map(str, part.indices["factor"].values), part.indices["resolved"].values, strict=True))
+    sentences = []
+    if names := [spoken(factor) for factor, flag in flags.items() if flag == _NOT_RESOLVED]:
+        sentences.append(f"Not resolved for {part.what}: the effect of {listed(names)} cannot be told from none.")
+    if names := [spoken(factor) for factor, flag in flags.items() if flag == _BELOW_ERROR]:
+        one = "is smaller than the numerical error of the model, and it is not ranked"
+        many = "are smaller than the numerical error of the model, and they are not ranked"
+        effects = f"the effect of {names[0]} {one}" if len(names) == 1 else f"the effects of {listed(names)} {many}"
+        sentences.append(f"For {part.what}, {effects}.")
+    return sentences
+
+
+def _convergence(part: SensitivityPart, kind: str, result: xr.Dataset) -> list[str]:
+    """Whether the points are enough for the precision that is asked for, or about how many would be."""
+    if "samples_needed" not in part.indices or not np.isfinite(part.indices["samples_needed"]):
+        return []
+    used, needed = int(result.attrs["groups_used"]), int(part.indices["samples_needed"])
+    asked = f"+-{100 * float(result.attrs['precision']):g} % of the largest index"
+    thing = {"morris": "trajectories", "sobol": "blocks"}.get(
+        kind, "points" if result.attrs["block_size"] == 1 else "blocks"
+    )
+    if needed <= used:
+        return [f"{used:,} {thing} are enough for {part.what}: no interval is wider than {asked}."]
+    return [f"{used:,} {thing} are not enough for {part.what}: about {needed:,} are needed for intervals of {asked}."]
+
+
+def _holes(result: xr.Dataset) -> list[str]:
+    """What was dropped, and where the points failed."""
+    dropped, block = int(result.attrs.get("points_dropped", 0)), int(result.attrs.get("block_size", 1))
+    if not dropped:
+        return []
+    blocks = f" in {count_of(dropped // block, 'block')} of {block} points" if block > 1 else ""
+    used = int(result.attrs["points_used"])
+    told = [f"{count_of(dropped, 'point')}{blocks} {'is' if dropped == 1 else 'are'} dropped, {used:,} are used."]
+    if region := str(result.attrs.get("failing_region", "")):
+        rest = (
+            " The indices are those of the rest of the region."
+            if result.attrs.get("answered_for") == "the rest"
+            else ""
+        )
+        told.append(f"Points fail {region}.{rest}")
+    return told
+
+
 def _ranked(part: xr.Dataset, key: str) -> list[tuple[str, float, float]]:
-    """Factor, index and half width of its interval, the largest first."""
-    rows = zip(part["factor"].values, part[key].values, part[f"{key}_conf"].values, strict=True)
-    return sorted(((str(f), float(v), float(c)) for f, v, c in rows if np.isfinite(v)), key=lambda row: -row[1])
+    """Factor, index and half width of its interval, the largest first; without those below the model's error."""
+    rows = list(zip(part["factor"].values, part[key].values, part[f"{key}_conf"].values, strict=True))
+    above = [True] * len(rows)
+    if "resolved" in part and (part["resolved"].values != _BELOW_ERROR).any():
+        above = list(part["resolved"].values != _BELOW_ERROR)
+    chosen = (row for row, told in zip(rows, above, strict=True) if told)
+    return sorted(((str(f), float(v), float(c)) for f, v, c in chosen if np.isfinite(v)), key=lambda row: -row[1])

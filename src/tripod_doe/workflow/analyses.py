@@ -9,6 +9,7 @@ from typing import Any
 import xarray as xr
 from pydantic import BaseModel, ValidationError
 
+from tripod_doe.analysis.sensitivity.method import CORRELATED
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.report.analyses import ANALYSES, Analysis
 from tripod_doe.study.definition import Study
@@ -54,6 +55,8 @@ def settings_of(study: Study, kind: str, table: Mapping[str, Any], where: str) -
             f"a design of kind {' or '.join(analysis.designs)}{', or a product with one' if analysis.crossed else ''}"
         )
         raise study.fail(where, f"{kind} needs {wanted}; this study's is {study.file.design.kind}")
+    if analysis.independent and study.file.design.correlation:
+        raise study.fail(where, f"{kind}: {CORRELATED}")
     try:
         settings = checked_settings(analysis.settings, table)
     except InputError as error:

@@ -3,6 +3,8 @@
 from tripod_doe.report.figures.chart import Chart
 from tripod_doe.report.figures.contributions import contribution_charts
 from tripod_doe.report.figures.effects import effect_charts
+from tripod_doe.report.figures.factorial_effects import factorial_effect_charts
+from tripod_doe.report.figures.failing_region import failing_region_chart
 from tripod_doe.report.figures.indices import index_charts
 from tripod_doe.report.figures.loci import locus_chart
 from tripod_doe.report.figures.model_choice import model_choice_chart
@@ -14,6 +16,8 @@ __all__ = [
     "Chart",
     "contribution_charts",
     "effect_charts",
+    "factorial_effect_charts",
+    "failing_region_chart",
     "findings_over_skew_charts",
     "index_charts",
     "kept_skew_charts",

@@ -1,4 +1,4 @@
-"""Sensitivity of the responses to the factors: Sobol' indices as bars, Morris' effects as a map."""
+"""Sensitivity of the responses to the factors: indices as bars, Morris' effects as a map."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.analysis.kinds import is_study, kind_of, of_kind
+from tripod_doe.analysis.sensitivity import RANKED
 from tripod_doe.errors import InputError
 from tripod_doe.report.figures.chart import COLOURS, INK, MARKERS, MUTED, Chart, drawing, legend_above
+from tripod_doe.report.figures.index_courses import convergence_chart, rotation_charts
 from tripod_doe.report.responses import spoken, unit_text
 from tripod_doe.report.sensitivity import sensitivity_parts
 
@@ -30,17 +32,22 @@ def indices_of_study(inputs: Mapping[str, xr.Dataset]) -> list[Chart]:
 def index_charts(analyses: Mapping[str, xr.Dataset], cube: xr.Dataset) -> list[Chart]:
     """One chart per sensitivity analysis and main response."""
     charts = []
-    for name, result in of_kind(analyses, "sobol", "morris").items():
+    for name, result in of_kind(analyses, *RANKED).items():
         level = 100 * float(result.attrs.get("confidence_level", 0.95))
         for position, part in enumerate(sensitivity_parts(result)):
             key, indices = f"{name}-{position + 1}", part.indices
-            if kind_of(result) == "sobol":
+            if {"S1", "ST"} <= set(indices):
                 charts.append(_sobol_chart(key, name, part.what, indices, level))
                 charts.extend(_interaction_charts(key, name, part.what, indices, level))
+            elif kind_of(result) != "morris":
+                charts.append(_index_chart(key, name, part.what, indices, level, kind_of(result)))
             else:
                 attrs = cube[part.output].attrs if part.output in cube else {}
                 unit = unit_text(str(attrs.get("units", "1"))) or "-"
                 charts.append(_morris_chart(key, name, part.what, indices, level, unit))
+            course = convergence_chart(key, name, part.what, indices, kind_of(result))
+            charts += [course] if course else []
+        charts += rotation_charts(name, result)
     return charts
 
 
@@ -87,6 +94,34 @@ def _sobol_chart(key: str, name: str, what: str, part: xr.Dataset, level: float)
         "a factor with all its interactions, the first-order index the factor alone."
     )
     return Chart(key, f"Sobol' indices of {what}", caption, figure, data)
+
+
+_INDEX_NAMES = {
+    "rbd-fast": "first-order Sobol' index (RBD-FAST)", "pawn": "PAWN index", "delta": "Borgonovo's delta",
+    "dgsm": "upper bound of the total Sobol' index", "shapley": "Shapley effect (part of the variance)",
+}  # fmt: skip
+
+
+def _index_chart(key: str, name: str, what: str, part: xr.Dataset, level: float, kind: str) -> Chart:
+    """Bars of one index, with the index of a factor without effect where the method knows it."""
+    index = RANKED[kind]
+    data = _frame(part, (index, f"{index}_conf"))
+    rows = np.arange(len(data))[::-1]
+    with drawing(5.0, 1.0 + 0.34 * len(data)) as (figure, axes):
+        axes.barh(rows, data[index], 0.6, color="#b9d0e8", edgecolor=COLOURS[0], lw=0.8)
+        axes.errorbar(
+            data[index], rows, xerr=data[f"{index}_conf"], fmt="none", ecolor=INK, elinewidth=1.1, capsize=2.5
+        )
+        if "chance" in part:
+            axes.axvline(float(part["chance"]), color=COLOURS[1], ls="--", lw=1, label="a factor without effect")
+            legend_above(axes, 1)
+        axes.set_yticks(rows, [spoken(str(factor)) for factor in data["factor"]])
+        axes.axvline(0, color=MUTED, lw=0.8)
+        axes.grid(axis="y", visible=False)
+        axes.tick_params(axis="y", length=0)
+        axes.set_xlabel(_INDEX_NAMES[kind])
+    caption = f"{_INDEX_NAMES[kind]} of {what} with {level:g} % confidence intervals (analysis {name})."
+    return Chart(key, f"Sensitivity of {what}", caption[0].upper() + caption[1:], figure, data)
 
 
 def _interaction_charts(key: str, name: str, what: str, part: xr.Dataset, level: float) -> list[Chart]:

@@ -131,11 +131,11 @@ def aliases(columns: Mapping[str, FloatArray]) -> list[list[str]]:
     Returns
     -------
     list of list of str
-        Names such as ``a`` and ``b x c``, those in one list confounded with each other; each list in the order of the
+        Names such as ``a`` and ``b:c``, those in one list confounded with each other; each list in the order of the
         factors, lists of one are left out.
     """
     products = dict(columns)
-    products |= {f"{one} x {other}": columns[one] * columns[other] for one, other in combinations(columns, 2)}
+    products |= {f"{one}:{other}": columns[one] * columns[other] for one, other in combinations(columns, 2)}
     same: dict[bytes, list[str]] = {}
     for name, product in products.items():
         same.setdefault((product * product[0]).astype(np.int8).tobytes(), []).append(name)

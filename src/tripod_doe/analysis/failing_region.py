@@ -1,0 +1,125 @@
+"""Which region of the factors fails: a small classification tree over the points of a study."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.quantities import number
+
+__all__ = ["Condition", "FailingRegion", "failing_region"]
+
+_DEPTH = 2  # conditions of a region: more than two nobody can picture
+_FEWEST = 5  # failed points that can show a region
+_MOST_FAIL = 0.5  # share of the points of a region that fail
+_MOST_LIE = 0.75  # share of the failed points that lie in it
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One side of a threshold of a factor.
+
+    Attributes
+    ----------
+    factor
+        Its name.
+    above
+        Whether values above the threshold are meant, else those at or below it.
+    threshold
+        Between two values that occur.
+    """
+
+    factor: str
+    above: bool
+    threshold: float
+
+    @property
+    def text(self) -> str:
+        """As a sentence has it: ``torque_n_m > 80``."""
+        return f"{self.factor} {'>' if self.above else '<'} {number(self.threshold, 4)}"
+
+    def holds(self, columns: Mapping[str, NDArray[np.generic]]) -> NDArray[np.bool_]:
+        """Where it holds, shape (point,)."""
+        column = np.asarray(columns[self.factor], float)
+        return column > self.threshold if self.above else column <= self.threshold
+
+
+@dataclass(frozen=True)
+class FailingRegion:
+    """A region in which most failed points lie, and in which most points fail.
+
+    Attributes
+    ----------
+    conditions
+        They hold together in it.
+    failed, points
+        Failed and all points of the region.
+    all_failed
+        Failed points of the whole study.
+    kept
+        The condition without which the region is left, so that the rest is a box and the factors stay independent.
+    """
+
+    conditions: tuple[Condition, ...]
+    failed: int
+    points: int
+    all_failed: int
+    kept: Condition
+
+    @property
+    def text(self) -> str:
+        """As a sentence has it, with its numbers."""
+        where = " and ".join(condition.text for condition in self.conditions)
+        return (
+            f"where {where} ({self.failed:,} of the {self.points:,} points there, "
+            f"{self.all_failed - self.failed:,} elsewhere)"
+        )
+
+    def outside(self, columns: Mapping[str, NDArray[np.generic]]) -> NDArray[np.bool_]:
+        """Points of the largest box outside of the region, shape (point,)."""
+        return ~self.kept.holds(columns)
+
+
+def failing_region(columns: Mapping[str, NDArray[np.generic]], failed: NDArray[np.bool_]) -> FailingRegion | None:
+    """The region that fails, None where the failed points do not lie together.
+
+    Parameters
+    ----------
+    columns
+        Values of the factors, shape (point,) each; words are left out.
+    failed
+        Which points failed.
+    """
+    numeric = {name: np.asarray(column, float) for name, column in columns.items() if column.dtype.kind in "fiu"}
+    total = int(failed.sum())
+    if total < _FEWEST or total == failed.size or not numeric:
+        return None
+    from sklearn.tree import DecisionTreeClassifier  # slow to import, and most studies have no failures
+
+    matrix = np.stack(list(numeric.values()), axis=1)
+    tree = DecisionTreeClassifier(max_depth=_DEPTH, class_weight="balanced", min_samples_leaf=_FEWEST, random_state=0)
+    leaves = tree.fit(matrix, failed).apply(matrix)
+    counts = {int(leaf): int(failed[leaves == leaf].sum()) for leaf in np.unique(leaves)}
+    leaf = max(counts, key=lambda each: counts[each])
+    points = int((leaves == leaf).sum())
+    if counts[leaf] < _MOST_LIE * total or counts[leaf] < _MOST_FAIL * points:
+        return None
+    conditions = _conditions(tree.tree_, leaf, list(numeric))
+    kept = max(conditions, key=lambda each: int((~each.holds(columns)).sum()))
+    return FailingRegion(conditions, counts[leaf], points, total, kept)
+
+
+def _conditions(tree: object, leaf: int, names: list[str]) -> tuple[Condition, ...]:
+    """The conditions on the way from the root of a tree to one of its leaves."""
+    left, right = getattr(tree, "children_left"), getattr(tree, "children_right")  # noqa: B009
+    feature, threshold = getattr(tree, "feature"), getattr(tree, "threshold")  # noqa: B009
+    found: list[Condition] = []
+    node = leaf
+    while node != 0:
+        above = node in right
+        node = int(np.flatnonzero((right if above else left) == node)[0])
+        found.append(Condition(names[feature[node]], bool(above), float(threshold[node])))
+    return tuple(reversed(found))

@@ -1,0 +1,233 @@
+"""The frame of every sensitivity analysis: read the points, estimate all outputs at once, judge, label.
+
+A method only estimates. What holds for all of them stands here: which points count, intervals that cover zero, effects
+below the numerical error of the model, convergence over nested subsamples, and the labels of the result.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.analysis.sensitivity.outputs import OutputTable, chosen_outputs, read_outputs
+from tripod_doe.analysis.sensitivity.sample import Sample, flat_points, read_sample
+from tripod_doe.analysis.sensitivity.settings import SensitivitySettings
+from tripod_doe.errors import InputError
+
+__all__ = ["CORRELATED", "Answers", "Method", "apply"]
+
+FloatArray = NDArray[np.float64]
+Answers = dict[str, FloatArray]
+"""Estimates by the names of variables, the component last."""
+
+CORRELATED = "its index divides the variance among independent factors, those of this study are correlated"
+"""Why an analysis is refused whose factors are correlated."""
+
+_FRACTIONS = (8, 4, 2)  # parts of the points over which the convergence is looked at
+_FEWEST = 16  # blocks of the smallest part
+_RESOLUTION = ("constant", "not_resolved", "resolved", "below_numerical_error")  # from -1
+
+
+@dataclass(frozen=True)
+class Method:
+    """One way to estimate what the factors do to the outputs.
+
+    Attributes
+    ----------
+    estimate
+        (points, output, components, settings) -> answers, each of shape (factor, component) unless `dims` says else.
+        The answer named ``size`` is the change of the output that a factor makes, in the output's unit.
+    designs
+        Kinds of designs that it can read.
+    ranked
+        The answer by which factors are ranked.
+    meanings
+        What each answer is, in words.
+    dims
+        Dimensions of an answer before those of the output, where these are not just ``factor``.
+    pure
+        Whether the answers are numbers without unit.
+    nested
+        Whether a part of the points is a smaller design of the same kind.
+    threshold
+        The answer that the ranked one must exceed to be resolved; zero if empty.
+    independent
+        Whether it rests on factors that are not correlated.
+    """
+
+    estimate: Callable[[Sample, OutputTable, NDArray[np.int64], SensitivitySettings], Answers]
+    designs: tuple[str, ...]
+    ranked: str
+    meanings: Mapping[str, str]
+    dims: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    pure: bool = True
+    nested: bool = True
+    threshold: str = ""
+    independent: bool = True
+
+
+def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr.Dataset:
+    """Analyse all chosen outputs of a cube by one method.
+
+    Parameters
+    ----------
+    method
+        How the answers are estimated.
+    cube
+        Cube of a design that the method can read.
+    settings
+        Which outputs, and what counts as enough.
+
+    Returns
+    -------
+    xarray.Dataset
+        The answers (factor, and the dimensions of the output; with several outputs also along ``output``),
+        ``resolved``, and over nested subsamples of the points ``RANKED_over_samples``; courses over the rotation angle
+        beside other outputs as ``OUTPUT_ANSWER``. NaN where an output does not vary.
+
+    Raises
+    ------
+    InputError
+        If the cube is of another design, or too few complete blocks are left.
+    """
+    cube = flat_points(cube)
+    names = chosen_outputs(cube, settings.outputs)
+    sample = read_sample(cube, settings, method.designs, names)
+    if method.independent and sample.design.correlation:
+        raise InputError(CORRELATED)
+    tables = read_outputs(cube, names, sample.rows)
+    waveforms = [table for table in tables if table.is_waveform and len(tables) > 1]
+    plain = [table for table in tables if table not in waveforms]
+    result = _stacked([_analyse(method, sample, table, settings) for table in plain], plain) if plain else xr.Dataset()
+    for table in waveforms:
+        own = _analyse(method, sample, table, settings)
+        result = result.merge({f"{table.name}_{key}": own[key] for key in own.data_vars}, compat="override")
+    return _described(result, method, sample, names, settings)
+
+
+def _analyse(method: Method, sample: Sample, table: OutputTable, settings: SensitivitySettings) -> xr.Dataset:
+    """One output: answers for each of its components, their judgement, and their convergence."""
+    answers = _estimate(method, sample, table, settings)
+    size = answers.pop("size", None)
+    result = _labelled(method, table, answers)
+    result["resolved"] = table.labelled(_resolution(method, answers, table, size), _dims(method, method.ranked))
+    if not method.nested or table.is_waveform:
+        return result
+    counts, parts = [], []
+    for part in _nested(sample):
+        counts.append(part.blocks)
+        rows = np.searchsorted(sample.rows, part.rows)
+        parts.append(_estimate(method, part, table.rows(rows), settings))
+    counts.append(sample.blocks)
+    parts.append(answers)
+    for key in (method.ranked, f"{method.ranked}_conf"):
+        course = np.stack([part[key] for part in parts])
+        name = key.replace(method.ranked, f"{method.ranked}_over_samples")
+        result[name] = table.labelled(course, ("samples", *_dims(method, method.ranked)))
+    needed = _needed(method, answers, sample, settings)
+    result["samples_needed"] = table.labelled(needed, ())
+    return result.assign_coords(samples=np.array(counts, np.int32))
+
+
+def _estimate(method: Method, sample: Sample, table: OutputTable, settings: SensitivitySettings) -> Answers:
+    """All components of an output, part by part; NaN for those that do not vary."""
+    found: Answers = {}
+    for components in table.chunks():
+        for key, answer in method.estimate(sample, table, components, settings).items():
+            blank = found.setdefault(key, np.full((*answer.shape[:-1], table.values.shape[1]), np.nan))
+            blank[..., components] = answer
+    if not found:  # shapes, of an output that varies nowhere
+        first = np.linspace(0, 1, table.values.shape[0])[:, None] * np.ones(table.values.shape[1])
+        varying = OutputTable(table.name, table.variable, first, False, table.error)
+        shown = method.estimate(sample, varying, np.array([0]), settings)
+        found = {key: np.full((*answer.shape[:-1], table.values.shape[1]), np.nan) for key, answer in shown.items()}
+    return found
+
+
+def _resolution(method: Method, answers: Answers, table: OutputTable, size: FloatArray | None) -> FloatArray:
+    """Flags of a factor: its interval covers zero (0) or not (1), or its effect is below the model's error (2)."""
+    index, half = answers[method.ranked], answers[f"{method.ranked}_conf"]
+    least = answers[method.threshold] if method.threshold else 0.0
+    flags = np.where(np.abs(index) - np.where(np.isfinite(half), half, 0) > least, 1.0, 0.0)
+    if size is not None:
+        flags[np.abs(size) < table.error] = 2.0
+    flags[~np.isfinite(index)] = -1.0
+    return flags
+
+
+def _nested(sample: Sample) -> Iterator[Sample]:
+    """The first eighth, quarter and half of the blocks, as far as these are enough to say anything."""
+    for fraction in _FRACTIONS:
+        count = sample.blocks // fraction
+        if count >= _FEWEST:
+            yield sample.take(np.arange(count * sample.block))
+
+
+def _needed(method: Method, answers: Answers, sample: Sample, settings: SensitivitySettings) -> FloatArray:
+    """Samples after which no interval is wider than the precision, which shrinks with their square root."""
+    index, half = np.abs(answers[method.ranked]), answers[f"{method.ranked}_conf"]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        widest = np.where(np.isfinite(half), half, -np.inf).max(axis=0) / np.where(
+            np.isfinite(index), index, -np.inf
+        ).max(axis=0)
+        needed = np.ceil(sample.blocks * (widest / settings.precision) ** 2)
+    if sample.design.kind == "saltelli":
+        needed = np.where(needed > 1, 2.0 ** np.ceil(np.log2(np.maximum(needed, 1))), needed)
+    return np.where(np.isfinite(index).any(axis=0), needed, np.nan)
+
+
+def _dims(method: Method, key: str) -> tuple[str, ...]:
+    return method.dims.get(key.removesuffix("_conf"), ("factor",))
+
+
+def _labelled(method: Method, table: OutputTable, answers: Answers) -> xr.Dataset:
+    return xr.Dataset({key: table.labelled(answer, _dims(method, key)) for key, answer in answers.items()})
+
+
+def _stacked(parts: list[xr.Dataset], tables: list[OutputTable]) -> xr.Dataset:
+    """Several outputs along ``output``, one as it is."""
+    if len(parts) == 1:
+        return parts[0]
+    outputs = xr.DataArray(np.array([table.name for table in tables], dtype=object), dims="output", name="output")
+    return xr.concat(parts, outputs, join="outer", coords="minimal", compat="equals")
+
+
+def _described(
+    result: xr.Dataset, method: Method, sample: Sample, names: list[str], settings: SensitivitySettings
+) -> xr.Dataset:
+    """Labels, meanings, flags, and what was used."""
+    labels = {"factor": sample.factors} | ({"factor_2": sample.factors} if "factor_2" in result.dims else {})
+    result = result.assign_coords({dim: values for dim, values in labels.items() if dim in result.dims})
+    for label in result.coords:
+        result[label].attrs.setdefault("long_name", str(label).replace("_", " "))
+    for name in list(result.data_vars):
+        if str(name).endswith("resolved"):
+            flags = result[name].fillna(-1).astype(np.int8)
+            result[name] = flags.assign_attrs(
+                long_name="whether the effect of a factor is known to differ from zero",
+                flag_values=np.arange(-1, len(_RESOLUTION) - 1, dtype=np.int8), flag_meanings=" ".join(_RESOLUTION),
+            )  # fmt: skip
+        else:
+            result[name].attrs = _attributes(str(name), method)
+    region = sample.region.text if sample.region else ""
+    told = {"failing_region": region, "answered_for": "the rest" if sample.rest else "all"} if region else {}
+    return result.assign_attrs(
+        outputs=", ".join(names), groups_used=sample.blocks,
+        groups_dropped=math.ceil(sample.dropped / sample.block), block_size=sample.block,
+        points_used=sample.rows.size, points_dropped=sample.dropped, confidence_level=settings.confidence,
+        precision=settings.precision, **told,
+    )  # fmt: skip
+
+
+def _attributes(name: str, method: Method) -> dict[str, str]:
+    if name.endswith("samples_needed"):
+        return {"long_name": "samples after which no interval is wider than the precision", "units": "1"}
+    key = next((each for each in sorted(method.meanings, key=len, reverse=True) if each in name), name)
+    tail = ", half width of its interval" if name.endswith("_conf") else ""
+    over = " over nested subsamples" if "_over_samples" in name else ""
+    return {"long_name": f"{method.meanings.get(key, key)}{over}{tail}"} | ({"units": "1"} if method.pure else {})

@@ -1,0 +1,144 @@
+"""All outputs of a cube as one table of numbers, and answers back under the labels of the outputs.
+
+Every method of this package works on all columns of such a table at once. Phases are never taken as plain numbers:
+where variances count, a phase stands as its cosine and sine, whose variances add up (a generalised Sobol' index, Gamboa
+and others 2014); where values count, as its difference from the circular mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.errors import InputError, near_match
+from tripod_doe.study.cube import COST_VARIABLES, RECORD_ROLE
+
+__all__ = ["OutputTable", "chosen_outputs", "read_outputs"]
+
+FloatArray = NDArray[np.float64]
+
+_CONSTANT = 1e-9  # spread below which an output does not vary, over its largest magnitude
+_WAVEFORM = "rotation_deg"
+_CHUNK = 5_000_000  # numbers that are worked on together
+
+
+@dataclass(frozen=True)
+class OutputTable:
+    """One output, a column for each of its components.
+
+    Attributes
+    ----------
+    name
+        Of the output.
+    variable
+        As the cube holds it, the points along its first dimension.
+    values
+        Numbers, shape (point, component); phases relative to their circular mean (deg).
+    wraps
+        Whether they are phases.
+    error
+        Numerical error that the runs report of each component, in its unit; 0 where none is known. Shape (component,).
+    """
+
+    name: str
+    variable: xr.DataArray
+    values: FloatArray
+    wraps: bool
+    error: FloatArray
+
+    @property
+    def is_waveform(self) -> bool:
+        """Whether it is a course over the rotation angle."""
+        return _WAVEFORM in self.variable.dims
+
+    @property
+    def varies(self) -> NDArray[np.bool_]:
+        """Components that vary over the points beyond rounding, shape (component,)."""
+        largest = 360.0 if self.wraps else float(np.abs(self.values).max(initial=0.0))
+        return np.asarray(np.ptp(self.values, axis=0) > _CONSTANT * largest)
+
+    def chunks(self) -> Iterator[NDArray[np.int64]]:
+        """The components that vary, in parts that fit into the memory with their resamples."""
+        indices, width = np.flatnonzero(self.varies), max(_CHUNK // self.values.shape[0], 1)
+        for start in range(0, indices.size, width):
+            yield indices[start : start + width]
+
+    def parts(self, components: NDArray[np.int64]) -> FloatArray:
+        """Numbers whose variances add up to that of each component, shape (part, point, component)."""
+        values = self.values[:, components]
+        if not self.wraps:
+            return values[None]
+        return np.stack([np.cos(np.radians(values)), np.sin(np.radians(values))])
+
+    def rows(self, chosen: NDArray[np.int64]) -> OutputTable:
+        """The same output at some points only."""
+        return OutputTable(self.name, self.variable[chosen], self.values[chosen], self.wraps, self.error)
+
+    def labelled(self, answer: FloatArray, dims: tuple[str, ...]) -> xr.DataArray:
+        """An answer, shape (*dims, component), under the labels of the output."""
+        own = tuple(str(dim) for dim in self.variable.dims[1:])
+        shape = (*answer.shape[: len(dims)], *self.variable.shape[1:])
+        labels = {dim: self.variable[dim] for dim in own if dim in self.variable.coords}
+        return xr.DataArray(answer.reshape(shape), dims=dims + own, coords=labels)
+
+
+def chosen_outputs(cube: xr.Dataset, asked: Iterable[str]) -> list[str]:
+    """Names of the outputs to analyse: those asked for, else all that are results.
+
+    Raises
+    ------
+    InputError
+        If an output is not in the cube, or no point finished.
+    """
+    outputs = [
+        str(name)
+        for name, variable in cube.data_vars.items()
+        if variable.dtype.kind == "f" and name not in COST_VARIABLES and variable.attrs.get("role") != RECORD_ROLE
+    ]
+    for name in asked:
+        if name not in outputs:
+            raise InputError(f"outputs: {name!r} is not in the cube{near_match(name, outputs)}")
+    if not outputs:
+        raise InputError("no point finished: there is no output to analyse")
+    return list(dict.fromkeys(asked)) or outputs
+
+
+def read_outputs(cube: xr.Dataset, names: Iterable[str], rows: NDArray[np.int64]) -> list[OutputTable]:
+    """Outputs as tables.
+
+    Parameters
+    ----------
+    cube
+        A cube whose points lie along ``point``.
+    names
+        Its outputs.
+    rows
+        Points to take, at which the outputs are finite.
+    """
+    return [_table(cube, name, rows) for name in names]
+
+
+def _table(cube: xr.Dataset, name: str, rows: NDArray[np.int64]) -> OutputTable:
+    variable = cube[name].isel(point=rows)
+    values = variable.values.astype(float).reshape(rows.size, -1)
+    wraps = "wraps_at" in variable.attrs
+    if wraps:
+        values = _around_mean(values)
+    error = np.zeros(values.shape[1])
+    if f"{name}_error" in cube and cube[f"{name}_error"].dims == variable.dims:
+        told = cube[f"{name}_error"].isel(point=rows).values.astype(float).reshape(rows.size, -1)
+        known = np.isfinite(told)
+        error = np.where(known, told, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    return OutputTable(name, variable, values, wraps, error)
+
+
+def _around_mean(degrees: FloatArray) -> FloatArray:
+    """Angles relative to their circular mean, so that the wrap at +-180 deg is no variance."""
+    turns = np.exp(1j * np.radians(degrees))
+    mean = turns.mean(axis=0)
+    relative: FloatArray = np.degrees(np.angle(turns / np.where(mean == 0, 1, mean)))
+    return relative

@@ -1,0 +1,172 @@
+"""The points of a cube that a sensitivity analysis can use: whole blocks only, and what was dropped for what reason."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.analysis.failing_region import FailingRegion, failing_region
+from tripod_doe.analysis.sensitivity.settings import SensitivitySettings
+from tripod_doe.errors import InputError
+from tripod_doe.simulator import Outcome
+from tripod_doe.study.cube import EXCLUDED
+from tripod_doe.study.designs import FAMILIES, factor_groups, unit_sample
+from tripod_doe.study.file import DesignTable, FactorTable, parse_file
+
+__all__ = ["Sample", "flat_points", "read_sample"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Usable points of a design, in whole blocks.
+
+    Attributes
+    ----------
+    design, tables
+        The design of the study and its factors, as the study file describes them.
+    columns
+        Values of the factors at the usable points, shape (point,) each.
+    rows
+        The usable points among those of the cube, shape (point,).
+    block
+        Points of a block; 1 where every point stands alone.
+    dropped
+        Points that are not used.
+    region
+        Where most of the points that failed lie, if they lie together.
+    rest
+        Whether only the points outside of that region are used.
+    """
+
+    design: DesignTable
+    tables: dict[str, FactorTable]
+    columns: dict[str, NDArray[np.generic]]
+    rows: NDArray[np.int64]
+    block: int
+    dropped: int
+    region: FailingRegion | None = None
+    rest: bool = False
+
+    @property
+    def blocks(self) -> int:
+        """Number of whole blocks."""
+        return self.rows.size // self.block
+
+    @property
+    def factors(self) -> list[str]:
+        """Labels of the indices: the factors, or the groups in which they vary."""
+        return list(factor_groups(self.tables))
+
+    @cached_property
+    def unit(self) -> FloatArray:
+        """The usable points on the unit cube, before the distributions, shape (point, factor)."""
+        return unit_sample(self.design, self.tables)[self.rows]
+
+    @cached_property
+    def ranks(self) -> FloatArray:
+        """Ranks of the factors' values over their number, between 0 and 1, shape (point, factor)."""
+        from scipy.stats import rankdata
+
+        columns = (np.unique(column, return_inverse=True)[1] for column in self.columns.values())
+        return np.stack([(rankdata(column) - 0.5) / column.size for column in columns], axis=1)
+
+    def take(self, points: NDArray[np.int64]) -> Sample:
+        """Some of its points, in whole blocks."""
+        columns = {name: column[points] for name, column in self.columns.items()}
+        return replace(self, columns=columns, rows=self.rows[points])
+
+
+def flat_points(cube: xr.Dataset) -> xr.Dataset:
+    """A cube with one dimension ``point`` in place of one for each factor of a grid."""
+    dims = cube["outcome"].dims
+    if dims == ("point",):
+        return cube
+    flat = cube.stack(point=dims).reset_index("point")
+    return flat.transpose("point", ...)
+
+
+def read_sample(
+    cube: xr.Dataset, settings: SensitivitySettings, kinds: Collection[str], outputs: Sequence[str]
+) -> Sample:
+    """The usable points of a cube: those of blocks in which all points finished and gave all outputs.
+
+    Parameters
+    ----------
+    cube
+        A cube with one dimension ``point``.
+    settings
+        What is done where points failed.
+    kinds
+        Kinds of designs that the analysis can read.
+    outputs
+        The outputs that must be there.
+
+    Raises
+    ------
+    InputError
+        If the design is another one, or too little of it is left.
+    """
+    file = parse_file(cube.attrs["study"], "the study in the cube")
+    design = file.design
+    if design.kind not in kinds:
+        raise InputError(f"this analysis needs a {' or '.join(kinds)} design, the cube's is {design.kind}")
+    tables = {name: file.factors[name] for name in design.factors or file.factors}
+    block = FAMILIES[design.kind].block(design, len(factor_groups(tables)))
+    usable, inside = _usable(cube, outputs), _inside(cube)
+    columns = {name: cube[name].values for name in tables if name in cube.coords}
+    region = failing_region({name: column[inside] for name, column in columns.items()}, ~usable[inside])
+    whole = usable.reshape(-1, block).all(axis=1)
+    asked = int(inside.sum()) // block
+    _refuse(settings, region, int(whole.sum()), asked, block)
+    rest = settings.holes == "rest" and region is not None
+    if rest and region is not None:
+        whole &= region.outside(columns).reshape(-1, block).all(axis=1)
+    rows = np.flatnonzero(np.repeat(whole, block))
+    return Sample(
+        design, tables, {name: column[rows] for name, column in columns.items()}, rows, block,
+        asked * block - rows.size, region, rest,
+    )  # fmt: skip
+
+
+def _inside(cube: xr.Dataset) -> NDArray[np.bool_]:
+    """Points that no constraint excludes."""
+    if EXCLUDED not in cube:
+        return np.ones(cube.sizes["point"], bool)
+    return np.asarray(cube[EXCLUDED].values == 0)
+
+
+def _usable(cube: xr.Dataset, outputs: Sequence[str]) -> NDArray[np.bool_]:
+    """Points that finished and gave numbers, shape (point,).
+
+    A finished point may lack one: a function returned NaN, a model cannot give the output.
+    """
+    usable = np.asarray(cube["outcome"].values == Outcome.FINISHED)
+    for name in outputs:
+        given = np.isfinite(cube[name].values.reshape(usable.size, -1)).all(axis=1)
+        if given.any():  # an output that no point gives takes nothing away from the others
+            usable = usable & given
+    return usable
+
+
+def _refuse(settings: SensitivitySettings, region: FailingRegion | None, left: int, asked: int, block: int) -> None:
+    """Refuse where too few blocks are left, or where holes are to be refused."""
+    what = "points" if block == 1 else f"blocks of {block} points"
+    where = f"; most failed {region.text}" if region else ""
+    if left < 2:
+        raise InputError(f"only {left} of {asked} {what} finished: nothing to analyse{where}")
+    gone = asked - left
+    if gone and settings.holes == "refuse":
+        raise InputError(f'{gone:,} of {asked:,} {what} are lost, and holes = "refuse"{where}')
+    if gone > math.floor(settings.most_dropped * asked) and not (settings.holes == "rest" and region):
+        remedy = '; set holes = "rest" for an answer outside of it' if region else ""
+        raise InputError(
+            f"{gone:,} of {asked:,} {what} are lost, more than most_dropped = {settings.most_dropped:g}{where}{remedy}"
+        )

@@ -1,0 +1,106 @@
+"""Findings and table of the effects of a factorial or response-surface design."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.quantities import count_of, interval, number
+from tripod_doe.report.responses import ORDINALS, listed, spoken
+
+__all__ = ["effect_parts", "effect_table", "find_in_effects", "term_text"]
+
+_MOST_NAMED = 4
+_SURE = 0.05  # largest probability by chance of an effect that a sentence names
+
+
+def effect_parts(result: xr.Dataset) -> list[tuple[str, xr.Dataset]]:
+    """Main outputs in words with their effects over ``term`` alone: orders of the thrust, or a function's outputs."""
+    outputs = [str(name) for name in result["output"].values] if "output" in result.dims else []
+    if "thrust_amplitude" in outputs:
+        outputs = ["thrust_amplitude"]
+    parts = []
+    for output in outputs[:4] or [str(result.attrs.get("outputs", "the output"))]:
+        of_output = result.sel(output=output) if outputs else result
+        for order in (3, 2) if "order" in result.dims else (None,):
+            part = of_output if order is None else of_output.sel(order=order)
+            part = part.isel(dict.fromkeys((dim for dim in part["effect"].dims if dim != "term"), 0))
+            if part["effect"].notnull().any():
+                parts.append((output if order is None else f"the {ORDINALS[order]}", part))
+    return parts
+
+
+def term_text(name: str) -> str:
+    """A term in words: ``joint angle x torque``."""
+    return " x ".join(
+        spoken(factor.removesuffix("^2")) + (" squared" if "^" in factor else "") for factor in name.split(":")
+    )
+
+
+def find_in_effects(name: str, result: xr.Dataset) -> list[str]:
+    """Sentences on the largest effects of each main output, on aliases, and on missing points.
+
+    Parameters
+    ----------
+    name
+        Name of the analysis.
+    result
+        Its effects.
+    """
+    sentences = []
+    for what, part in effect_parts(result):
+        rows = list(
+            zip(
+                part["term"].values,
+                part["effect"].values,
+                part["effect_conf"].values,
+                part["p_value"].values,
+                strict=True,
+            )
+        )
+        sure = sorted((row for row in rows if row[3] <= _SURE), key=lambda row: -abs(row[1]))
+        told = [
+            f"{term_text(str(term))} {interval(float(effect), float(half))}"
+            for term, effect, half, _ in sure[:_MOST_NAMED]
+        ]
+        left = f"; {count_of(len(rows) - len(sure), 'term')} cannot be told from none" if len(sure) < len(rows) else ""
+        explained = f", R2 {number(float(part['r_squared']), 4)}" if np.isfinite(part["r_squared"]) else ""
+        if told:
+            sentences.append(
+                f"The largest effects on {what}, from low to high: {listed(told)}{left}{explained} (analysis {name})."
+            )
+        else:
+            sentences.append(f"No effect on {what} can be told from none{explained} (analysis {name}).")
+    aliases: dict[str, list[str]] = json.loads(str(result.attrs.get("aliases", "{}")))
+    mixed = [
+        f"{term_text(left)} in {listed([term_text(each) for each in kept])}" for left, kept in aliases.items() if kept
+    ]
+    if mixed:
+        more = f" and {len(mixed) - _MOST_NAMED} more" if len(mixed) > _MOST_NAMED else ""
+        sentences.append(f"The design mixes effects: {'; '.join(mixed[:_MOST_NAMED])}{more}.")
+    dropped = int(result.attrs.get("points_dropped", 0))
+    if dropped:
+        sentences.append(
+            f"{count_of(dropped, 'point')} {'is' if dropped == 1 else 'are'} missing, "
+            f"{result.attrs['points_used']:,} are used."
+        )
+    return sentences
+
+
+def effect_table(result: xr.Dataset) -> tuple[list[str], list[list[str]]]:
+    """The analysis of variance of the main outputs, the largest sums of squares first."""
+    rows = []
+    for what, part in effect_parts(result):
+        for at in np.argsort(-part["sum_of_squares"].values):
+            values = {
+                key: float(part[key].values[at])
+                for key in ("effect", "effect_conf", "sum_of_squares", "f_value", "p_value")
+            }
+            rows.append([
+                what, term_text(str(part["term"].values[at])), interval(values["effect"], values["effect_conf"]),
+                number(values["sum_of_squares"]), number(values["f_value"]), number(values["p_value"], 2),
+            ])  # fmt: skip
+        rows.append([what, "residual", "", number(float(part["residual_sum_of_squares"])), "", ""])
+    return ["output", "term", "effect", "sum of squares", "F", "p"], rows
