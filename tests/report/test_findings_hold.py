@@ -137,6 +137,7 @@ class Truth:
     def __init__(self, points: np.ndarray, values: np.ndarray, function) -> None:
         finished = np.isfinite(values)
         self.points, self.values, self.function = points[finished], values[finished], function
+        self.every, self.failed_or_not = points, ~finished
 
     def groups(self, at: int) -> list[tuple[np.ndarray, np.ndarray]]:
         """Levels and responses of the points that share all other factors, repeated points once."""
@@ -266,6 +267,16 @@ def check_weak(sentence: str, truth: Truth, factors: list[int]) -> None:
         assert change <= 2e-9 * np.abs(truth.values).max()
 
 
+def check_region(sentence: str, truth: Truth) -> None:
+    """The region that fails holds as many points and failures as it says; thresholds are printed to four digits."""
+    inside = np.ones(len(truth.failed_or_not), bool)
+    for name, side, threshold in re.findall(r"(x[123]) ([<>]) (-?[\d.]+)", sentence):
+        column = truth.every[:, NAMES.index(name)]
+        inside &= column > float(threshold) if side == ">" else column < float(threshold)
+    failed, points = truth.failed_or_not[inside].sum(), inside.sum()
+    assert f"({failed} of the {points} points there, {truth.failed_or_not.sum() - failed} elsewhere)" in sentence
+
+
 def check(sentence: str, truth: Truth) -> str:
     """Check one sentence; returns what kind it was."""
     named = [NAMES.index(name) for name in dict.fromkeys(re.findall(r"\bx[123]\b", sentence))]
@@ -283,6 +294,9 @@ def check(sentence: str, truth: Truth) -> str:
     if "pair" in sentence:
         check_steps(sentence, truth, named[0])
         return "steps"
+    if "points fail where" in sentence:
+        check_region(sentence, truth)
+        return "region"
     if re.search(r"does not separate|do not finish|did not finish|No trend|None of|Only points", sentence):
         return "unknown"
     check_curve(sentence, truth, named[0])

@@ -16,7 +16,7 @@ from tripod_doe.study.netcdf import write_dataset
 OWN = ("initial_skew_1_deg", "roller_width_mm")
 """What the study of the joint gives itself: the paper names the one, the other is assumed."""
 
-SECTIONS = ["findings", "effects", "waveforms", "spectrum", "failed", "cost", "setting", "provenance"]
+SECTIONS = ["findings", "effects", "waveforms", "spectrum", "region", "failed", "cost", "setting", "provenance"]
 
 
 class Page(HTMLParser):

@@ -16,6 +16,7 @@ _DEPTH = 2  # conditions of a region: more than two nobody can picture
 _FEWEST = 5  # failed points that can show a region
 _MOST_FAIL = 0.5  # share of the points of a region that fail
 _MOST_LIE = 0.75  # share of the failed points that lie in it
+_CHANCE = 1e-5  # largest probability that as many failures lie there by chance: a tree looks at many regions
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,8 @@ def failing_region(columns: Mapping[str, NDArray[np.generic]], failed: NDArray[n
     total = int(failed.sum())
     if total < _FEWEST or total == failed.size or not numeric:
         return None
-    from sklearn.tree import DecisionTreeClassifier  # slow to import, and most studies have no failures
+    from scipy.stats import hypergeom  # slow to import, and most studies have no failures
+    from sklearn.tree import DecisionTreeClassifier
 
     matrix = np.stack(list(numeric.values()), axis=1)
     tree = DecisionTreeClassifier(max_depth=_DEPTH, class_weight="balanced", min_samples_leaf=_FEWEST, random_state=0)
@@ -106,6 +108,8 @@ def failing_region(columns: Mapping[str, NDArray[np.generic]], failed: NDArray[n
     leaf = max(counts, key=lambda each: counts[each])
     points = int((leaves == leaf).sum())
     if counts[leaf] < _MOST_LIE * total or counts[leaf] < _MOST_FAIL * points:
+        return None
+    if hypergeom.sf(counts[leaf] - 1, failed.size, total, points) > _CHANCE:
         return None
     conditions = _conditions(tree.tree_, leaf, list(numeric))
     kept = max(conditions, key=lambda each: int((~each.holds(columns)).sum()))

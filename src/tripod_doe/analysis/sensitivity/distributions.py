@@ -43,9 +43,12 @@ class DeltaSettings(SensitivitySettings):
 
 
 def _with_chance(sample: Sample, seed: int) -> FloatArray:
-    """Ranks of the factors and of one more that is pure chance, shape (point, factor + 1)."""
-    chance = np.random.default_rng(seed).random((sample.rows.size, 1))
-    return np.concatenate([sample.ranks, chance], axis=1)
+    """Values of the factors, of words their numbers, and of one more that is pure chance, shape (point, factor + 1)."""
+    columns = [
+        column.astype(float) if column.dtype.kind in "fiu" else np.unique(column, return_inverse=True)[1].astype(float)
+        for column in sample.columns.values()
+    ]
+    return np.stack([*columns, np.random.default_rng(seed).random(sample.rows.size)], axis=1)
 
 
 def _slices(column: FloatArray, count: int) -> IntArray:
@@ -72,9 +75,9 @@ def _largest_gaps(slices: IntArray, count: int, order: IntArray, last: NDArray[n
     return gaps
 
 
-def _pawn_of(values: FloatArray, ranks: FloatArray, count: int) -> FloatArray:
+def _pawn_of(values: FloatArray, known: FloatArray, count: int) -> FloatArray:
     """Statistics of the gaps over the slices, shape (statistic, factor, component): median, mean, max, min."""
-    slices = [_slices(column, count) for column in ranks.T]
+    slices = [_slices(column, count) for column in known.T]
     found = np.empty((4, len(slices), values.shape[1]))
     for component, column in enumerate(values.T):
         order = np.argsort(column, kind="stable")
@@ -87,10 +90,10 @@ def _pawn_of(values: FloatArray, ranks: FloatArray, count: int) -> FloatArray:
 
 def _pawn(sample: Sample, table: OutputTable, components: IntArray, settings: SensitivitySettings) -> Answers:
     count = settings.slices if isinstance(settings, PawnSettings) else PawnSettings().slices
-    ranks, values = _with_chance(sample, settings.seed), table.values[:, components]
-    whole = _pawn_of(values, ranks, count)
+    known, values = _with_chance(sample, settings.seed), table.values[:, components]
+    whole = _pawn_of(values, known, count)
     halves = [
-        _pawn_of(values[rows], ranks[rows], count)[:, :-1]
+        _pawn_of(values[rows], known[rows], count)[:, :-1]
         for rows in random_halves(len(values), settings.resamples, settings.seed)
     ]
     half = half_width(np.stack(halves), settings.confidence)
@@ -119,9 +122,9 @@ def _density(values: FloatArray, at: FloatArray) -> FloatArray:
     return density
 
 
-def _delta_of(values: FloatArray, ranks: FloatArray) -> FloatArray:
+def _delta_of(values: FloatArray, known: FloatArray) -> FloatArray:
     """Half the mean distance of the density in a class to that of all points, shape (factor, component)."""
-    classes = [_classes(column) for column in ranks.T]
+    classes = [_classes(column) for column in known.T]
     found = np.zeros((len(classes), values.shape[1]))
     for component, column in enumerate(values.T):
         at = np.linspace(column.min(), column.max(), _DENSITY_POINTS)
@@ -137,10 +140,10 @@ def _delta_of(values: FloatArray, ranks: FloatArray) -> FloatArray:
 
 def _delta(sample: Sample, table: OutputTable, components: IntArray, settings: SensitivitySettings) -> Answers:
     rows = np.arange(min(sample.rows.size, _DELTA_POINTS))
-    ranks, values = _with_chance(sample, settings.seed)[rows], table.values[rows][:, components]
-    whole = _delta_of(values, ranks)
+    known, values = _with_chance(sample, settings.seed)[rows], table.values[rows][:, components]
+    whole = _delta_of(values, known)
     halves = [
-        _delta_of(values[half], ranks[half]) for half in random_halves(rows.size, settings.resamples, settings.seed)
+        _delta_of(values[half], known[half]) for half in random_halves(rows.size, settings.resamples, settings.seed)
     ]
     return {
         "delta": whole[:-1],
