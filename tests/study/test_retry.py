@@ -47,6 +47,7 @@ JOINT = """
 name = "steep"
 [base]
 model = "rollers"
+relative_tolerance = 4e-3
 samples_per_revolution = 60
 [factors]
 joint_angle_deg = {values = [10, 40]}
@@ -116,7 +117,7 @@ def test_expected_outcomes_are_not_retried(fragile):
 
 @pytest.mark.slow
 def test_rollers_at_forty_degrees_finish_with_half_the_tolerance():
-    """The energy balance of the default tolerance does not close there."""
+    """4e-3 leaves more than 5 % of numerical error there."""
     cube, _ = cube_of(JOINT)
     assert cube["attempt"].values.tolist() == [0, 1]
     assert int(cube["first_outcome"][1]) == td.Outcome.INACCURATE

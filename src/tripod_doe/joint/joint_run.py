@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +30,7 @@ class Readings:
     friction_power
         Mean power lost to each mechanism over these revolutions, shape (mechanism,).
     amplitude_error
-        Numerical error of every order of the thrust, shape (order,); NaN if the last revolution could not be run again.
+        Numerical error of every order of the thrust, shape (order,); NaN where it is not known.
     skew, skew_summary
         Skew of the needle that carries the most, shape (trunnion, 2 x sample), and its mean, smallest and largest value
         in every revolution, shape (trunnion, cycle, 3); rad, None without needles.
@@ -62,15 +63,21 @@ class JointRun:
         How it ended, and why it failed or a note on it.
     readings
         Its results, whatever its outcome; None if it stopped before its end.
+    setting
+        Tolerance or step of its results; NaN where nothing was run.
+    settled
+        Whether the run found it by itself.
     steps, force_evaluations, solves
-        Counted work, with that of the error estimate.
+        Counted work of all passes, with that of the error estimate.
     followed
-        Time that was simulated, up to the end or the failure; without that of the error estimate.
+        Time of the motion, up to its end or the failure.
     """
 
     outcome: Outcome
     detail: str
     readings: Readings | None = None
+    setting: float = math.nan
+    settled: bool = False
     steps: int = 0
     force_evaluations: int = 0
     solves: int = 0

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.joint.goal import Goal
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, PART_OUTPUTS, part_outputs, thrust_outputs
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.first_compilation import first_compilation
@@ -59,10 +60,14 @@ class Model:
         Parameters that have no effect in it, or not all of it, each with what it leaves out, as a sentence.
     valid
         Where it holds.
+    settles
+        Whether a run finds its own tolerance or step where none is given; else the method's own is accurate enough for
+        any that may be asked for.
     outputs
         Names of the outputs that it computes.
     simulate
-        (block of points, method, samples per revolution, outputs to keep) -> results.
+        (block of points, method, samples per revolution, outputs to keep, which orders must be how accurate or None for
+        the third order's `accuracy`) -> results.
     prepare
         (block of one point, method): compiles all that `simulate` needs.
     """
@@ -71,8 +76,9 @@ class Model:
     methods: Methods
     ignores: frozenset[str]
     outputs: frozenset[str]
-    simulate: Callable[[JointValues[FloatArray], str, int, Collection[str]], BlockResult]
+    simulate: Callable[[JointValues[FloatArray], str, int, Collection[str], Goal | None], BlockResult]
     prepare: Callable[[JointValues[FloatArray], str], None]
+    settles: bool = False
     lacks: Mapping[str, str] = field(default_factory=dict)
     valid: tuple[ValidRange, ...] = ()
 
@@ -84,8 +90,9 @@ class Model:
 
 def _simulate_balance(
     solve: Callable[[JointValues[FloatArray], int], Equilibrium], energy_limit: float,
-    points: JointValues[FloatArray], method: str, samples: int, keep: Collection[str],
+    points: JointValues[FloatArray], method: str, samples: int, keep: Collection[str], goal: Goal | None = None,
 ) -> BlockResult:  # fmt: skip
+    """Simulate points by a balance; its tolerance is settled before (`balance_tolerance`)."""
     block = BlockResult.blank(points.torque.size)
     for start in range(0, block.count, _CHUNK):
         rows = np.arange(start, min(start + _CHUNK, block.count))
@@ -218,15 +225,19 @@ _KINETOSTATIC = _balance(
 
 
 def _simulate_multibody(
-    needles: bool, points: JointValues[FloatArray], method: str, samples: int, keep: Collection[str]
-) -> BlockResult:
+    needles: bool, points: JointValues[FloatArray], method: str, samples: int, keep: Collection[str],
+    goal: Goal | None = None,
+) -> BlockResult:  # fmt: skip
     """Simulate points one by one: a run costs far more than what points could share."""
     from tripod_doe.joint.multibody_run import run_joint
 
     block = BlockResult.blank(points.torque.size)
+    setting, usual = next(iter(_MULTIBODY_METHODS[needles][method].items()))
     split, rates = (not set(names).isdisjoint(keep) for names in (PART_OUTPUTS, _RATES))
     for i in range(block.count):
-        result = run_joint(points.point(i), needles, method, samples, rates, split)
+        result = run_joint(points.point(i), needles, method, samples, rates, split, goal, usual)
+        if result.settled:
+            block.settle(setting, i, result.setting)
         block.end(i, result.outcome, result.detail)
         block.steps[i], block.force_evaluations[i], block.solves[i], block.simulated_seconds[i] = (
             result.steps, result.force_evaluations, result.solves, result.followed
@@ -274,22 +285,30 @@ def _methods(relative_tolerance: float, step: float) -> Methods:
     }
 
 
+_MULTIBODY_METHODS = {
+    False: _methods(relative_tolerance=4e-3, step=5e-5),
+    True: _methods(relative_tolerance=2e-3, step=1e-5),
+}
+"""Methods of `rollers` and of `needles`, by whether needles are bodies."""
+
 _ROLLERS = Model(
     name="rollers",
-    methods=_methods(relative_tolerance=4e-3, step=5e-5),
+    methods=_MULTIBODY_METHODS[False],
     ignores=frozenset({"needle_axial_clearance_mm", "needle_mass_factor"}),
     outputs=frozenset(JOINT_OUTPUTS) - set(_SKEWS),
     simulate=partial(_simulate_multibody, False),
     prepare=_prepare_multibody,
+    settles=True,
 )
 
 _NEEDLES = Model(
     name="needles",
-    methods=_methods(relative_tolerance=2e-3, step=1e-5),
+    methods=_MULTIBODY_METHODS[True],
     ignores=frozenset(),
     outputs=frozenset(JOINT_OUTPUTS),
     simulate=partial(_simulate_multibody, True),
     prepare=_prepare_multibody,
+    settles=True,
 )
 
 MODELS: dict[str, Model] = {model.name: model for model in (_EQUILIBRIUM, _KINETOSTATIC, _ROLLERS, _NEEDLES)}

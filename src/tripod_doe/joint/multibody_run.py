@@ -1,7 +1,8 @@
 """Runs of the multibody models: from one operating point to thrust, friction powers, skews and a numerical error.
 
-A run follows `cycles` revolutions from the balanced start; the last two are sampled. Then the last one is run again in
-finer steps, for the numerical error and the outcome (`numerical_error`).
+A run follows `cycles` revolutions from the balanced start; the last two are sampled. It finds its steps by the accuracy
+that is asked for (`refinement`). With a given tolerance or step the last revolution is run again in finer steps
+instead, for the numerical error (`numerical_error`).
 
 Halving steps cannot show what all affordable steps damp: many joints vibrate by themselves. So it is asked first
 whether a joint does (`vibration`). If so, runs by the models' own method are followed with the vibration, and others
@@ -11,25 +12,34 @@ are compared with that (`vibrating_joint`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.joint.goal import Goal
 from tripod_doe.joint.joint_run import JointRun, Readings
 from tripod_doe.joint.multibody_scene import build_joint
-from tripod_doe.joint.numerical_error import ERROR_LIMIT, LEAD, amplitude_error, finer_thrust, judge
+from tripod_doe.joint.numerical_error import (
+    ERROR_LIMIT,
+    LEAD,
+    amplitude_error,
+    finer_thrust,
+    judge,
+    miss_of_given,
+)
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
-from tripod_doe.joint.readings import groove_readings, needle_skews
+from tripod_doe.joint.passes import FollowedJoint, Motion
+from tripod_doe.joint.readings import groove_readings, groove_thrust, needle_skews
+from tripod_doe.joint.refinement import first_tolerance, refine
 from tripod_doe.joint.thrust_parts import thrust_parts
 from tripod_doe.joint.values import JointValues
-from tripod_doe.joint.vibrating_joint import SMALLEST_THIRD, VibratingJoint
+from tripod_doe.joint.vibrating_joint import VibratingJoint
 from tripod_doe.joint.vibration import growing_vibration
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
 from tripod_doe.mechanics.first_compilation import first_compilation
 from tripod_doe.mechanics.floquet import fastest_growth
-from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.linearisation import fastest_rates
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.rates import Rates
@@ -56,15 +66,13 @@ joint dissipates nothing, and its rounding cannot be related to nothing."""
 _DAMPS = "adaptive-euler"
 """The models' own method, which damps vibrations."""
 
-_ACCURACY = 0.02
-"""Share of the third order that may be off where a vibration is followed."""
-
 _RATE_STATES = 12
 """States of a third of a revolution at which a run is linearised."""
 
 
 def run_joint(
-    values: JointValues[float], needles: bool, method: str, samples: int, rates: bool = False, split: bool = False
+    values: JointValues[float], needles: bool, method: str, samples: int, rates: bool = False, split: bool = False,
+    goal: Goal | None = None, usual: float = math.nan,
 ) -> JointRun:  # fmt: skip
     """Simulate one operating point.
 
@@ -75,41 +83,76 @@ def run_joint(
     needles
         Model ``needles`` (True) or ``rollers``.
     method
-        How it is integrated, with the step or the tolerance among the values.
+        How it is integrated, with the step or the tolerance among the values where they are given.
     samples
         Samples per revolution.
     rates
         Whether to find what limits the step.
     split
         Whether the thrust is split into the parts of the mechanisms.
+    goal
+        What a run without a given tolerance or step is refined to; the accuracy of the third order among the values
+        unless given.
+    usual
+        Tolerance or step that such a run begins with, by a method other than `adaptive-euler`.
     """
     if reason := _out_of_range(values):
         return JointRun(Outcome.OUT_OF_RANGE, reason)
+    goal = goal or Goal({3: values.accuracy})
+    settles = math.isnan(values.step) and math.isnan(values.relative_tolerance)
     vibrating = None
     if found := growing_vibration(values):
-        vibrating = VibratingJoint(values, found, samples, _limits(values, 1, _DAMPS), _allowed(values), split)
-        if method == _DAMPS and (answer := vibrating.answer(needles)):
+        allowed = partial(goal.allowed, values=values)
+        vibrating = VibratingJoint(values, found, samples, _limits(values, 1, _DAMPS), allowed, split)
+        if settles and method == _DAMPS and (answer := vibrating.answer(needles)):
             return _with_rates(answer, vibrating.last_turn, values) if rates else answer
     assembly = assemble(build_joint(values, needles))
-    step, tolerance = (None if math.isnan(given) else given for given in (values.step, values.relative_tolerance))
-    settings = Settings(budget=int(values.evaluation_budget), tolerance=tolerance or Settings().tolerance)
-    result, again = follow(assembly, values, method, samples, step, settings)
-    if again is None:
-        done = JointRun(result.outcome, result.detail)
+    if settles:
+        motion = _follow_to(goal, assembly, values, method, samples, usual)
     else:
-        readings = _read(assembly, result, again, values, samples, method_named(method), split)
+        motion = _follow_given(assembly, values, method, samples)
+    result = motion.result
+    done = JointRun(result.outcome, result.detail, followed=result.followed)
+    if motion.sampled:
+        readings = _read(assembly, motion, values, samples, split)
         if rates:
             readings = replace(readings, rates=_rates(result, values, samples))
-        outcome, detail = judge(result, again, readings.groove_thrust.sum(1), readings.amplitude_error, values)
+        thrust = readings.groove_thrust.sum(1)
+        outcome, detail = judge(result, thrust, motion.missed, values)
         if outcome == Outcome.FINISHED and vibrating:
-            third = None if needles else float(abs(complex_amplitudes(readings.groove_thrust.sum(1)).mean(0)[3]))
+            third = None if needles else float(abs(complex_amplitudes(thrust).mean(0)[3]))
             outcome, detail = vibrating.verdict(third, ERROR_LIMIT)
-        done = JointRun(outcome, detail, readings)
-    parts = [part for part in (result, again) if part]
+        done = JointRun(outcome, detail, readings, followed=float(result.times[-1]))
     return replace(
-        done, steps=sum(part.steps for part in parts), followed=result.followed,
-        force_evaluations=sum(part.force_evaluations for part in parts), solves=sum(part.solves for part in parts),
+        done, setting=motion.setting, settled=settles,
+        steps=sum(part.steps for part in motion.runs), solves=sum(part.solves for part in motion.runs),
+        force_evaluations=sum(part.force_evaluations for part in motion.runs),
     )  # fmt: skip
+
+
+def _follow_to(
+    goal: Goal, assembly: Assembly, values: JointValues[float], method: str, samples: int, usual: float
+) -> Motion:
+    """The motion with the tolerance or step that a goal asks for."""
+    joint = FollowedJoint(assembly, values, method_named(method), samples, _limits(values, 1, method))
+    return refine(joint, goal, first_tolerance(values, goal) if method == _DAMPS else usual)
+
+
+def _follow_given(assembly: Assembly, values: JointValues[float], method: str, samples: int) -> Motion:
+    """The motion with a given tolerance or step."""
+    controlled = method_named(method).controlled
+    setting = values.relative_tolerance if controlled else values.step
+    settings = Settings(budget=int(values.evaluation_budget))
+    settings = settings._replace(tolerance=setting) if controlled else settings
+    result, again = follow(assembly, values, method, samples, None if controlled else setting, settings)
+    if again is None:
+        return Motion(result, 0, setting, np.full(ORDERS.size, math.nan), "", (result,))
+    states = slice(-2 * samples - 1, None)
+    thrust = groove_thrust(assembly, result.positions[states], result.velocities[states]).sum(0)
+    finer = finer_thrust(assembly, again, samples).sum(0)
+    error = amplitude_error(thrust, finer, samples, method_named(method))
+    missed = miss_of_given(result, again, thrust[:-1].reshape(2, samples), error, values)
+    return Motion(result, 2, setting, error, missed, (result, again))
 
 
 def follow(
@@ -153,18 +196,6 @@ def _with_rates(answer: JointRun, turn: Run | None, values: JointValues[float]) 
     return replace(answer, readings=replace(answer.readings, rates=_rates(turn, values, turn.times.size - 1)))
 
 
-def _allowed(values: JointValues[float]) -> Callable[[FloatArray], FloatArray]:
-    """Errors that orders of such amplitudes may have: only the third order is asked for."""
-    least = SMALLEST_THIRD * abs(values.torque) / values.pitch_radius
-
-    def allowed(amplitudes: FloatArray) -> FloatArray:
-        errors = np.full(ORDERS.size, math.inf)
-        errors[3] = _ACCURACY * max(float(amplitudes[3]), least)
-        return errors
-
-    return allowed
-
-
 def _states(result: Run) -> tuple[FloatArray, FloatArray]:
     return result.positions, result.velocities
 
@@ -176,29 +207,30 @@ def _limits(values: JointValues[float], cycles: float, method: str) -> Limits:
     return replace(_LIMITS, energy=energy, turned_over=_TURNED_OVER * transmitted)
 
 
-def _read(
-    assembly: Assembly, result: Run, again: Run, values: JointValues[float], samples: int, method: Method, split: bool
-) -> Readings:
-    """Everything that is read off the last two revolutions of a run, and off the last one run again."""
-    times, positions, velocities = (x[-2 * samples - 1 :] for x in (result.times, result.positions, result.velocities))
+def _read(assembly: Assembly, motion: Motion, values: JointValues[float], samples: int, split: bool) -> Readings:
+    """Everything that is read off the sampled revolutions of a motion."""
+    result, count = motion.result, motion.sampled
+    times, positions, velocities = (
+        x[-count * samples - 1 :] for x in (result.times, result.positions, result.velocities)
+    )
     thrust, powers = groove_readings(assembly, positions, velocities)
-    error = amplitude_error(thrust.sum(0), finer_thrust(assembly, again, samples).sum(0), samples, method)
     last = slice(0, -1)  # the end of the last revolution is the start of the next one
     skew, summary = None, None
     if "needle 1.1" in assembly.names:
-        skew, summary = needle_skews(assembly, result.positions[:-1], values, int(values.cycles))
+        cycles = int(values.cycles)
+        skew, summary = needle_skews(assembly, result.positions[: cycles * samples], values, cycles)
         skew = skew[:, -2 * samples :]
     parts = thrust_parts(assembly, times, positions, velocities, values).sum(1) if split else None
     return Readings(
-        _by_revolution(thrust[:, last]), None if parts is None else _by_revolution(parts[:, last]),
-        powers[:, last].mean(1), error, skew, summary, result.penetration, result.energy_residual,
+        _by_revolution(thrust[:, last], count), None if parts is None else _by_revolution(parts[:, last], count),
+        powers[:, last].mean(1), motion.error, skew, summary, result.penetration, result.energy_residual,
     )  # fmt: skip
 
 
-def _by_revolution(signals: FloatArray) -> FloatArray:
-    """Signals over two revolutions, (signal, sample) -> (revolution, signal, sample)."""
-    two: FloatArray = np.moveaxis(signals.reshape(len(signals), 2, -1), 1, 0)
-    return two
+def _by_revolution(signals: FloatArray, count: int) -> FloatArray:
+    """Signals over so many revolutions, (signal, sample) -> (revolution, signal, sample)."""
+    revolutions: FloatArray = np.moveaxis(signals.reshape(len(signals), count, -1), 1, 0)
+    return revolutions
 
 
 def compile_joint(values: JointValues[float], method: str) -> None:

@@ -12,6 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.joint.goal import SMALLEST_THIRD
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
 from tripod_doe.joint.readings import groove_thrust
 from tripod_doe.joint.values import JointValues
@@ -20,12 +21,12 @@ from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.run import Run
 from tripod_doe.simulator import Outcome
 
-__all__ = ["ERROR_LIMIT", "LEAD", "amplitude_error", "finer_thrust", "judge"]
+__all__ = ["ERROR_LIMIT", "LEAD", "amplitude_error", "finer_thrust", "judge", "miss_of_given"]
 
 FloatArray = NDArray[np.float64]
 
-ERROR_LIMIT, _ERROR_FLOOR = 0.05, 1e-4
-"""Share of the third order, and of |T| / R_p, above which a numerical error makes a run inaccurate."""
+ERROR_LIMIT = 0.05
+"""Share of the third order above which a numerical error makes a run with a given tolerance or step inaccurate."""
 
 _UNREST_LIMIT = 1 / 3
 """Effective difference of the thrust's waveforms in the last two revolutions over the third order above which a run is
@@ -73,10 +74,8 @@ def amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, method:
     return error
 
 
-def judge(
-    result: Run, again: Run, thrust: FloatArray, amplitude_error: FloatArray, values: JointValues[float]
-) -> tuple[Outcome, str]:
-    """Whether the third order of a run may be used: its outcome, and why not.
+def miss_of_given(result: Run, again: Run, thrust: FloatArray, error: FloatArray, values: JointValues[float]) -> str:
+    """By how much the third order of a run with a given tolerance or step misses what may be used, or nothing.
 
     Parameters
     ----------
@@ -84,23 +83,43 @@ def judge(
         The run, and its last revolution run again.
     thrust
         Of the last revolutions, shape (revolution, sample).
-    amplitude_error
+    error
         Numerical error of every order.
+    values
+        The operating point.
+    """
+    if again.outcome != Outcome.FINISHED:
+        return f"the run with half the tolerance or step failed: {again.detail}"
+    third = abs(complex_amplitudes(thrust).mean(0)[3])
+    if error[3] <= ERROR_LIMIT * max(third, SMALLEST_THIRD * abs(values.torque) / values.pitch_radius):
+        return ""
+    advice = "lower relative_tolerance or step_s"
+    return f"{error[3]:.3g} N of {third:.3g} N of the third order are numerical error; {advice}"
+
+
+def judge(result: Run, thrust: FloatArray, missed: str, values: JointValues[float]) -> tuple[Outcome, str]:
+    """Whether the orders of a run may be used: its outcome, and why not.
+
+    Parameters
+    ----------
+    result
+        The run.
+    thrust
+        Of the last revolutions, shape (revolution, sample).
+    missed
+        Why its numerical error is too large; empty where it is not.
     values
         The operating point.
     """
     if result.outcome != Outcome.FINISHED:
         return result.outcome, result.detail
-    if again.outcome != Outcome.FINISHED:
-        return Outcome.INACCURATE, f"the run with half the tolerance or step failed: {again.detail}"
-    third, error = abs(complex_amplitudes(thrust).mean(0)[3]), amplitude_error[3]
-    floor = _ERROR_FLOOR * abs(values.torque) / values.pitch_radius
+    third = abs(complex_amplitudes(thrust).mean(0)[3])
     if not np.isfinite(third):
         return Outcome.DIVERGED, "the thrust is not finite"
-    if not error <= max(ERROR_LIMIT * third, floor):
-        advice = "lower relative_tolerance or step_s"
-        return Outcome.INACCURATE, f"{error:.3g} N of {third:.3g} N of the third order are numerical error; {advice}"
-    unrest = math.sqrt(2 * float(((thrust[1] - thrust[0]) ** 2).mean()))
+    if missed:
+        return Outcome.INACCURATE, missed
+    unrest = math.sqrt(2 * float(((thrust[-1] - thrust[-2]) ** 2).mean()))
+    floor = ERROR_LIMIT * SMALLEST_THIRD * abs(values.torque) / values.pitch_radius
     if unrest > max(_UNREST_LIMIT * third, floor):
         text = f"the thrust of the last two revolutions differs by {unrest:.3g} N (third order: {third:.3g} N)"
         return Outcome.INACCURATE, f"{text}: the joint rattles or still swings; lower the step or raise cycles"

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
+from copy import copy
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.errors import InputError
 from tripod_doe.joint import models
 from tripod_doe.joint.candidates import JOINT_CANDIDATES
 from tripod_doe.joint.feasibility import infeasible
+from tripod_doe.joint.goal import Goal
 from tripod_doe.joint.model_error import FINEST, QUANTITY, known_errors
 from tripod_doe.joint.operating_ratios import RATIOS, operating_ratios
 from tripod_doe.joint.outputs import JOINT_OUTPUTS
@@ -20,6 +23,7 @@ from tripod_doe.mechanics.sources import source_hashes
 from tripod_doe.simulator import (
     NUMERICS,
     BlockResult,
+    Demands,
     Departure,
     Methods,
     ModelErrors,
@@ -41,6 +45,25 @@ class JointSimulator(Simulator):
     source_hash = source_hashes().results
     candidates = JOINT_CANDIDATES
     model_names = tuple(models.MODELS)
+    goal: Goal | None = None
+
+    def refined_to(self, demands: Demands) -> JointSimulator:
+        """The joint whose runs are refined until the orders that a study names are as accurate as it asks."""
+        for demand in demands.quantities:
+            if demand.output != "thrust_amplitude" or demand.label is None:
+                raise InputError(f"[accuracy]: {demand.name}: runs are refined to orders of thrust_amplitude")
+        other = copy(self)
+        other.goal = Goal.of(demands)
+        return other
+
+    def effective(self, values: Mapping[str, Value]) -> dict[str, Value]:
+        """Complete the values of one point; its run finds its tolerance or step where neither is given."""
+        full = super().effective(values)
+        if any(is_set(values.get(name)) for name in NUMERICS):
+            return full | {"accuracy": None}
+        if not models.MODELS[str(full["model"])].settles:
+            return full
+        return full | dict.fromkeys(NUMERICS)
 
     def methods(self, values: Mapping[str, Value]) -> Methods:
         """Methods of the model that these values name."""
@@ -53,6 +76,9 @@ class JointSimulator(Simulator):
         warnings = super().check(base, factors, keep)
         names = factors.get("model") or [base.get("model") or JOINT_PARAMETERS["model"].default]
         in_play = [models.MODELS[str(name)] for name in names]
+        given = [name for name in NUMERICS if is_set(base.get(name))]
+        if given and (is_set(base.get("accuracy")) or "accuracy" in factors):
+            warnings.append(f"accuracy has no effect where {given[0]} is given")
         return warnings + [
             f"{name} is not represented by {' or '.join(m.name for m in in_play)}: its values all give the same answer"
             for name in factors
@@ -132,7 +158,7 @@ class JointSimulator(Simulator):
             if chosen.size:
                 columns = {key: np.asarray(column)[chosen] for key, column in points.items()}
                 wanted = [output for output in keep if output in model.outputs]
-                block.fill(chosen, model.simulate(_values(model, method, columns), method, samples, wanted))
+                block.fill(chosen, model.simulate(_values(model, method, columns), method, samples, wanted, self.goal))
         first = {name: points[name][0] for name in ("samples_per_revolution", "cycles")}
         block.coordinates.update(self.labels(block.outputs, first))
         return block
@@ -162,7 +188,7 @@ def _values(model: models.Model, method: str, columns: Mapping[str, NDArray[Any]
     for name, parameter in JOINT_PARAMETERS.items():
         if parameter.kind != "choice":
             column = np.asarray(columns[name], float)
-            own = model.methods[method].get(name)
+            own = None if model.settles else model.methods[method].get(name)
             numbers[name] = column if own is None else np.where(np.isnan(column), own, column)
     return internal_values(numbers)
 

@@ -17,7 +17,7 @@ from tripod_doe.joint.feasibility import infeasible
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.multibody_run import compile_joint, follow
 from tripod_doe.joint.multibody_scene import build_trunnion
-from tripod_doe.joint.numerical_error import amplitude_error, finer_thrust, judge
+from tripod_doe.joint.numerical_error import amplitude_error, finer_thrust, judge, miss_of_given
 from tripod_doe.joint.orders import amplitude_and_phase, complex_amplitudes
 from tripod_doe.joint.outputs import ORDER, ROTATION, rotation_angles
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values, point_values
@@ -35,7 +35,7 @@ FloatArray = NDArray[np.float64]
 _SAMPLES = 360
 """Samples of the rotation angle per revolution."""
 
-_OF_OTHERS = ("initial_skew_2_deg", "initial_skew_3_deg", "model", "samples_per_revolution")
+_OF_OTHERS = ("initial_skew_2_deg", "initial_skew_3_deg", "model", "samples_per_revolution", "accuracy")
 """Parameters of the joint that say nothing of one trunnion."""
 
 _NEEDLES = MODELS["needles"]
@@ -103,7 +103,8 @@ class TrunnionSimulator(SceneSimulator):
             return result
         thrust = groove_readings(assembly, result.positions, result.velocities)[0][0]
         error = amplitude_error(thrust, finer_thrust(assembly, again, _SAMPLES)[0], _SAMPLES, method_named(method))
-        outcome, detail = judge(result, again, _last_two(thrust), error, inside)
+        missed = miss_of_given(result, again, _last_two(thrust), error, inside)
+        outcome, detail = judge(result, _last_two(thrust), missed, inside)
         return replace(result, outcome=outcome, detail=detail, check_evaluations=again.force_evaluations)
 
     def answer(self, values: Mapping[str, float], result: Run) -> dict[str, Any]:

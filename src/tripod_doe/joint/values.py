@@ -70,6 +70,7 @@ class JointValues(Generic[Number]):
     needle_mass_factor: Number
     relative_tolerance: Number
     step: Number
+    accuracy: Number
     cycles: Number
     evaluation_budget: Number
     groove_stiffness: Number

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.joint.goal import SMALLEST_THIRD
 from tripod_doe.joint.joint_run import JointRun
 from tripod_doe.joint.multibody_scene import build_joint
 from tripod_doe.joint.orders import ORDERS
@@ -28,12 +29,9 @@ from tripod_doe.mechanics.first_compilation import first_compilation
 from tripod_doe.mechanics.run import Limits, Run
 from tripod_doe.simulator import Outcome
 
-__all__ = ["SMALLEST_THIRD", "VibratingJoint"]
+__all__ = ["VibratingJoint"]
 
 FloatArray = NDArray[np.float64]
-
-SMALLEST_THIRD = 2e-3
-"""Share of |T| / R_p: a smaller third order, as a straight joint has, counts as one of this size."""
 
 _BUILT_UP = 1.5
 """Factor of the thrust's unrest below which departures grow and come to nothing: the joint does not vibrate."""

@@ -3,6 +3,7 @@
 from tripod_doe.simulator.block import WORK, BlockResult, Retries, Values
 from tripod_doe.simulator.candidate import Candidate
 from tripod_doe.simulator.counted_time import counted_time, not_counted
+from tripod_doe.simulator.demand import Demand, Demands
 from tripod_doe.simulator.model_error import (
     NOTABLE_ERROR,
     Departure,
@@ -25,6 +26,8 @@ __all__ = [
     "WORK",
     "BlockResult",
     "Candidate",
+    "Demand",
+    "Demands",
     "Departure",
     "Dimension",
     "Methods",

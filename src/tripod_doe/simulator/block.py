@@ -82,6 +82,9 @@ class BlockResult:
         Kept outputs by name.
     coordinates
         Labels along the dimensions of the outputs.
+    settled
+        Tolerances or steps that points settled by themselves, by the name of the parameter, shape (point,) each; NaN
+        where they did not, or were given one.
     retries
         What the retries of the study did, None without retries.
     """
@@ -94,6 +97,7 @@ class BlockResult:
     simulated_seconds: NDArray[np.float64]
     outputs: dict[str, Values] = field(default_factory=dict)
     coordinates: dict[str, NDArray[Any]] = field(default_factory=dict)
+    settled: dict[str, NDArray[np.float64]] = field(default_factory=dict)
     retries: Retries | None = None
 
     @classmethod
@@ -146,6 +150,10 @@ class BlockResult:
             raise InputError(f"{name}: points have different shapes {held.shape[1:]} and {shape}")
         held[rows] = data
 
+    def settle(self, name: str, rows: Rows, values: NDArray[np.float64] | float) -> None:
+        """Note the tolerance or step that points settled by themselves."""
+        self.settled.setdefault(name, np.full(self.count, np.nan))[rows] = values
+
     def fill(self, rows: NDArray[np.integer[Any]], part: BlockResult) -> None:
         """Take over another block's points as these rows; outputs only of those that finished."""
         self.outcome[rows] = part.outcome
@@ -153,6 +161,8 @@ class BlockResult:
             self.detail[row] = text
         for name in WORK:
             getattr(self, name)[rows] = getattr(part, name)
+        for name in self.settled.keys() | part.settled.keys():
+            self.settle(name, rows, part.settled.get(name, np.full(part.count, np.nan)))
         finished = part.outcome == Outcome.FINISHED
         for name, values in part.outputs.items():
             self.put(name, values.dims, rows[finished], values.data[finished])
@@ -172,6 +182,7 @@ class BlockResult:
             detail=[self.detail[row] for row in rows],
             outputs=outputs,
             coordinates={name: labels for name, labels in self.coordinates.items() if name in along},
+            settled={name: column[rows] for name, column in self.settled.items()},
             retries=self.retries.take(rows) if self.retries else None,
             **{name: getattr(self, name)[rows] for name in WORK},
         )

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tripod_doe.errors import InputError
 from tripod_doe.simulator.block import BlockResult
 from tripod_doe.simulator.candidate import Candidate
+from tripod_doe.simulator.demand import Demands
 from tripod_doe.simulator.model_error import Departure, ModelErrors, departure_texts, model_error_texts
 from tripod_doe.simulator.outcome import Outcome
 from tripod_doe.simulator.output import Dimension, Output
@@ -81,6 +82,16 @@ class Simulator(ABC):
         BlockResult
             In the order of the points; no point's values depend on the others in the block.
         """
+
+    def refined_to(self, demands: Demands) -> Simulator:
+        """The same simulator, whose runs are refined until their outputs are as accurate as a study asks.
+
+        Raises
+        ------
+        InputError
+            If a quantity is none that runs can be refined to.
+        """
+        raise InputError(f"{self.name}: its runs do not find their own tolerance; leave [accuracy] out")
 
     def foreseen(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[int, Outcome, str]]:
         """Points that are known to fail before anything is solved: position, outcome, reason; each point once.

@@ -1,4 +1,8 @@
-"""What a study with model = "auto" asks for: which quantities, how accurate, how surely, at what price."""
+"""What a study asks for under [accuracy]: which quantities, how accurate, and with model = "auto" how surely.
+
+A study that names its model refines its runs until their numerical errors are so small; with model = "auto" a pilot
+chooses the model of every point by the whole error.
+"""
 
 from __future__ import annotations
 
@@ -6,46 +10,17 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.simulator import Candidate, Simulator
+from tripod_doe.simulator import Candidate, Demand, Demands, Simulator
 
-__all__ = ["AUTO", "Accuracy", "Demand", "check_accuracy", "own_candidates"]
+__all__ = ["AUTO", "Accuracy", "check_accuracy", "check_demands", "own_candidates"]
 
 AUTO = "auto"
 """The word for a model that a pilot chooses, point by point."""
 
-_ERROR = "_error"  # an output NAME with a numerical error has it beside it as NAME_error
-
-
-@dataclass(frozen=True)
-class Demand:
-    """One quantity and its allowed relative error.
-
-    Attributes
-    ----------
-    name
-        As the study file writes it: an output, or an output with an order, as in thrust_amplitude_3.
-    output
-        Name of the output.
-    label
-        Where along the output's only dimension; None for a scalar.
-    allowed
-        Allowed relative error.
-    """
-
-    name: str
-    output: str
-    label: int | None
-    allowed: float
-
-    @property
-    def error(self) -> str:
-        """Name of the output that holds the numerical error of this one, where a simulator gives it."""
-        return self.output + _ERROR
-
 
 @dataclass(frozen=True)
 class Accuracy:
-    """The checked table [accuracy].
+    """The checked table [accuracy] of a study with model = "auto".
 
     Attributes
     ----------
@@ -110,10 +85,20 @@ def check_accuracy(
         told = ", ".join(sorted(set(taken) & {n for candidate in simulator.candidates for n in candidate.values}))
         why = f"the study sets {told} itself, so nothing is left to choose" if told else "it has one model"
         raise InputError(f'[base]: model = "{AUTO}": {simulator.name}: {why}; name the model')
+    return Accuracy(check_demands(simulator, demands, floor).quantities, confidence, floor, budget, candidates)
+
+
+def check_demands(simulator: Simulator, demands: Mapping[str, float], floor: float) -> Demands:
+    """Check which quantities must be how accurate.
+
+    Raises
+    ------
+    InputError
+        If nothing is asked for, or a quantity is unknown or has no numerical error.
+    """
     if not demands:
         raise InputError("[accuracy]: name what must be accurate, for instance thrust_amplitude_3 = 0.03")
-    found = tuple(_demand(simulator, name, allowed) for name, allowed in demands.items())
-    return Accuracy(found, confidence, floor, budget, candidates)
+    return Demands(tuple(_demand(simulator, name, allowed) for name, allowed in demands.items()), floor)
 
 
 def own_candidates(known: Sequence[Candidate], taken: Collection[str]) -> tuple[Candidate, ...]:
@@ -152,7 +137,7 @@ def _demand(simulator: Simulator, name: str, allowed: float) -> Demand:
     output, _, label = name.rpartition("_")
     if not simulator.outputs:  # those of a function are known when it has answered
         return Demand(name, output, int(label), allowed) if label.isdigit() else Demand(name, name, None, allowed)
-    known = [key for key in simulator.outputs if key + _ERROR in simulator.outputs]
+    known = [key for key in simulator.outputs if Demand(key, key, None, allowed).error in simulator.outputs]
     if label.isdigit() and output in known and len(simulator.outputs[output].dims) == 1:
         return Demand(name, output, int(label), allowed)
     examples = [f"{key}_{order}" for key in known for order in range(13)]

@@ -149,6 +149,7 @@ class _Table:
         self.first_outcome = self.outcome.copy()
         self.first_detail = self.detail.copy()
         self.used: dict[str, NDArray[Any]] = {}
+        self.settled: dict[str, NDArray[np.float64]] = {}
 
     def fill(self, block: FinishedBlock, rows: NDArray[np.int64], at: NDArray[np.int64]) -> None:
         """Put the rows of a block where they belong."""
@@ -168,6 +169,8 @@ class _Table:
         self.costs["wall_seconds"][at] = block.wall_seconds / block.keys.size
         for name in ("steps", "force_evaluations", "solves", "simulated_seconds"):
             self.costs[name][at] = getattr(result, name)[rows]
+        for name, column in result.settled.items():
+            self.settled.setdefault(name, np.full(self.count, np.nan))[at] = column[rows]
         if retries := result.retries:
             self.attempt[at] = retries.attempt[rows]
             self.first_outcome[at] = retries.first_outcome[rows]
@@ -239,10 +242,13 @@ def _retry_variables(study: Study, table: _Table, points: Points) -> dict[str, x
 
 
 def _used_columns(study: Study, table: _Table, points: Points) -> dict[str, NDArray[Any]]:
-    """What each point used of the parameters that a pilot chose, or that retries may change."""
+    """What each point used of the parameters that a pilot chose, that retries may change, or that runs settle."""
     used = dict(points.chosen)
     for name, column in table.used.items():
         used[name] = np.where(table.attempt == _UNKNOWN, points.chosen.get(name, column), column)
+    for name, settled in table.settled.items():
+        if np.isfinite(settled).any():
+            used[name] = np.where(np.isfinite(settled), settled, used.get(name, settled))
     return used
 
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.simulator import Outcome, Parameter, Simulator, Value, check_parameters
-from tripod_doe.study.accuracy import AUTO, Accuracy, check_accuracy
+from tripod_doe.simulator import NUMERICS, Demands, Outcome, Parameter, Simulator, Value, check_parameters
+from tripod_doe.study.accuracy import AUTO, Accuracy, check_accuracy, check_demands
 from tripod_doe.study.file import (
     AccuracyTable,
     DesignTable,
@@ -80,6 +80,8 @@ class Study:
         Changes tried on points that failed.
     accuracy
         What a pilot chooses the model of every point by; None where the study names its model.
+    demands
+        What the runs of a study that names its model are refined to; None for what `simulator` does by itself.
     """
 
     file: StudyFile
@@ -94,6 +96,7 @@ class Study:
     switches: tuple[str, ...] = ()
     retry: RetryPlan = NO_RETRIES
     accuracy: Accuracy | None = None
+    demands: Demands | None = None
 
     @property
     def hash(self) -> str:
@@ -154,7 +157,8 @@ def parse_study(text: str, origin: str = "study", folder: Path | None = None, fu
     keep = _at(origin, "[keep]", lambda: _kept(simulator, file.keep.outputs))
     _check_run(origin, file.run)
     levels = {name: factor.values or () for name, factor in factors.items()}
-    accuracy = _accuracy(origin, simulator, file, {*base, *factors}) if auto or file.accuracy else None
+    accuracy = _accuracy(origin, simulator, file, {*base, *factors}) if auto else None
+    demands = _demands(origin, simulator, file, {*base, *factors}) if file.accuracy and not auto else None
     if accuracy:  # all candidates are in play
         levels |= {name: tuple(dict.fromkeys(candidate.values[name] for candidate in accuracy.candidates))
                    for name in accuracy.parameters}  # fmt: skip
@@ -165,7 +169,7 @@ def parse_study(text: str, origin: str = "study", folder: Path | None = None, fu
         "[run]",
         lambda: check_retries(simulator, base, levels, keep, run.retry, run.expected_outcomes, unknown),
     )
-    study = Study(file, simulator, base, factors, keep, (), text, origin, folder, switches, retry, accuracy)
+    study = Study(file, simulator, base, factors, keep, (), text, origin, folder, switches, retry, accuracy, demands)
     warnings = _at(origin, "[base]", lambda: simulator.check(base, levels, keep))
     return replace(study, warnings=tuple(warnings))
 
@@ -173,15 +177,31 @@ def parse_study(text: str, origin: str = "study", folder: Path | None = None, fu
 def _accuracy(origin: str, simulator: Simulator, file: StudyFile, taken: set[str]) -> Accuracy:
     """The table [accuracy] of a study whose model is to be chosen."""
     table = file.accuracy or AccuracyTable()
-    if file.base.get("model") != AUTO:
-        raise InputError(
-            f'{origin}: [accuracy]: no model is chosen in this study; set model = "{AUTO}" in [base], or leave it out'
-        )
     asked = table.__pydantic_extra__ or {}
     try:
         return check_accuracy(simulator, asked, table.confidence, table.floor, table.budget_cpu_s, taken)
     except InputError as error:
         raise InputError(f"{origin}: {error}") from error
+
+
+def _demands(origin: str, simulator: Simulator, file: StudyFile, taken: set[str]) -> Demands:
+    """The table [accuracy] of a study that names its model."""
+    table = file.accuracy or AccuracyTable()
+    if unused := table.model_fields_set & {"confidence", "budget_cpu_s"}:
+        raise InputError(
+            f'{origin}: [accuracy]: {", ".join(sorted(unused))}: used with model = "{AUTO}" only; leave it out'
+        )
+    if given := taken & {"accuracy", *NUMERICS}:
+        raise InputError(
+            f"{origin}: [accuracy]: {', '.join(sorted(given))} is set as well, which decides how runs are refined; "
+            "leave one of them out"
+        )
+    try:
+        demands = check_demands(simulator, table.__pydantic_extra__ or {}, table.floor)
+        simulator.refined_to(demands)
+    except InputError as error:
+        raise InputError(f"{origin}: {error}") from error
+    return demands
 
 
 def _at(origin: str, where: str, step: Any) -> Any:
@@ -325,6 +345,8 @@ def canonical(study: Study) -> dict[str, str]:
     content = study.file.model_dump()
     walk("", {key: content[key] for key in ("base", "factors", "design", "designs", "keep")})
     walk("study", {key: content["study"][key] for key in ("scene", "function")})
+    if study.demands:
+        flat["accuracy"] = json.dumps(study.demands.text)
     if study.retry.changes:  # what is retried decides what a point ends with
         walk("run", {key: content["run"][key] for key in ("retry", "expected_outcomes")})
     return flat

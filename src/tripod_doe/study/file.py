@@ -142,12 +142,14 @@ class RunTable(_Table):
 
 
 class AccuracyTable(_Table):
-    """[accuracy]: allowed errors of a study with model = "auto"; further keys are OUTPUT_ORDER = relative error."""
+    """[accuracy]: OUTPUT_ORDER = relative error, to which runs are refined, or by which model = "auto" chooses."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
     __pydantic_extra__: dict[str, float]
 
-    confidence: float = Field(0.9, ge=0.5, le=0.99, description="share of the points in which the accuracy must be met")
+    confidence: float = Field(
+        0.9, ge=0.5, le=0.99, description='with model = "auto": share of the points in which the accuracy must be met'
+    )
     floor: float = Field(
         0.01,
         gt=0,
@@ -155,7 +157,9 @@ class AccuracyTable(_Table):
         description="share of the largest order of a point below which a smaller one is measured against that share",
     )
     budget_cpu_s: float | None = Field(
-        None, gt=0, description="largest estimated price of pilot and study; above it the study is not started (s)"
+        None,
+        gt=0,
+        description='with model = "auto": largest estimated price of pilot and study; above it nothing is started (s)',
     )
 
 
@@ -170,7 +174,7 @@ class StudyFile(_Table):
     keep: KeepTable = KeepTable()
     run: RunTable = RunTable()
     accuracy: AccuracyTable | None = Field(
-        None, description='with model = "auto": allowed relative errors, OUTPUT_ORDER = error'
+        None, description='allowed relative errors, OUTPUT_ORDER = error: numerical ones, with model = "auto" all'
     )
     analysis: dict[str, dict[str, Any]] = Field({}, description="analyses of the cube: [analysis.NAME] with a kind")
 

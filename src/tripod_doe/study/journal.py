@@ -229,6 +229,7 @@ def _pack(block: FinishedBlock) -> bytes:
     arrays: dict[str, Any] = {f"output/{name}": values.data for name, values in result.outputs.items()}
     arrays |= {f"coordinate/{name}": labels for name, labels in result.coordinates.items()}
     arrays |= {name: getattr(result, name) for name in ("outcome", *WORK)}
+    arrays |= {f"settled/{name}": column for name, column in result.settled.items()}
     if retries := result.retries:
         header["first_detail"] = retries.first_detail
         arrays |= {"attempt": retries.attempt, "first_outcome": retries.first_outcome}
@@ -254,6 +255,7 @@ def _unpack(payload: bytes) -> BlockResult:
             outputs=outputs,
             coordinates=named("coordinate/"),
             detail=header["detail"],
+            settled=named("settled/"),
             retries=retries,
             **{name: archive[name] for name in ("outcome", *WORK)},
         )

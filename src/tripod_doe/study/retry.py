@@ -40,7 +40,7 @@ __all__ = [
 ]
 
 SMALLER_STEP = "smaller-step"
-"""The change that halves the step or the tolerance that is in force."""
+"""The change that halves the step or the tolerance that is in force: the one that is given, or that a run settled."""
 
 _STEPS = ("step_s", "relative_tolerance")
 _FOLLOWERS = {"model": ("method", *_STEPS), "method": _STEPS}
@@ -124,7 +124,7 @@ def check_retries(
     points = list(_kinds_of_points(simulator, base, factors, touched))
     for change in changes:
         told = f"retry: {change.label}"
-        after = [_changed(simulator, values, change) for values in points]
+        after = [_changed(simulator, values, change, {}) for values in points]
         if not unsure & change.values.keys() and all(
             new is None or simulator.effective(new) == simulator.effective(old)
             for new, old in zip(after, points, strict=True)
@@ -186,8 +186,13 @@ def _check_runnable(
     raise InputError(f"{told}: {reasons[0]}") from reasons[0]
 
 
-def _changed(simulator: Simulator, values: Mapping[str, Value], change: Change) -> dict[str, Value] | None:
-    """The values of a point after a change; None where it has no step or tolerance to be halved."""
+def _changed(
+    simulator: Simulator, values: Mapping[str, Value], change: Change, settled: Mapping[str, float]
+) -> dict[str, Value] | None:
+    """The values of a point after a change; None where it has no step or tolerance to be halved.
+
+    `settled` are steps and tolerances that its last run settled by itself.
+    """
     new, full = dict(values), simulator.effective(values)
     if change.values:
         for cause, followers in _FOLLOWERS.items():
@@ -195,8 +200,9 @@ def _changed(simulator: Simulator, values: Mapping[str, Value], change: Change) 
                 own = [name for name in followers if _is_numerics(simulator, name)]
                 new |= {name: simulator.parameters[name].default for name in own}
         return {**new, **change.values}
+    usual = simulator.methods(full).get(str(full.get("method")), {})
     for name in _STEPS:
-        value = full.get(name)
+        value = full.get(name) or settled.get(name) or usual.get(name)
         if value is not None:
             half = float(value) / 2
             return None if half < simulator.parameters[name].low else new | {name: half}
@@ -261,6 +267,11 @@ def _timed(
     return result, later_cpu - cpu, later_wall - wall
 
 
+def _settled(block: BlockResult, row: int) -> dict[str, float]:
+    """Steps and tolerances that a point of a block settled by itself."""
+    return {name: float(column[row]) for name, column in block.settled.items() if is_set(column[row])}
+
+
 class _History:
     """What became of a block so far: its results, and the values that each point was last tried with."""
 
@@ -273,6 +284,7 @@ class _History:
         self._waiting = ~np.isin(first.outcome, list(retry.accepted))
         self._values = {row: self._given(row) for row in np.flatnonzero(self._waiting).tolist()}
         self._attempt = np.zeros(first.count, np.int8)
+        self._settled = {row: _settled(first, row) for row in self._values}
 
     def _given(self, row: int) -> dict[str, Value]:
         """The values of a point that are set."""
@@ -284,7 +296,7 @@ class _History:
         rows = []
         for row in np.flatnonzero(self._waiting).tolist():
             self._attempt[row] += 1
-            new = _changed(self._simulator, self._values[row], change)
+            new = _changed(self._simulator, self._values[row], change, self._settled[row])
             if new is None or self._simulator.effective(new) == self._simulator.effective(self._values[row]):
                 continue
             self._values[row] = new
@@ -301,6 +313,7 @@ class _History:
         helped = again.outcome == Outcome.FINISHED
         self._block.fill(rows[helped], again.take(np.flatnonzero(helped)))
         self._waiting[rows[helped]] = False
+        self._settled |= {row: _settled(again, k) for k, row in enumerate(rows.tolist())}
         for row, told, outcome, detail in zip(rows, before.detail, again.outcome, again.detail, strict=True):
             if outcome != Outcome.FINISHED:
                 history = f"{told}; then {change.label}: {Outcome(int(outcome)).label} {detail}"
@@ -317,6 +330,7 @@ class _History:
         for row in range(self._first.count):
             solved = row in self._values and not self._waiting[row]
             full = self._simulator.effective(self._values[row] if solved else self._given(row))
+            full |= _settled(self._block if solved else self._first, row)
             for name in names:
                 used[name].append(full[name])
         columns = {name: self._simulator.parameters[name].column(values) for name, values in used.items()}

@@ -18,6 +18,7 @@ from tripod_doe.simulator import (
     Value,
     Values,
     check_parameters,
+    is_set,
     model_notes,
 )
 from tripod_doe.study.scenes import load_simulator
@@ -94,7 +95,8 @@ def simulate_point(scene: str = "joint", **parameters: Any) -> SimulatedPoint:
     result, cpu, wall = run_task(Task(scene, None, "", simulator.source_hash, values, {}, 1, keep))
     return SimulatedPoint(
         simulator,
-        simulator.effective(values),
+        simulator.effective(values)
+        | {name: float(column[0]) for name, column in result.settled.items() if is_set(column[0])},
         {name: Values(output.dims, output.data[0]) for name, output in result.outputs.items()},
         result.coordinates,
         Outcome(int(result.outcome[0])),

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
-from tripod_doe.simulator import BlockResult, Simulator, Value
+from tripod_doe.simulator import BlockResult, Demands, Simulator, Value
 from tripod_doe.study.retry import NO_RETRIES, RetryPlan, simulate_with_retries
 from tripod_doe.study.scenes import load_simulator
 
@@ -34,6 +34,7 @@ class Task:
     count: int
     keep: tuple[str, ...]
     retry: RetryPlan = NO_RETRIES
+    demands: Demands | None = None
 
 
 def matching_simulator(scene: str, function: str | None, folder: str, source_hash: str) -> Simulator:
@@ -56,6 +57,8 @@ def run_task(task: Task) -> tuple[BlockResult, float, float]:
     Compilation is not counted.
     """
     simulator = matching_simulator(task.scene, task.function, task.folder, task.source_hash)
+    if task.demands:
+        simulator = simulator.refined_to(task.demands)
     points = simulator.columns(task.base, task.columns, task.count)
     return simulate_with_retries(simulator, points, task.keep, task.retry)
 
@@ -74,4 +77,5 @@ def make_task(study: Study, points: Points, chosen: NDArray[np.int64]) -> Task:
         chosen.size,
         study.keep,
         study.retry,
+        study.demands,
     )

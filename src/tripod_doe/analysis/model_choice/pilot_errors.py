@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from tripod_doe.analysis.model_choice.pilot import normalised
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.simulator import Candidate, Outcome
-from tripod_doe.study.accuracy import Accuracy, Demand
+from tripod_doe.simulator import Candidate, Demand, Outcome
+from tripod_doe.study.accuracy import Accuracy
 
 __all__ = ["HOPELESS", "PilotErrors", "pilot_errors"]
 

@@ -41,7 +41,8 @@ def _fingerprints(study: Study, columns: Mapping[str, Column], count: int) -> by
             matrix[:, position] = np.frombuffer(b"".join(codes))[inverse]
         else:
             matrix[:, position] = np.where(column == 0, 0.0, column)  # -0.0 is the same point as 0.0
-    start = hashlib.blake2b("\n".join([study.simulator.name, *sorted(full)]).encode(), digest_size=16)
+    named = [study.simulator.name, *sorted(full), *([study.demands.text] if study.demands else [])]
+    start = hashlib.blake2b("\n".join(named).encode(), digest_size=16)
 
     def fingerprint(row: NDArray[np.float64]) -> bytes:
         digest = start.copy()

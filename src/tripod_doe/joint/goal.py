@@ -1,0 +1,56 @@
+"""Which orders of the thrust a run must give how accurately."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.joint.orders import ORDERS
+from tripod_doe.joint.values import JointValues
+from tripod_doe.simulator import Demands
+
+__all__ = ["SMALLEST_THIRD", "Goal"]
+
+FloatArray = NDArray[np.float64]
+
+SMALLEST_THIRD = 2e-3
+"""Share of |T| / R_p: a smaller third order, as a straight joint has, counts as one of this size."""
+
+
+@dataclass(frozen=True)
+class Goal:
+    """Which orders of the thrust must be how accurate.
+
+    Attributes
+    ----------
+    orders
+        Allowed relative error by order.
+    floor
+        Share of the largest order: an order that is smaller counts as one of this size.
+    """
+
+    orders: Mapping[int, float]
+    floor: float = 0.01
+
+    @classmethod
+    def of(cls, demands: Demands) -> Goal:
+        """What a study asks for."""
+        return cls({each.label: each.allowed for each in demands.quantities if each.label is not None}, demands.floor)
+
+    def sizes(self, amplitudes: FloatArray, values: JointValues[float]) -> FloatArray:
+        """What errors are relative to, for orders of these amplitudes; shape (order,)."""
+        least = SMALLEST_THIRD * abs(values.torque) / values.pitch_radius
+        sizes: FloatArray = np.maximum(amplitudes, self.floor * max(float(amplitudes[1:].max()), least))
+        sizes[3] = max(sizes[3], least)
+        return sizes
+
+    def allowed(self, amplitudes: FloatArray, values: JointValues[float]) -> FloatArray:
+        """Errors that orders of these amplitudes may have, infinite where nothing is asked for; shape (order,)."""
+        errors, sizes = np.full(ORDERS.size, math.inf), self.sizes(amplitudes, values)
+        for order, share in self.orders.items():
+            errors[order] = share * sizes[order]
+        return errors

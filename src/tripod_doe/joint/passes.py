@@ -1,0 +1,218 @@
+"""A joint followed in passes: all revolutions in coarse steps, and the sampled ones again in finer steps."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.joint.numerical_error import LEAD
+from tripod_doe.joint.orders import complex_amplitudes
+from tripod_doe.joint.readings import groove_thrust
+from tripod_doe.joint.values import JointValues
+from tripod_doe.mechanics.assembly import Assembly, State
+from tripod_doe.mechanics.integrators.contract import Method
+from tripod_doe.mechanics.monitor import Settings
+from tripod_doe.mechanics.run import Limits, Run, run
+from tripod_doe.simulator import Outcome
+
+__all__ = ["FollowedJoint", "Motion", "Pass", "StoppedError"]
+
+ComplexArray = NDArray[np.complex128]
+FloatArray = NDArray[np.float64]
+
+_BEGUN_ANEW = 3
+"""How often the first pass is begun anew, with half the steps, where it stops on its way."""
+
+
+class StoppedError(Exception):
+    """A run stopped on its way."""
+
+    def __init__(self, stopped: Run) -> None:
+        super().__init__(stopped.detail)
+        self.stopped = stopped
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What following a joint came to.
+
+    Attributes
+    ----------
+    result
+        All revolutions, up to where the run stopped; the sampled ones at the end are those of the finest pass.
+    sampled
+        Number of revolutions that are sampled; 0 where the run stopped on its way.
+    setting
+        Tolerance or step of the finest pass.
+    error
+        Numerical error of every order, shape (order,).
+    missed
+        By how much the error misses what is asked for, and what would mend it; empty where it does not.
+    runs
+        All runs, for the work that they took.
+    """
+
+    result: Run
+    sampled: int
+    setting: float
+    error: FloatArray
+    missed: str
+    runs: tuple[Run, ...]
+
+
+@dataclass(frozen=True)
+class Pass:
+    """The sampled revolutions, followed with one setting.
+
+    Attributes
+    ----------
+    setting
+        Tolerance or step.
+    parts
+        Runs, each of which goes on where the one before it ended.
+    before
+        Samples of the first part before the sampled revolutions.
+    orders
+        Complex orders of the thrust, shape (revolution, order).
+    """
+
+    setting: float
+    parts: tuple[Run, ...]
+    before: int
+    orders: ComplexArray
+
+    @property
+    def scatter(self) -> float:
+        """Mean square difference of an order between two revolutions, over the orders: chance moves all alike."""
+        return float(2 * self.orders[:, 1:].var(axis=0, ddof=1).mean())
+
+    @property
+    def evaluations_per_sample(self) -> float:
+        """Force evaluations from one sample to the next."""
+        return sum(part.force_evaluations for part in self.parts) / sum(part.times.size - 1 for part in self.parts)
+
+
+@dataclass
+class FollowedJoint:
+    """A joint, how it is followed, and all runs of it so far.
+
+    Attributes
+    ----------
+    assembly, values, method
+        The joint, its operating point, and the method.
+    samples
+        Samples per revolution.
+    limits
+        What one revolution may show.
+    runs
+        All runs, for the work that they took.
+    """
+
+    assembly: Assembly
+    values: JointValues[float]
+    method: Method
+    samples: int
+    limits: Limits
+    runs: list[Run] = field(default_factory=list)
+
+    @property
+    def left(self) -> int:
+        """Force evaluations that the budget leaves."""
+        return int(self.values.evaluation_budget) - sum(part.force_evaluations for part in self.runs)
+
+    @property
+    def _has_needles(self) -> bool:
+        return "needle 1.1" in self.assembly.names
+
+    @property
+    def _time_of_sample(self) -> float:
+        return 2 * math.pi / self.values.speed / self.samples
+
+    def settled(self, setting: float) -> float:
+        """The tolerance or step as it acts: the time between samples is divided into equal steps."""
+        if self.method.name == "adaptive-euler":
+            whole = math.pi / self.samples  # tolerance whose step is the time between samples
+        elif self.method.controlled:
+            return setting
+        else:
+            whole = self._time_of_sample
+        return whole / max(math.ceil(whole / setting - 1e-6), 1)
+
+    def first(self, setting: float) -> Pass:
+        """Follow all revolutions from the start of the scene; the last two are sampled.
+
+        Raises
+        ------
+        StoppedError
+            If it stops on its way, also in finer steps.
+        """
+        cycles = int(self.values.cycles)
+        for attempt in range(_BEGUN_ANEW + 1):
+            try:
+                whole = self._follow(setting, cycles * self.samples, None)
+                break
+            except StoppedError as error:
+                if attempt == _BEGUN_ANEW or error.stopped.outcome == Outcome.EVALUATION_LIMIT:
+                    raise
+                setting = self.settled(setting / 2)
+        return self._pass(setting, (whole,), (cycles - 2) * self.samples)
+
+    def again(self, coarse: Pass, setting: float) -> Pass:
+        """Follow the sampled revolutions of another pass in other steps, from its state a little before them.
+
+        Needles are followed from the start again: their skew is what all steps before made of it (with steps of 0.5 deg
+        in the dropped revolutions the second order of the reference joint is 12 % too small).
+        """
+        lead = coarse.before if self._has_needles else min(self.samples // LEAD, coarse.before)
+        start = _state(coarse.parts[0], coarse.before - lead)
+        length = lead + len(coarse.orders) * self.samples
+        return self._pass(setting, (self._follow(setting, length, start),), lead)
+
+    def longer(self, one: Pass, revolutions: int) -> Pass:
+        """Go on with a pass up to so many sampled revolutions."""
+        more = (revolutions - len(one.orders)) * self.samples
+        part = self._follow(one.setting, more, _state(one.parts[-1], -1))
+        return self._pass(one.setting, (*one.parts, part), one.before)
+
+    def motion(self, first: Pass, finest: Pass) -> Run:
+        """All revolutions as one run: the sampled ones are those of the finest pass."""
+        pieces = [(first.parts[0], slice(0, first.before - finest.before)), (finest.parts[0], slice(None))]
+        pieces += [(part, slice(1, None)) for part in finest.parts[1:]]
+        worst = next((part for part in finest.parts if part.outcome != Outcome.FINISHED), finest.parts[-1])
+        times, positions, velocities = (
+            np.concatenate([getattr(part, name)[kept] for part, kept in pieces])
+            for name in ("times", "positions", "velocities")
+        )
+        return replace(
+            worst, times=times, positions=positions, velocities=velocities,
+            penetration=max(part.penetration for part, _ in pieces),
+            energy_residual=max((part.energy_residual for part in finest.parts), key=abs),
+        )  # fmt: skip
+
+    def _follow(self, setting: float, samples: int, start: State | None) -> Run:
+        """Follow so many samples, from the start of the scene or from a state."""
+        controlled, settings = self.method.controlled, Settings(budget=max(self.left, 1))
+        result = run(
+            self.assembly, self.method.name, samples * self._time_of_sample, step=None if controlled else setting,
+            samples=samples, settings=settings._replace(tolerance=setting) if controlled else settings, start=start,
+            limits=replace(self.limits, turned_over=self.limits.turned_over * samples / self.samples),
+        )  # fmt: skip
+        self.runs.append(result)
+        if result.times.size <= samples:
+            raise StoppedError(result)
+        return result
+
+    def _pass(self, setting: float, parts: tuple[Run, ...], before: int) -> Pass:
+        found = []
+        for part in parts:
+            states = slice(before if part is parts[0] else 0, -1)
+            thrust = groove_thrust(self.assembly, part.positions[states], part.velocities[states]).sum(0)
+            found.append(complex_amplitudes(thrust.reshape(-1, self.samples)))
+        return Pass(setting, parts, before, np.concatenate(found))
+
+
+def _state(result: Run, sample: int) -> State:
+    return State(float(result.times[sample]), result.positions[sample], result.velocities[sample])

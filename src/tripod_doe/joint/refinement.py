@@ -1,0 +1,189 @@
+"""Accuracy is asked for, and a run finds its tolerance: it is refined until its orders are as accurate as asked.
+
+The first pass follows all revolutions with a coarse tolerance (`first_tolerance`). The sampled revolutions are then run
+again in finer steps, from the first pass's state a little before them: what two passes differ by tells the error of the
+finer one by the order of the method, and the next steps follow from that error. So no revolution is run for its error
+alone, and those that are dropped are run once (but with needles, which remember).
+
+Parts that rattle make revolutions differ by chance. Where that is the larger part of the error, both passes go on for
+more revolutions, and the orders are those of the mean. A pass that would cost far more than the first one is not begun:
+the run tells by how much it misses, and what that pass would cost.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.joint.goal import Goal
+from tripod_doe.joint.orders import ORDERS
+from tripod_doe.joint.passes import FollowedJoint, Motion, Pass, StoppedError
+from tripod_doe.joint.roller_inertia import roller_inertia
+from tripod_doe.joint.values import JointValues
+
+__all__ = ["first_tolerance", "refine"]
+
+FloatArray = NDArray[np.float64]
+
+_RESOLVED = ((60, 8.7e-3), (550, 4.4e-3), (1500, 2.9e-3), (math.inf, 1.7e-3))
+"""Coarsest tolerance that resolves the motion, by the largest ratio of a groove's normal force to the force that keeps
+a roller on its orbit. Measured with `rollers` at 45 points of the field (benchmarks/accuracy.py) that do not vibrate:
+the third order is off by more than a tenth at 5 of them with these tolerances, at 24 of 37 with the next larger ones."""
+
+_LAG = 2.3
+"""Error of the third order that the second pass leaves over the tolerance of the first one, at most of these points:
+steps lag, and higher orders by more."""
+
+_UNRESOLVED = 0.1
+"""Error over the size of an order above which steps do not resolve the motion: the order of the method then tells
+nothing, and steps are halved."""
+
+_LEAST_REFINED, _MOST_REFINED = 1.5, 4.0
+"""Factors between which steps are refined at once: closer passes tell little of the error, and an error is no better
+known than to such a factor."""
+
+_AIM = 0.8
+"""Share of the allowed error that the next pass aims at."""
+
+_MOST_LONGER = 4
+"""Factor by which the number of sampled revolutions grows at once."""
+
+_DEAREST = 16
+"""Force evaluations of a further pass over those of the first one above which it is not begun."""
+
+
+@dataclass(frozen=True)
+class _Comparison:
+    """Two passes held against what is asked for.
+
+    Attributes
+    ----------
+    by_steps
+        Error of every order by the steps of the finer pass, shape (order,).
+    by_chance
+        Error of any order by rattling.
+    sizes, allowed
+        What errors are relative to, and how large they may be (infinite where nothing is asked for), shape (order,).
+    """
+
+    by_steps: FloatArray
+    by_chance: float
+    sizes: FloatArray
+    allowed: FloatArray
+
+    @classmethod
+    def of(cls, coarse: Pass, fine: Pass, method_order: int, goal: Goal, values: JointValues[float]) -> _Comparison:
+        """Errors of the finer of two passes.
+
+        A method of order p whose result changes by d from steps h to r h is still off by d r^p / (1 - r^p). Complex
+        amplitudes of two revolutions differ by s (root mean square): twice the standard deviation of the amplitude of
+        the mean of n revolutions is s / sqrt n, and that mean moves by s / sqrt (2 n), which is no error of the steps.
+        What the coarser pass moves by chance is not taken off: steps that do not resolve the motion could hide in it.
+        """
+        count, mean = len(fine.orders), fine.orders.mean(0)
+        change = np.abs(mean - coarse.orders.mean(0))
+        left = (fine.setting / coarse.setting) ** method_order
+        by_steps = np.sqrt(np.maximum(change**2 - fine.scatter / (2 * count), 0)) * left / (1 - left)
+        sizes, allowed = (of(np.abs(mean), values) for of in (goal.sizes, goal.allowed))
+        return cls(by_steps, math.sqrt(fine.scatter / count), sizes, allowed)
+
+    @property
+    def error(self) -> FloatArray:
+        """Both parts together."""
+        both: FloatArray = np.hypot(self.by_steps, self.by_chance)
+        return both
+
+    @property
+    def worst(self) -> int:
+        """The order that misses what is asked for by most."""
+        return int((self.error / self.allowed).argmax())
+
+    @property
+    def settles(self) -> bool:
+        """Whether nothing is to be refined: the errors are as small as asked for, or there is no number."""
+        return not np.isfinite(self.error).all() or bool((self.error <= self.allowed).all())
+
+    def next_pass(self, fine: Pass, method_order: int) -> tuple[int, float]:
+        """Sampled revolutions and setting of the next pass: more revolutions, or finer steps."""
+        order, sampled = self.worst, len(fine.orders)
+        steps, aim = self.by_steps[order], _AIM * self.allowed[order]
+        if self.by_chance > steps:
+            wanted = math.ceil(sampled * (self.by_chance / aim) ** 2)
+            return min(max(wanted, sampled + 1), _MOST_LONGER * sampled), fine.setting
+        if steps > _UNRESOLVED * self.sizes[order]:
+            return sampled, fine.setting / 2
+        factor = (steps / aim) ** (1 / method_order)
+        return sampled, fine.setting / float(np.clip(factor, _LEAST_REFINED, _MOST_REFINED))
+
+    def miss(self) -> str:
+        """By how much the worst order misses, in words."""
+        order = self.worst
+        found, asked = (100 * part[order] / self.sizes[order] for part in (self.error, self.allowed))
+        return f"the numerical error of order {order} is {found:.2g} %, where {asked:.2g} % are asked for"
+
+
+def first_tolerance(values: JointValues[float], goal: Goal) -> float:
+    """Coarsest tolerance of `adaptive-euler` that the first pass of an operating point is likely to need."""
+    mass = float(
+        roller_inertia(*np.array([values.roller_radius, values.roller_width, values.bore_radius, values.density]))[0]
+    )
+    ratio = values.groove_load / (mass * values.pitch_radius * values.speed**2)
+    resolved = next(tolerance for limit, tolerance in _RESOLVED if ratio <= limit)
+    return min(resolved, *(3 / max(order, 3) * _AIM * share / _LAG for order, share in goal.orders.items()))
+
+
+def refine(joint: FollowedJoint, goal: Goal, setting: float) -> Motion:
+    """Follow a joint in steps as fine, and over as many revolutions, as its goal asks for.
+
+    Parameters
+    ----------
+    joint
+        The joint.
+    goal
+        What is asked for.
+    setting
+        Tolerance or step of the first pass.
+    """
+    order = 1 if joint.method.controlled else joint.method.order
+    setting, error, missed = joint.settled(setting), np.full(ORDERS.size, math.nan), ""
+    try:
+        first = finest = coarse = joint.first(setting)
+    except StoppedError as stop:
+        return Motion(stop.stopped, 0, setting, error, "", tuple(joint.runs))
+    revolutions, setting = len(first.orders), joint.settled(first.setting / 2)
+    while True:
+        try:
+            if revolutions > len(finest.orders):
+                coarse, finest = (joint.longer(each, revolutions) for each in (coarse, finest))
+            else:
+                coarse, finest = finest, joint.again(finest, setting)
+        except StoppedError as stop:
+            missed = f"in finer steps the run ends as {stop.stopped.outcome.label}: {stop.stopped.detail}"
+            break
+        found = _Comparison.of(coarse, finest, order, goal, joint.values)
+        error = found.error
+        if found.settles:
+            break
+        revolutions, setting = found.next_pass(finest, order)
+        setting = joint.settled(setting)
+        if dear := _too_dear(joint, coarse, finest, revolutions, setting):
+            missed = f"{found.miss()}; {dear}"
+            break
+    return Motion(joint.motion(first, finest), len(finest.orders), finest.setting, error, missed, tuple(joint.runs))
+
+
+def _too_dear(joint: FollowedJoint, coarse: Pass, finest: Pass, revolutions: int, setting: float) -> str:
+    """What the next pass would take, where that is too much."""
+    more = revolutions - len(finest.orders)
+    if more:
+        price = joint.samples * more * (coarse.evaluations_per_sample + finest.evaluations_per_sample)
+        what = f"an average over {revolutions} revolutions"
+    else:
+        price = joint.samples * revolutions * finest.evaluations_per_sample * finest.setting / setting
+        what = f"{'relative_tolerance' if joint.method.controlled else 'step_s'} = {setting:.2g}"
+    if price <= min(joint.left, _DEAREST * joint.runs[0].force_evaluations):
+        return ""
+    return f"{what} would take about {price:,.0f} force evaluations more"

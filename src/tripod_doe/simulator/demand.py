@@ -1,0 +1,58 @@
+"""How accurate a study asks the outputs of its points to be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["Demand", "Demands"]
+
+_ERROR = "_error"  # an output NAME with a numerical error has it beside it as NAME_error
+
+
+@dataclass(frozen=True)
+class Demand:
+    """One quantity and its allowed relative error.
+
+    Attributes
+    ----------
+    name
+        As the study file writes it: an output, or an output with an order, as in thrust_amplitude_3.
+    output
+        Name of the output.
+    label
+        Where along the output's only dimension; None for a scalar.
+    allowed
+        Allowed relative error.
+    """
+
+    name: str
+    output: str
+    label: int | None
+    allowed: float
+
+    @property
+    def error(self) -> str:
+        """Name of the output that holds the numerical error of this one, where a simulator gives it."""
+        return self.output + _ERROR
+
+
+@dataclass(frozen=True)
+class Demands:
+    """All quantities whose accuracy is asked for.
+
+    Attributes
+    ----------
+    quantities
+        What is asked for.
+    floor
+        A value below this share of the largest one beside it (a small order beside the third) is measured against that
+        share of it: relative to its own size, a vanishing order would ask for anything.
+    """
+
+    quantities: tuple[Demand, ...]
+    floor: float
+
+    @property
+    def text(self) -> str:
+        """The demands as one line, the same for the same demands."""
+        return ", ".join([f"{each.name} = {each.allowed!r}" for each in self.quantities] + [f"floor = {self.floor!r}"])
