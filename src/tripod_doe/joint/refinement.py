@@ -31,7 +31,7 @@ FloatArray = NDArray[np.float64]
 _RESOLVED = ((60, 8.7e-3), (550, 4.4e-3), (1500, 2.9e-3), (math.inf, 1.7e-3))
 """Coarsest tolerance that resolves the motion, by the largest ratio of a groove's normal force to the force that keeps
 a roller on its orbit. Measured with `rollers` at 45 points of the field (benchmarks/accuracy.py) that do not vibrate:
-the third order is off by more than a tenth at 5 of them with these tolerances, at 24 of 37 with the next larger ones."""
+the third order is off by more than a tenth at 5 of them with these tolerances, at 24 of 37 with the next larger."""
 
 _LAG = 2.3
 """Error of the third order that the second pass leaves over the tolerance of the first one, at most of these points:
