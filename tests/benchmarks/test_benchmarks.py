@@ -133,6 +133,16 @@ def test_the_reference_of_a_choice_is_its_last_candidate_at_the_points_that_are_
         assert reference[name].tolist() == [value, value]
 
 
+def test_reported_errors_are_held_against_true_ones(benchmark, capsys):
+    """Its smallest form: a point that does not vibrate is as accurate as asked, and says so within a factor of five."""
+    accuracy = benchmark("accuracy")
+    accuracy.main(["--points", "1", "--seed", "3", "--samples", "90", "--finer", "4"])
+    told = capsys.readouterr().out
+    assert "1 of 1 points are as accurate as asked" in told
+    assert "complex third order: reported error at least half the true one at 100 %" in told
+    assert told.count("force evaluations: mean ") == 1
+
+
 @pytest.mark.slow
 def test_exudyn_finds_the_same_drift_and_force(benchmark):
     """Where it is installed: the same equations, 1 ms of the needle and of the roller, to what a step of 1e-5 s leaves."""

@@ -46,7 +46,7 @@ from tripod_doe.mechanics.rates import Rates
 from tripod_doe.mechanics.run import Limits, Run, method_named, run
 from tripod_doe.simulator import Outcome
 
-__all__ = ["compile_joint", "follow", "run_joint"]
+__all__ = ["compile_joint", "follow", "run_joint", "run_limits"]
 
 FloatArray = NDArray[np.float64]
 
@@ -103,7 +103,7 @@ def run_joint(
     vibrating = None
     if found := growing_vibration(values):
         allowed = partial(goal.allowed, values=values)
-        vibrating = VibratingJoint(values, found, samples, _limits(values, 1, _DAMPS), allowed, split)
+        vibrating = VibratingJoint(values, found, samples, run_limits(values, 1, _DAMPS), allowed, split)
         if settles and method == _DAMPS and (answer := vibrating.answer(needles)):
             return _with_rates(answer, vibrating.last_turn, values) if rates else answer
     assembly = assemble(build_joint(values, needles))
@@ -134,7 +134,7 @@ def _follow_to(
     goal: Goal, assembly: Assembly, values: JointValues[float], method: str, samples: int, usual: float
 ) -> Motion:
     """The motion with the tolerance or step that a goal asks for."""
-    joint = FollowedJoint(assembly, values, method_named(method), samples, _limits(values, 1, method))
+    joint = FollowedJoint(assembly, values, method_named(method), samples, run_limits(values, 1, method))
     return refine(joint, goal, first_tolerance(values, goal) if method == _DAMPS else usual)
 
 
@@ -168,7 +168,7 @@ def follow(
     cycles, revolution = int(values.cycles), 2 * math.pi / values.speed
     result = run(
         assembly, method, cycles * revolution, step=step, samples=cycles * samples, settings=settings,
-        limits=_limits(values, cycles, method),
+        limits=run_limits(values, cycles, method),
     )  # fmt: skip
     if result.times.size <= cycles * samples:  # it stopped on its way
         return result, None
@@ -177,7 +177,7 @@ def follow(
     # steps divide the time between samples, so that is halved, too
     again = run(
         assembly, method, float(result.times[-1] - start.time), step=step and step / 2, samples=2 * followed,
-        settings=settings._replace(tolerance=settings.tolerance / 2), limits=_limits(values, 1, method), start=start,
+        settings=settings._replace(tolerance=settings.tolerance / 2), limits=run_limits(values, 1, method), start=start,
     )  # fmt: skip
     return result, again
 
@@ -200,7 +200,7 @@ def _states(result: Run) -> tuple[FloatArray, FloatArray]:
     return result.positions, result.velocities
 
 
-def _limits(values: JointValues[float], cycles: float, method: str) -> Limits:
+def run_limits(values: JointValues[float], cycles: float, method: str) -> Limits:
     """What a run of so many revolutions may show."""
     transmitted = abs(values.torque) * 2 * math.pi * cycles
     energy = _EXPLICIT_ENERGY if method_named(method).explicit else _LIMITS.energy

@@ -177,6 +177,10 @@ class FollowedJoint:
         part = self._follow(one.setting, more, _state(one.parts[-1], -1))
         return self._pass(one.setting, (*one.parts, part), one.before)
 
+    def orders_of(self, motion: Motion) -> ComplexArray:
+        """Complex orders of the thrust in the sampled revolutions of a motion, shape (revolution, order)."""
+        return self._orders(motion.result, slice(-motion.sampled * self.samples - 1, -1))
+
     def motion(self, first: Pass, finest: Pass) -> Run:
         """All revolutions as one run: the sampled ones are those of the finest pass."""
         pieces = [(first.parts[0], slice(0, first.before - finest.before)), (finest.parts[0], slice(None))]
@@ -206,12 +210,12 @@ class FollowedJoint:
         return result
 
     def _pass(self, setting: float, parts: tuple[Run, ...], before: int) -> Pass:
-        found = []
-        for part in parts:
-            states = slice(before if part is parts[0] else 0, -1)
-            thrust = groove_thrust(self.assembly, part.positions[states], part.velocities[states]).sum(0)
-            found.append(complex_amplitudes(thrust.reshape(-1, self.samples)))
+        found = [self._orders(part, slice(before if part is parts[0] else 0, -1)) for part in parts]
         return Pass(setting, parts, before, np.concatenate(found))
+
+    def _orders(self, part: Run, states: slice) -> ComplexArray:
+        thrust = groove_thrust(self.assembly, part.positions[states], part.velocities[states]).sum(0)
+        return complex_amplitudes(thrust.reshape(-1, self.samples))
 
 
 def _state(result: Run, sample: int) -> State:
