@@ -50,6 +50,13 @@ def check(folder: str, texts: dict[str, str], limits: dict[str, Any]) -> Answer:
     return _in_folder(Path(folder), lambda: plan_upload(Path(folder), main, allowed, timing=False)), b""
 
 
+def found(path: str, limits: dict[str, Any]) -> Answer:
+    """Counts of the study of a directory that the command line filled."""
+    from tripod_doe.service.found import plan_found
+
+    return plan_found(Path(path), Limits(**limits)), b""
+
+
 def simulate(scene: str, parameters: dict[str, Any]) -> Answer:
     """One point, as ``simulate --format json`` gives it."""
     from tripod_doe.study.simulate import simulate_point
@@ -159,7 +166,7 @@ _LATER = {
 }
 QUESTIONS: Mapping[str, Callable[..., Answer]] = {
     function.__name__: function
-    for function in (plan, check, simulate, query, cube, describe, analyses, compare, choice, extend)
+    for function in (plan, check, found, simulate, query, cube, describe, analyses, compare, choice, extend)
 } | {question: partial(_later, module, question) for module, questions in _LATER.items() for question in questions}
 """Questions by name."""
 

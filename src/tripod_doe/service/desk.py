@@ -97,7 +97,7 @@ class Desk:
     def close(self) -> None:
         """End all processes."""
         for clerk in self._clerks:
-            clerk.end()
+            clerk.end(for_good=True)
 
 
 class _Clerk:
@@ -106,21 +106,30 @@ class _Clerk:
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
         self._process: subprocess.Popen[str] | None = None
-        self._starting = threading.Lock()
+        self._changing = threading.Lock()
+        self._closed = False
 
     def start(self) -> subprocess.Popen[str]:
         """The process, started if there is none."""
-        with self._starting:
+        with self._changing:
+            if self._closed:
+                raise DeskFailedError("the server is about to end")
             if self._process is None or self._process.poll() is not None:
                 self._process = start_child(_WORKER, str(self._limits.memory_bytes), own_group=True)
             return self._process
 
-    def end(self) -> None:
-        """End the process if there is one."""
-        if self._process is not None:
-            _kill(self._process)
-            self._process.communicate()
-            self._process = None
+    def end(self, for_good: bool = False) -> None:
+        """End the process if there is one; `for_good`: no other takes its place."""
+        with self._changing:
+            process, self._process = self._process, None
+            self._closed = self._closed or for_good
+        if process is None:
+            return
+        _kill(process)
+        process.wait()
+        for stream in (process.stdin, process.stdout):
+            with suppress(OSError):  # what could not be sent is of no use now
+                cast(TextIOWrapper, stream).close()
 
     def ask(self, question: str, seconds: float, arguments: dict[str, Any]) -> tuple[Any, bytes]:
         """Ask, and end the process if it does not answer in time; see `Desk.ask`."""
@@ -135,7 +144,7 @@ class _Clerk:
         timer.start()
         try:
             return _exchange(process, {"question": question, "arguments": arguments})
-        except (OSError, EOFError) as error:
+        except (OSError, EOFError, ValueError) as error:  # ValueError: closed meanwhile
             self.end()
             if late.is_set():
                 raise TooLargeError(f"{question}: no answer within {seconds:g} s, which is the limit here") from error

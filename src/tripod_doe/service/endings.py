@@ -40,6 +40,8 @@ def ending_of(run: Run, counts: PointCounts, steps: Sequence[Mapping[str, Any]],
         return State.FINISHED, ""
     if run.state is State.STOPPING:
         return State.STOPPED, ""
+    if run.place:
+        return State.STOPPED, "points are missing: run the study again from the command line"
     return State.FAILED, "; ".join(failed) or last_words(directory) or _SILENT
 
 

@@ -81,6 +81,7 @@ class RunRecord(BaseModel):
 
     id: str
     name: str
+    found: bool = Field(description="whether the command line filled its directory; the service only shows it then")
     kind: Literal["study", "workflow"]
     question: str
     state: Literal["queued", "running", "stopping", "stopped", "finished", "failed"]

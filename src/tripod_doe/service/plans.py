@@ -16,7 +16,7 @@ from tripod_doe.study.plan import Plan, plan
 from tripod_doe.workflow.analyses import check_analyses
 from tripod_doe.workflow.definition import load_workflow
 
-__all__ = ["plan_upload"]
+__all__ = ["plan_study", "plan_upload"]
 
 _COUNTS = ("points", "unique", "excluded", "bytes")
 
@@ -50,11 +50,11 @@ def plan_upload(folder: Path, main: str, limits: Limits, timing: bool) -> dict[s
     if main == STUDY:
         study = parse_study((folder / main).read_text(encoding="utf-8"), main, folder, functions=False)
         check_analyses(study)
-        return _plan_study(study, limits, timing)
+        return plan_study(study, limits, timing)
     workflow = load_workflow(folder / main)
     steps = {}
     for name, step in workflow.steps.items():
-        price = {} if step.study is None else _plan_study(step.study, limits, timing=False)
+        price = {} if step.study is None else plan_study(step.study, limits, timing=False)
         steps[name] = {"kind": step.table.kind, "inputs": list(step.inputs)} | price
     head = workflow.file.workflow
     studies = [step for step in steps.values() if "points" in step]
@@ -68,7 +68,8 @@ def plan_upload(folder: Path, main: str, limits: Limits, timing: bool) -> dict[s
     return whole
 
 
-def _plan_study(study: Study, limits: Limits, timing: bool) -> dict[str, Any]:
+def plan_study(study: Study, limits: Limits, timing: bool) -> dict[str, Any]:
+    """Counts and price of one study; see `plan_upload`."""
     counted = point_count(study)
     if counted > limits.points:  # before any point is made
         raise TooLargeError(f"{study.origin}: {counted:,} points; at most {limits.points:,} are allowed here")

@@ -70,6 +70,8 @@ class Run:
         Times in UTC.
     retry_failed
         Whether the run in the queue runs failed points again.
+    place
+        Name of its directory where that is not the id: the command line filled it, and the service leaves it alone.
     key, digest
         The client's Idempotency-Key, and the hash of what it submitted.
     """
@@ -87,6 +89,7 @@ class Run:
     created: str = ""
     updated: str = ""
     retry_failed: bool = False
+    place: str = ""
     key: str | None = None
     digest: str = ""
 
@@ -95,6 +98,7 @@ class Run:
         told: dict[str, Any] = {
             "id": self.id,
             "name": self.name,
+            "found": bool(self.place),
             "kind": self.kind,
             "question": self.question,
             "state": self.state.value,
@@ -122,7 +126,12 @@ class Run:
 
 def now() -> str:
     """The time in UTC, to the millisecond."""
-    return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+    return stamp(datetime.now(UTC))
+
+
+def stamp(time: datetime) -> str:
+    """A time in UTC as runs tell it."""
+    return time.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 _SCHEMA = """

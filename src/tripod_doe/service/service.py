@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 import shutil
 import tempfile
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from tripod_doe.errors import StorageError, near_match
-from tripod_doe.service.desk import Desk
+from tripod_doe.errors import StorageError, TripodDoeError, near_match
+from tripod_doe.service.desk import Desk, DeskBusyError, DeskFailedError
+from tripod_doe.service.found import found_directories
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.runs import Run
 from tripod_doe.service.settings import Settings
 from tripod_doe.service.supervisor import UPLOAD, Supervisor
-from tripod_doe.service.uploads import main_file, upload_texts, write_upload
+from tripod_doe.service.uploads import STUDY, main_file, upload_texts, write_upload
 
 __all__ = ["Service"]
+
+log = logging.getLogger(__name__)
 
 _UPLOADS = ".upload-"
 _WITHOUT_CUBE = ("study", "figure", "report")  # kinds of steps that have no analysis
@@ -47,7 +52,7 @@ class Service:
         self.runs = Supervisor(settings)
         self._questions = Desk(2, settings.limits)
         self._computing = Desk(1, settings.limits)
-        self._started = False
+        self._started = self._closed = False
 
     def start(self) -> None:
         """Find runs, and start what answers; once is enough."""
@@ -58,10 +63,24 @@ class Service:
             for left in self.settings.folder.glob(f"{_UPLOADS}*"):
                 shutil.rmtree(left, ignore_errors=True)
         self.runs.start()
+        threading.Thread(target=self._find, name="finding", daemon=True).start()
+
+    def _find(self) -> None:
+        """Show the directories that the command line filled; one that cannot be shown is told on standard error."""
         self._questions.warm()
+        limits = self.settings.limits
+        for path in found_directories(self.settings.folder, self.runs.known_places()):
+            try:
+                plan, _ = self._questions.ask("found", limits.query_seconds, path=str(path), limits=asdict(limits))
+                self.runs.adopt(path, plan)
+            except (TripodDoeError, DeskBusyError, DeskFailedError, OSError) as error:
+                if self._closed:
+                    return
+                log.warning("%s is not shown: %s", path.name, error)
 
     def close(self) -> None:
         """End everything but the runs."""
+        self._closed = True
         self.runs.close()
         self._questions.close()
         self._computing.close()
@@ -180,6 +199,8 @@ class Service:
         """What was submitted as a run: its study or workflow, and its files."""
         run = self.runs.find(run_id)
         folder = self.runs.directory(run_id) / UPLOAD
+        if run.place:
+            return {"study": (folder.parent / STUDY).read_text(encoding="utf-8"), "files": {}}
         texts = {path.name: path.read_text(encoding="utf-8") for path in sorted(folder.iterdir())}
         return {run.kind: texts.pop(main_file(run.kind)), "files": texts}
 

@@ -14,6 +14,7 @@ import threading
 import time
 from collections.abc import Mapping
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +25,10 @@ from tripod_doe.service.events import Events
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.progress import PointCounts
 from tripod_doe.service.run_progress import RunProgress
-from tripod_doe.service.runs import Run, RunTable, State, now
+from tripod_doe.service.runs import Run, RunTable, State, now, stamp
 from tripod_doe.service.settings import Settings
 from tripod_doe.service.uploads import main_file
+from tripod_doe.study.journal import journal_path
 
 __all__ = ["UPLOAD", "Supervisor"]
 
@@ -69,8 +71,11 @@ class Supervisor:
     def start(self) -> None:
         """Find the runs of earlier servers, and look after all from now on."""
         for run in self._table.all():
-            self._runs[run.id] = run
-            self.events.publish(run)
+            if not run.place or self.settings.folder.joinpath(run.place).is_dir():
+                self._runs[run.id] = run
+                self.events.publish(run)
+            elif not self.settings.read_only:
+                self._table.remove(run.id)
         if not self.settings.read_only:
             for left in self.settings.folder.glob(f"{_DELETED}*"):
                 shutil.rmtree(left, ignore_errors=True)
@@ -85,7 +90,24 @@ class Supervisor:
 
     def directory(self, run_id: str) -> Path:
         """The result directory of a run."""
-        return self.settings.folder.absolute() / run_id
+        run = self._runs.get(run_id)
+        return self.settings.folder.absolute() / (run.place if run and run.place else run_id)
+
+    def known_places(self) -> set[str]:
+        """Names of the directories of all runs."""
+        with self._lock:
+            return {run.place or run.id for run in self._runs.values()}
+
+    def adopt(self, directory: Path, plan: Mapping[str, Any]) -> None:
+        """Show a directory of the folder that the command line filled, or is filling."""
+        changed = datetime.fromtimestamp(journal_path(directory).stat().st_mtime, UTC)
+        run = Run(
+            secrets.token_hex(8), "study", plan["name"], plan["question"], State.RUNNING, plan=plan,
+            counts=PointCounts(plan["unique"]), created=stamp(changed), updated=stamp(changed), place=directory.name,
+        )  # fmt: skip
+        with self._lock:
+            self._put(run)
+        self._look_at(run.id)
 
     def all(self) -> list[Run]:
         """All runs, the newest first."""
@@ -163,7 +185,7 @@ class Supervisor:
             409 if it neither waits nor runs.
         """
         with self._lock:
-            run = self.find(run_id)
+            run = self._own(run_id)
             if run.state is State.QUEUED:
                 return self._put(run.changed(state=State.STOPPED, message="stopped before it started"))
             if not run.state.alive:
@@ -183,7 +205,7 @@ class Supervisor:
             409 if it waits or runs, or there is nothing to run.
         """
         with self._lock:
-            run = self.find(run_id)
+            run = self._own(run_id)
             if not run.state.at_rest:
                 raise RefusedError(409, f"state: {run.state}: only a run at rest can be resumed")
             if retry_failed and not run.counts.failed:
@@ -203,7 +225,7 @@ class Supervisor:
             409 if it waits or runs.
         """
         with self._lock:
-            run = self.find(run_id)
+            run = self._own(run_id)
             if not run.state.at_rest or processes.is_held(self.directory(run_id)):
                 raise RefusedError(409, f"state: {run.state}: only a run at rest can be extended")
             own = self.directory(run_id) / UPLOAD
@@ -223,7 +245,7 @@ class Supervisor:
             409 if a process is at work on it.
         """
         with self._lock:
-            run = self.find(run_id)
+            run = self._own(run_id)
             directory = self.directory(run_id)
             if run.state.alive or processes.is_held(directory):
                 raise RefusedError(409, f"state: {run.state}: stop this run before you delete it")
@@ -235,6 +257,13 @@ class Supervisor:
             self._progress.pop(run_id, None)
             self.events.forget(run_id)
         shutil.rmtree(doomed, ignore_errors=True)
+
+    def _own(self, run_id: str) -> Run:
+        """A run that the service may change."""
+        run = self.find(run_id)
+        if run.place:
+            raise RefusedError(409, f"the command line filled the directory {run.place}: go on there")
+        return run
 
     def _put(self, run: Run) -> Run:
         """Store a run whose state changed, and tell those who watch."""
