@@ -11,9 +11,28 @@ from numpy.typing import NDArray
 from tripod_doe.mechanics.rates import Rates
 from tripod_doe.simulator import Outcome
 
-__all__ = ["JointRun", "Readings"]
+__all__ = ["JointRun", "Readings", "VibrationReadings"]
 
 FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class VibrationReadings:
+    """A self-excited vibration in numbers, in the order of `outputs.VIBRATION_OUTPUTS`.
+
+    Attributes
+    ----------
+    growth
+        Factor by which it grows per revolution while it is small; 1 where none grows.
+    hertz
+        Its frequency while it is small; 0 where none grows.
+    unrest
+        Effective value of the thrust above the orders that are reported.
+    """
+
+    growth: float
+    hertz: float
+    unrest: float
 
 
 @dataclass(frozen=True)
@@ -40,6 +59,8 @@ class Readings:
         Energy that the balance misses over what friction dissipates, or over a thousandth of the transmitted energy.
     rates
         What limits the step in the last third of a revolution; None unless requested.
+    vibration
+        How the joint vibrates by itself; None where it was not asked.
     """
 
     groove_thrust: FloatArray
@@ -51,6 +72,7 @@ class Readings:
     penetration: float
     energy_residual: float
     rates: Rates | None = None
+    vibration: VibrationReadings | None = None
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint.goal import Goal
-from tripod_doe.joint.outputs import JOINT_OUTPUTS, PART_OUTPUTS, part_outputs, thrust_outputs
+from tripod_doe.joint.outputs import JOINT_OUTPUTS, PART_OUTPUTS, VIBRATION_OUTPUTS, part_outputs, thrust_outputs
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.first_compilation import first_compilation
 from tripod_doe.mechanics.integrators.registry import METHODS
@@ -163,7 +163,7 @@ def _balance(
         name=name,
         methods={"newton": {"relative_tolerance": tolerance}},
         ignores=ignores,
-        outputs=frozenset(JOINT_OUTPUTS) - {"thrust_amplitude_error", *_SKEWS, *_RATES},
+        outputs=frozenset(JOINT_OUTPUTS) - {"thrust_amplitude_error", *_SKEWS, *_RATES, *VIBRATION_OUTPUTS},
         simulate=simulate,
         prepare=prepare,
         lacks=lacks,
@@ -268,7 +268,9 @@ def _answer(result: Readings, keep: Collection[str]) -> dict[str, FloatArray]:
         "energy_residual": result.energy_residual,
     }
     if result.rates is not None:
-        others |= dict(zip((output.name for output in RATE_OUTPUTS), astuple(result.rates), strict=True))
+        others |= dict(zip(_RATES, astuple(result.rates), strict=True))
+    if result.vibration is not None:
+        others |= dict(zip(VIBRATION_OUTPUTS, astuple(result.vibration), strict=True))
     kept = {name: np.asarray(data) for name, data in others.items() if name in keep and data is not None}
     return {name: data[0] for name, data in outputs.items()} | kept
 

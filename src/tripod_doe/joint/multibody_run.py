@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint.goal import Goal
-from tripod_doe.joint.joint_run import JointRun, Readings
+from tripod_doe.joint.joint_run import JointRun, Readings, VibrationReadings
 from tripod_doe.joint.multibody_scene import build_joint
 from tripod_doe.joint.numerical_error import (
     ERROR_LIMIT,
@@ -33,6 +33,7 @@ from tripod_doe.joint.orders import ORDERS, complex_amplitudes
 from tripod_doe.joint.passes import FollowedJoint, Motion
 from tripod_doe.joint.readings import groove_readings, groove_thrust, needle_skews
 from tripod_doe.joint.refinement import first_tolerance, refine
+from tripod_doe.joint.revolutions import unrest
 from tripod_doe.joint.thrust_parts import thrust_parts
 from tripod_doe.joint.values import JointValues
 from tripod_doe.joint.vibrating_joint import VibratingJoint
@@ -118,6 +119,8 @@ def run_joint(
         if rates:
             readings = replace(readings, rates=_rates(result, values, samples))
         thrust = readings.groove_thrust.sum(1)
+        growth, hertz = (found.growth.factor, found.hertz) if found else (1.0, 0.0)
+        readings = replace(readings, vibration=VibrationReadings(growth, hertz, unrest(thrust[-1])))
         outcome, detail = judge(result, thrust, motion.missed, values)
         if outcome == Outcome.FINISHED and vibrating:
             third = None if needles else float(abs(complex_amplitudes(thrust).mean(0)[3]))

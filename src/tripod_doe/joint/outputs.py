@@ -18,6 +18,7 @@ __all__ = [
     "PARTS",
     "PART_OUTPUTS",
     "ROTATION",
+    "VIBRATION_OUTPUTS",
     "part_outputs",
     "rotation_angles",
     "thrust_outputs",
@@ -27,6 +28,9 @@ FloatArray = NDArray[np.float64]
 
 PARTS = (*MECHANISMS, "remainder")
 """Parts of the thrust: what the mechanisms add to it, and what is none of them; see `thrust_parts`."""
+
+VIBRATION_OUTPUTS = ("vibration_growth", "vibration_frequency_hz", "vibration_rms")
+"""Outputs of a self-excited vibration."""
 
 PART_OUTPUTS = ("thrust_part_amplitude", "thrust_part_phase_deg")
 """Outputs that need the thrust split into its parts."""
@@ -91,6 +95,12 @@ _OUTPUTS = [
     Output("largest_penetration_um", "um", "delta", "largest penetration of any contact"),
     Output("energy_residual", "1", "", "input less output less friction power, over the friction power (or over a "
            "thousandth of the transmitted power, where that is larger)"),
+    Output(VIBRATION_OUTPUTS[0], "1", "", "factor by which a self-excited vibration grows per revolution while it is "
+           "small; 1 where none grows", optional=True, on_request=True),
+    Output(VIBRATION_OUTPUTS[1], "Hz", "", "frequency of a self-excited vibration while it is small; 0 where none "
+           "grows", optional=True, on_request=True),
+    Output(VIBRATION_OUTPUTS[2], "N", "", "effective value of the thrust force above order 12, with the vibration that "
+           "was followed", optional=True, on_request=True),
     *RATE_OUTPUTS,
 ]  # fmt: skip
 

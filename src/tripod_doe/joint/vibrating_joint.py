@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint.goal import SMALLEST_THIRD
-from tripod_doe.joint.joint_run import JointRun
+from tripod_doe.joint.joint_run import JointRun, VibrationReadings
 from tripod_doe.joint.multibody_scene import build_joint
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.revolutions import JointInTurns, StoppedError
@@ -26,7 +26,7 @@ from tripod_doe.joint.vibrating_run import FollowedVibration, follow_vibration, 
 from tripod_doe.joint.vibration import Vibration, damping_against
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.first_compilation import first_compilation
-from tripod_doe.mechanics.run import Limits, Run
+from tripod_doe.mechanics.run import Limits, Run, run
 from tripod_doe.simulator import Outcome
 
 __all__ = ["VibratingJoint"]
@@ -34,7 +34,7 @@ __all__ = ["VibratingJoint"]
 FloatArray = NDArray[np.float64]
 
 _BUILT_UP = 1.5
-"""Factor of the thrust's unrest below which departures grow and come to nothing: the joint does not vibrate."""
+"""Factor of the thrust's unrest above which departures do not just grow but become a vibration."""
 
 
 class VibratingJoint:
@@ -80,7 +80,7 @@ class VibratingJoint:
         except StoppedError as stop:
             done = JointRun(stop.stopped.outcome, f"{self._vibration.described}; {stop.stopped.detail}")
         else:
-            done = self._told(followed)
+            done = self._told(followed, needles)
         return replace(
             done, steps=sum(joint.steps for joint in self._joints), solves=sum(joint.solves for joint in self._joints),
             force_evaluations=sum(joint.force_evaluations for joint in self._joints),
@@ -132,12 +132,14 @@ class VibratingJoint:
         )  # fmt: skip
         self._joints.append(joint)
         with first_compilation(f"vibrating joints with {method.name}", seconds=30):
-            return follow_vibration(joint, setting, self._allowed)
+            run(joint.assembly, method.name, 1e-9, step=1e-9, limits=self._limits)
+        return follow_vibration(joint, setting, self._allowed)
 
     @property
     def _builds_up(self) -> bool:
-        """Whether what grows becomes a vibration."""
-        return not self._lumped.steady or self._lumped.unrest > _BUILT_UP * self._vibration.unrest
+        """Whether what grows becomes a vibration: one that is heard, or that changes the third order."""
+        heard = not self._lumped.steady or self._lumped.unrest > _BUILT_UP * self._vibration.unrest
+        return heard or self._change(self._vibration.third) > self._allowed_of_third
 
     def _change(self, third: float) -> float:
         """By how much a third order is off that of lumped bearings with the vibration, beyond what is not known."""
@@ -149,21 +151,24 @@ class VibratingJoint:
         amplitudes[3] = self._lumped.third
         return float(self._allowed(amplitudes)[3])
 
-    def _told(self, followed: FollowedVibration) -> JointRun:
+    def _told(self, followed: FollowedVibration, needles: bool) -> JointRun:
         """The result, with what there is to know of it in words."""
+        method, _ = undamped(needles, self._vibration.growth.frequency)
+        numbers = VibrationReadings(self._vibration.growth.factor, self._vibration.hertz, followed.unrest)
+        readings = replace(followed.readings, vibration=numbers)
         error = float(followed.readings.amplitude_error[3])
         note = (
-            f"{self._vibration.described} and followed: it moves the thrust by {followed.unrest:.3g} N above order 12 "
-            f"(effective value); the third order is {followed.third:.4g} +- {error:.2g} N, the mean of "
-            f"{followed.revolutions} revolutions with a standard deviation of {followed.scatter:.2g} N, and "
-            f"{self._vibration.third:.4g} N without the vibration; "
+            f"{self._vibration.described} and followed by {method.name}: it moves the thrust by "
+            f"{followed.unrest:.3g} N above order 12 (effective value); the third order is {followed.third:.4g} "
+            f"+- {error:.2g} N, the mean of {followed.revolutions} revolutions with a standard deviation of "
+            f"{followed.scatter:.2g} N, and {self._vibration.third:.4g} N without the vibration; "
         )
         if not followed.certain:
             reason = "has not settled" if not followed.steady else "is not as certain as asked for"
             note = f"{note}after {followed.followed} revolutions it {reason}; "
-            return JointRun(Outcome.INACCURATE, f"{note}raise accuracy or contact damping", followed.readings)
+            return JointRun(Outcome.INACCURATE, f"{note}raise accuracy or contact damping", readings)
         damping = damping_against(self._values)
         ends = "stronger contact damping was not found to end it"
         if damping:
             ends = f"with contact_damping_s_per_mm = {damping:.2g} it would not start"
-        return JointRun(Outcome.FINISHED, note + ends, followed.readings)
+        return JointRun(Outcome.FINISHED, note + ends, readings)

@@ -81,8 +81,13 @@ class Vibration:
     @property
     def described(self) -> str:
         """Frequency and growth, in words."""
-        hertz, factor = self.growth.frequency / (2 * math.pi), self.growth.factor
-        return f"self-excited vibration at about {hertz:.0f} Hz, growing by a factor of {factor:.2g} per revolution"
+        factor = f"growing by a factor of {self.growth.factor:.2g} per revolution"
+        return f"self-excited vibration at about {self.hertz:.0f} Hz, {factor}"
+
+    @property
+    def hertz(self) -> float:
+        """Its frequency in Hz."""
+        return self.growth.frequency / (2 * math.pi)
 
 
 def growing_vibration(values: JointValues[float]) -> Vibration | None:
