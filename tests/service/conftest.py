@@ -4,6 +4,7 @@ import pytest
 from service_client import ADDRESS, TOKEN, Asked
 from starlette.testclient import TestClient
 
+from tripod_doe.service import processes
 from tripod_doe.service.app import create_app
 from tripod_doe.service.settings import Settings
 
@@ -15,9 +16,11 @@ def settings(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def client(settings):
-    """A client without a token, of a server in this process."""
+    """A client without a token, of a server in this process; its runs, which would outlive it, end with the tests."""
     with TestClient(create_app(settings), ADDRESS, raise_server_exceptions=False, follow_redirects=False) as client:
         yield client
+        for directory in settings.folder.iterdir():
+            processes.kill_run(directory)
 
 
 @pytest.fixture(scope="session")

@@ -104,6 +104,15 @@ def test_a_workflow_is_planned_step_by_step(api):
     assert (wrong["file"], wrong["key"], wrong["line"]) == ("a.toml", "torque_n_m", 7)
 
 
+def test_a_study_whose_model_is_chosen_is_planned_with_its_pilot(api):
+    study = GOOD.replace('"equilibrium"', '"auto"') + "\n[accuracy]\nthrust_amplitude_3 = 0.05\n"
+    plan = api.post("/plans", {"study": study, "timing": False}).json()
+    assert plan["points"] == 8
+    assert plan["model_chosen_by_pilot"]
+    assert plan["cpu_seconds"] is None
+    assert any("pilot" in line for line in plan["choice"])
+
+
 @pytest.mark.parametrize("text", ["[[" * 450 + "]]" * 450, "a = " + "[" * 900 + "]" * 900, "a = " + "{a=" * 900,
                                   "a." * 20_000 + "a = 1", "[" + "a." * 20_000 + "a]"])  # fmt: skip
 def test_nested_and_dotted_texts_are_refused_at_once(send, text):

@@ -187,7 +187,7 @@ class Service:
     def plan_of(self, run_id: str) -> dict[str, Any]:
         """The price that a run had when it was submitted, and the choice of its models where a pilot makes it."""
         run, directory = self.runs.find(run_id), self.runs.directory(run_id)
-        told = dict(run.plan) | {"choice": []}
+        told = dict(run.plan)
         if run.plan.get("model_chosen_by_pilot"):
             seconds = self.settings.limits.query_seconds
             told["choice"] = self._questions.ask(
