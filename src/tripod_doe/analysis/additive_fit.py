@@ -246,11 +246,14 @@ def _quantile(share: float, free: int) -> float:
 def _least_squares(columns: FloatArray, response: FloatArray) -> tuple[FloatArray, FloatArray, int]:
     """Coefficients of a constant and of centred columns, two estimates of their covariance, and the freedom left."""
     design = np.column_stack([np.ones(len(response)), columns])
-    coefficient = np.asarray(np.linalg.lstsq(design, response)[0], float)
-    free = len(response) - int(np.linalg.matrix_rank(design))
+    left, size, right = np.linalg.svd(design, full_matrices=False)
+    kept = size > size[0] * max(design.shape) * np.finfo(float).eps  # columns that repeat others add nothing
+    left, scaled = left[:, kept], right[kept].T / size[kept]
+    coefficient = scaled @ (left.T @ response)
+    free = len(response) - int(kept.sum())
     rest = response - design @ coefficient
-    inverse = np.linalg.pinv(design.T @ design)
-    leverage = np.einsum("ij,jk,ik->i", design, inverse, design)
+    inverse = scaled @ scaled.T
+    leverage = (left**2).sum(axis=1)
     local = (rest / np.maximum(1 - leverage, _LEVERAGE)) ** 2
     covariances = [float(rest @ rest) / free * inverse, inverse @ (design.T * local) @ design @ inverse]
     return coefficient, np.stack(covariances), free

@@ -45,6 +45,7 @@ from tripod_doe.analysis.sensitivity import (
 )
 from tripod_doe.analysis.speed_accuracy import SpeedAccuracySettings, speed_accuracy
 from tripod_doe.analysis.stability import StabilitySettings, stability_borders
+from tripod_doe.analysis.tolerance import ToleranceSettings, tolerance
 from tripod_doe.report.claims.over_skew import find_over_skew, over_skew_table
 from tripod_doe.report.claims.verdicts import claim_table, find_in_claims
 from tripod_doe.report.comparison import find_in_comparison
@@ -57,10 +58,12 @@ from tripod_doe.report.figures.indices import indices_of_study
 from tripod_doe.report.figures.inputs import Figure, of_one
 from tripod_doe.report.figures.speed_accuracy import model_error_charts, speed_accuracy_charts
 from tripod_doe.report.figures.stability import stability_charts
+from tripod_doe.report.figures.tolerance import tolerance_charts
 from tripod_doe.report.findings import find
 from tripod_doe.report.sensitivity import find_in_sensitivity
 from tripod_doe.report.speed_accuracy import find_in_speed_accuracy, price_table
 from tripod_doe.report.stability import find_in_stability, stability_table
+from tripod_doe.report.tolerance import find_in_tolerance, tolerance_table
 
 __all__ = ["ANALYSES", "Analysis", "Table", "findings_of", "table_of"]
 
@@ -185,6 +188,14 @@ ANALYSES: dict[str, Analysis] = {
             designs=EFFECT_DESIGNS,
             findings=find_in_effects,
             table=effect_table,
+        ),
+        Analysis(
+            _of_cube(tolerance),
+            ToleranceSettings,
+            designs=SAMPLED_DESIGNS,
+            findings=find_in_tolerance,
+            table=tolerance_table,
+            figures={"tolerance": tolerance_charts},
         ),
         Analysis(
             _of_cube(contribution_shares),

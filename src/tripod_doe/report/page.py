@@ -34,6 +34,7 @@ from tripod_doe.report.figures import (
     model_choice_chart,
     spectrum_chart,
     stability_charts,
+    tolerance_charts,
     waveform_charts,
 )
 from tripod_doe.report.findings import find
@@ -195,7 +196,7 @@ def _charts(cube: xr.Dataset, shown: xr.Dataset, analyses: Mapping[str, xr.Datas
     return {
         "models": [choice] if choice else [],
         "borders": [chart for result in of_kind(analyses, "stability").values() for chart in stability_charts(result)],
-        "sensitivity": index_charts(analyses, cube) + factorial_effect_charts(analyses),
+        "sensitivity": [*index_charts(analyses, cube), *factorial_effect_charts(analyses), *tolerance_charts(analyses)],
         "region": [region] if (region := failing_region_chart(cube)) else [],
         "loci": [loci] if loci else [],
         "waveforms": waveform_charts(shown) if every_order else [],

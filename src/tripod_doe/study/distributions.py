@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,8 +12,9 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition import Factor
+from tripod_doe.study.file import FactorTable
 
-__all__ = ["is_unbounded", "quantile"]
+__all__ = ["Scatter", "is_unbounded", "quantile", "scatter_density"]
 
 _INSIDE = 1e-12  # keeps the ends of the unit interval off the infinite tails
 
@@ -57,9 +60,9 @@ def quantile(factor: Factor, unit: NDArray[np.float64]) -> NDArray[Any]:
         low, high = math.ceil(table.low or 0), math.floor(table.high or 0)
         return np.minimum(np.floor(low + unit * (high - low + 1)), high)
     if is_unbounded(factor):
-        sampled = np.asarray(_frozen(factor).ppf(np.clip(unit, _INSIDE, 1 - _INSIDE)), float)
+        sampled = np.asarray(_frozen(table).ppf(np.clip(unit, _INSIDE, 1 - _INSIDE)), float)
     else:
-        sampled = np.clip(_frozen(factor).ppf(unit), table.low, table.high)  # the ends exact, whatever rounding does
+        sampled = np.clip(_frozen(table).ppf(unit), table.low, table.high)  # the ends exact, whatever rounding does
     for extreme in (sampled.min(), sampled.max()):
         try:
             parameter.check(float(extreme))
@@ -68,11 +71,10 @@ def quantile(factor: Factor, unit: NDArray[np.float64]) -> NDArray[Any]:
     return sampled
 
 
-def _frozen(factor: Factor) -> Any:
+def _frozen(table: FactorTable) -> Any:
     """The scipy distribution of a continuous factor."""
     from scipy import stats  # slow to import, and most studies sample nothing
 
-    table = factor.table
     low, high, mean, std = table.low or 0.0, table.high or 0.0, table.mean or 0.0, table.std or 1.0
     match table.sampled_as:
         case "normal":
@@ -85,3 +87,36 @@ def _frozen(factor: Factor) -> Any:
             return stats.triang(((table.mode or 0.0) - low) / (high - low), low, high - low)
         case _:
             return stats.uniform(low, high - low)
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """How a factor scatters.
+
+    Attributes
+    ----------
+    density
+        Its density over its values, or over their logarithms.
+    centre
+        What it scatters about: mean, middle of a range, or peak.
+    logarithmic
+        Whether density and centre are those of logarithms.
+    """
+
+    density: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    centre: float
+    logarithmic: bool
+
+
+def scatter_density(table: FactorTable) -> Scatter | None:
+    """How a factor scatters by its distribution; None for listed values, which have no density."""
+    from scipy import stats
+
+    kind, low, high = table.sampled_as, table.low or 0.0, table.high or 0.0
+    if kind == "discrete" or table.values is not None:
+        return None
+    if kind == "log-uniform":
+        low, high = math.log(low), math.log(high)
+        return Scatter(stats.uniform(low, high - low).pdf, (low + high) / 2, True)
+    centre = {"triangular": table.mode, "normal": table.mean, "truncated-normal": table.mean}.get(kind)
+    return Scatter(_frozen(table).pdf, (low + high) / 2 if centre is None else centre, False)

@@ -10,6 +10,7 @@ from tripod_doe.report.figures.loci import locus_chart
 from tripod_doe.report.figures.model_choice import model_choice_chart
 from tripod_doe.report.figures.skews import findings_over_skew_charts, kept_skew_charts
 from tripod_doe.report.figures.stability import stability_charts
+from tripod_doe.report.figures.tolerance import tolerance_charts
 from tripod_doe.report.figures.waveforms import spectrum_chart, waveform_charts
 
 __all__ = [
@@ -25,5 +26,6 @@ __all__ = [
     "model_choice_chart",
     "spectrum_chart",
     "stability_charts",
+    "tolerance_charts",
     "waveform_charts",
 ]

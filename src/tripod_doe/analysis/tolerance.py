@@ -1,0 +1,220 @@
+"""Tolerances: how manufacturing scatter distributes an output, and what halving the scatter of one factor would gain.
+
+Quantiles and the probability to exceed a limit are those of the points, with intervals that hold for any distribution.
+Halving needs no further points: each point counts by how much more often it would occur if that factor scattered half
+as far about its centre, w = 2 f(c + 2 (x - c)) / f(x) with the density f of the factor.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from pydantic import Field, field_validator
+from scipy import stats
+
+from tripod_doe.analysis.kinds import makes_kind
+from tripod_doe.analysis.sensitivity.distributions import SAMPLED_DESIGNS
+from tripod_doe.analysis.sensitivity.outputs import OutputTable, chosen_outputs, read_outputs
+from tripod_doe.analysis.sensitivity.resampling import bootstrap_weights, half_width
+from tripod_doe.analysis.sensitivity.sample import Sample, flat_points, read_sample
+from tripod_doe.analysis.sensitivity.settings import SensitivitySettings
+from tripod_doe.errors import InputError, near_match
+from tripod_doe.study.distributions import scatter_density
+from tripod_doe.study.file import FactorTable
+
+__all__ = ["ToleranceSettings", "tolerance"]
+
+FloatArray = NDArray[np.float64]
+
+_ORDER = re.compile(r"(.+)_(\d+)$")
+
+
+class ToleranceSettings(SensitivitySettings):
+    """[analysis.NAME] of kind tolerance."""
+
+    outputs: list[str] = Field(["thrust_amplitude"], description="outputs whose distribution is asked for")
+    probabilities: list[float] = Field([0.05, 0.5, 0.95, 0.99], min_length=1, description="of the quantiles")
+    limits: dict[str, float] = Field(
+        {}, description="largest values allowed: OUTPUT_ORDER = value, as thrust_amplitude_3, or OUTPUT = value"
+    )
+
+    @field_validator("probabilities")
+    @classmethod
+    def _between(cls, values: list[float]) -> list[float]:
+        if not all(0 < value < 1 for value in values):
+            raise ValueError("probabilities lie between 0 and 1")
+        return sorted(set(values))
+
+
+def _quantiles(values: FloatArray, probabilities: list[float], confidence: float) -> dict[str, FloatArray]:
+    """Quantiles with distribution-free intervals from the order of the values, shape (probability, component)."""
+    ordered, count = np.sort(values, axis=0), len(values)
+    outside = (1 - confidence) / 2
+    low = stats.binom.ppf(outside, count, probabilities).astype(int) - 1
+    high = stats.binom.ppf(1 - outside, count, probabilities).astype(int)
+    inside_low, inside_high = low >= 0, high < count  # beyond the sample nothing bounds the quantile
+    return {
+        "quantile": np.quantile(values, probabilities, axis=0, method="median_unbiased"),
+        "quantile_low": np.where(inside_low[:, None], ordered[np.maximum(low, 0)], np.nan),
+        "quantile_high": np.where(inside_high[:, None], ordered[np.minimum(high, count - 1)], np.nan),
+    }
+
+
+def _exceedance(values: FloatArray, limit: FloatArray, confidence: float) -> dict[str, FloatArray]:
+    """Probability to exceed a limit with Wilson's interval, shape (component,); NaN without limit."""
+    above = (values > limit).sum(axis=0)
+    found = np.full((3, limit.size), np.nan)
+    for at in np.flatnonzero(np.isfinite(limit)):
+        test = stats.binomtest(int(above[at]), len(values))
+        inside = test.proportion_ci(confidence, method="wilson")
+        found[:, at] = test.statistic, inside.low, inside.high
+    return {"exceedance": found[0], "exceedance_low": found[1], "exceedance_high": found[2]}
+
+
+def _halved_weights(sample: Sample) -> FloatArray:
+    """Weights of the points if one factor scattered half as far, shape (factor, point); NaN where it has no scatter."""
+    return np.stack([
+        _weights(table, np.asarray(sample.columns[name])) for name, table in sample.tables.items()
+    ])  # fmt: skip
+
+
+def _weights(table: FactorTable, column: NDArray[np.generic]) -> FloatArray:
+    scatter = scatter_density(table)
+    if scatter is None:
+        return np.full(column.size, np.nan)
+    x = np.log(column.astype(float)) if scatter.logarithmic else column.astype(float)
+    weights: FloatArray = 2 * scatter.density(scatter.centre + 2 * (x - scatter.centre)) / scatter.density(x)
+    return weights
+
+
+def _gains(
+    weights: FloatArray, values: FloatArray, limit: FloatArray, settings: ToleranceSettings
+) -> dict[str, FloatArray]:
+    """What halving the scatter of each factor gains, shape (factor, component)."""
+    draws = bootstrap_weights(len(values), settings.resamples, settings.seed)
+    draws = np.concatenate([np.full((1, len(values)), 1 / len(values)), draws])
+    centred = values - values.mean(axis=0)
+    above = (values > limit).astype(float)
+    whole = np.sqrt(np.maximum(draws @ centred**2 - (draws @ centred) ** 2, 0))
+    gain, gain_conf, exceedance = [], [], []
+    for own in weights:
+        drawn = draws * own
+        drawn = drawn / drawn.sum(axis=1, keepdims=True)
+        halved = np.sqrt(np.maximum(drawn @ centred**2 - (drawn @ centred) ** 2, 0))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            part = 1 - halved / whole
+        gain.append(part[0])
+        gain_conf.append(half_width(part[1:], settings.confidence))
+        exceedance.append(np.where(np.isfinite(limit), drawn[0] @ above, np.nan))
+    return {
+        "gain_of_halving": np.stack(gain),
+        "gain_of_halving_conf": np.stack(gain_conf),
+        "exceedance_if_halved": np.stack(exceedance),
+    }
+
+
+def _limits(limits: Mapping[str, float], table: OutputTable) -> FloatArray:
+    """The limit of each component of an output, NaN where there is none."""
+    found = np.full(table.variable.shape[1:], np.nan)
+    for key, value in limits.items():
+        parts = _ORDER.match(key)
+        if key == table.name:
+            found[...] = value
+        elif parts and parts[1] == table.name and table.variable.dims[1:] == ("order",):
+            found[table.variable["order"].values == int(parts[2])] = value
+    return found.ravel()
+
+
+def _check_limits(limits: Mapping[str, float], tables: list[OutputTable]) -> None:
+    """Refuse a limit of nothing."""
+    known = [table.name for table in tables] + [
+        f"{table.name}_{order}"
+        for table in tables
+        if table.variable.dims[1:] == ("order",)
+        for order in table.variable["order"].values
+    ]
+    for key in limits:
+        if key not in known:
+            raise InputError(f"limits: {key!r} is no output or order of one{near_match(key, known)}")
+
+
+def _of_output(sample: Sample, table: OutputTable, settings: ToleranceSettings) -> xr.Dataset:
+    values, limit = table.values, _limits(settings.limits, table)
+    quantiles = _quantiles(values, settings.probabilities, settings.confidence)
+    single = _exceedance(values, limit, settings.confidence)
+    single |= {"mean": values.mean(axis=0), "std": values.std(axis=0, ddof=1), "limit": limit}
+    gains = _gains(_halved_weights(sample), values, limit, settings)
+    gains = {key: np.where(table.varies, answer, np.nan) for key, answer in gains.items()}
+    return xr.Dataset(
+        {key: table.labelled(answer, ("probability",)) for key, answer in quantiles.items()}
+        | {key: table.labelled(answer, ()) for key, answer in single.items()}
+        | {key: table.labelled(answer, ("factor",)) for key, answer in gains.items()}
+    )
+
+
+_MEANINGS = {
+    "quantile": "value that the output stays below with the probability",
+    "quantile_low": "lower end of the interval of the quantile",
+    "quantile_high": "upper end of the interval of the quantile",
+    "exceedance": "probability to exceed the limit",
+    "exceedance_low": "lower end of the interval of the exceedance",
+    "exceedance_high": "upper end of the interval of the exceedance",
+    "exceedance_if_halved": "probability to exceed the limit if the factor scattered half as far",
+    "gain_of_halving": "part of the standard deviation that goes if the factor scatters half as far",
+    "gain_of_halving_conf": "half width of the interval of the gain",
+    "mean": "mean", "std": "standard deviation", "limit": "largest value allowed",
+}  # fmt: skip
+
+
+@makes_kind("tolerance")
+def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr.Dataset:
+    """Distribution of outputs under the scatter of the factors, and what halving each scatter gains.
+
+    Parameters
+    ----------
+    cube
+        Cube of a sampled design whose factors have the distributions of the manufacture. Where factors are correlated,
+        halving one leaves the others as they are, given its value.
+    settings
+        Outputs, probabilities and limits.
+
+    Returns
+    -------
+    xarray.Dataset
+        quantile, quantile_low, quantile_high (probability, ...), exceedance with its interval, gain_of_halving with its
+        half width and exceedance_if_halved (factor, ...), mean, std, limit; with the dimensions of the output, and with
+        several outputs also along ``output``. The gain of a factor with listed values is NaN.
+
+    Raises
+    ------
+    InputError
+        If the cube is of another design, a limit is of no output, or too few points are left.
+    """
+    settings = settings or ToleranceSettings()
+    cube = flat_points(cube)
+    default = "outputs" not in settings.model_fields_set and "thrust_amplitude" not in cube
+    names = chosen_outputs(cube, [] if default else settings.outputs)
+    sample = read_sample(cube, settings, SAMPLED_DESIGNS, names)
+    tables = [table for table in read_outputs(cube, names, sample.rows) if not table.is_waveform]
+    _check_limits(settings.limits, tables)
+    parts = [_of_output(sample, table, settings) for table in tables]
+    result = parts[0]
+    if len(parts) > 1:
+        outputs = xr.DataArray(np.array([table.name for table in tables], dtype=object), dims="output", name="output")
+        result = xr.concat(parts, outputs, join="outer", coords="minimal", compat="equals")
+    result = result.assign_coords(probability=settings.probabilities, factor=list(sample.tables))
+    pure = ("exceedance", "gain")
+    for name in result.data_vars:
+        unit = {"units": "1"} if str(name).startswith(pure) else {}
+        result[name].attrs = {"long_name": _MEANINGS[str(name)]} | unit
+    for label in result.coords:
+        result[label].attrs.setdefault("long_name", str(label).replace("_", " "))
+    region = {"failing_region": sample.region.text} if sample.region else {}
+    return result.assign_attrs(
+        outputs=", ".join(table.name for table in tables), points_used=sample.rows.size,
+        points_dropped=sample.dropped, confidence_level=settings.confidence, **region,
+    )  # fmt: skip

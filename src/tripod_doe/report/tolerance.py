@@ -1,0 +1,119 @@
+"""Findings and table of a tolerance analysis: quantiles, probabilities to exceed limits, what to tighten first."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.quantities import count_of, interval, number, with_unit
+from tripod_doe.report.responses import ORDINALS, listed, spoken
+
+__all__ = ["find_in_tolerance", "tolerance_parts", "tolerance_table"]
+
+_MOST_NAMED = 3
+
+
+def tolerance_parts(result: xr.Dataset) -> list[tuple[str, str, xr.Dataset]]:
+    """Main outputs: name, in words, and their answers without dimensions of the output."""
+    outputs = [str(name) for name in result["output"].values] if "output" in result.dims else []
+    if "thrust_amplitude" in outputs:
+        outputs = ["thrust_amplitude"]
+    parts = []
+    for output in outputs[:4] or [str(result.attrs.get("outputs", "the output"))]:
+        of_output = result.sel(output=output) if outputs else result
+        for order in (3, 2) if "order" in result.dims else (None,):
+            part = of_output if order is None else of_output.sel(order=order)
+            part = part.isel(dict.fromkeys(part["mean"].dims, 0))
+            if np.isfinite(part["mean"]):
+                parts.append((output, output if order is None else f"the {ORDINALS[order]}", part))
+    return parts
+
+
+def find_in_tolerance(name: str, result: xr.Dataset) -> list[str]:
+    """Sentences on quantiles, limits and gains of each main output.
+
+    Parameters
+    ----------
+    name
+        Name of the analysis.
+    result
+        Its answers.
+    """
+    sentences = []
+    for output, what, part in tolerance_parts(result):
+        unit = "N" if output.startswith("thrust") else ""
+        sentences += [*_quantiles(what, part, unit, name), *_exceedance(what, part, unit), *_gains(what, part, unit)]
+    dropped = int(result.attrs.get("points_dropped", 0))
+    if dropped:
+        verb = "is" if dropped == 1 else "are"
+        sentences.append(f"{count_of(dropped, 'point')} {verb} missing, {result.attrs['points_used']:,} are used.")
+    if region := str(result.attrs.get("failing_region", "")):
+        sentences.append(f"Points fail {region}: the distribution does not know these.")
+    return sentences
+
+
+def _quantiles(what: str, part: xr.Dataset, unit: str, name: str) -> list[str]:
+    told = []
+    for probability in part["probability"].values:
+        at = part.sel(probability=probability)
+        low, value, high = (float(at[key]) for key in ("quantile_low", "quantile", "quantile_high"))
+        bounds = f" ({number(low)} to {number(high)})" if np.isfinite(low) and np.isfinite(high) else ""
+        told.append(f"{100 * probability:g} % below {with_unit(number(value), unit)}{bounds}")
+    centre = f"mean {with_unit(number(float(part['mean'])), unit)}, standard deviation {number(float(part['std']))}"
+    return [f"Scatter of {what}: {centre}; {', '.join(told)} (analysis {name})."]
+
+
+def _exceedance(what: str, part: xr.Dataset, unit: str) -> list[str]:
+    if not np.isfinite(part["exceedance"]):
+        return []
+    low, value, high = (100 * float(part[key]) for key in ("exceedance_low", "exceedance", "exceedance_high"))
+    limit = with_unit(number(float(part["limit"])), unit)
+    return [
+        f"The probability that {what} exceeds {limit} is {number(value, 2)} % "
+        f"({number(low, 2)} to {number(high, 2)} %)."
+    ]
+
+
+def _gains(what: str, part: xr.Dataset, unit: str) -> list[str]:
+    """Which scatter to halve first: only gains that their intervals tell from none."""
+    rows = zip(
+        map(str, part["factor"].values), part["gain_of_halving"].values, part["gain_of_halving_conf"].values,
+        part["exceedance_if_halved"].values, strict=True,
+    )  # fmt: skip
+    known = sorted((row for row in rows if row[1] - row[2] > 0), key=lambda row: -row[1])
+    if not known:
+        return [f"Halving the scatter of one factor alone gains nothing for {what} that these points resolve."]
+    first = known[0]
+    after = ""
+    if np.isfinite(first[3]) and float(part["exceedance"]) > 0:
+        limit = with_unit(number(float(part["limit"])), unit)
+        after = (
+            f", and {number(100 * float(first[3]), 2)} % in place of {number(100 * float(part['exceedance']), 2)} % "
+            f"would exceed {limit}"
+        )
+    head = (
+        f"For {what}, tighten {spoken(first[0])} first: half its scatter takes {_percent(first)} off the standard "
+        f"deviation{after}"
+    )
+    others = listed([f"{spoken(row[0])} {_percent(row)}" for row in known[1:_MOST_NAMED]])
+    return [f"{head}{f'; next {others}' if others else ''}."]
+
+
+def _percent(row: tuple[str, float, float, float]) -> str:
+    return f"{interval(100 * float(row[1]), 100 * float(row[2]))} %"
+
+
+def tolerance_table(result: xr.Dataset) -> tuple[list[str], list[list[str]]]:
+    """What halving the scatter of each factor gains, for each main output, the largest first."""
+    rows = []
+    for _, what, part in tolerance_parts(result):
+        gains = part["gain_of_halving"].values
+        for at in np.argsort(-np.nan_to_num(gains, nan=-np.inf)):
+            one = part.isel(factor=int(at))
+            row = ("", float(one["gain_of_halving"]), float(one["gain_of_halving_conf"]), 0.0)
+            if_halved = float(one["exceedance_if_halved"])
+            chance = f"{number(100 * if_halved, 2)} %" if np.isfinite(if_halved) else "-"
+            rows.append(
+                [what, spoken(str(one["factor"].values)), _percent(row) if np.isfinite(row[1]) else "-", chance]
+            )
+    return ["output", "factor", "standard deviation less by", "exceeds the limit if halved"], rows
