@@ -332,7 +332,7 @@ def test_the_joint_chooses_its_cheapest_model_where_that_is_enough(write_study, 
         ("= 0.04", "= 4", r"thrust_amplitude_3 = 4: a relative error lies between 0 and 1"),
         ("= 0.04", '= "small"', r"\[accuracy\]: thrust_amplitude_3 = 'small'"),
         ("thrust_amplitude_3 = 0.04\n", "", r"\[accuracy\]: name what must be accurate"),
-        ('model = "auto"', 'model = "rollers"', r'no model is chosen in this study; set model = "auto"'),
+        ('model = "auto"', 'model = "rollers"', r'confidence: used with model = "auto" only'),
         ("confidence = 0.75", "confidence = 1.5", r"\[accuracy\]: confidence = 1.5"),
         ('model = "auto"', 'model = "autos"', r"model = 'autos'"),
         (

@@ -77,8 +77,8 @@ _OUTPUTS = [
     Output("thrust_rms", "N", "A_k/sqrt(2)", "effective value of the rotating orders of the thrust force", (ORDER,)),
     Output("thrust_amplitude_scatter", "N", "", "difference of the thrust amplitude between the last two revolutions",
            (ORDER,)),
-    Output("thrust_amplitude_error", "N", "", "numerical error of the thrust amplitude: its change with half the "
-           "tolerance or step, and twice the standard deviation due to rattling", (ORDER,), optional=True),
+    Output("thrust_amplitude_error", "N", "", "numerical error of the thrust amplitude: by tolerance or step, "
+           "and twice the standard deviation of the mean revolution by chance", (ORDER,), optional=True),
     Output("groove_thrust_amplitude", "N", "A_k", "amplitude of the rotating orders of the thrust in each groove",
            (_GROOVE, ORDER), convention=_PHASE),
     Output("groove_thrust_phase_deg", "degree", "p_k", "phase of the rotating orders of the thrust in each groove",
