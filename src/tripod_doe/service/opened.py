@@ -9,6 +9,7 @@ from pathlib import Path
 
 import xarray as xr
 
+from tripod_doe.errors import CubeError
 from tripod_doe.study.journal import journal_path
 from tripod_doe.study.netcdf import reading
 from tripod_doe.study.results import cube_files, cube_so_far, is_shown
@@ -30,11 +31,13 @@ def opened(path: str | Path) -> Iterator[xr.Dataset]:
     Raises
     ------
     CubeError
-        If there is no cube and no finished point, or what is there is damaged.
+        If no point has finished, or what is there is damaged.
     """
     place = Path(path)
     shown = is_shown(place)
     files = cube_files(place) if shown else _journal_files(place)
+    if not files[0].exists():
+        raise CubeError(f"{place.name}: no point has finished yet")
     key = (str(place), *((file.name, file.stat().st_mtime_ns, file.stat().st_size) for file in files))
     if not shown and key not in _kept:
         _keep(key, cube_so_far(place))

@@ -6,10 +6,14 @@ import csv
 import io
 import json
 import re
+from pathlib import Path
 from urllib.parse import parse_qsl, urlsplit
 
 import pytest
+from axe_playwright_python.base import AXE_FILE_PATH
 
+ROOT = Path(__file__).parents[3]
+AXE = AXE_FILE_PATH.read_text(encoding="utf-8")
 pytestmark = pytest.mark.slow
 
 DRAWN = "#figure[data-drawn]"
@@ -207,16 +211,34 @@ def test_a_report_stands_in_a_sandbox(served, page, coast):
     assert page.locator("iframe.report").get_attribute("sandbox") == "allow-scripts"
 
 
+def test_a_measurement_is_laid_over_a_point(served, page, coast):
+    page.goto(f"{served.address}/compare?run={coast}")
+    page.set_input_files("#table", ROOT / "measurements" / "run_up.csv")
+    for name, value in (("joint_angle_deg", "9"), ("torque_n_m", "40"), ("bearing_radial_clearance_mm", "0.01")):
+        page.select_option(f"[data-select={name}]", value)
+    page.get_by_role("button", name="Compare").click()
+    page.locator(".findings").get_by_text("measured third order").first.wait_for()
+    until(page, "document.getElementById('waveform').data?.map(trace => trace.name).join() === 'measured,model'")
+    assert page.locator("#table-of-orders tbody tr").count() == 13
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_every_page_fits_a_narrow_window(served, chromium, coast, sampled, scheme):
+def test_every_page_fits_a_narrow_window_and_speaks_to_every_reader(served, chromium, coast, scheme):
+    """axe looks for contrast, names of controls, order of headings and the like."""
     context = chromium.new_context(viewport={"width": 400, "height": 800}, color_scheme=scheme)
     page = context.new_page()
     page.goto(served.door)
-    for path in ("/", "/new", f"/runs/{coast}?point=2", f"/runs/{sampled}?kind=parallel", f"/runs/{coast}/failed",
-                 f"/runs/{coast}/report", f"/runs/{coast}/study", "/runs/none"):  # fmt: skip
+    for path in ("/", "/new", f"/runs/{coast}?point=3", f"/runs/{coast}/failed", "/compare", "/runs/none"):
         page.goto(served.address + path)
-        page.wait_for_load_state()
+        if "?" in path:
+            page.locator("#point:not([hidden])").wait_for()
         assert page.evaluate("document.documentElement.scrollWidth") <= 400, path
+        page.evaluate(f"{AXE}; 0")
+        rules = "{}" if scheme == "light" else "{ runOnly: ['color-contrast'] }"
+        found = page.evaluate(f"axe.run({{ exclude: ['iframe'] }}, {rules})")["violations"]
+        assert [
+            (fault["id"], fault["nodes"][0]["html"]) for fault in found if fault["impact"] in ("serious", "critical")
+        ] == []
     ground = page.evaluate("getComputedStyle(document.body).backgroundColor")
     assert (sum(map(int, re.findall(r"\d+", ground))) < 200) == (scheme == "dark")
     context.close()

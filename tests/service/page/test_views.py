@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import shlex
+import shutil
 import tomllib
 
 import numpy as np
@@ -206,6 +207,18 @@ def test_the_difference_of_a_cube_and_itself_is_zero_and_of_others_refused(folde
     assert not values(draw(cube, view, cube)["data"][0]["z"]).any()
     with pytest.raises(InputError, match="in the run that is subtracted: no cell matches"):
         draw(cube, view, other)
+
+
+def test_a_study_that_runs_is_explored_as_far_as_it_is(folders, tmp_path):
+    """Its finished points stand in the journal alone."""
+    shutil.copytree(folders["grid"], tmp_path / "out")
+    (tmp_path / "out" / "cube.nc").unlink()
+    view = [["kind", "lines"], ["select", "bearing_radial_clearance_mm=0.02"]]
+    assert figure(str(tmp_path / "out"), view, None) == figure(str(folders["grid"]), view, None)
+    shutil.rmtree(tmp_path / "out")
+    (tmp_path / "out").mkdir()
+    with pytest.raises(InputError, match=r"no cube|no point has finished yet"):
+        explore(str(tmp_path / "out"), view, "x")
 
 
 def test_wrong_names_are_told_with_a_near_one(folders):

@@ -49,7 +49,8 @@ def explorer(run_id: str, request: Request, service: AnyService) -> HTMLResponse
     """The cube explorer; the query string is the view."""
     run = service.runs.find(run_id)
     steps = [name for name, step in run.plan.get("steps", {}).items() if "points" in step]
-    chosen = request.query_params.get("step") or next(iter(steps), None)
+    begun = [name for name in steps if service.results(run_id, name).is_dir()]
+    chosen = request.query_params.get("step") or next(iter(begun or steps), None)
     found, trouble = _explored(service, run, request, chosen)
     return _run_page(
         "explore.html", service, run, "Explore", steps=steps, chosen_step=chosen, trouble=trouble,

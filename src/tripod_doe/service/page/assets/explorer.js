@@ -19,6 +19,11 @@ function stepItems() {
   return step ? [["step", step.value]] : [];
 }
 
+function itemsOfAddress() {
+  const items = [...new URLSearchParams(location.search)];
+  return items.some(([name]) => name === "step") ? items : [...stepItems(), ...items];
+}
+
 function itemsOfControls() {
   const items = stepItems();
   const chosen = controls.querySelector("[name=kind]:checked");
@@ -179,8 +184,8 @@ document.addEventListener("click", (event) => {  // a menu closes when the reade
 document.addEventListener("keydown", (event) => {
   if (event.key === "Escape") for (const menu of document.querySelectorAll("details.menu[open]")) menu.open = false;
 });
-window.addEventListener("popstate", () => look([...new URLSearchParams(location.search)], { remember: false }));
+window.addEventListener("popstate", () => look(itemsOfAddress(), { remember: false }));
 whenThemeChanges(() => drawn && draw(drawn));
-liveHead(() => look(controls.elements.variable ? itemsOfControls() : [...new URLSearchParams(location.search)], { remember: false }));
-if (controls.elements.variable) await look([...new URLSearchParams(location.search)], { remember: false });
+liveHead(() => look(controls.elements.variable ? itemsOfControls() : itemsOfAddress(), { remember: false }));
+if (controls.elements.variable) await look(itemsOfAddress(), { remember: false });
 if (pointOfAddress() !== null) open(pointOfAddress());

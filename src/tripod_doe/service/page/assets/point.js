@@ -7,7 +7,7 @@ const PREFERRED = ["thrust", "axial_drift_mm", "thrust_amplitude", "friction_pow
 let figures = {};
 
 export async function showPoint(place, explorer, number, { open, close }) {
-  const step = new URLSearchParams(location.search).get("step");
+  const step = document.getElementById("step")?.value;
   let told;
   try {
     told = await askJson(`${location.pathname.replace(/\/$/, "")}/points/${number}${step ? `?step=${encodeURIComponent(step)}` : ""}`);
