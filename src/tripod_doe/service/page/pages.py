@@ -75,7 +75,7 @@ def _to_come(run: Run) -> str:
 
 
 def _day(stamp: str) -> str:
-    """A time in UTC as a list shows it; the page's script turns it into local time."""
+    """A time in UTC as a list shows it."""
     return datetime.fromisoformat(stamp).strftime("%Y-%m-%d %H:%M UTC")
 
 

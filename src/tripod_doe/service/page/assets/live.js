@@ -6,7 +6,6 @@ export function watch(address, changed) {
   const source = new EventSource(address);
   let waiting = null, last = 0;
   source.addEventListener("message", take);
-  source.addEventListener("run", take);
   source.addEventListener("deleted", take);
   function take() {
     if (waiting !== null) return;
