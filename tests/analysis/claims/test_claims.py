@@ -124,6 +124,9 @@ def test_points_are_found_by_what_they_are():
     evidence = Evidence({"a": tight, "b": loose, "c": other, "analysis": other.assign_attrs(analysis_kind="morris")})
     found = evidence.joint(model="needles", **skewed(2))
     assert [point.amplitude(3).value for point in found] == [14.4]
+    settled = points(rows, 14.6, 0.2).assign(relative_tolerance_used=("point", [1e-4]))
+    found = Evidence({"a": tight, "b": settled}).joint(model="needles", **skewed(2))
+    assert [point.amplitude(3).value for point in found] == [14.6]  # the tolerance that its run found itself
     with pytest.raises(MissingPointError, match="torque_n_m 25"):
         evidence.joint(model="needles", torque_n_m=25.0)
     with pytest.raises(MissingPointError, match="no point"):

@@ -167,8 +167,9 @@ class Evidence:
 
 def _worth(point: Point) -> tuple[bool, float]:
     """Finished points first, then the tighter tolerance."""
-    tolerance = point.parameters.get("relative_tolerance")
-    return point.outcome is not Outcome.FINISHED, math.inf if tolerance is None else float(tolerance)
+    found = point.data.get("relative_tolerance_used", math.inf)
+    tolerance = float(point.parameters.get("relative_tolerance", found))
+    return point.outcome is not Outcome.FINISHED, math.inf if math.isnan(tolerance) else tolerance
 
 
 def _points_of(cube: xr.Dataset) -> list[Point]:
