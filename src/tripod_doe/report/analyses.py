@@ -45,6 +45,7 @@ from tripod_doe.analysis.sensitivity import (
 )
 from tripod_doe.analysis.speed_accuracy import SpeedAccuracySettings, speed_accuracy
 from tripod_doe.analysis.stability import StabilitySettings, stability_borders
+from tripod_doe.analysis.surrogate import SURROGATE_DESIGNS, SurrogateSettings, surrogate
 from tripod_doe.analysis.tolerance import ToleranceSettings, tolerance
 from tripod_doe.report.claims.over_skew import find_over_skew, over_skew_table
 from tripod_doe.report.claims.verdicts import claim_table, find_in_claims
@@ -63,6 +64,7 @@ from tripod_doe.report.findings import find
 from tripod_doe.report.sensitivity import find_in_sensitivity
 from tripod_doe.report.speed_accuracy import find_in_speed_accuracy, price_table
 from tripod_doe.report.stability import find_in_stability, stability_table
+from tripod_doe.report.surrogate import find_in_surrogate
 from tripod_doe.report.tolerance import find_in_tolerance, tolerance_table
 
 __all__ = ["ANALYSES", "Analysis", "Table", "findings_of", "table_of"]
@@ -189,6 +191,7 @@ ANALYSES: dict[str, Analysis] = {
             findings=find_in_effects,
             table=effect_table,
         ),
+        Analysis(_of_cube(surrogate), SurrogateSettings, designs=SURROGATE_DESIGNS, findings=find_in_surrogate),
         Analysis(
             _of_cube(tolerance),
             ToleranceSettings,
