@@ -178,36 +178,30 @@ def test_a_token_file_is_made_for_its_owner_alone_and_kept(tmp_path):
 
 @pytest.mark.slow
 def test_kills_lose_no_finished_point_and_run_none_twice(serve, tmp_path):
-    """The server, then a worker, then the run, then all at once are killed; at last every point stands once."""
-    server = serve("--workers", "1")
-    run_id, waiting = server.submit(LONG), [server.submit(COAST) for _ in range(2)]
+    """The server is killed, then a run, then everything; `benchmarks/service_storm.py` also kills workers."""
+    server = serve("--workers", "0")
+    run_id, other = server.submit(LONG), server.submit(COAST)
     directory = tmp_path / "results" / run_id
-    server.wait(run_id, lambda run: run["points"]["finished"] >= 2)
+    server.wait(run_id, lambda run: run["points"]["finished"] > 0)
     server.end(signal.SIGKILL)
     before = len(committed(directory))
-    server = serve("--workers", "1")
+    server = serve("--workers", "0")
     run = server.wait(run_id, lambda run: run["points"]["finished"] > before)  # it went on alone, and is found again
     assert run["state"] == "running"
-    for other in waiting:
-        assert server.wait(other, lambda run: run["state"] == "finished")["points"]["missing"] == 0
-    (run_process,) = runs_in(directory)
-    for worker in run_process.children(recursive=True):
-        if not worker.children():
-            worker.kill()
-    done = server.ask(f"/runs/{run_id}")[1]["points"]["finished"]
-    server.wait(run_id, lambda run: run["points"]["finished"] > done + 200)  # Dask replaces its worker
-    run_process.kill()
-    failed = server.wait(run_id, lambda run: run["state"] != "running", seconds=5)
+    assert server.wait(other, lambda run: run["state"] == "finished")["points"]["missing"] == 0
+    (process,) = runs_in(directory)
+    process.kill()
+    failed = server.wait(run_id, lambda run: run["state"] != "running", seconds=30)
     assert failed["state"] == "failed"
     assert server.ask(f"/runs/{run_id}/resume", method="POST")[1]["state"] == "queued"
     server.wait(run_id, lambda run: run["points"]["finished"] > failed["points"]["finished"])
-    later = server.submit(COAST)
     for process in runs_in(tmp_path):
         os.killpg(process.pid, signal.SIGKILL)
+    later = server.submit(COAST)
     server.end(signal.SIGKILL)
-    server = serve("--workers", "1")
-    assert server.wait(run_id, lambda run: run["state"] != "running", seconds=5)["state"] == "failed"
-    server.wait(later, lambda run: run["state"] in ("running", "failed"), seconds=5)  # the queue moves
+    server = serve("--workers", "0")
+    assert server.wait(run_id, lambda run: run["state"] != "running", seconds=30)["state"] == "failed"
+    server.wait(later, lambda run: run["state"] in ("running", "failed", "finished"), seconds=30)  # the queue moves
     keys = committed(directory)
     assert len(keys) == len(set(keys)) == server.ask(f"/runs/{run_id}")[1]["points"]["finished"]
     status, rows = server.ask(f"/runs/{run_id}/query?variable=thrust_rms&select=order%3D3")

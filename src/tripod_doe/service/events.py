@@ -55,6 +55,11 @@ class Events:
         """Streams that are open."""
         return len(self._waiting)
 
+    def latest(self, run_id: str) -> str:
+        """A run as JSON, as it was published last."""
+        event = self._latest.get(run_id)
+        return event.text if event and event.text else ""
+
     def attach(self, loop: asyncio.AbstractEventLoop) -> None:
         """Name the loop in which streams wait."""
         self._loop = loop
