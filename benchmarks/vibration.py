@@ -3,8 +3,8 @@
     python benchmarks/vibration.py [--revolutions 12] [--points 5]
 
 For each joint and method: mean third order over the later two thirds of the revolutions, twice the standard deviation
-of that mean, effective value of the thrust above order 12, and force evaluations and CPU time per revolution. Methods
-agree if their means differ by less than both deviations together. The step of the fixed-step methods turns the phase
+of that mean, effective value of the thrust above order 12, and force evaluations and CPU time per revolution. Where
+chance does not explain what methods are apart, steps do. The step of the fixed-step methods turns the phase
 of the vibration by 0.1; an answer of the service takes Rosenbrock's method (`joint.vibrating_run`).
 """
 
@@ -67,8 +67,11 @@ def main() -> None:
         step = PHASE / found.growth.frequency
         ways = (("rosenbrock", 1e-3), ("generalized-alpha", step), ("bdf2", step))
         means = [follow(point, method, setting, arguments.revolutions) for method, setting in ways]
-        apart = [abs(third - means[0][0]) / math.hypot(unsure, means[0][1]) for third, unsure in means[1:]]
-        print(f"  apart from the first, over what chance allows: {', '.join(f'{share:.2f}' for share in apart)}")
+        for third, unsure in means[1:]:
+            apart, chance = abs(third - means[0][0]), math.hypot(unsure, means[0][1])
+            print(
+                f"  apart from the first: {100 * apart / third:.2f} %, of which chance explains {100 * chance / third:.2f} %"
+            )
 
 
 if __name__ == "__main__":

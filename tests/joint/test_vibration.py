@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import tripod_doe as td
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.readings import groove_thrust
 from tripod_doe.joint.revolutions import JointInTurns
@@ -109,3 +111,23 @@ def test_what_turns_freely_does_not_vibrate(simulated):
     frictions = ("groove_sliding", "groove_rolling", "needle_sliding", "needle_rolling")
     result = simulated(**{f"{name}_friction": 0.0 for name in frictions})
     assert str(result["outcome"].values) == "0", str(result["outcome_detail"].values)
+
+
+@pytest.mark.slow
+def test_the_map_shows_where_the_joint_vibrates(tmp_path):
+    """A small version of the study: more friction starts a vibration, more contact damping ends it."""
+    text = (Path(__file__).parents[2] / "studies" / "vibration.toml").read_text()
+    for before, now in (
+        ("torque_n_m = 50", "torque_n_m = 25"),
+        ("[2, 5, 8, 11, 14, 17]", "[10]"),
+        ("[0.02, 0.05, 0.08, 0.11, 0.14, 0.17]", "[0.05, 0.1]"),
+        ("[0.0003, 0.001, 0.003]", "[0.001, 0.004]"),
+    ):
+        assert before in text
+        text = text.replace(before, now)
+    (tmp_path / "map.toml").write_text(text)
+    cube = td.run(tmp_path / "map.toml", out=tmp_path / "map", workers=0, progress=False)
+    growth, hertz, size = (cube[f"vibration_{name}"].values[0] for name in ("growth", "frequency_hz", "rms"))
+    assert (growth > 1.1).tolist() == [[False, False], [True, False]]
+    assert hertz[1, 0] == pytest.approx(699, abs=5)
+    assert size[1, 0] > 10 * size[1, 1]
