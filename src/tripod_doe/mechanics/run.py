@@ -193,55 +193,79 @@ def run(
     chosen = method_named(method)
     if not (0 < duration < math.inf and samples >= 1):
         raise InputError(f"duration = {duration}, samples = {samples}: a run needs some time and at least one sample")
-    settings = settings or Settings()
-    limits = limits or Limits()
-    steps_wanted = not (chosen.controlled and settings.controlled)
-    if steps_wanted and not (step is not None and step > 0):
+    settings, limits = settings or Settings(), limits or Limits()
+    equal_steps = not (chosen.controlled and settings.controlled)
+    if equal_steps and not (step is not None and step > 0):
         raise InputError(f"method {method}: needs a step")
     each = duration / samples
-    count = samples * (max(math.ceil(each / step * (1 - 1e-9)), 1) if steps_wanted and step else 1000)
-    stops, windows = _stops(count, samples, limits)
-    state, memory = start.copy() if start else assembly.initial_state(), assembly.work()
-    begin, clock = state.time, np.array([state.time, 0.0, 0.0])
-    begin_watch(assembly.tables, memory, state.positions, state.velocities, begin)
-    if start is None:
-        _check_start(assembly, memory, state, limits)
-    passage, stretches, stopped, done = Passage(memory, state), [], None, 0
-    with np.errstate(all="ignore"):
-        for stop, is_sample in stops:
-            before = state.copy() if (done, stop) in windows else None
-            end = begin + duration * stop / count
-            status = chosen.integrate(
-                assembly.tables, memory, state.positions, state.velocities, clock, end, stop - done, settings
-            )
-            state.time = float(clock[0])
-            if status != Outcome.FINISHED:
-                stopped = Outcome(int(status))
-                break
-            if before is not None:
-                stretches.append(([before, state.copy()], stop - done))
-            done = stop
-            if is_sample:
-                passage.note(memory, state)
+    count = samples * (max(math.ceil(each / step * (1 - 1e-9)), 1) if equal_steps and step else 1000)
+    motion = _begin(assembly, start, limits)
+    memory, passage = motion.memory, motion.passage
+    stretches, stopped = _follow(motion, chosen, duration, count, samples, settings, limits)
     checks = _inspect(assembly, passage, limits)
+    whole, again = memory.counters[STEPS] <= limits.few, []
     if stopped is not None:
-        checks.fail(stopped, _stopped(assembly, memory, stopped, state.time))
-    again: list[Again] = []
-    whole = memory.counters[STEPS] <= limits.few
-    if done == count and stretches:
+        checks.fail(stopped, _stopped(assembly, memory, stopped, motion.state.time))
+    elif stretches:
         pieces = [(passage.states, count // samples)] if whole else stretches
-        again = [run_again(assembly, chosen, states, steps, settings, not steps_wanted) for states, steps in pieces]
+        again = [run_again(assembly, chosen, states, steps, settings, not equal_steps) for states, steps in pieces]
     ways = ways_of(assembly, passage.states if again else (), memory)
     balance = EnergyBalance.of(assembly, passage, limits.turned_over)
-    disagreement, energy = _judge(assembly, balance, again, ways, whole, chosen.order, not steps_wanted, limits, checks)
-    reversals = _reversals(assembly, memory, limits, state.time, checks)
+    disagreement, energy = _judge(assembly, balance, again, ways, whole, chosen.order, not equal_steps, limits, checks)
+    reversals = _reversals(assembly, memory, limits, motion.state.time, checks)
     outcome, detail = checks.failure or (Outcome.FINISHED, "")
     return Run(
         assembly, outcome, detail, passage.times, passage.positions, passage.velocities, memory.balance.copy(), energy,
         reversals, disagreement, checks.penetration, float(memory.extremes[0]), int(memory.counters[STEPS]),
         int(memory.counters[EVALUATIONS]), int(memory.counters[FACTORISATIONS]),
-        sum(piece.evaluations for piece in again), state.time - begin,
+        sum(piece.evaluations for piece in again), motion.state.time - motion.begin,
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """A scene on its way: its state, the memory of its kernels, and its samples since the time `begin`."""
+
+    assembly: Assembly
+    memory: Work
+    state: State
+    passage: Passage
+    begin: float
+
+
+def _begin(assembly: Assembly, start: State | None, limits: Limits) -> _Motion:
+    """Set out from a state, or from the start of the scene, which is checked."""
+    state, memory = start.copy() if start else assembly.initial_state(), assembly.work()
+    begin_watch(assembly.tables, memory, state.positions, state.velocities, state.time)
+    if start is None:
+        _check_start(assembly, memory, state, limits)
+    return _Motion(assembly, memory, state, Passage(memory, state), state.time)
+
+
+def _follow(
+    motion: _Motion, method: Method, duration: float, count: int, samples: int, settings: Settings, limits: Limits
+) -> tuple[list[tuple[list[State], int]], Outcome | None]:
+    """Integrate and sample; states at both ends of the windows that are run again, with their steps, and a failure."""
+    stops, windows = _stops(count, samples, limits)
+    stretches: list[tuple[list[State], int]] = []
+    state, memory, done = motion.state, motion.memory, 0
+    clock = np.array([motion.begin, 0.0, 0.0])
+    with np.errstate(all="ignore"):
+        for stop, is_sample in stops:
+            before = state.copy() if (done, stop) in windows else None
+            end = motion.begin + duration * stop / count
+            status = method.integrate(
+                motion.assembly.tables, memory, state.positions, state.velocities, clock, end, stop - done, settings
+            )
+            state.time = float(clock[0])
+            if status != Outcome.FINISHED:
+                return stretches, Outcome(int(status))
+            if before is not None:
+                stretches.append(([before, state.copy()], stop - done))
+            done = stop
+            if is_sample:
+                motion.passage.note(memory, state)
+    return stretches, None
 
 
 def _stops(count: int, samples: int, limits: Limits) -> tuple[list[tuple[int, bool]], set[tuple[int, int]]]:
