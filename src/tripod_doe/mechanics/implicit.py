@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from tripod_doe.mechanics.compilation import inlined_kernel, kernel
+from tripod_doe.mechanics.compilation import inlined_kernel, kernel, kernel_part
 from tripod_doe.mechanics.constraints import evaluate_constraints, factorise_schur, solve_schur
 from tripod_doe.mechanics.elimination import eliminate, reduce_right_side, substitute_back
 from tripod_doe.mechanics.lanes import clear
@@ -42,7 +42,7 @@ _ROUNDING = 1e-6
 """Corrections below this share of the scene's speed that no longer fall are rounding: stiffness times a last digit."""
 
 
-@kernel
+@kernel_part
 def factorise_system(tables, work, positions):
     """Add M to `work.matrix`, which holds a D + b K, and factorise it; locked components become identities.
 
@@ -63,7 +63,7 @@ def factorise_system(tables, work, positions):
     return True
 
 
-@inlined_kernel
+@kernel_part
 def lock_blocks(tables, matrix):
     """Turn the rows of locked components into those of an identity."""
     pattern = tables.pattern
@@ -78,7 +78,7 @@ def lock_blocks(tables, matrix):
                 matrix[pattern.own[row], d, d] = 1.0
 
 
-@inlined_kernel
+@kernel_part
 def factorise_multipliers(tables, work):
     """Make A^-1 Phi_q^T and the factors of Phi_q A^-1 Phi_q^T; both live in the tail, where all constraints are."""
     pattern, blocks = tables.pattern, work.blocks
@@ -140,7 +140,7 @@ def solve_unconstrained(tables, work, out):
     scatter(tables, work.blocks, out)
 
 
-@inlined_kernel
+@kernel_part
 def solve_tail(tables, work, wanted):
     """Solve for the bodies of the tail, under the constraints, with `work.blocks` reduced through all before it.
 
@@ -169,7 +169,7 @@ def solve_tail(tables, work, wanted):
                 blocks[row, d] -= work.multipliers[k] * work.weighted[k, tables.body_of_row[row], d]
 
 
-@kernel
+@kernel_part
 def solve_system(tables, work, wanted, out):
     """Solve A x + Phi_q^T mu = `work.blocks` with Phi_q x = wanted, by a matrix from `factorise_system`.
 
@@ -215,7 +215,7 @@ def largest_correction(tables, correction, failure):
     return worst
 
 
-@kernel
+@kernel_part
 def solve_stage(
     tables, work, start, base, before, reach, factor, time, iterations, tolerance, positions, velocities
 ):  # fmt: skip

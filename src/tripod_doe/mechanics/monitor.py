@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints
 from tripod_doe.mechanics.lanes import load, select, store
-from tripod_doe.mechanics.motion import evaluate, larger
-from tripod_doe.mechanics.tables import EVALUATIONS, STEPS
+from tripod_doe.mechanics.motion import accelerate, generalized_forces, larger
+from tripod_doe.mechanics.tables import EVALUATIONS, STEPS, Tables, Work
 
 __all__ = ["DIVERGED", "EVALUATION_LIMIT", "FINISHED", "RUNAWAY", "STEP_LIMIT", "Settings", "accept", "begin_watch"]
 
@@ -55,10 +58,18 @@ class Settings(NamedTuple):
     controlled: bool = True
 
 
-@kernel
-def begin_watch(tables, work, positions, velocities, time):
+def begin_watch(
+    tables: Tables, work: Work, positions: NDArray[np.float64], velocities: NDArray[np.float64], time: float
+) -> None:
     """Note the state that a run starts from, so that the first step has powers and slips to compare with."""
-    evaluate(tables, work, positions, velocities, time, 0.0)
+    generalized_forces(tables, work, positions, velocities)
+    accelerate(tables, work, positions, velocities, time, 0.0)
+    _note_start(tables, work, positions, velocities)
+
+
+@kernel
+def _note_start(tables, work, positions, velocities):
+    """Keep powers, ways and slips of an evaluated state."""
     for p in range(5):
         work.power_before[p] = work.ledger[1 + p]
     _work_beyond_powers(tables, positions, velocities, 0.0, work.motion_before)

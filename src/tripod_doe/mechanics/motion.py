@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from tripod_doe.mechanics.bearing import bearing_forces, bearing_matrices
-from tripod_doe.mechanics.compilation import inlined_kernel, kernel
+from tripod_doe.mechanics.compilation import inlined_kernel, kernel, kernel_part
 from tripod_doe.mechanics.constraints import evaluate_constraints, factorise_schur, solve_schur
 from tripod_doe.mechanics.contact import add_contacts
 from tripod_doe.mechanics.lanes import clear
@@ -171,7 +171,7 @@ def linearise(tables, work, positions, velocities, secant, by_velocity, by_posit
     add_inertia_matrices(tables, positions, velocities, by_velocity, matrix)
 
 
-@kernel
+@kernel_part
 def linearise_elements(tables, work, positions, velocities, secant, by_velocity, by_position, matrix):
     """As `linearise`, but without inertia forces: for methods that follow momenta instead of accelerations."""
     work.counters[EVALUATIONS] += 1
@@ -181,7 +181,7 @@ def linearise_elements(tables, work, positions, velocities, secant, by_velocity,
     _add_elements(tables, work, positions, velocities, Slopes(secant, by_velocity, by_position), matrix)
 
 
-@inlined_kernel
+@kernel_part
 def _add_elements(tables, work, positions, velocities, slopes, matrix):
     """Evaluate all forces and the ledger and add, unless both factors are zero, what elements have of D and K."""
     force, ledger, frame = work.force, work.ledger, load_vector(tables.frame, 0)
@@ -389,7 +389,7 @@ def accelerate(tables, work, positions, velocities, time, baumgarte):
     add_reaction_power(tables, work, positions, velocities, 1.0)
 
 
-@kernel
+@kernel_part
 def evaluate(tables, work, positions, velocities, time, baumgarte):
     """Forces and accelerations of a state."""
     generalized_forces(tables, work, positions, velocities)
