@@ -126,7 +126,8 @@ def test_the_map_shows_where_the_joint_vibrates(tmp_path):
         assert before in text
         text = text.replace(before, now)
     (tmp_path / "map.toml").write_text(text)
-    cube = td.run(tmp_path / "map.toml", out=tmp_path / "map", workers=0, progress=False)
+    td.run(tmp_path / "map.toml", out=tmp_path / "map", workers=0, progress=False)
+    cube = td.open_cube(tmp_path / "map")
     growth, hertz, size = (cube[f"vibration_{name}"].values[0] for name in ("growth", "frequency_hz", "rms"))
     assert (growth > 1.1).tolist() == [[False, False], [True, False]]
     assert hertz[1, 0] == pytest.approx(699, abs=5)
