@@ -16,6 +16,7 @@ from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution import Execution
+from tripod_doe.study.existing_scheduler import ExistingScheduler
 from tripod_doe.study.study_points import StudyPoints
 
 STUDY = """
@@ -95,7 +96,7 @@ def test_a_long_first_block_does_not_keep_the_others_waiting(workers, monkeypatc
         (STUDY, {"workers": 0}, "main process"),
         (STUDY + "exclusive = true\n", {}, "main process"),  # one block at a time: workers would not help
         (STUDY, {"workers": 1}, "worker"),
-        (STUDY, {"scheduler": "tcp://somewhere:1"}, "worker"),
+        (STUDY, {"scheduler": ExistingScheduler("tcp://somewhere:1")}, "worker"),
     ],
 )
 def test_who_asks_for_a_place_gets_it(workers, monkeypatch, text, options, place):
@@ -127,7 +128,7 @@ def test_places_that_cannot_be_used_are_refused():
     with pytest.raises(td.InputError, match=r"workers=-1: must be 0 \(this process\) or more"):
         Execution(-1)
     with pytest.raises(td.InputError, match="leave out scheduler='tcp://somewhere:1'"):
-        Execution(0, "tcp://somewhere:1")
+        Execution(0, ExistingScheduler("tcp://somewhere:1"))
 
 
 def test_no_more_workers_start_than_there_are_processors(workers, monkeypatch, capsys):

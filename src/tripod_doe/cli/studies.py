@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import re
 import sys
 from collections import Counter
 from collections.abc import Sequence
@@ -28,11 +29,22 @@ _CHECK_SECONDS = 25e-6
 """Time that a plan takes per point of the joint (Intel Xeon, idle)."""
 
 
+def _seconds(text: str) -> float:
+    """A time such as ``90``, ``30s``, ``10min`` or ``2h``."""
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(s|min|h|d)?", text)
+    if match is None:
+        raise argparse.ArgumentTypeError(f"{text!r}: write a time such as 90, 30s, 10min or 2h")
+    return float(match[1]) * {None: 1, "s": 1, "min": 60, "h": 3600, "d": 86400}[match[2]]
+
+
 def _add_run(parser: Parser, arguments: Sequence[str]) -> None:
     add_study(parser)
     add_out(parser)
     add_execution(parser, "worker processes")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="address of a running Dask scheduler to use")
+    parser.add_argument("--scheduler-file", metavar="FILE", type=Path, help="file that names this scheduler, instead")
+    parser.add_argument("--wait", metavar="TIME", type=_seconds, default=_seconds("1min"),
+                        help="time to wait for it if it is gone: 30s, 10min, 2h (default 1min)")  # fmt: skip
     parser.add_argument("--fail-fast", action="store_true", help="stop at the first point that fails unexpectedly")
 
 
@@ -63,7 +75,7 @@ def _run(options: argparse.Namespace) -> int:
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     summary = run(
         options.study, options.out, options.workers, options.scheduler, options.retry_failed, options.fail_fast,
-        oversubscribe=options.oversubscribe,
+        oversubscribe=options.oversubscribe, scheduler_file=options.scheduler_file, wait=options.wait,
     )  # fmt: skip
     for sentence in [*summary.answers, *summary.findings, *summary.model_notes]:
         print(sentence, file=sys.stderr)

@@ -21,6 +21,7 @@ from tripod_doe.simulator import BlockResult, Outcome
 from tripod_doe.study.block_queue import BlockQueue
 from tripod_doe.study.definition import Study
 from tripod_doe.study.executor import Answer, AtWork, Executor, Lost
+from tripod_doe.study.existing_scheduler import ExistingScheduler
 from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.study.this_process import ThisProcess
@@ -44,7 +45,7 @@ class Execution:
         Worker processes; 0 runs everything in this process; None takes this process where that is done sooner, and
         two worker processes otherwise.
     scheduler
-        Address of an existing Dask scheduler to use instead of own workers.
+        An existing Dask scheduler to use instead of own workers.
     oversubscribe
         Start as many workers as asked for, also more than this machine has processors.
 
@@ -59,11 +60,16 @@ class Execution:
         If these cannot be used.
     """
 
-    def __init__(self, workers: int | None = None, scheduler: str | None = None, oversubscribe: bool = False) -> None:
+    def __init__(
+        self,
+        workers: int | None = None,
+        scheduler: ExistingScheduler | None = None,
+        oversubscribe: bool = False,
+    ) -> None:
         if workers is not None and workers < 0:
             raise InputError(f"{option('workers', workers)}: must be 0 (this process) or more")
         if workers == 0 and scheduler:
-            raise InputError(f"{option('workers', 0)} runs in this process: leave out {option('scheduler', scheduler)}")
+            raise InputError(f"{option('workers', 0)} runs in this process: leave out {scheduler}")
         if workers and not scheduler and not oversubscribe:
             workers = _at_most_processors(workers)
         self._wanted, self._scheduler = workers, scheduler

@@ -21,6 +21,7 @@ from tripod_doe.study.definition import Study, load_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.directory import ResultDirectory
 from tripod_doe.study.execution import Execution
+from tripod_doe.study.existing_scheduler import USUAL_WAIT, ExistingScheduler
 from tripod_doe.study.failures import Failure
 from tripod_doe.study.journal import PILOT
 from tripod_doe.study.study_points import StudyPoints
@@ -93,6 +94,8 @@ def run(
     fail_fast: bool = False,
     progress: bool = True,
     oversubscribe: bool = False,
+    scheduler_file: str | Path | None = None,
+    wait: float = USUAL_WAIT,
 ) -> RunSummary:
     """Run what is missing of a study, then make cube, costs, analyses and report.
 
@@ -115,6 +118,10 @@ def run(
         Whether to tell on standard error how far the run is.
     oversubscribe
         Start more workers than this machine has processors, if asked for.
+    scheduler_file
+        File that names the existing Dask scheduler, in place of its address.
+    wait
+        Seconds to wait for that scheduler if it is gone in mid-run.
 
     Raises
     ------
@@ -123,7 +130,10 @@ def run(
     StorageError
         If writing fails; finished points stay in the journal.
     """
-    with Execution(workers, scheduler, oversubscribe) as execution:
+    existing = None
+    if scheduler or scheduler_file:
+        existing = ExistingScheduler(scheduler, Path(scheduler_file) if scheduler_file else None, wait)
+    with Execution(workers, existing, oversubscribe) as execution:
         return run_on(execution, study, out, retry_failed, fail_fast, progress)
 
 

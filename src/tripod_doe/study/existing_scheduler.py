@@ -1,0 +1,100 @@
+"""A Dask scheduler that somebody else started: where it is, and how long a study waits for it when it is gone."""
+
+from __future__ import annotations
+
+import json
+import socket
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+from tripod_doe.errors import InputError, TripodDoeError, option
+from tripod_doe.quantities import duration
+
+if TYPE_CHECKING:  # Dask takes a second to import
+    from distributed import Client
+
+__all__ = ["USUAL_WAIT", "ExistingScheduler"]
+
+USUAL_WAIT = 60.0
+"""Seconds for which a study waits for a scheduler that is gone, unless told otherwise."""
+
+_FIRST_WAIT = 5.0  # at the start a wrong address must be noticed soon
+_PAUSES = (0.5, 10.0)  # seconds between two attempts: the first, doubled up to the last
+
+
+@dataclass(frozen=True)
+class ExistingScheduler:
+    """Where a scheduler is.
+
+    Attributes
+    ----------
+    address
+        For instance ``tcp://10.0.0.1:8786``; None where a file names it.
+    file
+        The file that ``dask scheduler --scheduler-file`` writes; read again whenever the scheduler was gone, since
+        another one may have another address.
+    wait
+        Seconds to wait for a scheduler that is gone.
+    """
+
+    address: str | None = None
+    file: Path | None = None
+    wait: float = USUAL_WAIT
+
+    def __post_init__(self) -> None:
+        if self.address and self.file:
+            raise InputError(f"give {self} or {option('scheduler_file', str(self.file))}, not both")
+
+    def __str__(self) -> str:
+        return option("scheduler", self.address) if self.address else option("scheduler_file", str(self.file))
+
+    def connect(self) -> Client:
+        """A client of the scheduler.
+
+        Raises
+        ------
+        InputError
+            If none answers, or the file cannot be read.
+        """
+        from distributed import Client
+
+        try:
+            address = json.loads(self.file.read_text())["address"] if self.file else self.address
+            place = urlsplit(address)
+            # A client tries for much longer than it is told.
+            socket.create_connection((place.hostname, place.port), timeout=_FIRST_WAIT).close()
+            return Client(address, timeout=_FIRST_WAIT)
+        except FileNotFoundError as error:
+            raise InputError(f"{self}: there is no such file") from error
+        except (OSError, ValueError, KeyError) as error:  # KeyError: a file that holds no address
+            raise InputError(f"{self}: no Dask scheduler answers there") from error
+
+    def connect_again(self) -> Client:
+        """A client of the scheduler, or of the one that takes its place, as soon as it is there.
+
+        Raises
+        ------
+        TripodDoeError
+            If none has answered for so long.
+        """
+        print(f"{self}: the scheduler is gone; waiting up to {duration(self.wait)} for it", file=sys.stderr)
+        until, pause = time.monotonic() + self.wait, _PAUSES[0]
+        while True:
+            try:
+                client = self.connect()
+            except InputError as error:
+                left = until - time.monotonic()
+                if left <= 0:
+                    raise TripodDoeError(
+                        f"{self}: no Dask scheduler has answered for {duration(self.wait)}; finished points are kept, "
+                        "and the same command runs the others"
+                    ) from error
+                time.sleep(min(pause, left))
+                pause = min(2 * pause, _PAUSES[1])
+            else:
+                print(f"{self}: the scheduler is back", file=sys.stderr)
+                return client
