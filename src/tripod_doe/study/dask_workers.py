@@ -200,7 +200,9 @@ class OnDask:
                 answer: Answer | _Unfit = future.result()
             except KilledWorker as error:
                 if block.size > 1 or alone:
-                    return block, Lost(f"{error.allowed_failures + 1} worker processes died on this point")
+                    times = error.allowed_failures + 1
+                    died = f"{times} worker processes" if times > 1 else "a worker process"
+                    return block, Lost(f"{died} died on this point")
                 self._suspects.append((block, task))
                 continue
             except (CancelledError, CommClosedError):  # the scheduler is gone, or just went with the answer
