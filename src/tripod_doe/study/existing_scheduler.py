@@ -64,7 +64,7 @@ class ExistingScheduler:
 
         try:
             address = json.loads(self.file.read_text())["address"] if self.file else self.address
-            place = urlsplit(address)
+            place = urlsplit(str(address))
             # A client tries for much longer than it is told.
             socket.create_connection((place.hostname, place.port), timeout=_FIRST_WAIT).close()
             return Client(address, timeout=_FIRST_WAIT)
