@@ -14,7 +14,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
-from scipy import stats
 
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.sensitivity.distributions import SAMPLED_DESIGNS
@@ -52,6 +51,8 @@ class ToleranceSettings(SensitivitySettings):
 
 def _quantiles(values: FloatArray, probabilities: list[float], confidence: float) -> dict[str, FloatArray]:
     """Quantiles with distribution-free intervals from the order of the values, shape (probability, component)."""
+    from scipy import stats  # slow to import: every study would wait for it
+
     ordered, count = np.sort(values, axis=0), len(values)
     outside = (1 - confidence) / 2
     low = stats.binom.ppf(outside, count, probabilities).astype(int) - 1
@@ -66,6 +67,8 @@ def _quantiles(values: FloatArray, probabilities: list[float], confidence: float
 
 def _exceedance(values: FloatArray, limit: FloatArray, confidence: float) -> dict[str, FloatArray]:
     """Probability to exceed a limit with Wilson's interval, shape (component,); NaN without limit."""
+    from scipy import stats
+
     above = (values > limit).sum(axis=0)
     found = np.full((3, limit.size), np.nan)
     for at in np.flatnonzero(np.isfinite(limit)):

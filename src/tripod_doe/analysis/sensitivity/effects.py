@@ -15,7 +15,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from pydantic import Field
-from scipy import stats
 
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.sensitivity.outputs import OutputTable, chosen_outputs, read_outputs
@@ -134,6 +133,8 @@ def _pseudo_error(effects: FloatArray) -> FloatArray:
 
 def _fit(terms: Terms, values: FloatArray, confidence: float) -> dict[str, FloatArray]:
     """Effects, intervals and the analysis of variance of all columns at once."""
+    from scipy import stats  # slow to import: every study would wait for it
+
     count, width = terms.columns.shape
     matrix = np.concatenate([np.ones((count, 1)), terms.columns], axis=1)
     q, r = np.linalg.qr(matrix)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from statistics import NormalDist
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 __all__ = ["bootstrap_weights", "half_width", "random_halves"]
 
@@ -33,5 +34,5 @@ def random_halves(count: int, resamples: int, seed: int) -> list[NDArray[np.int6
 
 def half_width(estimates: FloatArray, confidence: float) -> FloatArray:
     """Half width of an interval from estimates of resamples along the first axis."""
-    width: FloatArray = stats.norm.ppf(0.5 + confidence / 2) * np.asarray(estimates).std(axis=0, ddof=1)
+    width: FloatArray = NormalDist().inv_cdf(0.5 + confidence / 2) * np.asarray(estimates).std(axis=0, ddof=1)
     return width
