@@ -1,6 +1,6 @@
 """Kills at random moments: no finished point lost, none run twice, nothing stuck.
 
-    python benchmarks/service_storm.py [--kills 20] [--seed 1]
+    python benchmarks/service_storm.py [--kills 20] [--seed 1] [--workers 1]
 
 A server runs small studies while it, a run, a worker of a run, or everything is killed at random moments. After each kill
 the server is there again, runs that were killed are resumed, and at the end every run is finished, every point stands
@@ -62,9 +62,9 @@ def committed(directory: Path) -> list[bytes]:
     return [keys[i : i + 16] for i in range(0, len(keys), 16)]
 
 
-async def storm(folder: Path, kills: int) -> dict[str, object]:
+async def storm(folder: Path, kills: int, workers: str) -> dict[str, object]:
     """Kill, go on, and check."""
-    server = Server(folder, "--workers", "1")
+    server = Server(folder, "--workers", workers)
     run_ids = [(await once(server, "POST", "/runs", {"study": STUDY}))["id"] for _ in range(2)]
     counts = {"server": 0, "run": 0, "worker": 0, "all": 0}
     slowest = 0.0
@@ -76,7 +76,7 @@ async def storm(folder: Path, kills: int) -> dict[str, object]:
                   if (folder / run_id / "journal.sqlite").exists()}  # fmt: skip
         kill(what, server, folder)
         if server.process.poll() is not None:
-            server = Server(folder, "--workers", "1")
+            server = Server(folder, "--workers", workers)
         started = time.monotonic()
         while True:
             runs = {run["id"]: run for run in await once(server, "GET", "/runs")}
@@ -113,11 +113,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--workers", default="1", help="worker processes of each run; 0: none that could be killed")
     options = parser.parse_args()
     random.seed(options.seed)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "results"
-        told = asyncio.run(storm(folder, options.kills))
+        told = asyncio.run(storm(folder, options.kills, options.workers))
         (Path(name) / "study.toml").write_text(STUDY)
         td.run(Path(name) / "study.toml", Path(name) / "undisturbed", workers=0, progress=False)
         with xr.open_dataset(Path(name) / "undisturbed" / "cube.nc") as calm:
