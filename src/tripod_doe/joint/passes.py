@@ -85,9 +85,10 @@ class Pass:
     orders: ComplexArray
 
     @property
-    def scatter(self) -> float:
-        """Mean square difference of an order between two revolutions, over the orders: chance moves all alike."""
-        return float(2 * self.orders[:, 1:].var(axis=0, ddof=1).mean())
+    def scatter(self) -> FloatArray:
+        """Mean square difference of every order between two revolutions, shape (order,)."""
+        squares: FloatArray = 2 * self.orders.var(axis=0, ddof=1)
+        return squares
 
     @property
     def evaluations_per_sample(self) -> float:

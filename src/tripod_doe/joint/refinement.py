@@ -64,13 +64,13 @@ class _Comparison:
     by_steps
         Error of every order by the steps of the finer pass, shape (order,).
     by_chance
-        Error of any order by rattling.
+        Error of every order by rattling, shape (order,).
     sizes, allowed
         What errors are relative to, and how large they may be (infinite where nothing is asked for), shape (order,).
     """
 
     by_steps: FloatArray
-    by_chance: float
+    by_chance: FloatArray
     sizes: FloatArray
     allowed: FloatArray
 
@@ -81,14 +81,15 @@ class _Comparison:
         A method of order p whose result changes by d from steps h to r h is still off by d r^p / (1 - r^p). Complex
         amplitudes of two revolutions differ by s (root mean square): twice the standard deviation of the amplitude of
         the mean of n revolutions is s / sqrt n, and that mean moves by s / sqrt (2 n), which is no error of the steps.
+        Chance moves all orders alike; one that moves more, as it does while a motion still grows, counts by itself.
         What the coarser pass moves by chance is not taken off: steps that do not resolve the motion could hide in it.
         """
-        count, mean = len(fine.orders), fine.orders.mean(0)
+        count, mean, alike = len(fine.orders), fine.orders.mean(0), fine.scatter[1:].mean()
         change = np.abs(mean - coarse.orders.mean(0))
         left = (fine.setting / coarse.setting) ** method_order
-        by_steps = np.sqrt(np.maximum(change**2 - fine.scatter / (2 * count), 0)) * left / (1 - left)
+        by_steps = np.sqrt(np.maximum(change**2 - alike / (2 * count), 0)) * left / (1 - left)
         sizes, allowed = (of(np.abs(mean), values) for of in (goal.sizes, goal.allowed))
-        return cls(by_steps, math.sqrt(fine.scatter / count), sizes, allowed)
+        return cls(by_steps, np.sqrt(np.maximum(fine.scatter, alike) / count), sizes, allowed)
 
     @property
     def error(self) -> FloatArray:
@@ -109,9 +110,9 @@ class _Comparison:
     def next_pass(self, fine: Pass, method_order: int) -> tuple[int, float]:
         """Sampled revolutions and setting of the next pass: more revolutions, or finer steps."""
         order, sampled = self.worst, len(fine.orders)
-        steps, aim = self.by_steps[order], _AIM * self.allowed[order]
-        if self.by_chance > steps:
-            wanted = math.ceil(sampled * (self.by_chance / aim) ** 2)
+        steps, chance, aim = self.by_steps[order], self.by_chance[order], _AIM * self.allowed[order]
+        if chance > steps:
+            wanted = math.ceil(sampled * (chance / aim) ** 2)
             return min(max(wanted, sampled + 1), _MOST_LONGER * sampled), fine.setting
         if steps > _UNRESOLVED * self.sizes[order]:
             return sampled, fine.setting / 2
