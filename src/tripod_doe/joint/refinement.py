@@ -121,9 +121,10 @@ class _Comparison:
 
     def miss(self) -> str:
         """By how much the worst order misses, in words."""
-        order = self.worst
-        found, asked = (100 * part[order] / self.sizes[order] for part in (self.error, self.allowed))
-        return f"the numerical error of order {order} is {found:.2g} %, where {asked:.2g} % are asked for"
+        order, size = self.worst, self.sizes[self.worst]
+        found, asked = (100 * part[order] / size for part in (self.error, self.allowed))
+        text = f"the numerical error of order {order} is {found:.2g} % of {size:.3g} N"
+        return f"{text}, where {asked:.2g} % are asked for"
 
 
 def first_tolerance(values: JointValues[float], goal: Goal) -> float:
