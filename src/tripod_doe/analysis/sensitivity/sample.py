@@ -44,6 +44,8 @@ class Sample:
         Where most of the points that failed lie, if they lie together.
     rest
         Whether only the points outside of that region are used.
+    whole
+        The sample of which this is a part, and the places of its points there; None where it is no part.
     """
 
     design: DesignTable
@@ -54,6 +56,7 @@ class Sample:
     dropped: int
     region: FailingRegion | None = None
     rest: bool = False
+    whole: tuple[Sample, NDArray[np.int64]] | None = None
 
     @property
     def blocks(self) -> int:
@@ -68,6 +71,8 @@ class Sample:
     @cached_property
     def unit(self) -> FloatArray:
         """The usable points on the unit cube, before the distributions, shape (point, factor)."""
+        if self.whole:  # a design is made once
+            return self.whole[0].unit[self.whole[1]]
         return unit_sample(self.design, self.tables)[self.rows]
 
     @cached_property
@@ -81,7 +86,7 @@ class Sample:
     def take(self, points: NDArray[np.int64]) -> Sample:
         """Some of its points, in whole blocks."""
         columns = {name: column[points] for name, column in self.columns.items()}
-        return replace(self, columns=columns, rows=self.rows[points])
+        return replace(self, columns=columns, rows=self.rows[points], whole=(self, points))
 
 
 def flat_points(cube: xr.Dataset) -> xr.Dataset:
