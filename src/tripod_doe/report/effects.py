@@ -25,6 +25,7 @@ _STRAIGHT = 0.98  # R^2 above which a line is a fair summary
 _EXACT = 0.9999  # R^2 above which no difference from it can be seen
 _THROUGH_ZERO = 0.02  # offset of that line over its largest value below which it is a proportion
 _MANIFOLD = 2.0  # a single setting that changes so many times more than the mean is worth a remark
+_MOST_UNSEEN = 8  # factors without a visible effect that a sentence names
 _MOST_HELD = 3  # values of other factors that a sentence can list
 
 
@@ -359,8 +360,9 @@ class _Teller:
             return (
                 f"{head} {'have' if len(effects) > 1 else 'has'} no effect on {self.name} at these {points:,} points."
             )
+        over = listed(labels) if len(labels) <= _MOST_UNSEEN else f"any of {len(labels)} factors"
         return (
-            f"No trend or bend of {self.name} over {listed(labels)} stands out from the scatter of the {points:,} "
+            f"No trend or bend of {self.name} over {over} stands out from the scatter of the {points:,} "
             f"points; those of up to {with_unit(rounded_up(most), self.response.unit)}, other courses and interactions "
             "are not excluded."
         )
