@@ -160,7 +160,7 @@ def _later(module: str, question: str, **arguments: Any) -> Answer:
 
 
 _LATER = {
-    "exploring": ("explore", "figure", "numbers", "failures", "parameters", "point"),
+    "explorer.questions": ("explore", "figure", "numbers", "failures", "parameters", "point"),
     "study_form": ("study_form", "changed_text"),
     "measurements": ("lay_over",),
 }

@@ -16,7 +16,7 @@ from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse, Response
 
 from tripod_doe.errors import InputError, StorageError
-from tripod_doe.service.desk import DeskBusyError, DeskFailedError
+from tripod_doe.service.answer_processes import AllBusyError, AnswerFailedError
 from tripod_doe.service.page import assets, writing
 from tripod_doe.service.page import routes as pages
 from tripod_doe.service.page.trouble import is_page, trouble_page
@@ -111,7 +111,7 @@ def _add_error_answers(app: FastAPI) -> None:
         return answer(request, RefusedError(503, told, headers={"retry-after": "5"}))
 
     async def failed(request: Request, error: Exception) -> Response:
-        known = error if not isinstance(error, DeskFailedError) else None
+        known = error if not isinstance(error, AnswerFailedError) else None
         log.error("%s %s: %s", request.method, request.url.path, error, exc_info=known)
         return answer(request, RefusedError(500, "internal error; the server's standard error says more"))
 
@@ -120,8 +120,8 @@ def _add_error_answers(app: FastAPI) -> None:
     app.add_exception_handler(RequestValidationError, wrong_form)
     app.add_exception_handler(HTTPException, no_route)
     app.add_exception_handler(StorageError, full_disk)
-    app.add_exception_handler(DeskBusyError, busy)
-    app.add_exception_handler(DeskFailedError, failed)
+    app.add_exception_handler(AllBusyError, busy)
+    app.add_exception_handler(AnswerFailedError, failed)
     app.add_exception_handler(Exception, failed)
 
 

@@ -15,8 +15,8 @@ from tripod_doe.analysis.comparison import compare, model_point, parse_speeds
 from tripod_doe.analysis.measurement import read_measurement
 from tripod_doe.errors import InputError
 from tripod_doe.report.comparison import ORDER_HEADS, comparison_json, find_in_comparison, order_rows
-from tripod_doe.service.figures.lines import lines
-from tripod_doe.service.figures.point import bars
+from tripod_doe.service.explorer.figures.lines import lines
+from tripod_doe.service.explorer.figures.point import bars
 from tripod_doe.study.results import open_cube
 
 __all__ = ["MEASUREMENT", "compare_upload", "compared_upload", "lay_over"]

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import StorageError, TripodDoeError, near_match
-from tripod_doe.service.desk import Desk, DeskBusyError, DeskFailedError
+from tripod_doe.service.answer_processes import AllBusyError, AnswerFailedError, AnswerProcesses
 from tripod_doe.service.found import found_directories
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.runs import Run
@@ -50,8 +50,8 @@ class Service:
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
         self.runs = Supervisor(settings)
-        self._questions = Desk(2, settings.limits)
-        self._computing = Desk(1, settings.limits)
+        self._questions = AnswerProcesses(2, settings.limits)
+        self._computing = AnswerProcesses(1, settings.limits)
         self._started = self._closed = False
 
     def start(self) -> None:
@@ -73,7 +73,7 @@ class Service:
             try:
                 plan, _ = self._questions.ask("found", limits.query_seconds, path=str(path), limits=asdict(limits))
                 self.runs.adopt(path, plan)
-            except (TripodDoeError, DeskBusyError, DeskFailedError, OSError) as error:
+            except (TripodDoeError, AllBusyError, AnswerFailedError, OSError) as error:
                 if self._closed:
                     return
                 log.warning("%s is not shown: %s", path.name, error)
@@ -89,11 +89,10 @@ class Service:
         """Price of a study or a workflow before anything of it runs; see `plans.plan_upload`."""
         main, texts = upload_texts(body)
         limits = self.settings.limits
-        desk = self._computing if timing else self._questions
+        processes = self._computing if timing else self._questions
         seconds = limits.simulate_seconds if timing else limits.query_seconds
-        told: dict[str, Any] = desk.ask("plan", seconds, main=main, texts=texts, limits=asdict(limits), timing=timing)[
-            0
-        ]
+        told: dict[str, Any]
+        told, _ = processes.ask("plan", seconds, main=main, texts=texts, limits=asdict(limits), timing=timing)
         return told
 
     def submit(self, body: dict[str, Any], key: str | None = None) -> Run:
@@ -154,7 +153,7 @@ class Service:
         return self._questions.ask("cube", seconds, path=str(self.results(run_id, step)))[1]
 
     def look(self, question: str, **arguments: Any) -> tuple[Any, bytes]:
-        """One of the questions of `exploring`; see `looking`."""
+        """One of the questions of `explorer.questions`; see `page.answers`."""
         return self._questions.ask(question, self.settings.limits.query_seconds, **arguments)
 
     def describe(self, run_id: str, step: str | None = None, analysis: str | None = None) -> dict[str, Any]:

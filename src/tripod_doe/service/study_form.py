@@ -16,7 +16,7 @@ from tomlkit.exceptions import TOMLKitError
 
 from tripod_doe.errors import InputError
 from tripod_doe.report.responses import spoken, unit_text
-from tripod_doe.service.figures.parts import with_brackets
+from tripod_doe.service.explorer.figures.parts import with_brackets
 from tripod_doe.simulator import Parameter
 from tripod_doe.study.file import DesignTable, parse_toml
 from tripod_doe.study.scenes import SCENES, load_simulator

@@ -14,15 +14,15 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
-from tripod_doe.service.copies import query_command, simulate_command, study_of_view
-from tripod_doe.service.cube_axes import full_view
-from tripod_doe.service.exploring import explore, failures, figure, numbers, point
-from tripod_doe.service.figures.lines import lines
-from tripod_doe.service.figures.scatter import scatter
+from tripod_doe.service.explorer.axes import full_view
+from tripod_doe.service.explorer.exports import query_command, simulate_command, study_of_view
+from tripod_doe.service.explorer.figures.lines import lines
+from tripod_doe.service.explorer.figures.scatter import scatter
+from tripod_doe.service.explorer.questions import explore, failures, figure, numbers, point
+from tripod_doe.service.explorer.slices import draw, numbered, seen
+from tripod_doe.service.explorer.view import View
 from tripod_doe.service.gallery import gallery, gallery_text
-from tripod_doe.service.seen import draw, numbered, seen
 from tripod_doe.service.study_form import changed_text, study_form
-from tripod_doe.service.view import View
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points
 

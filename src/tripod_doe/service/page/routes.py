@@ -8,8 +8,8 @@ from fastapi import APIRouter, Request
 from starlette.responses import HTMLResponse
 
 from tripod_doe.errors import InputError
-from tripod_doe.service import looking
 from tripod_doe.service.forms import Comparison
+from tripod_doe.service.page import answers
 from tripod_doe.service.page.pages import part, show
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.routes.access import AnyService
@@ -63,7 +63,7 @@ def view(run_id: str, request: Request, service: AnyService) -> dict[str, str]:
     """Controls, copies and title of a view."""
     run = service.runs.find(run_id)
     step = request.query_params.get("step")
-    found = looking.explore(service, run_id, _items(request), step)
+    found = answers.explore(service, run_id, _items(request), step)
     values = _control_values(service, run, found)
     return {
         "title": found["title"],
@@ -75,7 +75,7 @@ def view(run_id: str, request: Request, service: AnyService) -> dict[str, str]:
 @router.get("/runs/{run_id}/points/{number}")
 def point(run_id: str, number: int, service: AnyService, step: str | None = None) -> dict[str, Any]:
     """One point in words and figures."""
-    found = looking.point(service, run_id, number, step)
+    found = answers.point(service, run_id, number, step)
     text = part("point.html", point=found, run_id=run_id, read_only=service.settings.read_only)
     return {"html": text, "figures": found["figures"]}
 
@@ -83,14 +83,14 @@ def point(run_id: str, number: int, service: AnyService, step: str | None = None
 @router.get("/parts/parameters")
 def parameters(scene: str, service: AnyService) -> HTMLResponse:
     """Parameters of a scene as a list to choose from."""
-    return HTMLResponse(part("parameters.html", parameters=looking.parameters(service, scene)))
+    return HTMLResponse(part("parameters.html", parameters=answers.parameters(service, scene)))
 
 
 @router.get("/runs/{run_id}/numbers")
 def numbers(run_id: str, request: Request, service: AnyService) -> HTMLResponse:
     """The cells of a view as a table."""
     return HTMLResponse(
-        part("numbers.html", **looking.numbers(service, run_id, _items(request), request.query_params.get("step")))
+        part("numbers.html", **answers.numbers(service, run_id, _items(request), request.query_params.get("step")))
     )
 
 
@@ -106,7 +106,7 @@ def report(run_id: str, service: AnyService) -> HTMLResponse:
 def failed(run_id: str, service: AnyService, step: str | None = None) -> HTMLResponse:
     """Points that failed, with their reasons."""
     run = service.runs.find(run_id)
-    rows = looking.failures(service, run_id, step) if run.counts.failed else {"heads": [], "rows": [], "count": 0}
+    rows = answers.failures(service, run_id, step) if run.counts.failed else {"heads": [], "rows": [], "count": 0}
     return _run_page("failed.html", service, run, "Failed points", **rows)
 
 
@@ -114,7 +114,7 @@ def failed(run_id: str, service: AnyService, step: str | None = None) -> HTMLRes
 def study(run_id: str, service: AnyService) -> HTMLResponse:
     """The text that was submitted."""
     run = service.runs.find(run_id)
-    return _run_page("study.html", service, run, "Study", texts=looking.submitted(service, run_id))
+    return _run_page("study.html", service, run, "Study", texts=answers.submitted(service, run_id))
 
 
 @router.get("/runs/{run_id}/steps")
@@ -131,14 +131,14 @@ def compare(service: AnyService, run: str = "") -> HTMLResponse:
     """Upload a measurement and lay it over a point."""
     studies = [other for other in service.runs.all() if other.kind == "study" and other.counts.finished]
     chosen = next((other.id for other in studies if other.id == run), studies[0].id if studies else "")
-    axes = looking.explore(service, chosen, [("kind", "parallel")])["design"] if chosen else []
+    axes = answers.explore(service, chosen, [("kind", "parallel")])["design"] if chosen else []
     return show("compare.html", service.settings, here="/compare", studies=studies, chosen=chosen, axes=axes)
 
 
 @router.post("/parts/runs/{run_id}/compare")
 def lay_over(run_id: str, body: Comparison, service: AnyService) -> dict[str, Any]:
     """A measurement over a point, in words and figures."""
-    found = looking.lay_over(service, run_id, body.measurement, body.model_dump(exclude={"measurement"}))
+    found = answers.lay_over(service, run_id, body.measurement, body.model_dump(exclude={"measurement"}))
     return {"html": part("laid_over.html", **found), "figures": found["figures"]}
 
 
@@ -156,7 +156,7 @@ def _explored(service: Service, run: Run, request: Request, step: str | None) ->
     if run.counts.total == run.counts.missing:
         return None, ""
     try:
-        return looking.explore(service, run.id, _items(request), step), ""
+        return answers.explore(service, run.id, _items(request), step), ""
     except (InputError, RefusedError) as error:
         return None, str(error)
 

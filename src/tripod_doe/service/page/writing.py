@@ -6,9 +6,9 @@ from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import HTMLResponse
 
-from tripod_doe.service import looking
 from tripod_doe.service.forms import PlanRequest
 from tripod_doe.service.gallery import gallery, gallery_text
+from tripod_doe.service.page import answers
 from tripod_doe.service.page.pages import part, show
 from tripod_doe.service.routes.access import WritingService
 
@@ -35,8 +35,8 @@ class Change(Text):
 @router.get("/new")
 def new(service: WritingService, study: str = "", origin: str = "") -> HTMLResponse:
     """Write a study; one of the gallery or of an earlier run to start from."""
-    text = looking.submitted(service, origin)["study.toml"] if origin else gallery_text(study or "template-grid")
-    form = looking.study_form(service, text)
+    text = answers.submitted(service, origin)["study.toml"] if origin else gallery_text(study or "template-grid")
+    form = answers.study_form(service, text)
     return show("new.html", service.settings, here="/new", text=text, form=form, gallery=gallery(),
                 chosen=study or origin)  # fmt: skip
 
@@ -44,13 +44,13 @@ def new(service: WritingService, study: str = "", origin: str = "") -> HTMLRespo
 @router.post("/parts/form")
 def form(body: Text, service: WritingService) -> HTMLResponse:
     """The form of a text."""
-    return HTMLResponse(part("study_form.html", form=looking.study_form(service, body.study)))
+    return HTMLResponse(part("study_form.html", form=answers.study_form(service, body.study)))
 
 
 @router.post("/parts/change")
 def change(body: Change, service: WritingService) -> dict[str, str]:
     """The text after a field was changed."""
-    return {"study": looking.changed_text(service, body.study, body.key, body.value)}
+    return {"study": answers.changed_text(service, body.study, body.key, body.value)}
 
 
 @router.post("/parts/price")

@@ -7,7 +7,7 @@ from typing import Any
 from fastapi import APIRouter, Request
 from starlette.responses import Response
 
-from tripod_doe.service import looking
+from tripod_doe.service.page import answers
 from tripod_doe.service.routes.access import REFUSALS, AnyService, errors_at
 
 __all__ = ["router"]
@@ -19,10 +19,10 @@ router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404, 
 def figure(run_id: str, request: Request, service: AnyService, step: str | None = None) -> Response:
     """A view of a cube as a figure for Plotly; the query is that of the explorer's page."""
     items = list(request.query_params.multi_items())
-    return Response(looking.figure(service, run_id, items, step), media_type="application/json")
+    return Response(answers.figure(service, run_id, items, step), media_type="application/json")
 
 
 @router.get("/points/{number}")
 def point(run_id: str, number: int, service: AnyService, step: str | None = None) -> dict[str, Any]:
     """One point: its factors, how it ended, its numbers, and figures of the rest for Plotly."""
-    return looking.point(service, run_id, number, step)
+    return answers.point(service, run_id, number, step)

@@ -10,12 +10,12 @@ import xarray as xr
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import count_of
 from tripod_doe.report.responses import listed
-from tripod_doe.service.cube_axes import coordinate_axes, design_of
-from tripod_doe.service.figures.heat_map import heat_map
-from tripod_doe.service.figures.lines import lines
-from tripod_doe.service.figures.parts import NUMBER, Figure, is_failed, label_of, packed, shown
-from tripod_doe.service.figures.scatter import scatter
-from tripod_doe.service.view import View
+from tripod_doe.service.explorer.axes import coordinate_axes, design_of
+from tripod_doe.service.explorer.figures.heat_map import heat_map
+from tripod_doe.service.explorer.figures.lines import lines
+from tripod_doe.service.explorer.figures.parts import NUMBER, Figure, is_failed, label_of, packed, shown
+from tripod_doe.service.explorer.figures.scatter import scatter
+from tripod_doe.service.explorer.view import View
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.query import narrowed, query
 

@@ -11,9 +11,9 @@ import tomlkit
 import xarray as xr
 
 from tripod_doe.report.responses import factor_names
-from tripod_doe.service.cube_axes import design_of
-from tripod_doe.service.figures.parts import shown
-from tripod_doe.service.view import View
+from tripod_doe.service.explorer.axes import design_of
+from tripod_doe.service.explorer.figures.parts import shown
+from tripod_doe.service.explorer.view import View
 
 __all__ = ["point_values", "query_command", "query_python", "simulate_command", "study_of", "study_of_view"]
 

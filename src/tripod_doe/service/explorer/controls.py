@@ -8,9 +8,9 @@ from typing import Any
 import xarray as xr
 
 from tripod_doe.report.responses import unit_text
-from tripod_doe.service.cube_axes import design_of, variable_axes
-from tripod_doe.service.figures.parts import label_of
-from tripod_doe.service.view import View
+from tripod_doe.service.explorer.axes import design_of, variable_axes
+from tripod_doe.service.explorer.figures.parts import label_of
+from tripod_doe.service.explorer.view import View
 
 __all__ = ["controls", "view_title"]
 

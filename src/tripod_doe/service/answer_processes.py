@@ -21,21 +21,21 @@ from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import ForbiddenError, TooLargeError
 from tripod_doe.study.child_process import start_child
 
-__all__ = ["Desk", "DeskBusyError", "DeskFailedError"]
+__all__ = ["AllBusyError", "AnswerFailedError", "AnswerProcesses"]
 
 _WORKER = "tripod_doe.service.answering"
 _ERRORS = {"input": InputError, "forbidden": ForbiddenError, "too large": TooLargeError}
 
 
-class DeskBusyError(Exception):
+class AllBusyError(Exception):
     """All processes that answer are at work, and stayed so."""
 
 
-class DeskFailedError(Exception):
+class AnswerFailedError(Exception):
     """A process that answers failed for a reason that is not the client's."""
 
 
-class Desk:
+class AnswerProcesses:
     """Processes that answer questions, started when they are first needed.
 
     Parameters
@@ -50,10 +50,10 @@ class Desk:
 
     def __init__(self, count: int, limits: Limits, patience: float = 30.0) -> None:
         self._limits, self._patience = limits, patience
-        self._free: queue.LifoQueue[_Clerk] = queue.LifoQueue()
-        self._clerks = [_Clerk(limits) for _ in range(count)]
-        for clerk in self._clerks:
-            self._free.put(clerk)
+        self._free: queue.LifoQueue[_AnswerProcess] = queue.LifoQueue()
+        self._processes = [_AnswerProcess(limits) for _ in range(count)]
+        for process in self._processes:
+            self._free.put(process)
 
     def ask(self, question: str, seconds: float, **arguments: Any) -> tuple[Any, bytes]:
         """Ask one of the functions of `answering` by its name.
@@ -76,31 +76,31 @@ class Desk:
         ------
         InputError, ForbiddenError, TooLargeError
             What the function raised; TooLargeError also where the answer takes too long.
-        DeskBusyError
+        AllBusyError
             If no process becomes free in time.
-        DeskFailedError
+        AnswerFailedError
             If the process failed.
         """
         try:
-            clerk = self._free.get(timeout=self._patience)
+            process = self._free.get(timeout=self._patience)
         except queue.Empty as error:
-            raise DeskBusyError from error
+            raise AllBusyError from error
         try:
-            return clerk.ask(question, seconds, arguments)
+            return process.ask(question, seconds, arguments)
         finally:
-            self._free.put(clerk)
+            self._free.put(process)
 
     def warm(self) -> None:
         """Start one process, so that the first question need not wait for it."""
-        self._clerks[-1].start()
+        self._processes[-1].start()
 
     def close(self) -> None:
         """End all processes."""
-        for clerk in self._clerks:
-            clerk.end(for_good=True)
+        for process in self._processes:
+            process.end(for_good=True)
 
 
-class _Clerk:
+class _AnswerProcess:
     """One process that answers, one question at a time; a new one takes its place when it ends."""
 
     def __init__(self, limits: Limits) -> None:
@@ -113,7 +113,7 @@ class _Clerk:
         """The process, started if there is none."""
         with self._changing:
             if self._closed:
-                raise DeskFailedError("the server is about to end")
+                raise AnswerFailedError("the server is about to end")
             if self._process is None or self._process.poll() is not None:
                 self._process = start_child(_WORKER, str(self._limits.memory_bytes), own_group=True)
             return self._process
@@ -132,7 +132,7 @@ class _Clerk:
                 cast(TextIOWrapper, stream).close()
 
     def ask(self, question: str, seconds: float, arguments: dict[str, Any]) -> tuple[Any, bytes]:
-        """Ask, and end the process if it does not answer in time; see `Desk.ask`."""
+        """Ask, and end the process if it does not answer in time; see `AnswerProcesses.ask`."""
         process = self.start()
         late = threading.Event()
 
@@ -148,7 +148,7 @@ class _Clerk:
             self.end()
             if late.is_set():
                 raise TooLargeError(f"{question}: no answer within {seconds:g} s, which is the limit here") from error
-            raise DeskFailedError(f"{question}: the process that answers has ended") from error
+            raise AnswerFailedError(f"{question}: the process that answers has ended") from error
         finally:
             timer.cancel()
 
@@ -173,5 +173,5 @@ def _exchange(process: subprocess.Popen[str], asked: dict[str, Any]) -> tuple[An
     if len(data) < answer["bytes"]:
         raise EOFError
     if error := answer.get("error"):
-        raise _ERRORS.get(error, DeskFailedError)(answer["text"])
+        raise _ERRORS.get(error, AnswerFailedError)(answer["text"])
     return answer["answer"], data

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from tripod_doe.service.figures.parts import (
+from tripod_doe.service.explorer.figures.parts import (
     FAILED_COLOUR,
     SEQUENTIAL,
     WAITING_COLOUR,

@@ -1,4 +1,4 @@
-"""Questions of the cube explorer, answered in a process of the desk: what there is, a figure, one point."""
+"""Questions of the cube explorer, answered in a process that answers: what there is, a figure, one point."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ import xarray as xr
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.quantities import duration, number, with_unit
 from tripod_doe.report.responses import factor_names, unit_text
-from tripod_doe.service.controls import controls, view_title
-from tripod_doe.service.copies import (
+from tripod_doe.service.explorer.axes import choices, coordinate_axes, design_of, full_view
+from tripod_doe.service.explorer.controls import controls, view_title
+from tripod_doe.service.explorer.exports import (
     point_values,
     query_command,
     query_python,
@@ -24,12 +25,11 @@ from tripod_doe.service.copies import (
     study_of,
     study_of_view,
 )
-from tripod_doe.service.cube_axes import choices, coordinate_axes, design_of, full_view
-from tripod_doe.service.figures.parts import NUMBER, blank_reasons, is_failed, label_of
-from tripod_doe.service.figures.point import point_figures
-from tripod_doe.service.opened import opened
-from tripod_doe.service.seen import colour_range, draw, numbered, seen
-from tripod_doe.service.view import View
+from tripod_doe.service.explorer.figures.parts import NUMBER, blank_reasons, is_failed, label_of
+from tripod_doe.service.explorer.figures.point import point_figures
+from tripod_doe.service.explorer.open_cubes import opened
+from tripod_doe.service.explorer.slices import colour_range, draw, numbered, seen
+from tripod_doe.service.explorer.view import View
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.arrays import cube_arrays
 from tripod_doe.study.query import records

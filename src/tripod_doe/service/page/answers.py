@@ -1,4 +1,4 @@
-"""What people look at: each function puts a question of `exploring` or `study_form` to the desk."""
+"""What people look at: each function puts a question of the explorer or of `study_form` to a process that answers."""
 
 from __future__ import annotations
 
