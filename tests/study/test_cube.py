@@ -179,7 +179,7 @@ def test_a_cube_names_its_model_and_the_error_known_for_it():
     points = make_points(study)
     cube, _ = build_cube(study, points, point_keys(study, points), iter([]))
     assert cube.attrs["models"] == "kinetostatic"
-    assert cube.attrs["model_notes"].startswith("Model kinetostatic: its third order differs from that of needles by")
+    assert cube.attrs["model_notes"].startswith("Model kinetostatic: its third order is typically")
     assert "its error is not known at 1 of 3 points (33 %): joint_angle_deg is outside" in cube.attrs["model_notes"]
     assert np.isfinite(cube["model_error"].values).tolist() == [True, True, False]
     assert (cube["model_error"] <= cube["model_error_limit"]).values.tolist() == [True, True, False]
