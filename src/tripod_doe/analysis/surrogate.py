@@ -17,7 +17,13 @@ from threadpoolctl import threadpool_limits
 
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.sensitivity.distributions import SAMPLED_DESIGNS
-from tripod_doe.analysis.sensitivity.outputs import OutputTable, chosen_outputs, read_outputs
+from tripod_doe.analysis.sensitivity.outputs import (
+    OutputTable,
+    chosen_outputs,
+    output_attributes,
+    read_outputs,
+    stacked,
+)
 from tripod_doe.analysis.sensitivity.sample import Sample, flat_points, read_sample
 from tripod_doe.analysis.sensitivity.settings import SensitivitySettings
 from tripod_doe.errors import InputError
@@ -159,10 +165,7 @@ def surrogate(cube: xr.Dataset, settings: SurrogateSettings | None = None) -> xr
         raise InputError(f"a surrogate needs at least {_FEWEST} points, {sample.rows.size} finished")
     tables = [table for table in read_outputs(cube, names, sample.rows) if not table.is_waveform]
     parts = [_of_output(sample, table, settings) for table in tables]
-    result = parts[0]
-    if len(parts) > 1:
-        outputs = xr.DataArray(np.array([table.name for table in tables], dtype=object), dims="output", name="output")
-        result = xr.concat(parts, outputs, join="outer", coords="minimal", compat="equals")
+    result = stacked(parts, tables)
     for name, meaning in _MEANINGS.items():
         result[name].attrs = {"long_name": meaning} | ({"units": "1"} if name == "predicted_part" else {})
     result["chosen"] = result["chosen"].fillna(-1).astype(np.int8).assign_attrs(
@@ -171,6 +174,4 @@ def surrogate(cube: xr.Dataset, settings: SurrogateSettings | None = None) -> xr
     )  # fmt: skip
     for label in result.coords:
         result[label].attrs.setdefault("long_name", str(label).replace("_", " "))
-    return result.assign_attrs(
-        outputs=", ".join(table.name for table in tables), points_used=sample.rows.size, points_dropped=sample.dropped
-    )
+    return result.assign_attrs(**output_attributes(tables), points_used=sample.rows.size, points_dropped=sample.dropped)

@@ -17,7 +17,13 @@ from pydantic import Field, field_validator
 
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.sensitivity.distributions import SAMPLED_DESIGNS
-from tripod_doe.analysis.sensitivity.outputs import OutputTable, chosen_outputs, read_outputs
+from tripod_doe.analysis.sensitivity.outputs import (
+    OutputTable,
+    chosen_outputs,
+    output_attributes,
+    read_outputs,
+    stacked,
+)
 from tripod_doe.analysis.sensitivity.resampling import bootstrap_weights, half_width
 from tripod_doe.analysis.sensitivity.sample import Sample, flat_points, read_sample
 from tripod_doe.analysis.sensitivity.settings import SensitivitySettings
@@ -205,10 +211,7 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
     tables = [table for table in read_outputs(cube, names, sample.rows) if not table.is_waveform]
     _check_limits(settings.limits, tables)
     parts = [_of_output(sample, table, settings) for table in tables]
-    result = parts[0]
-    if len(parts) > 1:
-        outputs = xr.DataArray(np.array([table.name for table in tables], dtype=object), dims="output", name="output")
-        result = xr.concat(parts, outputs, join="outer", coords="minimal", compat="equals")
+    result = stacked(parts, tables)
     result = result.assign_coords(probability=settings.probabilities, factor=list(sample.tables))
     pure = ("exceedance", "gain")
     for name in result.data_vars:
@@ -218,6 +221,6 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
         result[label].attrs.setdefault("long_name", str(label).replace("_", " "))
     region = {"failing_region": sample.region.text} if sample.region else {}
     return result.assign_attrs(
-        outputs=", ".join(table.name for table in tables), points_used=sample.rows.size,
-        points_dropped=sample.dropped, confidence_level=settings.confidence, **region,
+        **output_attributes(tables), points_used=sample.rows.size, points_dropped=sample.dropped,
+        confidence_level=settings.confidence, **region,
     )  # fmt: skip

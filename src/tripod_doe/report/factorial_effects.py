@@ -8,7 +8,8 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.quantities import count_of, interval, number
-from tripod_doe.report.responses import ORDINALS, listed, spoken
+from tripod_doe.report.main_outputs import OutputPart, left_points, main_outputs
+from tripod_doe.report.responses import listed, spoken
 
 __all__ = ["effect_parts", "effect_table", "find_in_effects", "term_text"]
 
@@ -16,20 +17,9 @@ _MOST_NAMED = 4
 _SURE = 0.05  # largest probability by chance of an effect that a sentence names
 
 
-def effect_parts(result: xr.Dataset) -> list[tuple[str, xr.Dataset]]:
-    """Main outputs in words with their effects over ``term`` alone: orders of the thrust, or a function's outputs."""
-    outputs = [str(name) for name in result["output"].values] if "output" in result.dims else []
-    if "thrust_amplitude" in outputs:
-        outputs = ["thrust_amplitude"]
-    parts = []
-    for output in outputs[:4] or [str(result.attrs.get("outputs", "the output"))]:
-        of_output = result.sel(output=output) if outputs else result
-        for order in (3, 2) if "order" in result.dims else (None,):
-            part = of_output if order is None else of_output.sel(order=order)
-            part = part.isel(dict.fromkeys((dim for dim in part["effect"].dims if dim != "term"), 0))
-            if part["effect"].notnull().any():
-                parts.append((output if order is None else f"the {ORDINALS[order]}", part))
-    return parts
+def effect_parts(result: xr.Dataset) -> list[OutputPart]:
+    """Main outputs with their effects over ``term`` alone."""
+    return main_outputs(result, "effect", ("term",))
 
 
 def term_text(name: str) -> str:
@@ -50,7 +40,7 @@ def find_in_effects(name: str, result: xr.Dataset) -> list[str]:
         Its effects.
     """
     sentences = []
-    for what, part in effect_parts(result):
+    for _, what, _, part in effect_parts(result):
         rows = list(
             zip(
                 part["term"].values,
@@ -80,19 +70,13 @@ def find_in_effects(name: str, result: xr.Dataset) -> list[str]:
     if mixed:
         more = f" and {len(mixed) - _MOST_NAMED} more" if len(mixed) > _MOST_NAMED else ""
         sentences.append(f"The design mixes effects: {'; '.join(mixed[:_MOST_NAMED])}{more}.")
-    dropped = int(result.attrs.get("points_dropped", 0))
-    if dropped:
-        sentences.append(
-            f"{count_of(dropped, 'point')} {'is' if dropped == 1 else 'are'} missing, "
-            f"{result.attrs['points_used']:,} are used."
-        )
-    return sentences
+    return sentences + left_points(result)
 
 
 def effect_table(result: xr.Dataset) -> tuple[list[str], list[list[str]]]:
     """The analysis of variance of the main outputs, the largest sums of squares first."""
     rows = []
-    for what, part in effect_parts(result):
+    for _, what, _, part in effect_parts(result):
         for at in np.argsort(-part["sum_of_squares"].values):
             values = {
                 key: float(part[key].values[at])

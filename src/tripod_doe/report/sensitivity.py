@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import xarray as xr
 
 from tripod_doe.analysis.kinds import kind_of
 from tripod_doe.analysis.sensitivity import RANKED
 from tripod_doe.quantities import count_of, interval, number, rounded_up
-from tripod_doe.report.responses import ORDINALS, listed, spoken
+from tripod_doe.report.main_outputs import OutputPart, main_outputs
+from tripod_doe.report.responses import listed, spoken
 
-__all__ = ["SensitivityPart", "find_in_sensitivity", "sensitivity_parts"]
+__all__ = ["find_in_sensitivity", "sensitivity_parts"]
 
 _MOST_NAMED = 4  # factors that a sentence names
 _NOT_RESOLVED, _BELOW_ERROR = 0, 2  # flags of `resolved`
@@ -50,44 +49,19 @@ def find_in_sensitivity(name: str, result: xr.Dataset) -> list[str]:
     return sentences + _holes(result)
 
 
-class SensitivityPart(NamedTuple):
-    """Indices over ``factor`` alone: of which output of the cube, and what that is in words."""
-
-    output: str
-    what: str
-    indices: xr.Dataset
-
-
-def sensitivity_parts(result: xr.Dataset) -> list[SensitivityPart]:
-    """The parts of a sensitivity analysis that a reader asks for first.
-
-    The third and second order of the thrust; of a function, its first four outputs. Parts without numbers are left out.
-    """
+def sensitivity_parts(result: xr.Dataset) -> list[OutputPart]:
+    """Main outputs with their indices over ``factor`` alone."""
     key = RANKED[kind_of(result)]
-    if key not in result:
-        return []
-    outputs = [str(name) for name in result["output"].values] if "output" in result.dims else []
-    if "thrust_amplitude" in outputs:
-        outputs = ["thrust_amplitude"]
-    parts = []
-    for output in outputs[:4] or [str(result.attrs.get("outputs", "the output")).split(", ")[0]]:
-        of_output = result.sel(output=output) if outputs else result
-        for order in (3, 2) if "order" in result.dims else (None,):
-            indices = of_output if order is None else of_output.sel(order=order)
-            others = (dim for dim in indices[key].dims if dim != "factor")
-            indices = indices.isel(dict.fromkeys(others, 0))
-            if indices[key].notnull().any():
-                parts.append(SensitivityPart(output, output if order is None else f"the {ORDINALS[order]}", indices))
-    return parts
+    return main_outputs(result, key, ("factor",)) if key in result else []
 
 
-def _sobol_sentence(part: SensitivityPart) -> str:
-    ranked = _ranked(part.indices, "ST")
+def _sobol_sentence(part: OutputPart) -> str:
+    ranked = _ranked(part.answers, "ST")
     shown = [row for row in ranked[:_MOST_NAMED] if row[1] > row[2]] or ranked[:1]
     told = listed([f"{spoken(factor)} {interval(value, half)}" for factor, value, half in shown])
     rest = [value + half for _, value, half in ranked[len(shown) :]]
     others = f"; all others at most {rounded_up(max(rest))}" if rest else ""
-    first = {index: part.indices[index].values[np.isfinite(part.indices["S1"].values)] for index in ("S1", "S1_conf")}
+    first = {index: part.answers[index].values[np.isfinite(part.answers["S1"].values)] for index in ("S1", "S1_conf")}
     total, half = float(first["S1"].sum()), float(np.sqrt((first["S1_conf"] ** 2).sum()))
     alone = (
         f"the first-order indices add up to {interval(total, half)}: "
@@ -96,28 +70,28 @@ def _sobol_sentence(part: SensitivityPart) -> str:
     return f"Total Sobol' indices of {part.what}: {told}{others}; {alone}"
 
 
-def _morris_sentence(part: SensitivityPart) -> str:
-    told = [f"{spoken(factor)} {interval(value, half)}" for factor, value, half in _ranked(part.indices, "mu_star")]
+def _morris_sentence(part: OutputPart) -> str:
+    told = [f"{spoken(factor)} {interval(value, half)}" for factor, value, half in _ranked(part.answers, "mu_star")]
     return (
         f"The largest mean elementary effects on {part.what}, in its unit over a factor's whole range: "
         f"{listed(told[:_MOST_NAMED])}"
     )
 
 
-def _index_sentence(part: SensitivityPart, kind: str) -> str:
-    ranked = _ranked(part.indices, RANKED[kind])
+def _index_sentence(part: OutputPart, kind: str) -> str:
+    ranked = _ranked(part.answers, RANKED[kind])
     told = [f"{spoken(factor)} {interval(value, half)}" for factor, value, half in ranked[:_MOST_NAMED]]
     chance = ""
-    if "chance" in part.indices:
-        chance = f"; a factor without any effect would have {number(float(part.indices['chance']), 2)}"
+    if "chance" in part.answers:
+        chance = f"; a factor without any effect would have {number(float(part.answers['chance']), 2)}"
     return f"{_HEADS[kind].format(what=part.what)}: {listed(told)}{chance}"
 
 
-def _unresolved(part: SensitivityPart) -> list[str]:
+def _unresolved(part: OutputPart) -> list[str]:
     """Factors whose interval covers zero, and those whose effect is below the numerical error of the model."""
-    if "resolved" not in part.indices:
+    if "resolved" not in part.answers:
         return []
-    flags = dict(zip(map(str, part.indices["factor"].values), part.indices["resolved"].values, strict=True))
+    flags = dict(zip(map(str, part.answers["factor"].values), part.answers["resolved"].values, strict=True))
     sentences = []
     if names := [spoken(factor) for factor, flag in flags.items() if flag == _NOT_RESOLVED]:
         sentences.append(f"Not resolved for {part.what}: the effect of {listed(names)} cannot be told from none.")
@@ -129,11 +103,11 @@ def _unresolved(part: SensitivityPart) -> list[str]:
     return sentences
 
 
-def _convergence(part: SensitivityPart, kind: str, result: xr.Dataset) -> list[str]:
+def _convergence(part: OutputPart, kind: str, result: xr.Dataset) -> list[str]:
     """Whether the points are enough for the precision that is asked for, or about how many would be."""
-    if "samples_needed" not in part.indices or not np.isfinite(part.indices["samples_needed"]):
+    if "samples_needed" not in part.answers or not np.isfinite(part.answers["samples_needed"]):
         return []
-    used, needed = int(result.attrs["groups_used"]), int(part.indices["samples_needed"])
+    used, needed = int(result.attrs["groups_used"]), int(part.answers["samples_needed"])
     asked = f"+-{100 * float(result.attrs['precision']):g} % of the largest index"
     thing = {"morris": "trajectories", "sobol": "blocks"}.get(
         kind, "points" if result.attrs["block_size"] == 1 else "blocks"

@@ -5,28 +5,18 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from tripod_doe.quantities import count_of, interval, number, with_unit
-from tripod_doe.report.responses import ORDINALS, listed, spoken
+from tripod_doe.quantities import interval, number, with_unit
+from tripod_doe.report.main_outputs import OutputPart, left_points, main_outputs
+from tripod_doe.report.responses import listed, spoken
 
 __all__ = ["find_in_tolerance", "tolerance_parts", "tolerance_table"]
 
 _MOST_NAMED = 3
 
 
-def tolerance_parts(result: xr.Dataset) -> list[tuple[str, str, xr.Dataset]]:
-    """Main outputs: name, in words, and their answers without dimensions of the output."""
-    outputs = [str(name) for name in result["output"].values] if "output" in result.dims else []
-    if "thrust_amplitude" in outputs:
-        outputs = ["thrust_amplitude"]
-    parts = []
-    for output in outputs[:4] or [str(result.attrs.get("outputs", "the output"))]:
-        of_output = result.sel(output=output) if outputs else result
-        for order in (3, 2) if "order" in result.dims else (None,):
-            part = of_output if order is None else of_output.sel(order=order)
-            part = part.isel(dict.fromkeys(part["mean"].dims, 0))
-            if np.isfinite(part["mean"]):
-                parts.append((output, output if order is None else f"the {ORDINALS[order]}", part))
-    return parts
+def tolerance_parts(result: xr.Dataset) -> list[OutputPart]:
+    """Main outputs with their quantiles and gains."""
+    return main_outputs(result, "mean")
 
 
 def find_in_tolerance(name: str, result: xr.Dataset) -> list[str]:
@@ -40,13 +30,9 @@ def find_in_tolerance(name: str, result: xr.Dataset) -> list[str]:
         Its answers.
     """
     sentences = []
-    for output, what, part in tolerance_parts(result):
-        unit = "N" if output.startswith("thrust") else ""
+    for _, what, unit, part in tolerance_parts(result):
         sentences += [*_quantiles(what, part, unit, name), *_exceedance(what, part, unit), *_gains(what, part, unit)]
-    dropped = int(result.attrs.get("points_dropped", 0))
-    if dropped:
-        verb = "is" if dropped == 1 else "are"
-        sentences.append(f"{count_of(dropped, 'point')} {verb} missing, {result.attrs['points_used']:,} are used.")
+    sentences += left_points(result)
     if region := str(result.attrs.get("failing_region", "")):
         sentences.append(f"Points fail {region}: the distribution does not know these.")
     return sentences
@@ -106,7 +92,7 @@ def _percent(row: tuple[str, float, float, float]) -> str:
 def tolerance_table(result: xr.Dataset) -> tuple[list[str], list[list[str]]]:
     """What halving the scatter of each factor gains, for each main output, the largest first."""
     rows = []
-    for _, what, part in tolerance_parts(result):
+    for _, what, _, part in tolerance_parts(result):
         gains = part["gain_of_halving"].values
         for at in np.argsort(-np.nan_to_num(gains, nan=-np.inf)):
             one = part.isel(factor=int(at))

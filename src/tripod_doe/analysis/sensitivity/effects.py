@@ -17,7 +17,13 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from tripod_doe.analysis.kinds import makes_kind
-from tripod_doe.analysis.sensitivity.outputs import OutputTable, chosen_outputs, read_outputs
+from tripod_doe.analysis.sensitivity.outputs import (
+    OutputTable,
+    chosen_outputs,
+    output_attributes,
+    read_outputs,
+    stacked,
+)
 from tripod_doe.analysis.sensitivity.sample import Sample, flat_points, read_sample
 from tripod_doe.analysis.sensitivity.settings import SensitivitySettings
 from tripod_doe.study.file import FactorTable
@@ -215,10 +221,7 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
     terms = _terms(sample, settings)
     tables = [table for table in read_outputs(cube, names, sample.rows) if not table.is_waveform or len(names) == 1]
     parts = [_of_output(terms, table, settings.confidence) for table in tables]
-    result = parts[0]
-    if len(parts) > 1:
-        outputs = xr.DataArray(np.array([table.name for table in tables], dtype=object), dims="output", name="output")
-        result = xr.concat(parts, outputs, join="outer", coords="minimal", compat="equals")
+    result = stacked(parts, tables)
     result = result.assign_coords(term=np.array(terms.names, dtype=object))
     for name in result.data_vars:
         result[name].attrs = {"long_name": _MEANINGS[str(name)]} | ({"units": "1"} if name in _PURE else {})
@@ -226,7 +229,7 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
         result[label].attrs.setdefault("long_name", str(label).replace("_", " "))
     region = {"failing_region": sample.region.text} if sample.region else {}
     return result.assign_attrs(
-        outputs=", ".join(table.name for table in tables), aliases=json.dumps(terms.aliases),
+        **output_attributes(tables), aliases=json.dumps(terms.aliases),
         degrees_of_freedom=sample.rows.size - len(terms.names) - 1, points_used=sample.rows.size,
         points_dropped=sample.dropped, confidence_level=settings.confidence, **region,
     )  # fmt: skip

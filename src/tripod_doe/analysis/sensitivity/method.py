@@ -14,7 +14,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from tripod_doe.analysis.sensitivity.outputs import OutputTable, chosen_outputs, read_outputs
+from tripod_doe.analysis.sensitivity.outputs import (
+    OutputTable,
+    chosen_outputs,
+    output_attributes,
+    read_outputs,
+    stacked,
+)
 from tripod_doe.analysis.sensitivity.sample import Sample, flat_points, read_sample
 from tripod_doe.analysis.sensitivity.settings import SensitivitySettings
 from tripod_doe.errors import InputError
@@ -103,11 +109,11 @@ def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr
     tables = read_outputs(cube, names, sample.rows)
     waveforms = [table for table in tables if table.is_waveform and len(tables) > 1]
     plain = [table for table in tables if table not in waveforms]
-    result = _stacked([_analyse(method, sample, table, settings) for table in plain], plain) if plain else xr.Dataset()
+    result = stacked([_analyse(method, sample, table, settings) for table in plain], plain) if plain else xr.Dataset()
     for table in waveforms:
         own = _analyse(method, sample, table, settings)
         result = result.merge({f"{table.name}_{key}": own[key] for key in own.data_vars}, compat="override")
-    return _described(result, method, sample, names, settings)
+    return _described(result, method, sample, tables, settings)
 
 
 def _analyse(method: Method, sample: Sample, table: OutputTable, settings: SensitivitySettings) -> xr.Dataset:
@@ -189,16 +195,8 @@ def _labelled(method: Method, table: OutputTable, answers: Answers) -> xr.Datase
     return xr.Dataset({key: table.labelled(answer, _dims(method, key)) for key, answer in answers.items()})
 
 
-def _stacked(parts: list[xr.Dataset], tables: list[OutputTable]) -> xr.Dataset:
-    """Several outputs along ``output``, one as it is."""
-    if len(parts) == 1:
-        return parts[0]
-    outputs = xr.DataArray(np.array([table.name for table in tables], dtype=object), dims="output", name="output")
-    return xr.concat(parts, outputs, join="outer", coords="minimal", compat="equals")
-
-
 def _described(
-    result: xr.Dataset, method: Method, sample: Sample, names: list[str], settings: SensitivitySettings
+    result: xr.Dataset, method: Method, sample: Sample, tables: list[OutputTable], settings: SensitivitySettings
 ) -> xr.Dataset:
     """Labels, meanings, flags, and what was used."""
     labels = {"factor": sample.factors} | ({"factor_2": sample.factors} if "factor_2" in result.dims else {})
@@ -217,7 +215,7 @@ def _described(
     region = sample.region.text if sample.region else ""
     told = {"failing_region": region, "answered_for": "the rest" if sample.rest else "all"} if region else {}
     return result.assign_attrs(
-        outputs=", ".join(names), groups_used=sample.blocks,
+        **output_attributes(tables), groups_used=sample.blocks,
         groups_dropped=math.ceil(sample.dropped / sample.block), block_size=sample.block,
         points_used=sample.rows.size, points_dropped=sample.dropped, confidence_level=settings.confidence,
         precision=settings.precision, **told,

@@ -7,7 +7,8 @@ and others 2014); where values count, as its difference from the circular mean.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import json
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.cube import COST_VARIABLES, RECORD_ROLE
 
-__all__ = ["OutputTable", "chosen_outputs", "read_outputs"]
+__all__ = ["OutputTable", "chosen_outputs", "output_attributes", "read_outputs", "stacked"]
 
 FloatArray = NDArray[np.float64]
 
@@ -142,3 +143,17 @@ def _around_mean(degrees: FloatArray) -> FloatArray:
     mean = turns.mean(axis=0)
     relative: FloatArray = np.degrees(np.angle(turns / np.where(mean == 0, 1, mean)))
     return relative
+
+
+def stacked(parts: Sequence[xr.Dataset], tables: Sequence[OutputTable]) -> xr.Dataset:
+    """The answers of several outputs along ``output``; those of one as they are."""
+    if len(parts) == 1:
+        return parts[0]
+    outputs = xr.DataArray(np.array([table.name for table in tables], dtype=object), dims="output", name="output")
+    return xr.concat(parts, outputs, join="outer", coords="minimal", compat="equals")
+
+
+def output_attributes(tables: Iterable[OutputTable]) -> dict[str, str]:
+    """Attributes of a result: the outputs that were analysed, and their units by name."""
+    units = {table.name: str(table.variable.attrs.get("units", "1")) for table in tables}
+    return {"outputs": ", ".join(units), "output_units": json.dumps(units)}

@@ -22,7 +22,7 @@ def factorial_effect_charts(analyses: Mapping[str, xr.Dataset]) -> list[Chart]:
     return [
         _chart(f"{name}-{position}", name, what, part)
         for name, result in of_kind(analyses, "effects").items()
-        for position, (what, part) in enumerate(effect_parts(result), 1)
+        for position, (_, what, _, part) in enumerate(effect_parts(result), 1)
     ]
 
 

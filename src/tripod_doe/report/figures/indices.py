@@ -35,7 +35,7 @@ def index_charts(analyses: Mapping[str, xr.Dataset], cube: xr.Dataset) -> list[C
     for name, result in of_kind(analyses, *RANKED).items():
         level = 100 * float(result.attrs.get("confidence_level", 0.95))
         for position, part in enumerate(sensitivity_parts(result)):
-            key, indices = f"{name}-{position + 1}", part.indices
+            key, indices = f"{name}-{position + 1}", part.answers
             if {"S1", "ST"} <= set(indices):
                 charts.append(_sobol_chart(key, name, part.what, indices, level))
                 charts.extend(_interaction_charts(key, name, part.what, indices, level))

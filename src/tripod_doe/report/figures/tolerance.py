@@ -21,8 +21,7 @@ def tolerance_charts(analyses: Mapping[str, xr.Dataset]) -> list[Chart]:
     """Two charts for each tolerance analysis and main output: quantiles with the limit, and gains."""
     charts = []
     for name, result in of_kind(analyses, "tolerance").items():
-        for position, (output, what, part) in enumerate(tolerance_parts(result), 1):
-            unit = "N" if output.startswith("thrust") else ""
+        for position, (_, what, unit, part) in enumerate(tolerance_parts(result), 1):
             charts += [
                 _gain_chart(f"{name}-{position}-gain", name, what, part),
                 _quantile_chart(f"{name}-{position}", name, what, part, unit),

@@ -1,0 +1,74 @@
+"""The outputs of an analysis that a reader asks for first, each with its name in words and its unit."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection
+from typing import NamedTuple
+
+import xarray as xr
+
+from tripod_doe.quantities import count_of
+from tripod_doe.report.responses import ORDINALS, spoken, unit_text
+
+__all__ = ["OutputPart", "left_points", "main_outputs"]
+
+_MOST = 4  # outputs of a function
+_AMPLITUDE = "thrust_amplitude"
+_UNNAMED = "the output"  # of a result that does not say what it was made of
+
+
+class OutputPart(NamedTuple):
+    """Answers on one output, without its dimensions: which output of the cube, what it is in words, and its unit."""
+
+    output: str
+    what: str
+    unit: str
+    answers: xr.Dataset
+
+
+def main_outputs(result: xr.Dataset, key: str, over: Collection[str] = ()) -> list[OutputPart]:
+    """The third and second order of the thrust; of a function, its first four outputs.
+
+    Parameters
+    ----------
+    result
+        Of an analysis of all outputs at once.
+    key
+        Its answer; parts in which it has no number are left out.
+    over
+        Dimensions of the answer that are not those of the output.
+    """
+    several = [str(name) for name in result["output"].values] if "output" in result.dims else []
+    outputs = several or str(result.attrs.get("outputs", _UNNAMED)).split(", ")[:1]
+    if _AMPLITUDE in outputs:
+        outputs = [_AMPLITUDE]
+    units: dict[str, str] = json.loads(str(result.attrs.get("output_units", "{}")))
+    parts = []
+    for output in outputs[:_MOST]:
+        of_output = result.sel(output=output) if several else result
+        for order in (3, 2) if "order" in result.dims else (None,):
+            part = of_output if order is None else of_output.sel(order=order)
+            part = part.isel(dict.fromkeys((dim for dim in part[key].dims if dim not in over), 0))
+            if part[key].notnull().any():
+                parts.append(OutputPart(output, _words(output, order), unit_text(units.get(output, "1")), part))
+    return parts
+
+
+def _words(output: str, order: int | None) -> str:
+    if order is None:
+        return output
+    return (
+        f"the {ORDINALS[order]}"
+        if output in (_AMPLITUDE, _UNNAMED)
+        else f"the {spoken(output)} of the {ORDINALS[order]}"
+    )
+
+
+def left_points(result: xr.Dataset) -> list[str]:
+    """How many points are missing and how many are left; nothing where all are there."""
+    dropped = int(result.attrs.get("points_dropped", 0))
+    if not dropped:
+        return []
+    verb = "is" if dropped == 1 else "are"
+    return [f"{count_of(dropped, 'point')} {verb} missing, {result.attrs['points_used']:,} are used."]
