@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from service_client import API, TOKEN
@@ -17,6 +18,12 @@ QUIET = 0.2
 
 def run(run_id, name):
     return Run(run_id, "study", str(name), "", State.RUNNING)
+
+
+def in_own_loop(main):
+    """What a coroutine returns; in a thread of its own, for a browser's tests leave a running loop in this one."""
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(asyncio.run, main).result()
 
 
 def watched(events, run_id=None, last=None, count=None):
@@ -33,7 +40,7 @@ def watched(events, run_id=None, last=None, count=None):
                 break
         return seen
 
-    return asyncio.run(watch())
+    return in_own_loop(watch())
 
 
 def test_a_stream_begins_with_each_run_as_it_is():
@@ -98,7 +105,7 @@ def test_no_event_of_a_busy_thread_is_lost():
         thread.join()
         return seen
 
-    assert all(numbers == list(range(1, count + 2)) for numbers in asyncio.run(watch_all()))
+    assert all(numbers == list(range(1, count + 2)) for numbers in in_own_loop(watch_all()))
     assert events.watching == 0
 
 
