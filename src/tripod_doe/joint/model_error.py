@@ -4,7 +4,7 @@
 cover the field in which joints are used (`benchmarks/model_error.py` makes it from two studies). A point is compared
 with the measured ones that are most like it, by the ratios on which the errors depend: their median is the typical
 error, their 90th percentile its limit. The error against `needles` is the sum of those of the
-steps to it. Nothing is known outside of what was measured, and where most of such joints vibrate by themselves.
+steps to it. Nothing is known outside of what was measured, and where a model has no answer at most of such points.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.joint.operating_ratios import operating_ratios
+from tripod_doe.joint.operating_ratios import RATIOS, operating_ratios
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.quantities import number
 
@@ -41,7 +41,7 @@ _CHUNK = 1000
 """Points that are compared at once."""
 _NO_REFERENCE = "this is the finest model, which the others are compared with"
 _NOT_COMPARED = "it was not compared with the others"
-_VIBRATING = "at most of the compared points like it the joint vibrates by itself, or one of the models has no answer"
+_VIBRATING = "at most of the compared points like it one of the models has no answer"
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,9 @@ class _Measured:
 
     def told(self, ratio: int) -> str:
         """Why nothing is known of points that lie outside in a ratio."""
-        return f"{self.names[ratio]} is outside of the compared {number(self.low[ratio])} to {number(self.high[ratio])}"
+        name = self.names[ratio]
+        meaning = "" if name in JOINT_PARAMETERS else f" ({RATIOS[name]})"
+        return f"{name}{meaning} is outside of the compared {number(self.low[ratio])} to {number(self.high[ratio])}"
 
     def near(self, model: str, places: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Median and ninth decile of the errors of a model at the measured points nearest to some places.
@@ -132,7 +134,7 @@ def known_errors(model: str, points: Mapping[str, NDArray[Any]]) -> tuple[FloatA
     Returns
     -------
     expected, limit, unknown
-        See `simulator.`; each of shape (point,).
+        See `simulator.ModelErrors`; each of shape (point,).
     """
     count = len(points["torque_n_m"])
     expected, limit = np.full((2, count), np.nan)

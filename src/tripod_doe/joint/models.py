@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint.goal import Goal
+from tripod_doe.joint.operating_ratios import RATIOS
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, PART_OUTPUTS, VIBRATION_OUTPUTS, part_outputs, thrust_outputs
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.first_compilation import first_compilation
@@ -203,13 +204,13 @@ def _within(swing: float, needle: float) -> tuple[ValidRange, ...]:
             "swing_ratio",
             "beyond, rollers swing in their grooves in ways that it leaves out",
             high=swing,
-            meaning="swing of a roller in its groove by friction, over its slip along the groove",
+            meaning=RATIOS["swing_ratio"],
         ),
         ValidRange(
             "needle_ratio",
             "beyond, needles hold the rollers back, and the thrust is what is left of forces that cancel",
             high=needle,
-            meaning="needle sliding friction over joint angle in rad",
+            meaning=RATIOS["needle_ratio"],
         ),
         _NO_PRELOAD,
     )

@@ -16,12 +16,10 @@ FloatArray = NDArray[np.float64]
 
 RATIOS = {
     "joint_angle_deg": "joint angle",
-    "groove_friction": "sliding friction coefficient mu_s of the grooves",
-    "swing_ratio": "what friction swings a roller in its groove, 2 mu_s (R_g - R_s), over the amplitude of its slip "
-    "along the groove, R_p tan(theta) sin(theta) / 2",
-    "needle_ratio": "sliding friction coefficient of the needles over the joint angle in rad",
-    "inertia_ratio": "force that keeps a roller on its orbit, m_r R_p omega^2, over the mean normal force of a groove, "
-    "|T| / (3 R_p)",
+    "groove_friction": "sliding friction coefficient of the grooves",
+    "swing_ratio": "swing of a roller in its groove by friction, over its slip along the groove",
+    "needle_ratio": "needle sliding friction over joint angle in rad",
+    "inertia_ratio": "force that keeps a roller on its orbit, over its mean normal force",
 }
 """What each ratio is."""
 
@@ -33,6 +31,11 @@ def operating_ratios(points: Mapping[str, NDArray[Any]]) -> dict[str, FloatArray
     ----------
     points
         Every parameter by name, in the unit of its name, each of shape (point,).
+
+    Notes
+    -----
+    swing ratio = 2 mu_s (R_g - R_s) / (R_p tan(theta) sin(theta) / 2), its denominator the amplitude of the slip;
+    inertia ratio = m_r R_p omega^2 / (|T| / (3 R_p)), with the mass m_r of a roller.
     """
     theta, pitch, roller = np.radians(points["joint_angle_deg"]), points["pitch_radius_mm"], points["roller_radius_mm"]
     friction = points["groove_sliding_friction"] * points["groove_sliding"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -16,6 +17,9 @@ FloatArray = NDArray[np.float64]
 
 NOTABLE_ERROR = 0.05
 """Relative error of a model above which an answer is flagged."""
+
+_REASONS = 2
+"""Reasons for an unknown error that a sentence names."""
 
 
 @dataclass(frozen=True)
@@ -153,9 +157,20 @@ def _parts(errors: ModelErrors, own: NDArray[np.bool_]) -> Iterator[str]:
         )
         if above := int((expected > NOTABLE_ERROR).sum()):
             yield f"above {_percents(NOTABLE_ERROR, NOTABLE_ERROR)}{_share(above, count)}: take a finer model"
-    reasons = errors.unknown[own & ~known]
-    for reason in dict.fromkeys(reasons):
-        yield f"its error is not known{_share(int((reasons == reason).sum()), count)}: {reason}"
+    reasons = Counter(errors.unknown[own & ~known]).most_common()
+    if reasons:
+        yield f"its error is not known{_share(sum(some for _, some in reasons), count)}: {_told(reasons)}"
+
+
+def _told(reasons: list[tuple[str, int]]) -> str:
+    """The two commonest reasons, each with its count where there are several."""
+    (first, _), *others = reasons
+    if not others:
+        return first
+    told = [f"{reason} ({some:,} points)" for reason, some in reasons[:_REASONS]]
+    if left := sum(some for _, some in reasons[_REASONS:]):
+        told.append(f"other reasons ({left:,} points)")
+    return "; ".join(told).replace("(1 points)", "(1 point)")
 
 
 def _share(some: int, count: int) -> str:
