@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from threading import Timer
+
 import numpy as np
 import pytest
 
@@ -126,13 +128,20 @@ def test_timing_stops_a_point_that_would_take_hours(tmp_path, monkeypatch):
     assert "nothing was timed" in plan.describe()
 
 
-@pytest.mark.slow
 def test_what_comes_before_the_first_point_is_not_taken_from_the_time_for_timing(tmp_path, monkeypatch):
-    """An import that is slower than the timing may take stands for kernels that are compiled."""
-    monkeypatch.setattr(plan_module, "_TIMING_SECONDS", 4.0)
-    (tmp_path / "slow_to_import.py").write_text("import time\ntime.sleep(5)\ndef f(x):\n    return {'y': x}\n")
-    text = '[study]\nname="s"\nfunction="slow_to_import:f"\n[factors.x]\nlow=0\nhigh=1\ncount=1000\n'
+    """An import stands for kernels that are compiled: the time for timing starts when it is done."""
+    seen = []
+
+    class Watched(Timer):
+        def start(self):
+            seen.append(len(list(tmp_path.glob("imported-*"))))
+
+    monkeypatch.setattr(timing, "Timer", Watched)
+    mark = f"import os, pathlib\npathlib.Path({str(tmp_path)!r}, f'imported-{{os.getpid()}}').touch()\n"
+    (tmp_path / "marked.py").write_text(mark + "def f(x):\n    return {'y': x}\n")
+    text = '[study]\nname="s"\nfunction="marked:f"\n[factors.x]\nlow=0\nhigh=1\ncount=1000\n'
     assert td.plan(parse_study(text, folder=tmp_path)).timed > 0
+    assert seen == [2]  # by this process and by the one that times
 
 
 JAMMED = """

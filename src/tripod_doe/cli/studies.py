@@ -19,6 +19,7 @@ from tripod_doe.cli.parser import (
     add_out,
     add_study,
 )
+from tripod_doe.errors import InputError, option
 from tripod_doe.quantities import count_of, duration, pace
 
 __all__ = ["COMMANDS"]
@@ -49,10 +50,11 @@ def _add_run(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _add_plan(parser: Parser, arguments: Sequence[str]) -> None:
-    add_study(parser)
+    parser.add_argument("file", metavar="FILE.toml", type=Path, help="study file or workflow file")
     parser.add_argument("--no-timing", action="store_true", help="count points and bytes only, without timing")
     parser.add_argument("--out", metavar="DIR", type=Path,
                         help='for a study with model = "auto": result directory whose choice to show')  # fmt: skip
+    parser.add_argument("--quick", action="store_true", help="for a workflow: with the overrides of [quick]")
     parser.add_argument("--workers", metavar="N", type=int, default=2, help="worker processes to plan for (default 2)")
 
 
@@ -93,11 +95,19 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _plan(options: argparse.Namespace) -> int:
+    from tripod_doe.study.file import is_workflow
+
+    return (_plan_workflow if is_workflow(options.file) else _plan_study)(options)
+
+
+def _plan_study(options: argparse.Namespace) -> int:
     from tripod_doe.study.definition import load_study
     from tripod_doe.study.designs import point_count
     from tripod_doe.study.plan import plan
 
-    study = load_study(options.study)
+    if options.quick:
+        raise InputError(f"{option('quick')}: {options.file} is a study; only workflows have a [quick]")
+    study = load_study(options.file)
     if study.file.analysis:
         from tripod_doe.workflow.analyses import check_analyses
 
@@ -109,6 +119,15 @@ def _plan(options: argparse.Namespace) -> int:
         from tripod_doe.analysis.model_choice.study_choice import describe_choice
 
         print(describe_choice(study, options.out))
+    return DONE
+
+
+def _plan_workflow(options: argparse.Namespace) -> int:
+    from tripod_doe.workflow.plan import plan_workflow
+
+    if options.out:
+        raise InputError(f"{option('out')}: {options.file} is a workflow; name the study whose choice to show")
+    print(plan_workflow(options.file, options.quick, not options.no_timing).describe(max(options.workers, 1)))
     return DONE
 
 
@@ -135,7 +154,7 @@ def _workflow(options: argparse.Namespace) -> int:
 
 COMMANDS = {
     "run": Command("run a study, or the points of it that are missing", _add_run, _run),
-    "plan": Command("estimate points, time and size of a study; writes nothing", _add_plan, _plan),
+    "plan": Command("estimate points, time and size of a study or a workflow; writes nothing", _add_plan, _plan),
     "report": Command("write the report of a result directory again", _add_report, _report),
     "workflow": Command("run a chain of studies, analyses, figures and reports", _add_workflow, _workflow),
 }

@@ -21,6 +21,7 @@ __all__ = [
     "Scalar",
     "StudyFile",
     "complaints",
+    "is_workflow",
     "parse_file",
     "parse_toml",
     "read_text",
@@ -214,9 +215,23 @@ def parse_toml(text: str, origin: str) -> dict[str, Any]:
         raise InputError(f"{origin}: brackets are nested too deeply") from error
 
 
+def is_workflow(path: Path) -> bool:
+    """Whether a TOML file is a workflow's and not a study's.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    text = parse_toml(read_text(path, "file"), str(path))
+    return "workflow" in text and "study" not in text
+
+
 def parse_file(text: str, origin: str = "study") -> StudyFile:
     """Parse the text of a study file without looking for its simulator: form is checked, parameters are not."""
     raw = parse_toml(text, origin)
+    if "workflow" in raw and "study" not in raw:
+        raise InputError(f"{origin}: this is a workflow, not a study: `tripod-doe workflow` runs it")
     design = raw.get("design")
     if isinstance(design, dict):  # [design.NAME] are tables of their own
         own = DesignTable.model_fields

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import sys
-import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from threading import Timer
 
 import numpy as np
 
@@ -35,7 +35,7 @@ def time_points(study: Study, seconds: float) -> list[float]:
     with start_child(__name__) as process:
         assert process.stdin is not None
         assert process.stdout is not None
-        stop = threading.Timer(seconds, process.kill)
+        stop = Timer(seconds, process.kill)
         try:
             process.stdin.write(asked)
             process.stdin.close()

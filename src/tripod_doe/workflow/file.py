@@ -110,6 +110,8 @@ def parse_workflow(text: str, origin: str) -> WorkflowFile:
         If it is no TOML, or a key is unknown, missing or of the wrong type.
     """
     raw = parse_toml(text, origin)
+    if "study" in raw and "workflow" not in raw:
+        raise InputError(f"{origin}: this is a study, not a workflow: `tripod-doe run` runs it")
     try:
         return WorkflowFile.model_validate(raw)
     except ValidationError as error:

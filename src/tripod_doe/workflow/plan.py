@@ -1,0 +1,97 @@
+"""What a workflow will cost before anything runs: the plans of its studies, and their sum."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from tripod_doe.quantities import duration, size
+from tripod_doe.study.definition import Study
+from tripod_doe.study.plan import Plan, plan
+from tripod_doe.workflow.definition import load_workflow
+
+__all__ = ["WorkflowPlan", "plan_workflow"]
+
+
+@dataclass(frozen=True)
+class WorkflowPlan:
+    """Counts and prices of the studies of a workflow.
+
+    Attributes
+    ----------
+    steps
+        Plan of each study step, by its name; the other steps compute no points.
+    """
+
+    steps: Mapping[str, Plan]
+
+    @property
+    def cpu_hours(self) -> tuple[float, float, float] | None:
+        """Sums of the lower quartiles, means and upper quartiles; None where a price is not known."""
+        prices = [step.cpu_hours for step in self.steps.values() if step.able]
+        known = [price for price in prices if price is not None]
+        if len(known) < len(prices):
+            return None
+        low, mean, high = (math.fsum(ends) for ends in zip((0.0, 0.0, 0.0), *known, strict=True))
+        return low, mean, high
+
+    def describe(self, workers: int = 2) -> str:
+        """The plan as text: a line per study, their sum, and what the user should know of each."""
+        width = max(map(len, (*self.steps, "all studies")))
+        lines = [f"{name:{width}}  {_told(step)}" for name, step in self.steps.items()]
+        points, stored = (sum(of(step) for step in self.steps.values()) for of in (_points, _bytes))
+        lines.append(f"{'all studies':{width}}  {points:7,} points  {_price(self.cpu_hours):>8}  {size(stored)}")
+        if self.cpu_hours:
+            wall = duration(self.cpu_hours[1] * 3600 / workers)
+            lines.append(f"{'wall time':{width}}  about {wall} on {workers} workers, without analyses and pages")
+        for name, step in self.steps.items():
+            foreseen = (f"{f.count:,} of {step.unique:,} points {f.outcome.label}: {f.reason}" for f in step.foreseen)
+            lines += [f"{name}: {text}" for text in (*foreseen, *step.warnings)]
+        return "\n".join(lines)
+
+
+def plan_workflow(path: str | Path, quick: bool = False, timing: bool = True) -> WorkflowPlan:
+    """Count the points of the studies of a workflow; nothing is run or written.
+
+    Parameters
+    ----------
+    path
+        The workflow file.
+    quick
+        Whether to apply the overrides of [quick].
+    timing
+        Whether to time points, for at most ten seconds per study, where no price is recorded.
+
+    Raises
+    ------
+    InputError
+        If a file of it cannot be used.
+    """
+    studies = {name: step.study for name, step in load_workflow(path, quick).steps.items() if step.study is not None}
+    return WorkflowPlan({name: _plan_study(study, timing) for name, study in studies.items()})
+
+
+def _plan_study(study: Study, timing: bool) -> Plan:
+    recorded = plan(study, timing=False, recorded=True)
+    known = recorded.cpu_hours is not None or recorded.chosen or not recorded.able
+    return recorded if known or not timing else plan(study)
+
+
+def _points(step: Plan) -> int:
+    return step.points
+
+
+def _bytes(step: Plan) -> int:
+    return step.cube_bytes or 0
+
+
+def _told(step: Plan) -> str:
+    """A line of the table: points, CPU time and bytes."""
+    price = "chosen by a pilot" if step.chosen else _price(step.cpu_hours)
+    return f"{step.points:7,} points  {price:>8}  {'' if step.cube_bytes is None else size(step.cube_bytes)}".rstrip()
+
+
+def _price(cpu_hours: tuple[float, float, float] | None) -> str:
+    return "not known" if cpu_hours is None else f"{duration(cpu_hours[1] * 3600)} CPU"
