@@ -142,3 +142,30 @@ def test_an_orbiting_shaft_lifts_rollers_off(internal_points):
     result = models.MODELS["kinetostatic"].simulate(given, "newton", 120, ("thrust_amplitude",))
     assert Outcome(result.outcome[0]) is Outcome.OUT_OF_RANGE
     assert "lifts off" in result.detail[0]
+    assert result.force_evaluations[0] <= 40, "what no balance can hold costs no search for one"
+
+
+def test_a_straight_joint_with_skewed_needles_settles(points):
+    """Regression: hasty at the widest transition velocities, where nothing can be gone back to, it gave up 60 times."""
+    given = points(
+        joint_angle_deg=0, torque_n_m=5.160312377165763, speed_rpm=2378.361528918933,
+        groove_sliding_friction=0.09199592026610104, needle_sliding_friction=0.12313973639391294,
+        groove_rolling_friction=0.003137209009426322, transition_ratio=0.38657386145123057, needle_rolling=0,
+        initial_skew_1_deg=0.9508045881641998, initial_skew_2_deg=0.25397975219987945,
+        initial_skew_3_deg=1.3988282515781072, bearing_radial_clearance_mm=0.03777204373349923,
+        pitch_radius_mm=18.82771288283176, roller_radius_mm=19.19123653141017, roller_width_mm=8.637299812247432,
+        needle_count=20, needle_diameter_mm=1.547742852979717, needle_length_mm=8.12440259834563,
+        needle_pitch_diameter_mm=18.392515456552804, shaft_mass_kg=1.8999895672309615,
+        groove_radius_ratio=1.009691433309751, relative_tolerance=1e-6,
+    )  # fmt: skip
+    assert solve_kinetostatic(given, 360).settled[0]
+
+
+def test_no_point_takes_more_iterations_than_allowed(points):
+    """A failure is bounded: the last step of the transition velocities took up to 27 iterations more than the limit."""
+    given = points(
+        joint_angle_deg=2.09, torque_n_m=238, speed_rpm=1938, groove_sliding_friction=0.134, groove_spinning=0,
+        needle_sliding_friction=0.14, transition_ratio=0.05, initial_skew_1_deg=-1.18, initial_skew_2_deg=1.2,
+        initial_skew_3_deg=0.49, relative_tolerance=1e-6,
+    )  # fmt: skip
+    assert solve_kinetostatic(given, 360).sweeps[0] <= 40 + 120

@@ -33,9 +33,10 @@ __all__ = ["loads_at_rest", "settle_together"]
 
 FloatArray = NDArray[np.float64]
 
-_ITERATIONS, _IN_ALL, _HALVINGS, _PATIENT = (12, 30), 120, 4, 1.2
+_ITERATIONS, _IN_ALL, _HALVINGS, _STALLED, _PATIENT = (12, 30), 120, 4, 5, 1.2
 """Largest numbers of iterations of a step of the transition velocities, for the hasty and the patient, and of a point;
-of halved changes one after another; and the stride (a power of two) below which one is patient."""
+of halved changes one after another, and of iterations in which changes do not fall to half; and the stride (a power of
+two) below which one is patient."""
 _LARGEST_LEAN, _LARGEST_LOAD = 0.3, 0.7
 """Largest change in an iteration: of the force along a trunnion (over N), and of a normal force over the mean one."""
 _WIDEST, _ON_THE_WAY = 10.0, 1e-4
@@ -51,11 +52,11 @@ def _mean_load(row):
 
 @kernel
 def _place(matrix, row, k, number):
-    """Write an equation's derivatives for the unknowns of roller k and what comes before, and add its value."""
+    """Write an equation's derivatives for the unknowns of roller k and for what came before, and add its value."""
     matrix[row, 2 * k], matrix[row, 2 * k + 1] = pick(number, 1), pick(number, 2)
     matrix[row, 6 + k] = pick(number, 3)
-    matrix[row, 9 + 2 * k], matrix[row, 10 + 2 * k] = pick(number, 4), pick(number, 5)
-    matrix[row, 15] += pick(number, 0)
+    matrix[row, 9] += pick(number, 0)
+    matrix[row, 10 + 2 * k], matrix[row, 11 + 2 * k] = pick(number, 4), pick(number, 5)
 
 
 @kernel
@@ -107,7 +108,7 @@ def _largest_changes(row, lap):
     slip, lean, load, all_of_them = 0.0, 0.0, 0.0, 0.0
     for j in range(lap.steps.shape[0]):
         for k in range(3):
-            of_slip, of_lean, of_load = lap.changes[j, 2 * k, 6], lap.changes[j, 2 * k + 1, 6], lap.changes[j, 6 + k, 6]
+            of_slip, of_lean, of_load = lap.changes[j, 2 * k, 0], lap.changes[j, 2 * k + 1, 0], lap.changes[j, 6 + k, 0]
             slip, lean, load = max(slip, abs(of_slip)), max(lean, abs(of_lean)), max(load, abs(of_load))
             all_of_them += of_slip + of_lean + of_load
     return slip / point_constants_of(row).slip_transition if abs(all_of_them) < math.inf else math.inf, lean, load
@@ -126,37 +127,42 @@ def _change(row, memory, part):
     for k in range(3):
         for j in range(lap.steps.shape[0]):
             e, i = memory.eights[k, j // WIDTH], j % WIDTH
-            e.slip[0, i] += part * lap.changes[j, 2 * k, 6]
-            e.lean[0, i] += part * lap.changes[j, 2 * k + 1, 6]
-            e.normal[0, i] += part * lap.changes[j, 6 + k, 6] * mean_load
-            e.tilt[0, i] += part * lap.steps[j, 2 * k, 6]
-            e.spin[0, i] += part * lap.steps[j, 2 * k + 1, 6]
+            e.slip[0, i] += part * lap.changes[j, 2 * k, 0]
+            e.lean[0, i] += part * lap.changes[j, 2 * k + 1, 0]
+            e.normal[0, i] += part * lap.changes[j, 6 + k, 0] * mean_load
+            e.tilt[0, i] += part * lap.steps[j, 2 * k, 0]
+            e.spin[0, i] += part * lap.steps[j, 2 * k + 1, 0]
     remember(memory, 1.0)
 
 
-def _iterate(row: FloatArray, memory: Memory, tolerance: float, patient: bool) -> tuple[bool, int]:
-    """Newton's method from what is there; whether it converged to the tolerance, and iterations.
+def _iterate(row: FloatArray, memory: Memory, tolerance: float, patient: bool, most: int) -> tuple[bool, int]:
+    """Newton's method from what is there; whether it converged to the tolerance, and iterations, at most so many.
 
-    Where the next change would be larger than the last one, the patient take half of that back; others give up.
+    Where the next change would be larger than the last one, the patient take half of that back; others give up. All
+    give up where changes have stopped falling.
     """
     least, halvings, lean_scale, before = math.inf, 0, _scale_of_lean(row), memory.state.copy()
-    for iteration in range(_ITERATIONS[patient]):
+    linked, fallen, at = PointConstants(*row).pace > 0, math.inf, 0
+    for iteration in range(most):
         _linearise(row, memory)
-        solve_lap(memory.lap)
+        solve_lap(memory.lap, linked)
         slip, lean, load = _largest_changes(row, memory.lap)
-        if slip > 1.5 * least or slip == math.inf:
-            halvings += 1
-            if halvings > (_HALVINGS if patient else 0):
-                return False, iteration + 1
+        largest = max(slip, lean / lean_scale, load)
+        if largest < 0.5 * fallen:
+            fallen, at = largest, iteration
+        overshoots = slip > 1.5 * least or slip == math.inf
+        halvings = halvings + 1 if overshoots else 0
+        if iteration - at >= _STALLED or halvings > (_HALVINGS if patient else 0):
+            return False, iteration + 1
+        if overshoots:
             memory.state[:] = 0.5 * (before + memory.state)
             remember(memory, 1.0)
             continue
-        least, halvings = slip, 0
-        before[:] = memory.state
+        least, before[:] = slip, memory.state
         _change(row, memory, min(1.0, _LARGEST_LEAN / max(lean, 1e-30), _LARGEST_LOAD / max(load, 1e-30)))
         if slip <= tolerance and lean <= tolerance * lean_scale and load <= tolerance:
             return True, iteration + 1
-    return False, _ITERATIONS[patient]
+    return False, most
 
 
 def _start(row: FloatArray, memory: Memory) -> None:
@@ -191,9 +197,9 @@ def settle_together(row: FloatArray, memory: Memory) -> tuple[bool, int]:
     while done < _IN_ALL:
         wide = row.copy()
         wide[list(TRANSITIONS)] *= 2.0**power
-        well, count = _iterate(
-            wide, memory, tolerance if power == 0.0 else max(tolerance, _ON_THE_WAY), stride < _PATIENT
-        )
+        goal = tolerance if power == 0.0 else max(tolerance, _ON_THE_WAY)
+        patient = stride < _PATIENT or power == _WIDEST
+        well, count = _iterate(wide, memory, goal, patient, min(_ITERATIONS[patient], _IN_ALL - done))
         done += count
         if well and power == 0.0:
             repeat_first(memory)
@@ -203,6 +209,8 @@ def settle_together(row: FloatArray, memory: Memory) -> tuple[bool, int]:
             reached, before, stride = power, reached, 1.5 * stride
         elif reached < math.inf:
             stride = 0.5 * (reached - power)
+        elif power == _WIDEST:
+            return False, done
         power = min(power + stride, _WIDEST) if reached == math.inf else max(reached - stride, 0.0)
         memory.state[:] = kept
         if before < math.inf:  # go on as it went from the last solution but one to the last one
@@ -219,5 +227,5 @@ def loads_at_rest(row: FloatArray, memory: Memory) -> FloatArray:
     _start(row, memory)
     _linearise(row, memory)
     spider = memory.lap.equations[:, 6:9]
-    change = np.linalg.solve(spider[..., 6:9], spider[..., 15:])[..., 0]
+    change = np.linalg.solve(spider[..., 6:9], spider[..., 9:10])[..., 0]
     return np.asarray(1.0 - change, float)

@@ -226,20 +226,20 @@ def solve_balance(
     memory, solution = Memory.for_samples(samples), Solution.of_nothing(table.shape[0], samples)
     still, free = columns["pace"] == 0.0, columns["groove_sliding"] == 0.0
     for i in np.flatnonzero(columns["torque"] != 0.0).tolist():
-        ways = [settle_still if still[i] else settle_moving, settle_free if still[i] and free[i] else settle_together]
-        for number, settle in enumerate(ways):
-            if number > 0:
-                _compile_other_ways()
+        start(table[i], skews[i], cosines, sines, memory)
+        solution.settled[i], solution.sweeps[i] = (settle_still if still[i] else settle_moving)(table[i], memory)
+        if not solution.settled[i]:
+            _compile_other_ways()
             start(table[i], skews[i], cosines, sines, memory)
-            solution.settled[i], work = settle(table[i], memory)
-            solution.sweeps[i] += work
-            if solution.settled[i]:
-                account(table[i], memory, solution, i)
-                break
-        else:
-            start(table[i], skews[i], cosines, sines, memory)
-            loads = loads_at_rest(table[i], memory) * points.groove_load[i]
-            solution.extremes[i] = loads.max(), loads.min()
+            loads = loads_at_rest(table[i], memory)
+            solution.extremes[i] = loads.max() * points.groove_load[i], loads.min() * points.groove_load[i]
+            if loads.min() >= -points.groove_sliding_friction[i]:  # friction moves loads, but not by more
+                settle = settle_free if still[i] and free[i] else settle_together
+                start(table[i], skews[i], cosines, sines, memory)
+                solution.settled[i], iterations = settle(table[i], memory)
+                solution.sweeps[i] += iterations
+        if solution.settled[i]:
+            account(table[i], memory, solution, i)
     solution.settled[columns["torque"] == 0.0] = True
     solution.power[points.needle_rolling_friction == 0.0, 4] = 0.0  # what hardly resists takes no power
     thrust, parts = (sums.reshape(*sums.shape[:2], -1)[..., :samples] for sums in (solution.thrust, solution.parts))
