@@ -14,7 +14,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tripod_doe.analysis.comparison import compare, model_point
+    from tripod_doe.analysis.compared_point import model_point
+    from tripod_doe.analysis.comparison import compare
     from tripod_doe.analysis.contribution import contribution_shares
     from tripod_doe.analysis.measurement import read_measurement
     from tripod_doe.analysis.sensitivity import morris_effects, sobol_indices
@@ -47,7 +48,7 @@ _HOME = {
     "contribution_shares": "analysis.contribution",
     "find": "report.findings",
     "load_study": "study.definition",
-    "model_point": "analysis.comparison",
+    "model_point": "analysis.compared_point",
     "morris_effects": "analysis.sensitivity",
     "open_cube": "study.results",
     "plan": "study.plan",

@@ -12,7 +12,8 @@ import xarray as xr
 from measured import Recorder
 
 import tripod_doe as td
-from tripod_doe.analysis.comparison import compare, model_point
+from tripod_doe.analysis.compared_point import model_point
+from tripod_doe.analysis.comparison import compare
 from tripod_doe.analysis.measurement import Measurement, edge_times, pulse_numbers, read_measurement
 from tripod_doe.analysis.order_tracking import resample, track_orders
 

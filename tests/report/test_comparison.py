@@ -10,7 +10,8 @@ import pytest
 from measured import Recorder
 
 import tripod_doe as td
-from tripod_doe.analysis.comparison import compare, model_point
+from tripod_doe.analysis.compared_point import model_point
+from tripod_doe.analysis.comparison import compare
 from tripod_doe.analysis.measurement import Measurement, rotation_from_tachometer
 from tripod_doe.report.comparison import comparison_json, comparison_text, find_in_comparison, order_rows
 from tripod_doe.report.comparison_page import comparison_page, write_comparison

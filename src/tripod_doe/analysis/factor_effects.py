@@ -23,6 +23,7 @@ from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from tripod_doe.analysis.additive_fit import Fit, Separation, fit_factor, separation
 from tripod_doe.analysis.curve_shape import Shape, curve_shapes
@@ -138,7 +139,8 @@ def factor_effects(columns: Mapping[str, Column], response: FloatArray, error: f
         elif ground is Ground.STEPS:
             effects.append(_by_steps(name, varying, compared, settings[:, at], error))
         else:
-            effects.append(_by_regression(name, varying, response, error))
+            with threadpool_limits(1, "blas"):  # small problems: threads would wait for each other
+                effects.append(_by_regression(name, varying, response, error))
     return effects
 
 

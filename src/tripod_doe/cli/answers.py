@@ -151,7 +151,8 @@ def _simulate(options: argparse.Namespace) -> int:
 
 
 def _compare(options: argparse.Namespace) -> int:
-    from tripod_doe.analysis.comparison import compare, model_point, parse_speeds
+    from tripod_doe.analysis.compared_point import model_point
+    from tripod_doe.analysis.comparison import compare, parse_speeds
     from tripod_doe.analysis.measurement import read_measurement
     from tripod_doe.analysis.record_file import parse_column
     from tripod_doe.report.comparison import comparison_json, comparison_text

@@ -76,13 +76,15 @@ _ALWAYS = {"setting", "provenance"}  # the others only where there is something 
 _FILES = ("cube.nc", "cost.nc", "study.toml")
 
 
-def write_report(directory: Path) -> Path:
+def write_report(directory: Path, findings: Sequence[str] | None = None) -> Path:
     """Make the report of a result directory from its cube, costs and analyses, or from the points finished so far.
 
     Parameters
     ----------
     directory
         A result directory.
+    findings
+        What `find` says of its cube, where that is known already.
 
     Returns
     -------
@@ -106,7 +108,7 @@ def write_report(directory: Path) -> Path:
     analyses = read_analyses(directory) if complete else {}
     files = [name for name in _FILES if complete and (directory / name).is_file()]
     files += [f"analysis/{name}.nc" for name in analyses]
-    return replace_text(directory / "report" / "index.html", make_page(cube, analyses, files))
+    return replace_text(directory / "report" / "index.html", make_page(cube, analyses, files, findings))
 
 
 def read_analyses(directory: Path) -> dict[str, xr.Dataset]:
@@ -114,7 +116,12 @@ def read_analyses(directory: Path) -> dict[str, xr.Dataset]:
     return {path.stem: read_dataset(path) for path in sorted((directory / "analysis").glob("*.nc"))}
 
 
-def make_page(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset], files: Sequence[str] = ()) -> str:
+def make_page(
+    cube: xr.Dataset,
+    analyses: Mapping[str, xr.Dataset],
+    files: Sequence[str] = (),
+    findings: Sequence[str] | None = None,
+) -> str:
     """The report as HTML: the same cube and analyses give the same text.
 
     Parameters
@@ -125,10 +132,12 @@ def make_page(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset], files: Seque
         Analyses of it by name.
     files
         Files of the result directory, relative to it, to which the page links.
+    findings
+        What `find` says of the cube, where that is known already.
     """
     shown = with_all_on(cube)
     said = [sentence for name, result in analyses.items() for sentence in findings_of(name, result)]
-    sentences, more = answer_first(_in_order(cube, find(cube), said))
+    sentences, more = answer_first(_in_order(cube, find(cube) if findings is None else findings, said))
     parts = contributions(analyses)
     shares = [[] if part.missing else contribution_charts(part) for part in parts]
     effects = effect_charts(shown)
@@ -182,10 +191,10 @@ def make_page(cube: xr.Dataset, analyses: Mapping[str, xr.Dataset], files: Seque
     )
 
 
-def _in_order(cube: xr.Dataset, findings: list[str], said: list[str]) -> list[str]:
+def _in_order(cube: xr.Dataset, findings: Sequence[str], said: Sequence[str]) -> list[str]:
     """What the analyses say, then what the cube shows; first of all that most points have no result, if so."""
     most_missing = int(finished(cube).sum()) < int(asked(cube).sum()) / 2
-    return findings[:1] + said + findings[1:] if most_missing else said + findings
+    return [*findings[:1], *said, *findings[1:]] if most_missing else [*said, *findings]
 
 
 def _charts(cube: xr.Dataset, shown: xr.Dataset, analyses: Mapping[str, xr.Dataset]) -> dict[str, list[Chart]]:

@@ -139,4 +139,4 @@ def _form_problem(item: dict[str, Any]) -> Problem:
     key = ".".join(place) or None
     value = item.get("input") if isinstance(item.get("input"), str | int | float | bool) else None
     told = item["msg"][0].lower() + item["msg"][1:]
-    return Problem(f"{key}: {told}" if key else told, key, value)
+    return Problem(message=f"{key}: {told}" if key else told, key=key, value=value)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, Self
+from typing import Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from tripod_doe.service.problems import Problem
 
 __all__ = ["Comparison", "Errors", "Health", "PlanRequest", "RunRecord", "Submission"]
 
@@ -94,20 +96,7 @@ class RunRecord(BaseModel):
     updated: str
 
 
-class ErrorRecord(BaseModel):
-    """One thing that is wrong."""
-
-    message: str
-    key: str | None = None
-    value: Any = None
-    line: int | None = None
-    column: int | None = None
-    near: str | None = None
-    file: str | None = None
-    table: str | None = None
-
-
 class Errors(BaseModel):
     """Why a request is refused."""
 
-    errors: list[ErrorRecord]
+    errors: list[Problem]

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from tripod_doe.analysis.comparison import compare, model_point, parse_speeds
+from tripod_doe.analysis.compared_point import model_point
+from tripod_doe.analysis.comparison import compare, parse_speeds
 from tripod_doe.analysis.measurement import read_measurement
 from tripod_doe.errors import InputError
 from tripod_doe.report.comparison import ORDER_HEADS, comparison_json, find_in_comparison, order_rows

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import ast
 import re
-from dataclasses import asdict, dataclass
 from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
 
 from tripod_doe.errors import InputError
 from tripod_doe.service.toml_places import Place, place_of
@@ -22,32 +23,19 @@ _AT = re.compile(r"\(at line (\d+), column (\d+)\)")
 _TABLES = {"designs": "design"}  # as the checked form calls them, and as a file writes them
 
 
-@dataclass(frozen=True)
-class Problem:
-    """One thing that is wrong with a request.
+class Problem(BaseModel):
+    """One thing that is wrong with a request."""
 
-    Attributes
-    ----------
-    message
-        The whole sentence.
-    key, value
-        What it is about, as it was written.
-    near
-        The known name that was probably meant.
-    line, column
-        Where it stands in its file, counted from 1.
-    file, table
-        The uploaded file and the table in it.
-    """
+    model_config = ConfigDict(frozen=True)
 
-    message: str
-    key: str | None = None
-    value: Any = None
-    line: int | None = None
-    column: int | None = None
-    near: str | None = None
-    file: str | None = None
-    table: str | None = None
+    message: str = Field(description="the whole sentence")
+    key: str | None = Field(None, description="what it is about, as it was written")
+    value: Any = Field(None, description="its value, as it was written")
+    line: int | None = Field(None, description="where it stands in its file, counted from 1")
+    column: int | None = Field(None, description="where it stands in its line, counted from 1")
+    near: str | None = Field(None, description="the known name that was probably meant")
+    file: str | None = Field(None, description="the uploaded file")
+    table: str | None = Field(None, description="the table in that file")
 
 
 class RefusedError(Exception):
@@ -55,13 +43,13 @@ class RefusedError(Exception):
 
     def __init__(self, status: int, *problems: Problem | str, headers: dict[str, str] | None = None) -> None:
         self.status = status
-        self.problems = [Problem(problem) if isinstance(problem, str) else problem for problem in problems]
+        self.problems = [Problem(message=problem) if isinstance(problem, str) else problem for problem in problems]
         self.headers = headers or {}
         super().__init__(f"{status}: {'; '.join(problem.message for problem in self.problems)}")
 
     def answer(self) -> dict[str, Any]:
         """The body of the answer."""
-        return {"errors": [asdict(problem) for problem in self.problems]}
+        return {"errors": [problem.model_dump() for problem in self.problems]}
 
 
 class ForbiddenError(InputError):
@@ -106,7 +94,10 @@ def _problem(told: str, file: str | None, texts: dict[str, str]) -> Problem:
     path[:1] = [_TABLES.get(name, name) for name in path[:1]]
     line, column = _place(told, texts.get(file or ""), path)
     near = _NEAR.search(rest)
-    return Problem(told, key, _value(value), line, column, near[1] if near else None, file, table)
+    return Problem(
+        message=told, key=key, value=_value(value), line=line, column=column, near=near[1] if near else None,
+        file=file, table=table,
+    )  # fmt: skip
 
 
 def _place(told: str, text: str | None, path: list[str]) -> tuple[int | None, int | None]:

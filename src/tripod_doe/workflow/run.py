@@ -166,7 +166,7 @@ def run_on(
         sentence for name, result in read_analyses(directory.path).items() for sentence in findings_of(name, result)
     ]
     del cube  # the report reads its own; a large cube need not be in memory twice
-    write_report(directory.path)
+    write_report(directory.path, findings)
     return RunSummary(
         directory.path,
         computed,

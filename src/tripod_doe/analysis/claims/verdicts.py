@@ -12,8 +12,9 @@ import numpy as np
 import xarray as xr
 from pydantic import BaseModel, ConfigDict, Field
 
+from tripod_doe.analysis.claims.cases import Cases
 from tripod_doe.analysis.claims.evidence import Evidence, Measured, MissingPointError
-from tripod_doe.analysis.claims.rules import RULES, Cases, Rule
+from tripod_doe.analysis.claims.rules import RULES, Rule
 from tripod_doe.analysis.kinds import makes_kind
 
 __all__ = ["VERDICT_FLAGS", "ClaimsSettings", "Verdict", "check_claims", "claims_json"]

@@ -1,0 +1,148 @@
+"""An ablation: its operating points, and what each combination of mechanisms makes of the whole amplitude there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.errors import InputError
+from tripod_doe.study.cube import SWITCH_ROLE
+from tripod_doe.study.file import parse_file
+
+__all__ = ["OperatingPoints", "Projections", "has_all_combinations", "switches_and_points"]
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_ROUNDING = 1e-6  # part of the largest amplitude of an operating point below which an amplitude is only error
+
+
+@dataclass(frozen=True)
+class OperatingPoints:
+    """Operating points of an ablation: which one each point of the cube belongs to, and their dimensions."""
+
+    of_point: NDArray[np.int64]
+    dims: tuple[str, ...]
+    shape: tuple[int, ...]
+    labels: dict[str, xr.Variable]
+
+    @property
+    def count(self) -> int:
+        """Number of operating points."""
+        return math.prod(self.shape)
+
+
+class Projections:
+    """P(S) in percent, for combinations S written as bits, the first mechanism the lowest; NaN where it is not known.
+
+    Attributes
+    ----------
+    count
+        Number of mechanisms.
+    total
+        |A_all|, shape (operating point, own dimensions).
+    error
+        Its error: as known, at least rounding; same shape.
+    weak
+        Where the magnitude is not above its error, same shape.
+    """
+
+    def __init__(
+        self, switched: NDArray[np.int64], operating: OperatingPoints, values: ComplexArray, error: FloatArray
+    ):
+        self.count = switched.shape[1]
+        self._values = np.concatenate([values, np.full_like(values[:1], np.nan)])  # row -1: no such point
+        self._row: dict[tuple[int, int], int] = {}
+        codes = switched @ (1 << np.arange(self.count))
+        for row, at in enumerate(zip(operating.of_point.tolist(), codes.tolist(), strict=True)):
+            self._row.setdefault(at, row)
+        self._points = operating.count
+        self.all_on = (1 << self.count) - 1
+        self._reference = self._amplitudes(self.all_on)
+        self.total: FloatArray = np.abs(self._reference)
+        largest = np.zeros(self._points)
+        np.fmax.at(largest, operating.of_point, _largest(values))
+        known = np.concatenate([error, np.full_like(error[:1], 0)])[self._rows(self.all_on)]
+        floor = _ROUNDING * largest.reshape(-1, *(1,) * (values.ndim - 1))
+        self.error: FloatArray = np.fmax(known, floor)
+        self.weak: NDArray[np.bool_] = self.total <= self.error
+
+    def _rows(self, combination: int) -> NDArray[np.int64]:
+        return np.array([self._row.get((at, combination), -1) for at in range(self._points)], np.int64)
+
+    def _amplitudes(self, combination: int) -> ComplexArray:
+        amplitudes: ComplexArray = self._values[self._rows(combination)]
+        return amplitudes
+
+    def missing(self, combination: int) -> NDArray[np.bool_]:
+        """Whether a combination has no result at all, of each operating point."""
+        lost = np.isnan(self._amplitudes(combination)).reshape(self._points, -1)
+        return np.asarray(lost.all(axis=1), bool)
+
+    def __call__(self, combination: int) -> FloatArray:
+        """P of one combination, shape (operating point, own dimensions)."""
+        square = np.where(self.weak, np.nan, self.total) ** 2
+        projected: FloatArray = 100 * (self._amplitudes(combination) * self._reference.conj()).real / square + 0.0
+        return projected  # the 0 added makes -0 a 0
+
+    def of_whole(self, parts: ComplexArray) -> FloatArray:
+        """Parts of A_all in percent, (point, part, own dimensions) -> (operating point, part, own dimensions)."""
+        square = np.where(self.weak, np.nan, self.total)[:, None] ** 2
+        there = np.concatenate([parts, np.full_like(parts[:1], np.nan)])[self._rows(self.all_on)]
+        projected: FloatArray = 100 * (there * self._reference[:, None].conj()).real / square + 0.0
+        return projected
+
+
+def _largest(values: ComplexArray) -> FloatArray:
+    """Largest magnitude of each point over its own dimensions, zero where it has none."""
+    magnitude: FloatArray = np.nan_to_num(np.abs(values).reshape(len(values), -1))
+    largest: FloatArray = magnitude.max(axis=1, initial=0.0)
+    return largest
+
+
+def has_all_combinations(cube: xr.Dataset) -> bool:
+    """Whether the design of the cube asks for all combinations, so that a missing one is a gap and no choice."""
+    file = parse_file(cube.attrs["study"], "the study in the cube")
+    designs = [file.design, *(file.designs[name] for name in file.design.of)]
+    return any(design.kind == "ablation" and design.combinations == "all" for design in designs)
+
+
+def switches_and_points(cube: xr.Dataset) -> tuple[list[str], OperatingPoints]:
+    """Names of the switched mechanisms, and the operating points that the other factors make."""
+    factors = [str(name) for name in cube.coords if cube[name].dims == ("point",) and "source" in cube[name].attrs]
+    switches = [name for name in factors if cube[name].attrs.get("role") == SWITCH_ROLE]
+    if not switches:
+        raise InputError("this analysis needs the cube of an ablation design, alone or as a part of a product")
+    return switches, _points_of(cube, [name for name in factors if name not in switches])
+
+
+def _points_of(cube: xr.Dataset, factors: list[str]) -> OperatingPoints:
+    """Operating points: one dimension per factor where they fill a grid, else one dimension for all."""
+    columns = [cube[name].values.tolist() for name in factors]
+    levels = [list(dict.fromkeys(column)) for column in columns]
+    shape = tuple(len(values) for values in levels)
+    rows = list(zip(*columns, strict=True)) if factors else [()] * cube.sizes["point"]
+    distinct = {row: position for position, row in enumerate(dict.fromkeys(rows))}
+
+    def label(name: str, dim: str, values: list[Any]) -> xr.Variable:
+        return xr.Variable((dim,), np.array(values, cube[name].dtype), cube[name].attrs)
+
+    if len(distinct) == math.prod(shape):
+        places = [{value: at for at, value in enumerate(values)} for values in levels]
+        at = [[place[value] for value in column] for place, column in zip(places, columns, strict=True)]
+        index = np.ravel_multi_index(tuple(np.array(a) for a in at), shape) if factors else np.zeros(len(rows), int)
+        labels = {name: label(name, name, values) for name, values in zip(factors, levels, strict=True)}
+        return OperatingPoints(np.asarray(index, np.int64), tuple(factors), shape, labels)
+    dim = "operating_point"
+    listed = {
+        name: label(name, dim, list(values)) for name, values in zip(factors, zip(*distinct, strict=True), strict=True)
+    }
+    number = {dim: xr.Variable((dim,), np.arange(len(distinct), dtype=np.int32), {"long_name": "operating point"})}
+    return OperatingPoints(
+        np.array([distinct[row] for row in rows], np.int64), (dim,), (len(distinct),), number | listed
+    )
