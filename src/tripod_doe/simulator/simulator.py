@@ -117,7 +117,7 @@ class Simulator(ABC):
         ]
         if not alike:
             return None
-        return max(alike, key=lambda candidate: sum(full[n] == v for n, v in candidate.values.items())).price
+        return min(alike, key=lambda candidate: _distance(full, candidate.values)).price
 
     def prepare(self, points: Mapping[str, NDArray[Any]]) -> None:
         """Compile what these points need, or load its machine code, so that the first block is timed like any other."""
@@ -321,3 +321,10 @@ def model_notes(simulator: Simulator, points: Mapping[str, NDArray[Any]]) -> lis
     if errors is None:
         return []
     return [*model_error_texts(errors), *departure_texts(simulator.departures(points), errors.models)]
+
+
+def _distance(values: Mapping[str, Value], others: Mapping[str, Value]) -> float:
+    """How far apart positive numbers are, as the sum of the logarithms of their ratios; what is not set is near."""
+    pairs = [(values[name], other) for name, other in others.items()]
+    numbers = [(float(a), float(b)) for a, b in pairs if not isinstance(a, str) and not isinstance(b, str) and is_set(a)]
+    return sum(abs(math.log(a / b)) for a, b in numbers if a > 0 < b)

@@ -16,7 +16,10 @@ from tripod_doe.study.failures import Failure, common_failures
 from tripod_doe.study.model_records import model_records
 from tripod_doe.study.timing import time_points
 
-__all__ = ["Plan", "cube_bytes", "plan"]
+__all__ = ["RECORDED", "Plan", "cube_bytes", "plan"]
+
+RECORDED = "recorded on another machine for usual points; others may cost twenty times as much"
+"""Where a price comes from that was not timed."""
 
 _TIMING_SECONDS = 10.0
 _BLOCK_SECONDS = 1.0
@@ -90,7 +93,7 @@ class Plan:
             lines.append("price        not known: nothing was timed")
         else:
             low, mean, high = (duration(hours * 3600) for hours in self.cpu_hours)
-            source = f"{low} to {high}, from {self.timed} timed points" if self.timed else "recorded on another machine"
+            source = f"{low} to {high}, from {self.timed} timed points" if self.timed else RECORDED
             lines.append(f"blocks       {self.blocks:,} of about a second")
             lines.append(f"CPU time     {mean} ({source})")
             lines.append(f"wall time    {duration(self.cpu_hours[1] * 3600 / workers)} on {workers} workers")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tripod_doe.quantities import duration, size
 from tripod_doe.study.definition import Study
-from tripod_doe.study.plan import Plan, plan
+from tripod_doe.study.plan import RECORDED, Plan, plan
 from tripod_doe.workflow.definition import load_workflow
 
 __all__ = ["WorkflowPlan", "plan_workflow"]
@@ -46,6 +46,8 @@ class WorkflowPlan:
         if self.cpu_hours:
             wall = duration(self.cpu_hours[1] * 3600 / workers)
             lines.append(f"{'wall time':{width}}  about {wall} on {workers} workers, without analyses and pages")
+        if any(step.cpu_hours and not step.timed for step in self.steps.values()):
+            lines.append(f"prices are {RECORDED}")
         for name, step in self.steps.items():
             foreseen = (f"{f.count:,} of {step.unique:,} points {f.outcome.label}: {f.reason}" for f in step.foreseen)
             lines += [f"{name}: {text}" for text in (*foreseen, *step.warnings)]
