@@ -7,7 +7,18 @@ import random
 
 import pytest
 
-from tripod_doe.quantities import count_of, digits_apart, duration, interval, level, number, pace, rounded_up, size
+from tripod_doe.quantities import (
+    count_of,
+    digits_apart,
+    duration,
+    interval,
+    level,
+    levels_apart,
+    number,
+    pace,
+    rounded_up,
+    size,
+)
 
 
 @pytest.mark.parametrize(
@@ -87,3 +98,8 @@ def test_numbers_that_differ_look_different():
     assert digits_apart(6.9400, 6.9416) == 4
     assert digits_apart(0.1, 0.1 + 1e-9) == 9
     assert digits_apart(0.1, 0.1) == 16
+
+
+def test_levels_in_a_legend_are_short_and_differ():
+    assert levels_apart([61.66666, 7.44444, 1499, 0.005]) == ["61.67", "7.444", "1499", "0.005"]
+    assert levels_apart([1.00001, 1.00002]) == ["1.00001", "1.00002"]

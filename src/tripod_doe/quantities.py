@@ -6,6 +6,8 @@ Three significant digits, powers of ten only where nobody would write the digits
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from itertools import pairwise
 
 __all__ = [
     "count_of",
@@ -13,6 +15,7 @@ __all__ = [
     "duration",
     "interval",
     "level",
+    "levels_apart",
     "number",
     "pace",
     "rounded_up",
@@ -57,6 +60,13 @@ def digits_apart(low: float, high: float) -> int:
 def level(value: float) -> str:
     """A value that was given, as it was written: ``1499``, ``0.005``."""
     return number(value, _GIVEN_DIGITS)
+
+
+def levels_apart(values: Iterable[float]) -> list[str]:
+    """Levels of a factor in a legend: four significant digits, or as many as let neighbours look different."""
+    ordered = sorted(set(map(float, values)))
+    digits = max([4, *(digits_apart(low, high) for low, high in pairwise(ordered))])
+    return [number(float(value), digits) for value in values]
 
 
 def rounded_up(value: float, digits: int = 2) -> str:

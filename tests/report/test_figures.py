@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 from tripod_doe.report.figures import effect_charts, index_charts, spectrum_chart, waveform_charts
+from tripod_doe.report.figures.chart import drawing, legend_above
 from tripod_doe.report.figures.waveforms import chosen_points
 
 
@@ -150,3 +151,12 @@ def test_a_factor_with_one_level_needs_no_line_of_its_own(grid_cube):
     (chart,) = group.charts
     third = grid_cube["thrust_amplitude"].sel(order=3, torque_n_m=100)
     assert (chart.data["thrust_amplitude_order_3"] == third.values).all()
+
+
+def test_a_legend_is_never_wider_than_its_figure():
+    with drawing(3.7, 3.0) as (figure, axes):
+        for value in range(5):
+            axes.plot([0, 1], [0, value], label=f"a level of {value}.2345 N m")
+        legend_above(axes, 3, "torque")
+        figure.canvas.draw()
+        assert axes.get_legend().get_window_extent().x1 <= figure.bbox.x1

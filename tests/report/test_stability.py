@@ -69,7 +69,7 @@ def test_table(borders):
 def test_map(borders):
     chart = FIGURES["stability-map"]({"borders": borders})[0]
     assert [axes.get_title(loc="left") for axes in chart.figure.axes] == ["symplectic-euler"]
-    assert "Not drawn: bdf2, all runs right" in chart.caption
+    assert "Not drawn, all runs right within the limit: bdf2." in chart.caption
     assert len(chart.data) == 4
     svg = chart.svg()
     assert "finished with a wrong result" in svg

@@ -325,6 +325,6 @@ def model_notes(simulator: Simulator, points: Mapping[str, NDArray[Any]]) -> lis
 
 def _distance(values: Mapping[str, Value], others: Mapping[str, Value]) -> float:
     """How far apart positive numbers are, as the sum of the logarithms of their ratios; what is not set is near."""
-    pairs = [(values[name], other) for name, other in others.items()]
-    numbers = [(float(a), float(b)) for a, b in pairs if not isinstance(a, str) and not isinstance(b, str) and is_set(a)]
+    pairs = ((values[name], other) for name, other in others.items())
+    numbers = [(a, b) for a, b in pairs if isinstance(a, int | float) and isinstance(b, int | float)]
     return sum(abs(math.log(a / b)) for a, b in numbers if a > 0 < b)

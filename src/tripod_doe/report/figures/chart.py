@@ -46,6 +46,7 @@ WIDE = 6.0
 """Width in inches above which a chart does not share a row of a page with others."""
 
 _OWN_TICKS = 5
+_LEGEND_SHARE = 0.86  # of the width of a figure; the rest is for the axis on its left
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",
@@ -181,8 +182,13 @@ def factor_ticks(axes: Axes, levels: NDArray[Any]) -> None:
 
 
 def legend_above(axes: Axes, columns: int, title: str | None = None) -> None:
-    """Put the legend above the axes, where it hides no data."""
-    axes.legend(
-        loc="lower left", bbox_to_anchor=(0, 1.0), ncols=columns, title=title, alignment="left", borderaxespad=0.3,
-        handlelength=2.6, columnspacing=1.2, title_fontsize=8,
-    )  # fmt: skip
+    """Put the legend above the axes, where it hides no data, in fewer columns where so many are too wide."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    for fewer in range(columns, 0, -1):
+        legend = axes.legend(
+            loc="lower left", bbox_to_anchor=(0, 1.0), ncols=fewer, title=title, alignment="left", borderaxespad=0.3,
+            handlelength=2.6, columnspacing=1.2, title_fontsize=8,
+        )  # fmt: skip
+        if legend.get_window_extent().width <= _LEGEND_SHARE * figure.bbox.width:
+            break

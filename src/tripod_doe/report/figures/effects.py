@@ -11,7 +11,7 @@ import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
-from tripod_doe.quantities import level, with_unit
+from tripod_doe.quantities import level, levels_apart, with_unit
 from tripod_doe.report.figures.chart import (
     COLOURS,
     LINES,
@@ -128,9 +128,9 @@ def _columns(cube: xr.Dataset, second: str | None, values: FloatArray) -> Iterat
         return
     usable = np.flatnonzero(np.isfinite(values).any(axis=0))
     chosen = np.unique(np.linspace(0, usable.size - 1, min(usable.size, _MOST_LINES)).round().astype(int))
-    for at in usable[chosen]:
-        level = cube[second].values[at]
-        yield f"{float(level):.6g}" if cube[second].dtype.kind in "fiu" else str(level), values[:, at]
+    shown = cube[second].values[usable[chosen]]
+    texts = levels_apart(shown) if cube[second].dtype.kind in "fiu" else map(str, shown)
+    yield from zip(texts, values.T[usable[chosen]], strict=True)
 
 
 def _capital(response: Response) -> str:

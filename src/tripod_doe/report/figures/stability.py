@@ -142,10 +142,11 @@ def _label(panel: Axes, part: xr.Dataset, factor: str) -> None:
 
 def _caption(borders: xr.Dataset, factor: str, left_out: dict[str, str]) -> str:
     what = "tolerance" if borders.attrs["numerics"] != "step_s" else "step"
+    alike = {meaning: [name for name in left_out if left_out[name] == meaning] for meaning in left_out.values()}
     return (
         f"Runs over {what} and {spoken(factor)}: right within {100 * borders.attrs['limit']:g} % of the reference, "
         f"rejected, or wrong and undetected; the measured border, and that of the linearised scene."
-        + "".join(f" Not drawn: {name}, {meaning}." for name, meaning in left_out.items())
+        + "".join(f" Not drawn, {meaning}: {', '.join(names)}." for meaning, names in alike.items())
     )
 
 
