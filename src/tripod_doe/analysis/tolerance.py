@@ -7,7 +7,6 @@ as far about its centre, w = 2 f(c + 2 (x - c)) / f(x) with the density f of the
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 
 import numpy as np
@@ -34,8 +33,6 @@ from tripod_doe.study.file import FactorTable
 __all__ = ["ToleranceSettings", "tolerance"]
 
 FloatArray = NDArray[np.float64]
-
-_ORDER = re.compile(r"(.+)_(\d+)$")
 
 
 class ToleranceSettings(SensitivitySettings):
@@ -128,24 +125,15 @@ def _gains(
 
 def _limits(limits: Mapping[str, float], table: OutputTable) -> FloatArray:
     """The limit of each component of an output, NaN where there is none."""
-    found = np.full(table.variable.shape[1:], np.nan)
+    found = np.full(table.values.shape[1], np.nan)
     for key, value in limits.items():
-        parts = _ORDER.match(key)
-        if key == table.name:
-            found[...] = value
-        elif parts and parts[1] == table.name and table.variable.dims[1:] == ("order",):
-            found[table.variable["order"].values == int(parts[2])] = value
-    return found.ravel()
+        found[table.named(key)] = value
+    return found
 
 
 def _check_limits(limits: Mapping[str, float], tables: list[OutputTable]) -> None:
     """Refuse a limit of nothing."""
-    known = [table.name for table in tables] + [
-        f"{table.name}_{order}"
-        for table in tables
-        if table.variable.dims[1:] == ("order",)
-        for order in table.variable["order"].values
-    ]
+    known = [key for table in tables for key in table.keys]
     for key in limits:
         if key not in known:
             raise InputError(f"limits: {key!r} is no output or order of one{near_match(key, known)}")

@@ -53,7 +53,7 @@ def _add_plan(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument("file", metavar="FILE.toml", type=Path, help="study file or workflow file")
     parser.add_argument("--no-timing", action="store_true", help="count points and bytes only, without timing")
     parser.add_argument("--out", metavar="DIR", type=Path,
-                        help='for a study with model = "auto": result directory whose choice to show')  # fmt: skip
+                        help='result directory whose choice (model = "auto") or split to show')  # fmt: skip
     parser.add_argument("--quick", action="store_true", help="for a workflow: with the overrides of [quick]")
     parser.add_argument("--workers", metavar="N", type=int, default=2, help="worker processes to plan for (default 2)")
 
@@ -119,6 +119,10 @@ def _plan_study(options: argparse.Namespace) -> int:
         from tripod_doe.analysis.model_choice.study_choice import describe_choice
 
         print(describe_choice(study, options.out))
+    if study.file.design.kind == "multifidelity":
+        from tripod_doe.analysis.multifidelity.study_split import describe_split
+
+        print("\n".join(describe_split(study, options.out)))
     return DONE
 
 

@@ -21,6 +21,7 @@ from tripod_doe.analysis.comparison import ComparisonSettings, compare_file
 from tripod_doe.analysis.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analysis.kinds import is_study, kind_made_by, kind_of
 from tripod_doe.analysis.model_choice.selection import ChooseSettings, choose_for_study
+from tripod_doe.analysis.multifidelity import MultifidelitySettings, multifidelity
 from tripod_doe.analysis.sensitivity import (
     EFFECT_DESIGNS,
     SAMPLED_DESIGNS,
@@ -57,10 +58,12 @@ from tripod_doe.report.figures.comparison import comparison_charts
 from tripod_doe.report.figures.contributions import contribution_figures
 from tripod_doe.report.figures.indices import indices_of_study
 from tripod_doe.report.figures.inputs import Figure, of_one
+from tripod_doe.report.figures.multifidelity import multifidelity_charts
 from tripod_doe.report.figures.speed_accuracy import model_error_charts, speed_accuracy_charts
 from tripod_doe.report.figures.stability import stability_charts
 from tripod_doe.report.figures.tolerance import tolerance_charts
 from tripod_doe.report.findings import find
+from tripod_doe.report.multifidelity import find_in_multifidelity, model_table
 from tripod_doe.report.sensitivity import find_in_sensitivity
 from tripod_doe.report.speed_accuracy import find_in_speed_accuracy, price_table
 from tripod_doe.report.stability import find_in_stability, stability_table
@@ -199,6 +202,14 @@ ANALYSES: dict[str, Analysis] = {
             findings=find_in_tolerance,
             table=tolerance_table,
             figures={"tolerance": tolerance_charts},
+        ),
+        Analysis(
+            _of_cube(multifidelity),
+            MultifidelitySettings,
+            designs=("multifidelity",),
+            findings=find_in_multifidelity,
+            table=model_table,
+            figures={"multifidelity": multifidelity_charts},
         ),
         Analysis(
             _of_cube(contribution_shares),

@@ -13,7 +13,7 @@ import xarray as xr
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from tripod_doe.analysis.kinds import of_kind
+from tripod_doe.analysis.kinds import kind_of, of_kind
 from tripod_doe.analysis.sensitivity import RANKED
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError
@@ -32,6 +32,7 @@ from tripod_doe.report.figures import (
     kept_skew_charts,
     locus_chart,
     model_choice_chart,
+    multifidelity_charts,
     spectrum_chart,
     stability_charts,
     tolerance_charts,
@@ -156,7 +157,11 @@ def make_page(
         "failed": failed_points(cube, _MOST_FAILED),
     }  # fmt: skip
     lost, left = int((asked(cube) & ~finished(cube)).sum() - waiting(cube).sum()), int(waiting(cube).sum())
-    silent = [name for name, result in of_kind(analyses, *RANKED).items() if not sensitivity_parts(result)]
+    silent = [
+        name
+        for name, result in of_kind(analyses, *RANKED).items()
+        if not sensitivity_parts(result) and (kind_of(result) != "multifidelity" or "ST" in result)
+    ]
     filled = {name for name, part in content.items() if part}
     filled |= {"sensitivity"} if silent else set()
     filled |= {"failed"} if lost or left else set()
@@ -205,7 +210,12 @@ def _charts(cube: xr.Dataset, shown: xr.Dataset, analyses: Mapping[str, xr.Datas
     return {
         "models": [choice] if choice else [],
         "borders": [chart for result in of_kind(analyses, "stability").values() for chart in stability_charts(result)],
-        "sensitivity": [*index_charts(analyses, cube), *factorial_effect_charts(analyses), *tolerance_charts(analyses)],
+        "sensitivity": [
+            *index_charts(analyses, cube),
+            *factorial_effect_charts(analyses),
+            *tolerance_charts(analyses),
+            *multifidelity_charts(analyses),
+        ],
         "region": [region] if (region := failing_region_chart(cube)) else [],
         "loci": [loci] if loci else [],
         "waveforms": waveform_charts(shown) if every_order else [],

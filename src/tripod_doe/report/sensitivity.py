@@ -11,7 +11,7 @@ from tripod_doe.quantities import count_of, interval, number, rounded_up
 from tripod_doe.report.main_outputs import OutputPart, main_outputs
 from tripod_doe.report.responses import listed, spoken
 
-__all__ = ["find_in_sensitivity", "sensitivity_parts"]
+__all__ = ["find_in_sensitivity", "sensitivity_parts", "sobol_sentence"]
 
 _MOST_NAMED = 4  # factors that a sentence names
 _NOT_RESOLVED, _BELOW_ERROR = 0, 2  # flags of `resolved`
@@ -40,7 +40,7 @@ def find_in_sensitivity(name: str, result: xr.Dataset) -> list[str]:
     for part in sensitivity_parts(result):
         match kind:
             case "sobol":
-                told = _sobol_sentence(part)
+                told = sobol_sentence(part)
             case "morris":
                 told = _morris_sentence(part)
             case _:
@@ -55,7 +55,8 @@ def sensitivity_parts(result: xr.Dataset) -> list[OutputPart]:
     return main_outputs(result, key, ("factor",)) if key in result else []
 
 
-def _sobol_sentence(part: OutputPart) -> str:
+def sobol_sentence(part: OutputPart) -> str:
+    """The strongest total indices of an output, and whether interactions show."""
     ranked = _ranked(part.answers, "ST")
     shown = [row for row in ranked[:_MOST_NAMED] if row[1] > row[2]] or ranked[:1]
     told = listed([f"{spoken(factor)} {interval(value, half)}" for factor, value, half in shown])

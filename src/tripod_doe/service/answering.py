@@ -113,12 +113,14 @@ def compare(path: str, measurement: str, settings: dict[str, Any]) -> Answer:
 
 
 def choice(folder: str, path: str) -> Answer:
-    """Lines on the choice of model of a study with model = "auto"; empty for another."""
+    """Lines on the choice of model of a study with model = "auto", or on the split of a multifidelity study."""
     from tripod_doe.analysis.model_choice.study_choice import describe_choice
+    from tripod_doe.analysis.multifidelity.study_split import describe_split
     from tripod_doe.study.definition import load_study
 
     study = load_study(Path(folder) / STUDY)
-    return describe_choice(study, Path(path)).splitlines() if study.accuracy else [], b""
+    lines = describe_choice(study, Path(path)).splitlines() if study.accuracy else describe_split(study, Path(path))
+    return lines, b""
 
 
 def extend(folder: str, path: str, texts: dict[str, str], limits: dict[str, Any]) -> Answer:
@@ -134,12 +136,15 @@ def extend(folder: str, path: str, texts: dict[str, str], limits: dict[str, Any]
 
 
 def _refuse_changes(folder: Path, path: Path) -> None:
+    from tripod_doe.analysis.multifidelity.study_split import needs_split, with_samples_so_far
     from tripod_doe.study.definition import parse_study
     from tripod_doe.study.designs import make_points
     from tripod_doe.study.directory import ResultDirectory
     from tripod_doe.study.study_points import StudyPoints
 
     study = parse_study((folder / STUDY).read_text(encoding="utf-8"), STUDY, folder, functions=False)
+    if needs_split(study):
+        study = with_samples_so_far(study, path)
     asked = StudyPoints(study, make_points(study))
     with ResultDirectory(path) as directory:
         directory.refuse_changes(study, asked.wanted_keys)

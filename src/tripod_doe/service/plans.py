@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.analysis.model_choice.study_choice import describe_choice
+from tripod_doe.analysis.multifidelity.study_split import describe_split
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import TooLargeError
 from tripod_doe.service.uploads import STUDY
@@ -94,7 +95,7 @@ def _told(study: Study, price: Plan) -> dict[str, Any]:
         "cpu_seconds": _seconds(price.cpu_hours),
         "timed": price.timed,
         "model_chosen_by_pilot": price.chosen,
-        "choice": describe_choice(study, None).splitlines() if price.chosen else [],
+        "choice": describe_choice(study, None).splitlines() if price.chosen else describe_split(study, None),
         "foreseen": [{"outcome": f.outcome.label, "reason": f.reason, "count": f.count} for f in price.foreseen],
         "models": list(price.models),
         "warnings": list(price.warnings),

@@ -24,7 +24,7 @@ from tripod_doe.simulator import (
     Value,
 )
 from tripod_doe.study.definition import Study
-from tripod_doe.study.designs import Points, axis_levels
+from tripod_doe.study.designs import SAMPLE, Points, axis_levels
 from tripod_doe.study.journal import PILOT, FinishedBlock
 from tripod_doe.study.model_records import model_records
 
@@ -61,6 +61,7 @@ THIS_STUDY = "this study"
 
 _USER_FUNCTION = "user function"
 _POINT_ATTRIBUTES = {"long_name": "number of the point in the design", "units": "1"}
+_LABELS = {"varied": "factor that is varied", SAMPLE: "sample that the point belongs to, the same in all models"}
 _UNKNOWN = -1  # flag of a point that has not run, or of a choice that its model does not have
 _PACKAGES = ("tripod-doe", "numpy", "scipy", "numba", "xarray", "netCDF4", "dask", "SALib", "pydoe")
 
@@ -324,7 +325,7 @@ def _coordinates(study: Study, points: Points, labels: Mapping[str, NDArray[Any]
     if points.dims == ("point",):
         coordinates["point"] = xr.Variable(("point",), np.arange(points.count, dtype=np.int32), _POINT_ATTRIBUTES)
     for name, column in points.labels.items():
-        meaning = "factor that is varied" if name == "varied" else "row of the sub-design"
+        meaning = _LABELS.get(name, "row of the sub-design")
         coordinates[name] = xr.Variable(("point",), _cf_type(column), {"long_name": meaning})
     for name, values in labels.items():
         coordinates[name] = xr.Variable((name,), _cf_type(values), study.simulator.dimension_attributes(name))

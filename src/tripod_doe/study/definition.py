@@ -144,6 +144,7 @@ def parse_study(text: str, origin: str = "study", folder: Path | None = None, fu
     base = _at(origin, "[base]", lambda: check_parameters(simulator.parameters, given))
     switches = _at(origin, "[design]", lambda: _switches(simulator, file))
     tables = file.factors | {name: FactorTable(values=[0, 1]) for name in switches if name not in file.factors}
+    tables |= _at(origin, "[design]", lambda: _fidelity(simulator, file))
     for name in tables:
         if name not in simulator.parameters:
             known = near_match(name, simulator.parameters)
@@ -239,6 +240,21 @@ def _switches_of(part: DesignTable, parameters: Mapping[str, Parameter], own: li
                 f'factors: {name} is no switch{told}; cross the ablation with {name} in a design of kind "product"'
             )
     return names
+
+
+def _fidelity(simulator: Simulator, file: StudyFile) -> dict[str, FactorTable]:
+    """The factor that names the model, where a multifidelity study does not list models itself: all of the scene."""
+    name = file.design.fidelity
+    if file.design.kind != "multifidelity" or name in file.factors:
+        return {}
+    if name in file.base:
+        raise InputError(f"fidelity: {name} is a base value, so there is one model only; remove it from [base]")
+    if name != "model" or not simulator.model_names:
+        raise InputError(
+            f"fidelity: add [factors.{name}] with values, from the cheapest model to the one that counts as the truth, "
+            "or name the factor that has them"
+        )
+    return {name: FactorTable(values=list(simulator.model_names))}
 
 
 def _kept(simulator: Simulator, names: list[str]) -> tuple[str, ...]:

@@ -181,6 +181,11 @@ class ResultDirectory:
         finally:
             self._journal.remember(_COMPUTING, "no")
 
+    def read(self, asked: StudyPoints) -> xr.Dataset:
+        """Cube and costs of some points from all finished blocks; nothing is written."""
+        cube, cost = build_cube(asked.study, asked.points, asked.keys, self._journal.blocks())
+        return cube.assign({name: cost[name] for name in cost.data_vars})
+
     def write_cube(self, asked: StudyPoints, action: str) -> xr.Dataset:
         """Make cube and costs from all finished blocks, write them, and return the cube.
 

@@ -37,7 +37,7 @@ Scalar = Annotated[float | int | str | bool, Field(union_mode="smart")]
 DesignKind = Literal[
     "grid", "zip", "one-at-a-time", "table", "latin-hypercube", "sobol", "halton", "saltelli", "morris", "fast",
     "rbd-fast", "finite-differences", "full-factorial", "fractional-factorial", "plackett-burman", "central-composite",
-    "box-behnken", "ablation", "product",
+    "box-behnken", "multifidelity", "ablation", "product",
 ]  # fmt: skip
 
 
@@ -86,7 +86,8 @@ class DesignTable(_Table):
     samples: int | None = Field(
         None,
         ge=1,
-        description="number of samples (saltelli: SALib's N; morris: trajectories; fast: points of a curve)",
+        description="number of samples (saltelli: SALib's N; morris: trajectories; fast: points of a curve; "
+        "multifidelity: samples of the dearest model)",
     )
     seed: int = Field(0, ge=0, description="seed of the random numbers")
     levels: int | None = Field(
@@ -114,6 +115,20 @@ class DesignTable(_Table):
     second_order: bool = Field(True, description="saltelli: whether the points for second-order indices are added")
     table: str | None = Field(None, description="CSV file with one column per factor, relative to the study file")
     constraints: list[str] = Field([], description="conditions on the factors that every point must meet")
+    fidelity: str = Field("model", description="multifidelity: factor that names the model, the truth last")
+    indices: bool = Field(True, description="multifidelity: whether the points for Sobol' indices are added")
+    pilot: int | None = Field(
+        None, ge=16, description="multifidelity: samples that all models run first, 24 or all samples if omitted"
+    )
+    target: list[str] = Field(
+        [], description="multifidelity: OUTPUT or OUTPUT_ORDER whose variance the split makes small; all if omitted"
+    )
+    split: dict[str, Annotated[int, Field(ge=0)]] = Field(
+        {}, description="multifidelity: samples of each model; from the pilot if omitted"
+    )
+    prices: dict[str, Annotated[float, Field(gt=0)]] = Field(
+        {}, description="multifidelity: CPU seconds of a point with each model; counted in the pilot if omitted"
+    )
     combinations: Literal["all", "single"] = Field(
         "all", description="ablation: all combinations of the switches, or single: all on, none, each off, each alone"
     )  # fmt: skip

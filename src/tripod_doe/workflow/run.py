@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -12,6 +13,13 @@ from numpy.typing import NDArray
 
 from tripod_doe.analysis.model_choice.pilot_results import pilot_results
 from tripod_doe.analysis.model_choice.study_choice import make_choice
+from tripod_doe.analysis.multifidelity.study_split import (
+    needs_split,
+    split_study,
+    stored_split,
+    told_split,
+    with_samples_so_far,
+)
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.report.analyses import findings_of
 from tripod_doe.report.findings import find
@@ -152,13 +160,17 @@ def run_on(
     with ResultDirectory(out) as directory:
         if study.accuracy:
             asked = _choose_models(asked, directory, execution, progress)
+        piloted = 0
+        if needs_split(study):
+            asked, piloted = _split_samples(asked, directory, execution, fail_fast, progress)
+            study = asked.study
         directory.accept(asked)
         if study.accuracy:
             _take_over_pilot(asked, directory, retry_failed)
         missing = directory.missing(asked, retry_failed)
         computed = _compute(asked, missing, directory, execution, fail_fast, progress)
         check_interrupt()
-        cube = directory.write_cube(asked, f"tripod-doe run: {computed} points computed")
+        cube = directory.write_cube(asked, f"tripod-doe run: {piloted + computed} points computed")
     analyses = run_analyses(study, cube, directory.path)
     findings, failures = find(cube), asked.failures(cube)
     notes = str(cube.attrs.get("model_notes", "")).splitlines()
@@ -169,9 +181,9 @@ def run_on(
     write_report(directory.path, findings)
     return RunSummary(
         directory.path,
-        computed,
-        asked.different - missing.size,
-        execution.seconds if computed else 0.0,
+        piloted + computed,
+        asked.different - missing.size - piloted,
+        execution.seconds if piloted + computed else 0.0,
         failures,
         bool(study.retry.changes),
         analyses,
@@ -199,6 +211,27 @@ def _take_over_pilot(asked: StudyPoints, directory: ResultDirectory, retry_faile
     """Commit the missing points that the pilot has run with the chosen model."""
     for block in pilot_results(asked, directory.missing(asked, retry_failed), directory.path / PILOT):
         directory.commit(block)
+
+
+def _split_samples(
+    pilot: StudyPoints, directory: ResultDirectory, execution: Execution, fail_fast: bool, progress: bool
+) -> tuple[StudyPoints, int]:
+    """The points with the samples that each model gets: as before, or from the pilot; and how many of it ran now."""
+    computed = 0
+    study = stored_split(pilot.study, directory.path)
+    if study is None:
+        missing = directory.missing(pilot)
+        if missing.size:
+            so_far = with_samples_so_far(pilot.study, directory.path)
+            if so_far is pilot.study:
+                directory.accept(pilot)
+            else:
+                directory.refuse_changes(so_far, StudyPoints(so_far, make_points(so_far)).wanted_keys)
+            computed = _compute(pilot, missing, directory, execution, fail_fast, progress)
+        study, split = split_study(pilot.study, directory.read(pilot), directory.path)
+        if progress:
+            print("\n".join(told_split(split)), file=sys.stderr)
+    return StudyPoints(study, make_points(study)), computed
 
 
 def _compute(

@@ -52,5 +52,6 @@ RANKED = {
     "pawn": distributions.PAWN.ranked,
     "delta": distributions.DELTA.ranked,
     "shapley": shapley.METHOD.ranked,
+    "multifidelity": variance_based.METHOD.ranked,
 }
-"""The index by which each kind of analysis ranks the factors."""
+"""The index by which each kind of analysis ranks the factors, if it has indices."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import xarray as xr
@@ -149,7 +149,7 @@ def _estimate(method: Method, sample: Sample, table: OutputTable, settings: Sens
             blank[..., components] = answer
     if not found:  # shapes, of an output that varies nowhere
         first = np.linspace(0, 1, table.values.shape[0])[:, None] * np.ones(table.values.shape[1])
-        varying = OutputTable(table.name, table.variable, first, False, table.error)
+        varying = replace(table, values=first, wraps=False)
         shown = method.estimate(sample, varying, np.array([0]), settings)
         found = {key: np.full((*answer.shape[:-1], table.values.shape[1]), np.nan) for key, answer in shown.items()}
     return found

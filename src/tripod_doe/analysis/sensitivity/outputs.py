@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -38,7 +38,9 @@ class OutputTable:
     variable
         As the cube holds it, the points along its first dimension.
     values
-        Numbers, shape (point, component); phases relative to their circular mean (deg).
+        Numbers, shape (point, component); phases relative to `centre`.
+    centre
+        Circular mean of phases (deg), else 0, shape (component,).
     wraps
         Whether they are phases.
     error
@@ -48,6 +50,7 @@ class OutputTable:
     name: str
     variable: xr.DataArray
     values: FloatArray
+    centre: FloatArray
     wraps: bool
     error: FloatArray
 
@@ -61,6 +64,22 @@ class OutputTable:
         """Components that vary over the points beyond rounding, shape (component,)."""
         largest = 360.0 if self.wraps else float(np.abs(self.values).max(initial=0.0))
         return np.asarray(np.ptp(self.values, axis=0) > _CONSTANT * largest)
+
+    def named(self, key: str) -> NDArray[np.bool_]:
+        """The components that OUTPUT or OUTPUT_ORDER names, none where it names another output; shape (component,)."""
+        shape = self.variable.shape[1:]
+        if key == self.name:
+            return np.ones(shape, bool).ravel()
+        output, _, order = key.rpartition("_")
+        if output == self.name and order.isdigit() and self.variable.dims[1:] == ("order",):
+            return np.asarray(self.variable["order"].values == int(order))
+        return np.zeros(shape, bool).ravel()
+
+    @property
+    def keys(self) -> list[str]:
+        """What `named` knows."""
+        orders = self.variable["order"].values if self.variable.dims[1:] == ("order",) else ()
+        return [self.name, *(f"{self.name}_{order}" for order in orders)]
 
     def chunks(self) -> Iterator[NDArray[np.int64]]:
         """The components that vary, in parts that fit into the memory with their resamples."""
@@ -77,7 +96,7 @@ class OutputTable:
 
     def rows(self, chosen: NDArray[np.int64]) -> OutputTable:
         """The same output at some points only."""
-        return OutputTable(self.name, self.variable[chosen], self.values[chosen], self.wraps, self.error)
+        return replace(self, variable=self.variable[chosen], values=self.values[chosen])
 
     def labelled(self, answer: FloatArray, dims: tuple[str, ...]) -> xr.DataArray:
         """An answer, shape (*dims, component), under the labels of the output."""
@@ -127,22 +146,23 @@ def _table(cube: xr.Dataset, name: str, rows: NDArray[np.int64]) -> OutputTable:
     variable = cube[name].isel(point=rows)
     values = variable.values.astype(float).reshape(rows.size, -1)
     wraps = "wraps_at" in variable.attrs
+    centre = np.zeros(values.shape[1])
     if wraps:
-        values = _around_mean(values)
+        values, centre = _around_mean(values)
     error = np.zeros(values.shape[1])
     if f"{name}_error" in cube and cube[f"{name}_error"].dims == variable.dims:
         told = cube[f"{name}_error"].isel(point=rows).values.astype(float).reshape(rows.size, -1)
         known = np.isfinite(told)
         error = np.where(known, told, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-    return OutputTable(name, variable, values, wraps, error)
+    return OutputTable(name, variable, values, centre, wraps, error)
 
 
-def _around_mean(degrees: FloatArray) -> FloatArray:
-    """Angles relative to their circular mean, so that the wrap at +-180 deg is no variance."""
+def _around_mean(degrees: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Angles relative to their circular mean, so that the wrap at +-180 deg is no variance, and that mean."""
     turns = np.exp(1j * np.radians(degrees))
     mean = turns.mean(axis=0)
-    relative: FloatArray = np.degrees(np.angle(turns / np.where(mean == 0, 1, mean)))
-    return relative
+    mean = np.where(mean == 0, 1, mean)
+    return np.degrees(np.angle(turns / mean)), np.degrees(np.angle(mean))
 
 
 def stacked(parts: Sequence[xr.Dataset], tables: Sequence[OutputTable]) -> xr.Dataset:

@@ -12,14 +12,14 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.analysis.failing_region import FailingRegion, failing_region
-from tripod_doe.analysis.sensitivity.settings import SensitivitySettings
+from tripod_doe.analysis.sensitivity.settings import PointSettings
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import EXCLUDED
 from tripod_doe.study.designs import FAMILIES, factor_groups, unit_sample
 from tripod_doe.study.file import DesignTable, FactorTable, parse_file
 
-__all__ = ["Sample", "flat_points", "read_sample"]
+__all__ = ["Sample", "flat_points", "read_sample", "refuse_holes", "usable_points"]
 
 FloatArray = NDArray[np.float64]
 
@@ -98,9 +98,7 @@ def flat_points(cube: xr.Dataset) -> xr.Dataset:
     return flat.transpose("point", ...)
 
 
-def read_sample(
-    cube: xr.Dataset, settings: SensitivitySettings, kinds: Collection[str], outputs: Sequence[str]
-) -> Sample:
+def read_sample(cube: xr.Dataset, settings: PointSettings, kinds: Collection[str], outputs: Sequence[str]) -> Sample:
     """The usable points of a cube: those of blocks in which all points finished and gave all outputs.
 
     Parameters
@@ -125,12 +123,12 @@ def read_sample(
         raise InputError(f"this analysis needs a {' or '.join(kinds)} design, the cube's is {design.kind}")
     tables = {name: file.factors[name] for name in design.factors or file.factors}
     block = FAMILIES[design.kind].block(design, len(factor_groups(tables)))
-    usable, inside = _usable(cube, outputs), _inside(cube)
+    usable, inside = usable_points(cube, outputs), _inside(cube)
     columns = {name: cube[name].values for name in tables if name in cube.coords}
     region = failing_region({name: column[inside] for name, column in columns.items()}, ~usable[inside])
     whole = usable.reshape(-1, block).all(axis=1)
     asked = int(inside.sum()) // block
-    _refuse(settings, region, int(whole.sum()), asked, block)
+    refuse_holes(settings, region, int(whole.sum()), asked, block)
     rest = settings.holes == "rest" and region is not None
     if rest and region is not None:
         whole &= region.outside(columns).reshape(-1, block).all(axis=1)
@@ -148,7 +146,7 @@ def _inside(cube: xr.Dataset) -> NDArray[np.bool_]:
     return np.asarray(cube[EXCLUDED].values == 0)
 
 
-def _usable(cube: xr.Dataset, outputs: Sequence[str]) -> NDArray[np.bool_]:
+def usable_points(cube: xr.Dataset, outputs: Sequence[str]) -> NDArray[np.bool_]:
     """Points that finished and gave numbers, shape (point,).
 
     A finished point may lack one: a function returned NaN, a model cannot give the output.
@@ -161,7 +159,7 @@ def _usable(cube: xr.Dataset, outputs: Sequence[str]) -> NDArray[np.bool_]:
     return usable
 
 
-def _refuse(settings: SensitivitySettings, region: FailingRegion | None, left: int, asked: int, block: int) -> None:
+def refuse_holes(settings: PointSettings, region: FailingRegion | None, left: int, asked: int, block: int) -> None:
     """Refuse where too few blocks are left, or where holes are to be refused."""
     what = "points" if block == 1 else f"blocks of {block} points"
     where = f"; most failed {region.text}" if region else ""

@@ -1,4 +1,4 @@
-"""Settings that all sensitivity analyses share."""
+"""Settings that analyses of many points share."""
 
 from __future__ import annotations
 
@@ -6,23 +6,28 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-__all__ = ["SensitivitySettings"]
+__all__ = ["PointSettings", "SensitivitySettings"]
 
 
-class SensitivitySettings(BaseModel):
-    """[analysis.NAME] of a sensitivity analysis."""
+class PointSettings(BaseModel):
+    """What every analysis of points with intervals asks: of which outputs, how sure, and what if points failed."""
 
     model_config = ConfigDict(extra="forbid")
     outputs: list[str] = Field([], description="outputs to analyse; all kept ones if omitted")
     confidence: float = Field(0.95, gt=0, lt=1, description="level of the confidence intervals")
-    resamples: int = Field(100, ge=10, description="resamples of the confidence intervals")
-    seed: int = Field(0, ge=0, description="seed of the resampling")
-    precision: float = Field(
-        0.05, gt=0, description="half width of an interval that is narrow enough, over the largest index"
-    )
     holes: Literal["drop", "rest", "refuse"] = Field(
         "drop",
         description="what is done where points failed: drop the blocks that they belong to, answer for the rest of the "
         "region where most failures lie together, or refuse",
     )
     most_dropped: float = Field(0.2, ge=0, lt=1, description="share of the blocks that may be dropped")
+
+
+class SensitivitySettings(PointSettings):
+    """[analysis.NAME] of a sensitivity analysis."""
+
+    resamples: int = Field(100, ge=10, description="resamples of the confidence intervals")
+    seed: int = Field(0, ge=0, description="seed of the resampling")
+    precision: float = Field(
+        0.05, gt=0, description="half width of an interval that is narrow enough, over the largest index"
+    )

@@ -8,6 +8,7 @@ from tripod_doe.report.figures.failing_region import failing_region_chart
 from tripod_doe.report.figures.indices import index_charts
 from tripod_doe.report.figures.loci import locus_chart
 from tripod_doe.report.figures.model_choice import model_choice_chart
+from tripod_doe.report.figures.multifidelity import multifidelity_charts
 from tripod_doe.report.figures.skews import findings_over_skew_charts, kept_skew_charts
 from tripod_doe.report.figures.stability import stability_charts
 from tripod_doe.report.figures.tolerance import tolerance_charts
@@ -24,6 +25,7 @@ __all__ = [
     "kept_skew_charts",
     "locus_chart",
     "model_choice_chart",
+    "multifidelity_charts",
     "spectrum_chart",
     "stability_charts",
     "tolerance_charts",

@@ -14,7 +14,7 @@ from tripod_doe.report.figures.chart import COLOURS, INK, MUTED, Chart, drawing,
 from tripod_doe.report.responses import spoken
 from tripod_doe.report.tolerance import tolerance_parts
 
-__all__ = ["tolerance_charts"]
+__all__ = ["quantile_chart", "tolerance_charts"]
 
 
 def tolerance_charts(analyses: Mapping[str, xr.Dataset]) -> list[Chart]:
@@ -24,28 +24,30 @@ def tolerance_charts(analyses: Mapping[str, xr.Dataset]) -> list[Chart]:
         for position, (_, what, unit, part) in enumerate(tolerance_parts(result), 1):
             charts += [
                 _gain_chart(f"{name}-{position}-gain", name, what, part),
-                _quantile_chart(f"{name}-{position}", name, what, part, unit),
+                quantile_chart(f"{name}-{position}", name, what, part, unit, float(result.attrs["confidence_level"])),
             ]
     return charts
 
 
-def _quantile_chart(key: str, name: str, what: str, part: xr.Dataset, unit: str) -> Chart:
+def quantile_chart(key: str, name: str, what: str, part: xr.Dataset, unit: str, confidence: float) -> Chart:
+    """Quantiles of one output with their intervals, and with the limit where one is set."""
     columns = ("quantile", "quantile_low", "quantile_high")
     data = pd.DataFrame({"probability": part["probability"].values} | {key: part[key].values for key in columns})
+    limited = "limit" in part and bool(np.isfinite(part["limit"]))
     below, above = data["quantile"] - data["quantile_low"], data["quantile_high"] - data["quantile"]
     with drawing(5.0, 2.8) as (figure, axes):
         axes.errorbar(
             data["quantile"], 100 * data["probability"], xerr=[below.fillna(0), above.fillna(0)], fmt="o-",
             color=COLOURS[0], ecolor=INK, elinewidth=1.1, capsize=2.5, label="stays below",
         )  # fmt: skip
-        if np.isfinite(part["limit"]):
+        if limited:
             axes.axvline(float(part["limit"]), color=COLOURS[1], ls="--", label="limit")
         axes.set_xlabel(f"{what.removeprefix('the ')}{f' ({unit})' if unit else ''}")
         axes.set_ylabel("share of the joints (%)")
         legend_above(axes, 2)
-    level = 100 * float(part.attrs.get("confidence_level", 0.95))
-    chance = f" {number(100 * float(part['exceedance']), 2)} % exceed the limit." if np.isfinite(part["limit"]) else ""
-    told = f"Share of the joints in which {what} stays below a value, with {level:g} % intervals (analysis {name})."
+    chance = f" {number(100 * float(part['exceedance']), 2)} % exceed the limit." if limited else ""
+    level = f"{100 * confidence:g} %"
+    told = f"Share of the joints in which {what} stays below a value, with {level} intervals (analysis {name})."
     return Chart(key, f"Distribution of {what}", told + chance, figure, data)
 
 

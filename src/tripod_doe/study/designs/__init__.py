@@ -3,6 +3,7 @@
 from tripod_doe.study.designs.families import FAMILIES
 from tripod_doe.study.designs.fingerprints import point_keys
 from tripod_doe.study.designs.making import make_points, point_count
+from tripod_doe.study.designs.multifidelity import SAMPLE, pilot_samples, random_factors, split_of
 from tripod_doe.study.designs.points import Points
 from tripod_doe.study.designs.request import axis_levels, factor_groups
 from tripod_doe.study.designs.sampled import CURVE_HARMONICS, salib_problem, unit_sample
@@ -10,12 +11,16 @@ from tripod_doe.study.designs.sampled import CURVE_HARMONICS, salib_problem, uni
 __all__ = [
     "CURVE_HARMONICS",
     "FAMILIES",
+    "SAMPLE",
     "Points",
     "axis_levels",
     "factor_groups",
     "make_points",
+    "pilot_samples",
     "point_count",
     "point_keys",
+    "random_factors",
     "salib_problem",
+    "split_of",
     "unit_sample",
 ]

@@ -15,6 +15,7 @@ from tripod_doe.study.definition import Factor, Study
 from tripod_doe.study.designs.ablation import ABLATION
 from tripod_doe.study.designs.coded import CODED
 from tripod_doe.study.designs.listed import LISTED
+from tripod_doe.study.designs.multifidelity import MULTIFIDELITY
 from tripod_doe.study.designs.points import Column
 from tripod_doe.study.designs.request import Family, Made, Request
 from tripod_doe.study.designs.sampled import SAMPLED
@@ -79,6 +80,8 @@ def _product(request: Request) -> Made:
             raise InputError(f"[design.{name}]: give the factors that it varies")
         if tables[name].kind == "product":
             raise InputError(f"[design.{name}]: a product of products is not supported; list all parts in of")
+        if tables[name].kind == "multifidelity":
+            raise InputError(f"[design.{name}]: a multifidelity design stands alone: its pilot decides its points")
         made = make_part(study, tables[name], factors)
         part = made.columns
         notes += [f"part {name}: {note}" for note in made.notes]
@@ -105,5 +108,7 @@ def _product_count(request: Request) -> int:
     return math.prod(count_part(request.study, part, request.factors) or 1 for part in parts if part.kind != "product")
 
 
-FAMILIES: dict[str, Family] = LISTED | SAMPLED | CODED | ABLATION | {"product": Family(_product, _product_count)}
+FAMILIES: dict[str, Family] = (
+    LISTED | SAMPLED | MULTIFIDELITY | CODED | ABLATION | {"product": Family(_product, _product_count)}
+)
 """All kinds of designs by the names that study files use."""
