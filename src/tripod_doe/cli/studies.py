@@ -122,7 +122,8 @@ def _plan_study(options: argparse.Namespace) -> int:
     if study.file.design.kind == "multifidelity":
         from tripod_doe.analysis.multifidelity.study_split import describe_split
 
-        print("\n".join(describe_split(study, options.out)))
+        for line in describe_split(study, options.out):
+            print(line)
     return DONE
 
 
