@@ -25,6 +25,19 @@ def test_a_log_gets_a_line_now_and_then(clock, capsys):
     assert [line.split(" of ")[0] for line in lines] == ["30", "60", "120", "240", "480", "960"]
 
 
+def test_waiting_for_the_first_points_does_not_count_as_their_price(clock, capsys):
+    with Progress(100, shown=True) as told:
+        clock[0] += 200  # kernels are compiled
+        told.add(2)
+        clock[0] += 200
+        told.add(20)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == [
+        "2 of 100 points (2 %) after 3.33 min",
+        "22 of 100 points (22 %) after 6.67 min, about 13 min left",
+    ]
+
+
 def test_short_runs_and_silent_ones_say_nothing(clock, capsys):
     with Progress(10, shown=True) as told:
         clock[0] += 29

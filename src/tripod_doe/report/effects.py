@@ -219,9 +219,9 @@ class _Teller:
         if effect.ground is not Ground.CURVES or effect.shape is Shape.NONE:
             return ""
         if other and effect.shape is not Shape.MIXED:
-            told = f"; at {other:,} of {count_of(effect.settings, 'setting')} of the others the course is another"
+            told = f"; the trend differs at {other:,} of {count_of(effect.settings, 'setting')} of the others"
         if effect.largest > _MANIFOLD * effect.rise:
-            told += f"; at single settings of the others it changes by up to {self.value(effect.largest)}"
+            told += f"; at single settings of the others the change reaches {self.value(effect.largest)}"
         return told
 
     def _one_way(self, effect: FactorEffect) -> str:
@@ -290,7 +290,7 @@ class _Teller:
         """No effect in the mean although single settings change: an interaction."""
         return (
             f"The mean of {self.name} does not depend on {factor_label(self.cube, effect.factor)} ("
-            f"{self.where(effect).removeprefix(', ')}), but at single settings of the others it changes by up to "
+            f"{self.where(effect).removeprefix(', ')}), but at single settings of the others the change reaches "
             f"{self.value(effect.largest)}: its effect depends on theirs"
         )
 

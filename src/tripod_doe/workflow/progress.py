@@ -32,12 +32,12 @@ class Progress:
     """
 
     def __init__(self, total: int, shown: bool) -> None:
-        self._total, self._done = total, 0
+        self._total, self._done, self._at_first = total, 0, 0
         self._bar = tqdm(
             total=total, unit="point", disable=None if shown else True, file=sys.stderr, smoothing=0.05
         )  # None: only on a terminal
         self._logged = shown and bool(self._bar.disable)
-        self._started = time.monotonic()
+        self._started = self._first = time.monotonic()
         self._next_line = _FIRST_LINE
 
     def __enter__(self) -> Self:
@@ -50,12 +50,19 @@ class Progress:
 
     def add(self, points: int) -> None:
         """Count points that are done."""
+        now = time.monotonic()
+        if not self._done:
+            self._first, self._at_first = now, points
         self._done += points
         self._bar.update(points)
-        passed = time.monotonic() - self._started
+        passed = now - self._started
         if self._logged and passed >= self._next_line and self._done < self._total:
-            left = duration(passed * (self._total - self._done) / self._done)
             share = f"{100 * self._done / self._total:.0f} %"
-            print(f"{self._done:,} of {count_of(self._total, 'point')} ({share}) after {duration(passed)}, "
-                  f"about {left} left", file=sys.stderr, flush=True)  # fmt: skip
+            print(f"{self._done:,} of {count_of(self._total, 'point')} ({share}) after {duration(passed)}"
+                  f"{self._left(now)}", file=sys.stderr, flush=True)  # fmt: skip
             self._next_line = passed + min(passed, _LONGEST_GAP)
+
+    def _left(self, now: float) -> str:
+        """The time still to come, by the points since the first ones, which may have waited for compiled kernels."""
+        since = self._done - self._at_first
+        return f", about {duration((now - self._first) * (self._total - self._done) / since)} left" if since else ""
