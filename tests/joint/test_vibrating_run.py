@@ -58,6 +58,7 @@ def test_chance_asks_for_revolutions_and_leaves_an_honest_error(joint_values):
     found = follow_vibration(Turning(joint_values, by_chance=0.6), 4e-3, allowed)
     assert found.certain
     assert found.revolutions >= 36
+    assert found.followed < 80, "both means count: 161 were followed when only the finer one did"
     assert abs(found.third - 10) < found.readings.amplitude_error[3] < 0.2
 
 

@@ -2,10 +2,10 @@
 
 The vibration is not in step with the rotation: revolutions differ by chance, and an order is the mean over revolutions.
 The joint is followed from its start in steps that resolve the vibration. The beginning is dropped, and the joint is
-followed for twice as long, until the vibration has stopped growing and chance leaves the mean orders certain. Then
-finer steps go on from there: their mean is the answer, and what it differs by from the one before, beyond chance, tells
-the error that the finer steps still have. Finer steps follow, or more revolutions, until the orders are as certain as
-they are asked to be.
+followed for longer, until the vibration has stopped growing and as many revolutions again would leave the mean orders
+certain. These go on in finer steps: what the two means differ by, beyond chance, tells the errors of both. The answer is
+the mean of all revolutions where steps hardly matter, and of those in finer steps where they do. Finer steps follow, or
+more revolutions, until the orders are as certain as they are asked to be.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _FIRST, _DROPPED, _MOST = 6, 1 / 3, 128
 """Revolutions that are followed at first, share of them that is dropped, and revolutions that are followed at most."""
 
 _BY_CHANCE = 0.9
-"""Share of the allowed error that chance may make up before finer steps are begun."""
+"""Share of the allowed error that chance makes up where more revolutions are aimed at."""
 
 _STEADY = 0.1
 """Relative change of the vibration between two halves of the revolutions that passes as none, if chance makes less."""
@@ -121,19 +121,19 @@ def follow_vibration(joint: JointInTurns, setting: float, allowed: Allowed) -> F
     """
     finer = _FINER if joint.method.controlled else _FINER ** (1 / joint.method.order)
     passed = joint.follow(max(_FIRST, int(joint.values.cycles)), setting)
-    while not _settled(kept := passed[round(_DROPPED * len(passed)) :], allowed) and len(passed) < _MOST:
-        passed += joint.follow(len(passed), setting)
+    while more := _still_wanted(kept := passed[round(_DROPPED * len(passed)) :], allowed, _MOST - len(passed)):
+        passed += joint.follow(more, setting)
     while True:
         setting /= finer
         passed += joint.follow(1, setting)  # in which finer steps take over
         coarse, kept = kept, joint.follow(len(kept), setting)
         found = _Compared.of(coarse, kept, allowed)
-        while found.wants_revolutions and len(passed) + len(kept) < _MOST:
-            kept += joint.follow(len(kept), setting)
+        while found.wants_revolutions and (left := _MOST - len(passed) - len(kept)) > 0:
+            kept += joint.follow(min(found.lacking(len(kept)), left), setting)
             found = _Compared.of(coarse, kept, allowed)
         passed += kept
         if found.certain or len(passed) >= _MOST:
-            return _followed(joint, passed, kept, setting, found)
+            return _followed(joint, passed, coarse, kept, setting, found)
 
 
 def mean_and_chance(orders: ComplexArray) -> tuple[ComplexArray, FloatArray]:
@@ -161,12 +161,15 @@ class _Compared:
 
     Attributes
     ----------
+    pooled
+        Whether the mean is that of both.
     mean
-        Mean complex orders in finer steps, shape (order,).
+        Mean complex orders, shape (order,).
     by_steps, by_chance, allowed
         Errors of each, and what they may be, shape (order,).
     """
 
+    pooled: bool
     mean: ComplexArray
     by_steps: FloatArray
     by_chance: FloatArray
@@ -174,11 +177,22 @@ class _Compared:
 
     @classmethod
     def of(cls, coarse: Sequence[Revolution], fine: Sequence[Revolution], allowed: Allowed) -> _Compared:
-        """What the means differ by beyond chance is the error of the coarser steps less that of the finer ones."""
+        """The mean of the finer revolutions or of both, whichever is the more certain.
+
+        What the two means differ by beyond chance is three times the error of the finer steps; that of the coarser
+        ones is four times as large.
+        """
         (before, chance_before), (mean, chance) = (mean_and_chance(_orders(each)) for each in (coarse, fine))
         apart_by_chance = (chance**2 + chance_before**2) / 4
         by_steps = np.sqrt(np.maximum(np.abs(mean - before) ** 2 - apart_by_chance, 0)) / (_FINER - 1)
-        return cls(mean, by_steps, chance, allowed(np.abs(mean)))
+        share = len(coarse) / (len(coarse) + len(fine))
+        both = share * before + (1 - share) * mean
+        found = [
+            cls(False, mean, by_steps, chance, allowed(np.abs(mean))),
+            cls(True, both, (1 + (_FINER - 1) * share) * by_steps,
+                np.hypot(share * chance_before, (1 - share) * chance), allowed(np.abs(both))),
+        ]  # fmt: skip
+        return min(found, key=lambda one: one.miss)
 
     @property
     def error(self) -> FloatArray:
@@ -187,9 +201,14 @@ class _Compared:
         return both
 
     @property
+    def miss(self) -> float:
+        """Largest error of an order over what it may be."""
+        return float((self.error / self.allowed).max())
+
+    @property
     def certain(self) -> bool:
         """Whether all orders are as certain as asked for."""
-        return bool((self.error <= self.allowed).all())
+        return self.miss <= 1
 
     @property
     def wants_revolutions(self) -> bool:
@@ -197,11 +216,26 @@ class _Compared:
         worst = int((self.error / self.allowed).argmax())
         return not self.certain and bool(self.by_chance[worst] > self.by_steps[worst])
 
+    def lacking(self, count: int) -> int:
+        """How many finer revolutions to go on for after so many, at most as many again."""
+        return _lacking(count, float((self.by_chance / self.allowed).max()))
 
-def _settled(kept: Sequence[Revolution], allowed: Allowed) -> bool:
-    """Whether the vibration has stopped growing, and chance leaves the orders as certain as asked for."""
+
+def _lacking(count: int, chance: float) -> int:
+    """Revolutions that make chance, over what may be, as small as it is aimed at: at most as many as there are."""
+    return int(np.clip(math.ceil(count * ((chance / _BY_CHANCE) ** 2 - 1)), 1, count))
+
+
+def _still_wanted(kept: Sequence[Revolution], allowed: Allowed, left: int) -> int:
+    """How many revolutions to go on for until as many in finer steps leave the orders certain, at most those left.
+
+    As many again where the vibration has not stopped growing.
+    """
     mean, chance = mean_and_chance(_orders(kept))
-    return _is_steady(kept) and bool((chance <= _BY_CHANCE * allowed(np.abs(mean))).all())
+    of_twice_as_many = float((chance / allowed(np.abs(mean))).max()) / math.sqrt(2)
+    if not _is_steady(kept):
+        return min(len(kept), left)
+    return min(_lacking(len(kept), of_twice_as_many), left) if of_twice_as_many > _BY_CHANCE else 0
 
 
 def _is_steady(kept: Sequence[Revolution]) -> bool:
@@ -217,9 +251,11 @@ def _orders(revolutions: Sequence[Revolution]) -> ComplexArray:
 
 
 def _followed(
-    joint: JointInTurns, passed: Sequence[Revolution], kept: Sequence[Revolution], setting: float, found: _Compared
-) -> FollowedVibration:
+    joint: JointInTurns, passed: Sequence[Revolution], coarse: Sequence[Revolution], fine: Sequence[Revolution],
+    setting: float, found: _Compared,
+) -> FollowedVibration:  # fmt: skip
     """All that was found, with what is read off the revolutions that are kept."""
+    kept = [*coarse, *fine] if found.pooled else list(fine)
     skew, summary = None, None
     if joint.has_needles:
         skew = np.concatenate([each.skew for each in passed[-2:] if each.skew is not None], axis=1)
@@ -232,7 +268,7 @@ def _followed(
         max(each.penetration for each in passed), max((each.energy_residual for each in kept), key=abs),
     )  # fmt: skip
     scatter = float(np.abs(_orders(kept)[:, 3]).std(ddof=1))
-    steady = _is_steady(kept)
+    steady = _is_steady(fine)
     return FollowedVibration(
         len(kept), len(passed), setting, float(abs(found.mean[3])), scatter,
         float(np.mean([each.unrest for each in kept])), steady, steady and found.certain, readings,
