@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import tomllib
 
+import pytest
+
 from tripod_doe.joint.candidates import JOINT_CANDIDATES, PRICES
+from tripod_doe.joint.simulator import simulator
 
 
 def test_every_candidate_has_a_recorded_price_from_the_cheapest_on():
@@ -18,3 +21,12 @@ def test_every_candidate_has_a_recorded_price_from_the_cheapest_on():
     assert [candidate.price for candidate in JOINT_CANDIDATES] == sorted(
         candidate.price for candidate in JOINT_CANDIDATES
     )
+
+
+@pytest.mark.parametrize("candidate", JOINT_CANDIDATES[2:], ids=lambda candidate: candidate.label)
+def test_a_candidate_finds_its_tolerance_as_its_model_does_by_itself(candidate):
+    """Regression: candidates named a tolerance, with which runs refuse a joint that vibrates instead of following it."""
+    alone = simulator.effective({"model": candidate.values["model"]})
+    chosen = simulator.effective(dict(candidate.values))
+    assert chosen["relative_tolerance"] is alone["relative_tolerance"] is None
+    assert chosen["method"] == alone["method"]

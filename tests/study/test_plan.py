@@ -190,10 +190,10 @@ def test_points_at_rest_are_foreseen(scene):
 def test_a_price_that_cannot_be_timed_in_time_is_the_recorded_one(monkeypatch):
     """Exact: the recorded price of the candidate with the same model and the nearest numerics."""
     monkeypatch.setattr(plan_module, "time_points", lambda study, seconds: [])
-    for tolerance in (2e-3, 5e-4):
-        text = f'[study]\nname = "n"\n[base]\nmodel = "needles"\nrelative_tolerance = {tolerance}\n'
+    for accuracy in (0.02, 0.0025):
+        text = f'[study]\nname = "n"\n[base]\nmodel = "needles"\naccuracy = {accuracy}\n'
         plan = td.plan(parse_study(text + "[factors.joint_angle_deg]\nvalues = [5, 21]\n"))
-        price = next(c.price for c in JOINT_CANDIDATES if c.full and c.values["relative_tolerance"] == tolerance)
+        price = next(c.price for c in JOINT_CANDIDATES if c.full and c.values["accuracy"] == accuracy)
         assert plan.cpu_hours == pytest.approx((2 * price / 3600,) * 3)
         assert "recorded on another machine" in plan.describe()
 

@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.simulator import Candidate, Demand, Demands, Simulator
+from tripod_doe.simulator import NUMERICS, Candidate, Demand, Demands, Simulator
 
 __all__ = ["AUTO", "Accuracy", "check_accuracy", "check_demands", "own_candidates"]
 
@@ -80,6 +80,8 @@ def check_accuracy(
     InputError
         If the simulator has one model only, nothing is asked for, or a quantity is unknown or has no size.
     """
+    if any(name in taken for name in NUMERICS):
+        taken = {*taken, "accuracy"}  # which has no effect where a tolerance or step is given
     candidates = own_candidates(simulator.candidates, taken)
     if len(candidates) < 2:
         told = ", ".join(sorted(set(taken) & {n for candidate in simulator.candidates for n in candidate.values}))
