@@ -3,9 +3,9 @@
 The vibration is not in step with the rotation: revolutions differ by chance, and an order is the mean over revolutions.
 The joint is followed from its start in steps that resolve the vibration. The beginning is dropped, and the joint is
 followed for longer, until the vibration has stopped growing and as many revolutions again would leave the mean orders
-certain. These go on in finer steps: what the two means differ by, beyond chance, tells the errors of both. The answer is
-the mean of all revolutions where steps hardly matter, and of those in finer steps where they do. Finer steps follow, or
-more revolutions, until the orders are as certain as they are asked to be.
+certain. These go on in finer steps: what the two means differ by, beyond chance, tells the errors of both. The answer
+is the mean of all revolutions where steps hardly matter, and of those in finer steps where they do. Finer steps
+follow, or more revolutions, until the orders are as certain as they are asked to be.
 """
 
 from __future__ import annotations
