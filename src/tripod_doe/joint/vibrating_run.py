@@ -2,10 +2,10 @@
 
 The vibration is not in step with the rotation: revolutions differ by chance, and an order is the mean over revolutions.
 The joint is followed from its start in steps that resolve the vibration. The beginning is dropped, and the joint is
-followed for longer, until the vibration has stopped growing and as many revolutions again would leave the mean orders
-certain. These go on in finer steps: what the two means differ by, beyond chance, tells the errors of both. The answer
-is the mean of all revolutions where steps hardly matter, and of those in finer steps where they do. Finer steps
-follow, or more revolutions, until the orders are as certain as they are asked to be.
+followed for longer until the vibration has stopped growing. As many revolutions go on in finer steps: what the two
+means differ by, beyond chance, tells the errors of both. The answer is the mean of all revolutions where steps hardly
+matter, and of those in finer steps where they do. Still finer steps follow, or more revolutions, whichever error is
+the larger, until the orders are as certain as they are asked to be.
 """
 
 from __future__ import annotations
@@ -31,11 +31,14 @@ Allowed = Callable[[FloatArray], FloatArray]
 _FINER = 4.0
 """Factor by which errors fall with the next finer tolerance or step."""
 
-_FIRST, _DROPPED, _MOST = 6, 1 / 3, 128
+_FIRST, _DROPPED, _MOST = 4, 1 / 3, 128
 """Revolutions that are followed at first, share of them that is dropped, and revolutions that are followed at most."""
 
 _BY_CHANCE = 0.9
 """Share of the allowed error that chance makes up where more revolutions are aimed at."""
+
+_COARSELY = 2.0
+"""Chance over the allowed error up to which a mean tells the error of its steps: that is a third of what it tells."""
 
 _STEADY = 0.1
 """Relative change of the vibration between two halves of the revolutions that passes as none, if chance makes less."""
@@ -121,15 +124,15 @@ def follow_vibration(joint: JointInTurns, setting: float, allowed: Allowed) -> F
     """
     finer = _FINER if joint.method.controlled else _FINER ** (1 / joint.method.order)
     passed = joint.follow(max(_FIRST, int(joint.values.cycles)), setting)
-    while more := _still_wanted(kept := passed[round(_DROPPED * len(passed)) :], allowed, _MOST - len(passed)):
-        passed += joint.follow(more, setting)
+    while not _tells_steps(kept := passed[round(_DROPPED * len(passed)) :], allowed) and len(passed) < _MOST:
+        passed += joint.follow(min(len(kept), _MOST - len(passed)), setting)
     while True:
         setting /= finer
         passed += joint.follow(1, setting)  # in which finer steps take over
         coarse, kept = kept, joint.follow(len(kept), setting)
         found = _Compared.of(coarse, kept, allowed)
         while found.wants_revolutions and (left := _MOST - len(passed) - len(kept)) > 0:
-            kept += joint.follow(min(found.lacking(len(kept)), left), setting)
+            kept += joint.follow(min(found.lacking(len(coarse), len(kept)), left), setting)
             found = _Compared.of(coarse, kept, allowed)
         passed += kept
         if found.certain or len(passed) >= _MOST:
@@ -179,12 +182,12 @@ class _Compared:
     def of(cls, coarse: Sequence[Revolution], fine: Sequence[Revolution], allowed: Allowed) -> _Compared:
         """The mean of the finer revolutions or of both, whichever is the more certain.
 
-        What the two means differ by beyond chance is three times the error of the finer steps; that of the coarser
-        ones is four times as large.
+        What the two means differ by beyond chance is three times the error of the finer steps, but no difference is
+        known better than its standard deviation; the error of the coarser steps is four times as large.
         """
         (before, chance_before), (mean, chance) = (mean_and_chance(_orders(each)) for each in (coarse, fine))
         apart_by_chance = (chance**2 + chance_before**2) / 4
-        by_steps = np.sqrt(np.maximum(np.abs(mean - before) ** 2 - apart_by_chance, 0)) / (_FINER - 1)
+        by_steps = np.sqrt(np.maximum(np.abs(mean - before) ** 2 - apart_by_chance, apart_by_chance)) / (_FINER - 1)
         share = len(coarse) / (len(coarse) + len(fine))
         both = share * before + (1 - share) * mean
         found = [
@@ -216,33 +219,25 @@ class _Compared:
         worst = int((self.error / self.allowed).argmax())
         return not self.certain and bool(self.by_chance[worst] > self.by_steps[worst])
 
-    def lacking(self, count: int) -> int:
-        """How many finer revolutions to go on for after so many, at most as many again."""
-        return _lacking(count, float((self.by_chance / self.allowed).max()))
+    def lacking(self, coarse: int, fine: int) -> int:
+        """How many finer revolutions to go on for after so many of both, at most as many again."""
+        counted = fine + (coarse if self.pooled else 0)
+        excess = (float((self.by_chance / self.allowed).max()) / _BY_CHANCE) ** 2 - 1
+        return int(np.clip(math.ceil(counted * excess), 1, fine))
 
 
-def _lacking(count: int, chance: float) -> int:
-    """Revolutions that make chance, over what may be, as small as it is aimed at: at most as many as there are."""
-    return int(np.clip(math.ceil(count * ((chance / _BY_CHANCE) ** 2 - 1)), 1, count))
-
-
-def _still_wanted(kept: Sequence[Revolution], allowed: Allowed, left: int) -> int:
-    """How many revolutions to go on for until as many in finer steps leave the orders certain, at most those left.
-
-    As many again where the vibration has not stopped growing.
-    """
+def _tells_steps(kept: Sequence[Revolution], allowed: Allowed) -> bool:
+    """Whether a vibration has stopped growing, and its orders are known well enough to tell what finer steps change."""
     mean, chance = mean_and_chance(_orders(kept))
-    of_twice_as_many = float((chance / allowed(np.abs(mean))).max()) / math.sqrt(2)
-    if not _is_steady(kept):
-        return min(len(kept), left)
-    return min(_lacking(len(kept), of_twice_as_many), left) if of_twice_as_many > _BY_CHANCE else 0
+    return _is_steady(kept) and bool((chance <= _COARSELY * allowed(np.abs(mean))).all())
 
 
 def _is_steady(kept: Sequence[Revolution]) -> bool:
     """Whether a vibration is as large in the second half of revolutions as in the first, but for chance."""
     sizes = np.array([each.unrest for each in kept])
-    first, second = sizes[: sizes.size // 2], sizes[sizes.size // 2 :]
-    chance = 2 * math.sqrt(sum(half.var(ddof=1) / half.size for half in (first, second)))
+    half = sizes.size // 2
+    first, second = sizes[:half], sizes[-half:]
+    chance = 2 * math.sqrt(sum(part.var(ddof=1) / half for part in (first, second))) if half > 1 else 0.0
     return bool(abs(second.mean() - first.mean()) <= max(chance, _STEADY * sizes.mean()))
 
 

@@ -1,9 +1,9 @@
 """The choice of model of a study with model = "auto": pilot, its errors, selection, stored in the result directory.
 
 The pilot starts with the cheapest candidate and the full model. Where the numerical error of the full model
-exceeds the accuracy at more points than the confidence allows, a full model of smaller numerical error is added at these
-points; a candidate between the two is added if it could save more than it costs. Each time the pilot is the same study
-with more points, so no point runs twice, neither in the pilot nor in the study (`pilot_results`).
+exceeds the accuracy at more points than the confidence allows, a full model of smaller numerical error is added at
+these points; a candidate between the two is added if it could save more than it costs. Each time the pilot is the same
+study with more points, so no point runs twice, neither in the pilot nor in the study (`pilot_results`).
 """
 
 from __future__ import annotations
