@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 import xarray as xr
+from published import ISHIGAMI
 
 import tripod_doe as td
 from tripod_doe.analysis.multifidelity import MultifidelitySettings, multifidelity
@@ -17,8 +18,6 @@ from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points
-
-from .published import ISHIGAMI
 
 MODELS = {"needles": (7, 0.1, 4), "rollers": (6.65, 0.1, 4), "kinetostatic": (4.2, 0.9, 2)}
 """Ishigami's function and the cheaper versions of Qian and others (2018), by names that the joint allows."""

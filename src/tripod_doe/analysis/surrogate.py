@@ -26,6 +26,7 @@ from tripod_doe.analysis.sensitivity.outputs import (
 )
 from tripod_doe.analysis.sensitivity.sample import Sample, flat_points, read_sample
 from tripod_doe.analysis.sensitivity.settings import SensitivitySettings
+from tripod_doe.analysis.what_if import what_if
 from tripod_doe.errors import InputError
 
 __all__ = ["CANDIDATES", "SURROGATE_DESIGNS", "SurrogateSettings", "surrogate"]
@@ -166,6 +167,8 @@ def surrogate(cube: xr.Dataset, settings: SurrogateSettings | None = None) -> xr
     tables = [table for table in read_outputs(cube, names, sample.rows) if not table.is_waveform]
     parts = [_of_output(sample, table, settings) for table in tables]
     result = stacked(parts, tables)
+    if any(table.varies.any() for table in tables):
+        result = result.merge(what_if(sample, tables, cube, settings.seed), combine_attrs="no_conflicts")
     for name, meaning in _MEANINGS.items():
         result[name].attrs = {"long_name": meaning} | ({"units": "1"} if name == "predicted_part" else {})
     result["chosen"] = result["chosen"].fillna(-1).astype(np.int8).assign_attrs(

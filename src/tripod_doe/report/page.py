@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from tripod_doe.analysis.kinds import kind_of, of_kind
 from tripod_doe.analysis.sensitivity import RANKED
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError
+from tripod_doe.quantities import number
 from tripod_doe.report.analyses import findings_of, table_of
 from tripod_doe.report.answer import answer_first, picture_first
 from tripod_doe.report.contribution_sentences import contribution_notes
@@ -59,6 +60,7 @@ from tripod_doe.report.tables import (
     numerics_rows,
     outcome_counts,
 )
+from tripod_doe.report.what_if import WhatIfPage, what_if_pages
 from tripod_doe.simulator import NOTABLE_ERROR
 from tripod_doe.study.model_records import MODEL_ERROR
 from tripod_doe.study.netcdf import read_dataset
@@ -164,6 +166,7 @@ def make_page(
     ]
     filled = {name for name, part in content.items() if part}
     filled |= {"sensitivity"} if silent else set()
+    questions = what_if_pages(analyses)
     filled |= {"failed"} if lost or left else set()
     not_asked = asked_orders(cube) is not None
     filled |= {"models"} if not_asked else set()
@@ -182,7 +185,8 @@ def make_page(
         not_asked=not_asked,
         more=more,
         picture=picture,
-        sections={name: title for name, title in _SECTIONS.items() if name in filled | _ALWAYS},
+        what_ifs=questions,
+        sections=_sections(filled | _ALWAYS, questions),
         silent=silent,
         ablation=shown is not cube,
         outcomes=outcome_counts(cube),
@@ -194,6 +198,17 @@ def make_page(
         histories={name: data.attrs.get("history", "") for name, data in {"cube": cube, **analyses}.items()},
         **content,
     )
+
+
+def _sections(filled: Collection[str], questions: Sequence[WhatIfPage]) -> dict[str, str]:
+    """Titles of the sections that there are, by the names of their places."""
+    sections: dict[str, str] = {}
+    for name, title in _SECTIONS.items():
+        if name == "waveforms":
+            sections |= {f"what-if-{each.name}": "What if" for each in questions}
+        if name in filled:
+            sections[name] = title
+    return sections
 
 
 def _in_order(cube: xr.Dataset, findings: Sequence[str], said: Sequence[str]) -> list[str]:
@@ -238,7 +253,7 @@ def render(template: str, **content: object) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"typeset": _typeset, "csv_link": _csv_link, "svg": _svg}
+    environment.filters |= {"told": number, "typeset": _typeset, "csv_link": _csv_link, "svg": _svg}
     return environment.get_template(template).render(**content)
 
 

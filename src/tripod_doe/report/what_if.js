@@ -1,0 +1,247 @@
+// What if: evaluates the surrogate of a study as its factors are moved, without any server.
+(function () {
+  "use strict";
+  var SVG = "http://www.w3.org/2000/svg", ANGLES = 120, SHOWN = 3;
+
+  function bytes(text) {
+    var raw = atob(text), data = new Uint8Array(raw.length);
+    for (var i = 0; i < raw.length; i++) data[i] = raw.charCodeAt(i);
+    return data.buffer;
+  }
+  function doubles(text) { return new Float64Array(bytes(text)); }
+  function singles(text) { return new Float32Array(bytes(text)); }
+
+  // The surrogate: inputs -> components, as analysis/what_if.py has it.
+  function Surrogate(told) {
+    var width = told.inputs.length, count = told.components, powers = new Int8Array(bytes(told.exponents));
+    var coefficients = doubles(told.coefficients), learnt = doubles(told.learnt), weights = doubles(told.weights);
+    var lengths = doubles(told.lengths), terms = powers.length / width, points = learnt.length / width;
+    var products = [], value = new Float64Array(terms), smooth = [], plain = [];
+    for (var t = 0; t < terms; t++) {
+      var product = [];
+      for (var i = 0; i < width; i++) for (var p = 0; p < powers[t * width + i]; p++) product.push(i);
+      products.push(product);
+    }
+    for (var c = 0; c < count; c++) {
+      smooth.push(weights.subarray(c * points, (c + 1) * points).some(function (w) { return w !== 0; }));
+      plain.push(!coefficients.subarray(c * terms + 1, (c + 1) * terms).some(function (w) { return w !== 0; }));
+    }
+    this.component = function (place, c) {
+      var sum = coefficients[c * terms];
+      if (!plain[c]) for (var t = 1; t < terms; t++) sum += coefficients[c * terms + t] * value[t];
+      if (!smooth[c]) return sum;
+      for (var n = 0; n < points; n++) {
+        var square = 0;
+        for (var i = 0; i < width; i++) {
+          var gap = (place[i] - learnt[n * width + i]) / lengths[c * width + i];
+          square += gap * gap;
+        }
+        sum += weights[c * points + n] * Math.exp(-0.5 * square);
+      }
+      return sum;
+    };
+    this.predict = function (place, chosen) {
+      for (var t = 0; t < terms; t++) {
+        value[t] = 1;
+        for (var i = 0; i < products[t].length; i++) value[t] *= place[products[t][i]];
+      }
+      var found = {}, self = this;
+      chosen.forEach(function (c) { found[c] = self.component(place, c); });
+      return found;
+    };
+  }
+
+  function encode(told, values) {
+    return told.inputs.map(function (input) {
+      var value = values[input.factor];
+      return "word" in input ? Number(value === input.word) : (value - input.middle) / input.half;
+    });
+  }
+  function nearest(places, place, count) {
+    var width = place.length, gaps = [];
+    for (var n = 0; n < places.length / width; n++) {
+      var square = 0;
+      for (var i = 0; i < width; i++) square += Math.pow(place[i] - places[n * width + i], 2);
+      gaps.push([square, n]);
+    }
+    gaps.sort(function (a, b) { return a[0] - b[0] || a[1] - b[1]; });
+    return gaps.slice(0, count).map(function (pair) { return pair[1]; });
+  }
+  function rms(values, rows) {
+    return Math.sqrt(rows.reduce(function (sum, n) { return sum + values[n] * values[n]; }, 0) / rows.length);
+  }
+  function amount(quantity, found) {
+    return quantity.parts.length === 1 ? found[quantity.parts[0]] : Math.hypot(found[quantity.parts[0]], found[quantity.parts[1]]);
+  }
+  function text(value, digits) {
+    return Number(value.toPrecision(digits || 3)).toString().replace("-", "\u2212");
+  }
+  function element(parent, name, attributes, words) {
+    var made = name === "tr" || name === "td" || name === "th" ? document.createElement(name) : document.createElementNS(SVG, name);
+    Object.keys(attributes || {}).forEach(function (key) { made.setAttribute(key, attributes[key]); });
+    if (words !== undefined) made.textContent = words;
+    parent.appendChild(made);
+    return made;
+  }
+
+  function begin(section) {
+    var told = JSON.parse(section.querySelector("script[type='application/json']").textContent);
+    var surrogate = new Surrogate(told), places = doubles(told.places), names = Object.keys(told.factors), values = {};
+    names.forEach(function (name) { values[name] = told.start[name]; });
+    told.quantities.forEach(function (each) { each.values = singles(each.values); each.misses = singles(each.misses); });
+    var parts = [].concat.apply([], told.quantities.map(function (each) { return each.parts; }));
+    var every = Array.from({ length: told.components }, function (_, c) { return c; });
+    var wave = told.wave && { values: singles(told.wave.values), misses: singles(told.wave.misses) };
+
+    function state(values) {
+      var place = encode(told, values), found = surrogate.predict(place, wave ? every : parts);
+      var near = nearest(places, place, told.neighbours);
+      return { place: place, components: found, near: near, quantities: told.quantities.map(function (each) {
+        return { value: amount(each, found), half: each.factor * rms(each.misses, near) };
+      }) };
+    }
+    // Part of the variance by the scatter of each factor about these values, to first order.
+    function contributions(values) {
+      var squares = names.map(function (name) {
+        var factor = told.factors[name];
+        if (factor.words) return told.quantities.map(function () { return NaN; });
+        var low = Math.max(values[name] - factor.std, factor.low), high = Math.min(values[name] + factor.std, factor.high);
+        var ends = [low, high].map(function (value) {
+          var moved = Object.assign({}, values);
+          moved[name] = value;
+          return surrogate.predict(encode(told, moved), parts);
+        });
+        return told.quantities.map(function (each) {
+          return high > low ? Math.pow((amount(each, ends[1]) - amount(each, ends[0])) / (high - low) * factor.std, 2) : 0;
+        });
+      });
+      return squares;
+    }
+
+    var shapes = wave && waveShapes(told.wave.orders), drawing = wave && waveDrawing();
+    // Cosine of each order, then minus its sine, at each angle.
+    function waveShapes(orders) {
+      return Array.from({ length: ANGLES + 1 }, function (_, a) {
+        var angle = 2 * Math.PI * a / ANGLES;
+        return orders.map(function (order) { return Math.cos(order * angle); })
+          .concat(orders.map(function (order) { return -Math.sin(order * angle); }));
+      });
+    }
+    function force(shape, numbers, offset) {
+      var sum = 0;
+      for (var k = 0; k < shape.length; k++) sum += shape[k] * numbers[offset + k];
+      return sum;
+    }
+    function waveDrawing() {
+      var svg = section.querySelector("svg.wave"), top = 1.08 * told.wave.largest;
+      function x(angle) { return 46 + 430 * angle / ANGLES; }
+      function y(force) { return 120 - 104 * force / top; }
+      [-1, -0.5, 0, 0.5, 1].forEach(function (level) {
+        var force = Number((level * told.wave.largest).toPrecision(1));
+        element(svg, "line", { x1: 46, x2: 476, y1: y(force), y2: y(force), "class": "grid" });
+        element(svg, "text", { x: 40, y: y(force) + 4, "text-anchor": "end" }, text(force));
+      });
+      [0, 90, 180, 270, 360].forEach(function (degrees) {
+        element(svg, "text", { x: x(degrees * ANGLES / 360), y: 244, "text-anchor": "middle" }, degrees + "°");
+      });
+      var band = element(svg, "path", { "class": "band" }), near = element(svg, "path", { "class": "near" });
+      var line = element(svg, "path", { "class": "line" });
+      return function (now) {
+        var upper = [], lower = [], middle = [], computed = [], count = told.wave.orders.length * 2, first = now.near[0];
+        shapes.forEach(function (shape, a) {
+          var predicted = force(shape, now.components, 0), known = force(shape, wave.values, first * count);
+          var square = now.near.reduce(function (sum, n) { return sum + Math.pow(force(shape, wave.misses, n * count), 2); }, 0);
+          var half = told.wave.factor * Math.sqrt(square / now.near.length), place = x(a).toFixed(1) + ",";
+          middle.push(place + y(predicted).toFixed(1));
+          computed.push(place + y(known).toFixed(1));
+          upper.push(place + y(predicted + half).toFixed(1));
+          lower.unshift(place + y(predicted - half).toFixed(1));
+        });
+        band.setAttribute("d", "M" + upper.concat(lower).join("L") + "Z");
+        line.setAttribute("d", "M" + middle.join("L"));
+        near.setAttribute("d", "M" + computed.join("L"));
+      };
+    }
+
+    var bars = section.querySelector("svg.bars"), step = 444 / told.quantities.length;
+    var drawn = told.quantities.map(function (each, at) {
+      var left = 46 + step * at, label = each.label.replace(/ order$/, "");
+      element(bars, "text", { x: left + step / 2, y: 224, "text-anchor": "middle" }, label);
+      return {
+        bar: element(bars, "rect", { x: left + 0.2 * step, width: 0.6 * step, "class": "bar" }),
+        band: element(bars, "rect", { x: left + 0.32 * step, width: 0.36 * step, "class": "error" }),
+        told: element(bars, "text", { x: left + step / 2, "text-anchor": "middle", "class": "told" })
+      };
+    });
+    function height(each, value) { return 184 * Math.max(-1, Math.min(value / (1.1 * each.largest), 1)); }
+    function drawBars(now) {
+      told.quantities.forEach(function (each, at) {
+        var found = now.quantities[at], top = 204 - height(each, Math.abs(found.value));
+        drawn[at].bar.setAttribute("y", top);
+        drawn[at].bar.setAttribute("height", Math.max(204 - top, 0.5));
+        drawn[at].band.setAttribute("y", 204 - height(each, Math.abs(found.value) + found.half));
+        drawn[at].band.setAttribute("height", Math.max(2 * height(each, found.half), 1));
+        drawn[at].told.setAttribute("y", Math.max(204 - height(each, Math.abs(found.value) + found.half) - 5, 12));
+        drawn[at].told.textContent = text(found.value);
+      });
+    }
+    function fill(selector, rows) {
+      var body = section.querySelector(selector);
+      body.textContent = "";
+      rows.forEach(function (cells) {
+        var row = element(body, "tr");
+        cells.forEach(function (cell, at) { element(row, at ? "td" : "th", at ? { "class": "value" } : {}, cell); });
+      });
+    }
+    function tables(now) {
+      fill("table.answers tbody", told.quantities.map(function (each, at) {
+        var found = now.quantities[at];
+        return [each.label, text(found.value, 4) + " ± " + text(found.half, 2), each.unit];
+      }));
+      var squares = contributions(values);
+      var sums = told.quantities.map(function (_, at) {
+        return squares.reduce(function (sum, row) { return sum + (row[at] || 0); }, 0);
+      });
+      fill("table.scatter tbody", names.map(function (name, row) {
+        return [told.factors[name].label].concat(squares[row].map(function (square, at) {
+          return isNaN(square) ? "\u2013" : sums[at] > 0 ? Math.round(100 * square / sums[at]) + " %" : "0 %";
+        }));
+      }).concat([["standard deviation"].concat(sums.map(function (sum, at) {
+        return text(Math.sqrt(sum)) + (told.quantities[at].unit ? " " + told.quantities[at].unit : "");
+      }))]));
+      fill("table.nearest tbody", now.near.slice(0, SHOWN).map(function (n) {
+        return [String(n)].concat(names.map(function (name) { return decoded(name, n); }),
+          told.quantities.map(function (each) { return text(each.values[n], 4); }));
+      }));
+    }
+    function decoded(name, n) {
+      var word = told.factors[name].words && told.factors[name].words[0], value = null;
+      told.inputs.forEach(function (input, at) {
+        if (input.factor !== name) return;
+        var place = places[n * told.inputs.length + at];
+        if ("word" in input) word = place === 1 ? input.word : word;
+        else value = text(place * input.half + input.middle, 4);
+      });
+      return value === null ? word : value;
+    }
+    function move() {
+      var start = performance.now(), now = state(values);
+      if (drawing) drawing(now);
+      drawBars(now);
+      tables(now);
+      section.dataset.milliseconds = String(performance.now() - start);
+    }
+    section.querySelectorAll("[data-factor]").forEach(function (control) {
+      var name = control.dataset.factor, shown = control.parentNode.querySelector("output");
+      control.addEventListener("input", function () {
+        values[name] = control.tagName === "SELECT" ? control.value : Number(control.value);
+        if (shown) shown.textContent = text(values[name], 4);
+        move();
+      });
+    });
+    section.whatIf = { told: told, predict: function (values) { return surrogate.predict(encode(told, values), every); }, state: state };
+    section.classList.add("moves");
+    move();
+  }
+  document.querySelectorAll("section.what-if").forEach(begin);
+})();

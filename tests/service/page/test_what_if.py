@@ -1,0 +1,92 @@
+"""The what-if part of a report in a browser without any network."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import tripod_doe as td
+from tripod_doe.report.what_if import what_if_pages
+from tripod_doe.study.netcdf import read_dataset
+
+STUDY = """
+[study]
+name = "Moved"
+[factors]
+joint_angle_deg = {low = 6, high = 12}
+torque_n_m = {low = 30, high = 90}
+[design]
+kind = "latin-hypercube"
+samples = 16
+[keep]
+outputs = ["thrust_amplitude", "thrust_phase_deg"]
+[analysis.surrogate]
+"""
+PREDICT = """values => {
+  const asked = document.querySelector('.what-if').whatIf, state = asked.state(values);
+  return [Object.values(asked.predict(values)), state.quantities.map(each => [each.value, each.half])];
+}"""
+MOVE = """() => {
+  const slider = document.querySelector('[data-factor=torque_n_m]'), took = [];
+  for (let step = 0; step <= 20; step++) {
+    slider.value = 30 + 3 * step;
+    const start = performance.now();
+    slider.dispatchEvent(new Event('input'));
+    took.push(performance.now() - start);
+  }
+  return took.sort((a, b) => a - b)[10];
+}"""
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("moved")
+    (folder / "study.toml").write_text(STUDY)
+    return td.run(folder / "study.toml", folder / "out", workers=0, progress=False).directory
+
+
+@pytest.fixture
+def offline(chromium, report):
+    """The report as a file; an error of a script is an error of the test."""
+    context = chromium.new_context(offline=True)
+    page, faults = context.new_page(), []
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.goto((report / "report" / "index.html").as_uri())
+    yield page
+    context.close()
+    assert not faults
+
+
+@pytest.mark.slow
+def test_sliders_move_the_curves_and_the_numbers_are_those_of_python(offline, report):
+    """Exact: components and bands to 1e-9 of their size; half of the moves take less than 50 ms, drawing included."""
+    asked = what_if_pages({"s": read_dataset(report / "analysis" / "surrogate.nc")})[0]
+    values = {"joint_angle_deg": 7.7, "torque_n_m": 66.0}
+    components, told = offline.evaluate(PREDICT, values)
+    expected = asked.surrogate.predict(asked.surrogate.encoded(**values))[0]
+    assert np.abs(np.array(components) - expected).max() <= 1e-9 * np.abs(expected).max()
+    assert (
+        np.abs(np.array(told) - np.array(asked.at(**values))).max() <= 1e-6 * np.abs(expected).max()
+    )  # float32 misses
+    curve = offline.locator(".what-if svg.wave path.line")
+    before = curve.get_attribute("d")
+    assert offline.evaluate(MOVE) < 50
+    assert curve.get_attribute("d") != before
+    largest = asked.surrogate.factors["torque_n_m"]["high"]
+    assert float(offline.locator(".what-if output").nth(1).inner_text()) == pytest.approx(largest, rel=1e-3)
+    assert offline.locator(".what-if table.nearest tbody tr").count() == 3
+    shares = offline.locator(".what-if table.scatter tbody tr").nth(0).locator("td").all_inner_texts()
+    assert all(share.endswith("%") for share in shares)
+
+
+@pytest.mark.slow
+def test_on_paper_and_without_scripts_it_still_says_something(chromium, report):
+    context = chromium.new_context(offline=True, java_script_enabled=False)
+    page = context.new_page()
+    page.goto((report / "report" / "index.html").as_uri())
+    page.emulate_media(media="print")
+    told = page.locator(".what-if table.answers").inner_text()
+    assert "third order" in told
+    assert "±" in told
+    assert not page.locator(".what-if .controls").is_visible()
+    context.close()
