@@ -7,6 +7,10 @@ from pathlib import Path
 
 import pytest
 
+# before numpy is loaded, here and in what tests start: problems of linear algebra are small, and the threads of several
+# processes on few cores wait for each other, at full load
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # plain modules beside the tests (equal_cubes.py, joint/reference.py) are imported by name
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parent / "joint"))

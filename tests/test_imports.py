@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -60,16 +61,21 @@ def test_a_command_imports_only_what_it_needs(cube, command, needs):
 def test_a_run_imports_what_draws_and_analyses_only_when_it_does(tmp_path):
     """Its first point comes seconds earlier; a report without an analysis does without its libraries."""
     (tmp_path / "doubling.py").write_text(
-        "import sys\ndef double(x):\n    print('imported', *sys.modules)\n    return {'y': 2 * x}\n"
+        "import os, sys\ndef double(x):\n    print('imported', *sys.modules)\n"
+        "    print('threads', os.environ['OPENBLAS_NUM_THREADS'])\n    return {'y': 2 * x}\n"
     )
     (tmp_path / "study.toml").write_text(FUNCTION)
     words = ["run", str(tmp_path / "study.toml"), "--out", str(tmp_path / "out"), "--workers", "0"]
-    script = f"import sys; from tripod_doe.cli import main; code = main({words!r}); print('imported', *sys.modules)"
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    script = "import sys; from tripod_doe.cli import main; code = main(); print('imported', *sys.modules)"
+    environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    done = subprocess.run(
+        [sys.executable, "-c", script, *words], env=environment, capture_output=True, text=True, check=True
+    )
     first, _, last = (set(line.split()) for line in done.stdout.splitlines() if line.startswith("imported"))
     assert {"distributed", "matplotlib", "numba", "SALib", "scipy"} & first == set()
     assert {"numba", "SALib", "scipy.stats"} & last == set()
     assert "matplotlib" in last
+    assert "threads 1\n" in done.stdout  # as in workers, so that a point gives the same in both
 
 
 def test_the_server_computes_nothing_and_what_computes_serves_nothing():

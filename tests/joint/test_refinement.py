@@ -107,15 +107,18 @@ def test_the_first_tolerance_follows_the_operating_point_and_the_goal():
 @pytest.mark.slow
 @pytest.mark.parametrize("given", [{}, SLOW, {"joint_angle_deg": 14, "torque_n_m": -300, "speed_rpm": 300}])
 def test_runs_report_what_they_are_off_by(simulated, given):
-    """Numerical error: within the accuracy; the truth by a tenth of the tolerance lies within twice what is reported."""
-    for accuracy in (0.02, 0.005):
+    """Numerical error: within the accuracy; the truth lies within twice what is reported.
+
+    What stands for it, a quarter of the tolerance, is off by up to a quarter of that error itself.
+    """
+    for accuracy in (0.04, 0.01):
         found = simulated(**given, accuracy=accuracy)
         assert found.attrs["finished"], str(found["outcome_detail"].values)
         third, error = (found[name].values[3] for name in ("thrust_amplitude", "thrust_amplitude_error"))
         assert error <= accuracy * max(third, SMALLEST_THIRD * 1e3 * abs(given.get("torque_n_m", 50)) / 21)
     used = found.attrs["parameters"]["relative_tolerance"]
-    truth = simulated(**given, relative_tolerance=used / 10)["thrust_amplitude"].values[3]
-    assert abs(third - truth) < 2 * error
+    truth = simulated(**given, relative_tolerance=used / 4)["thrust_amplitude"].values[3]
+    assert abs(third - truth) < (2 - 1 / 4) * error
 
 
 def test_a_pass_that_is_too_dear_is_told_and_not_begun(simulated, monkeypatch):

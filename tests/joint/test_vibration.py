@@ -20,7 +20,7 @@ from tripod_doe.mechanics.run import Limits, run
 from tripod_doe.simulator import Outcome
 
 REVOLUTIONS, SAMPLES, TOLERANCE = 3, 180, 4e-3
-SMOOTH, UNDAMPED = {"method": "adaptive-euler"}, {"method": "generalized-alpha", "step": 3e-5}
+SMOOTH, UNDAMPED = {"method": "adaptive-euler"}, {"method": "generalized-alpha", "step": 6e-5}
 UNEVEN = {"initial_skew_1_deg": 0.4, "initial_skew_2_deg": -0.4, "initial_skew_3_deg": 0.4}
 RUBBING = {"torque_n_m": 25, "groove_sliding_friction": 0.1, "groove_spin_friction": 0.1} | UNEVEN
 
@@ -82,15 +82,15 @@ def test_a_joint_that_vibrates_has_an_answer(simulated):
 
 
 @pytest.mark.slow
-def test_two_methods_follow_the_same_vibration(joint_values, joint_assembly):
-    """Independent: methods that have nothing in common but the forces; mean third orders within their scatter."""
-    values, orders = joint_values(**RUBBING), []
-    for method, setting in (("rosenbrock", 1e-3), ("generalized-alpha", 2e-5)):
-        limits = Limits(windows=0, energy=math.inf, reversals=1.0, drift=1e-2)
-        joint = JointInTurns(joint_assembly(False, **RUBBING), values, METHODS[method], 60, limits, 10**7)
-        orders.append(np.array([turn.orders for turn in joint.follow(7, setting)[3:]]))
-    (one, chance), (other, chance_of_other) = map(mean_and_chance, orders)
-    assert abs(one[3] - other[3]) < math.hypot(chance[3], chance_of_other[3]) + 0.005 * abs(one[3])
+def test_another_method_follows_the_same_vibration(simulated, joint_values, joint_assembly):
+    """Independent: a method that shares only the forces with that of the answer; mean third orders within their errors."""
+    limits = Limits(windows=0, energy=math.inf, reversals=1.0, drift=1e-2)
+    values, assembly = joint_values(**RUBBING), joint_assembly(False, **RUBBING)
+    joint = JointInTurns(assembly, values, METHODS["generalized-alpha"], 60, limits, 10**7)
+    orders, chance = mean_and_chance(np.array([turn.orders for turn in joint.follow(6, 2e-5)[3:]]))
+    answer = simulated(**RUBBING)
+    third, error = (float(answer[name][3]) for name in ("thrust_amplitude", "thrust_amplitude_error"))
+    assert abs(abs(orders[3]) - third) < math.hypot(chance[3], error) + 0.005 * third
 
 
 def test_contact_damping_ends_it(joint_values):
@@ -114,6 +114,7 @@ def test_what_turns_freely_does_not_vibrate(simulated):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("charts_not_drawn")
 def test_the_map_shows_where_the_joint_vibrates(tmp_path):
     """A small version of the study: more friction starts a vibration, more contact damping ends it."""
     text = (Path(__file__).parents[2] / "studies" / "vibration.toml").read_text()
@@ -122,6 +123,7 @@ def test_the_map_shows_where_the_joint_vibrates(tmp_path):
         ("[2, 5, 8, 11, 14, 17]", "[10]"),
         ("[0.02, 0.05, 0.08, 0.11, 0.14, 0.17]", "[0.05, 0.1]"),
         ("[0.0003, 0.001, 0.003]", "[0.001, 0.004]"),
+        ("[base]", "[base]\naccuracy = 0.1"),
     ):
         assert before in text
         text = text.replace(before, now)

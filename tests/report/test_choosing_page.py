@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +37,7 @@ def page():
         },
         coords={"method": ["implicit-euler", "bdf2"], "step_s": steps},
     )
-    return choosing_page(accuracy, {"needle": stability_borders(cube, StabilitySettings(output="drift_mm"))})
+    return choosing_page(accuracy, {"needle": stability_borders(cube, StabilitySettings(output="drift_mm"))}, "1a2b3c4")
 
 
 def rows_of(page, start):
@@ -61,7 +62,12 @@ def test_what_breaks_is_counted_by_kind(page):
     assert bdf[-2:] == ["1", "0"]
 
 
-def test_committed_page_tells_every_model_and_method():
+def test_the_page_says_with_which_version_it_was_measured(page):
+    assert "measured with commit 1a2b3c4," in page
+
+
+def test_committed_page_tells_every_model_and_method_and_its_version():
     text = (ROOT / "docs" / "choosing.md").read_text(encoding="utf-8")
+    assert re.search("measured with commit [0-9a-f]{7},", text)
     for name in (*MODELS, *METHODS):
         assert name in text, f"{name} is missing: make docs/choosing.md again, docs/choosing.py tells how"

@@ -11,6 +11,8 @@ from tripod_doe.study.cube import RECORD_ROLE
 from tripod_doe.study.definition import canonical, parse_study
 from tripod_doe.study.designs import make_points, point_keys
 
+pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+
 STUDY = """
 [study]
 name = "accurate"

@@ -90,6 +90,7 @@ def test_the_papers_workflow_is_sound(quick):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("charts_not_drawn")
 def test_a_tiny_workflow_decides_its_claims_and_shows_them(tmp_path):
     """Claims that this model can decide are decided, the others stay open, and every figure stands on the page."""
     path = tmp_path / "tiny.toml"

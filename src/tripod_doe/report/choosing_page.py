@@ -24,7 +24,8 @@ _START = """\
 
 Written by `docs/choosing.py` from result cubes (its docstring gives the commands); do not edit. Prices are CPU seconds
 per simulated second on one core, including all checks of a run. A run of four revolutions at 600 rpm is 0.4 s. Ratios
-apply to other machines, too; seconds do not.
+apply to other machines, too; seconds do not. All numbers were measured with commit {commit}, so default settings
+are those of that version.
 """
 
 _PILOT = """
@@ -41,7 +42,7 @@ without vibration.
 """
 
 
-def choosing_page(accuracy: xr.Dataset, borders: Mapping[str, xr.Dataset]) -> str:
+def choosing_page(accuracy: xr.Dataset, borders: Mapping[str, xr.Dataset], commit: str) -> str:
     """Write the page.
 
     Parameters
@@ -50,6 +51,8 @@ def choosing_page(accuracy: xr.Dataset, borders: Mapping[str, xr.Dataset]) -> st
         Analysis of kind speed-accuracy, with the scene ``joint`` among its cases.
     borders
         Analyses of kind stability by the name of their study.
+    commit
+        Version of the sources with which they were made.
 
     Returns
     -------
@@ -57,7 +60,7 @@ def choosing_page(accuracy: xr.Dataset, borders: Mapping[str, xr.Dataset]) -> st
         Markdown.
     """
     parts = [
-        _START,
+        _START.format(commit=commit),
         "## Which model\n\nThe cheapest run within the allowed error, relative to the finest model; the last column "
         "is the price of `needles` with default settings over that of this run:\n",
         _table(["Quantity", "Allowed error", "Model", "Method and setting", "Error", "Price", "Price ratio"],
