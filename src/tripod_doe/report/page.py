@@ -141,23 +141,7 @@ def make_page(
     shown = with_all_on(cube)
     said = [sentence for name, result in analyses.items() for sentence in findings_of(name, result)]
     sentences, more = answer_first(_in_order(cube, find(cube) if findings is None else findings, said))
-    parts = contributions(analyses)
-    shares = [[] if part.missing else contribution_charts(part) for part in parts]
-    effects = effect_charts(shown)
-    charts = _charts(cube, shown, analyses)
-    picture = picture_first([charts["models"], charts["borders"], *shares, charts["sensitivity"], charts["loci"],
-                             [group.strongest for group in effects], *charts.values()])  # fmt: skip
-    content: dict[str, Any] = {name: _without(picture, group) for name, group in charts.items()} | {
-        "tables": [(result.attrs.get("title", name), *table) for name, result in analyses.items()
-                   if (table := table_of(result))],
-        "contribution": [
-            (part, contribution_notes(part), _without(picture, group), None if part.missing else share_rows(part))
-            for part, group in zip(parts, shares, strict=True)
-        ],
-        "effects": [(group.response, rest) for group in effects if (rest := _without(picture, group.charts))],
-        "cost": cost_rows(cube),
-        "failed": failed_points(cube, _MOST_FAILED),
-    }  # fmt: skip
+    picture, content = _content(cube, shown, analyses)
     lost, left = int((asked(cube) & ~finished(cube)).sum() - waiting(cube).sum()), int(waiting(cube).sum())
     silent = [
         name
@@ -209,6 +193,29 @@ def _sections(filled: Collection[str], questions: Sequence[WhatIfPage]) -> dict[
         if name in filled:
             sections[name] = title
     return sections
+
+
+def _content(
+    cube: xr.Dataset, shown: xr.Dataset, analyses: Mapping[str, xr.Dataset]
+) -> tuple[Chart | None, dict[str, Any]]:
+    """The picture at the top of the page, and what fills each of its sections: charts without that one, and rows."""
+    parts = contributions(analyses)
+    shares = [[] if part.missing else contribution_charts(part) for part in parts]
+    effects = effect_charts(shown)
+    charts = _charts(cube, shown, analyses)
+    picture = picture_first([charts["models"], charts["borders"], *shares, charts["sensitivity"], charts["loci"],
+                             [group.strongest for group in effects], *charts.values()])  # fmt: skip
+    return picture, {name: _without(picture, group) for name, group in charts.items()} | {
+        "tables": [(result.attrs.get("title", name), *table) for name, result in analyses.items()
+                   if (table := table_of(result))],
+        "contribution": [
+            (part, contribution_notes(part), _without(picture, group), None if part.missing else share_rows(part))
+            for part, group in zip(parts, shares, strict=True)
+        ],
+        "effects": [(group.response, rest) for group in effects if (rest := _without(picture, group.charts))],
+        "cost": cost_rows(cube),
+        "failed": failed_points(cube, _MOST_FAILED),
+    }  # fmt: skip
 
 
 def _in_order(cube: xr.Dataset, findings: Sequence[str], said: Sequence[str]) -> list[str]:
