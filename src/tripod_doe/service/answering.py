@@ -165,7 +165,9 @@ def _later(module: str, question: str, **arguments: Any) -> Answer:
 
 
 _LATER = {
-    "explorer.questions": ("explore", "figure", "numbers", "failures", "parameters", "point"),
+    "explorer.questions": ("explore", "extremes", "figure", "numbers", "failures", "parameters", "point"),
+    "explorer.again": ("contribution_study", "price_of_point", "simulated"),
+    "explorer.results": ("results", "behind"),
     "study_form": ("study_form", "changed_text"),
     "measurements": ("lay_over",),
 }

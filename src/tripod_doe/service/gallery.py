@@ -1,9 +1,11 @@
-"""Studies to start from: the templates, and the studies that come with the project."""
+"""What to start from: the templates, and the studies and workflows that come with the project, as they can be sent."""
 
 from __future__ import annotations
 
+import re
 import sys
 import tomllib
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -11,28 +13,30 @@ from typing import Any
 from tripod_doe.errors import InputError
 from tripod_doe.study.template import TEMPLATES
 
-__all__ = ["gallery", "gallery_text"]
+__all__ = ["gallery", "gallery_upload"]
 
 _TEMPLATE_NAMES = {
     "grid": "Grid of joint angle and torque",
     "sensitivity": "Which parameter matters most",
     "contribution": "Which friction causes the thrust",
 }
+_NAMED_FILE = re.compile(r'\b(study|table|measurement)(\s*=\s*)"([^"\n]+\.(?:toml|csv))"')
+_PLACES = (Path(sys.prefix) / "share" / "tripod-doe", Path(__file__).parents[3])
 
 
+@cache
 def gallery() -> list[dict[str, str]]:
-    """All studies to start from that need no other file: ``id``, ``name`` and ``question`` of each."""
+    """Everything to start from: ``id``, ``kind``, ``name`` and ``question`` of each."""
     found = [_told(f"template-{kind}", _template(kind)) | {"name": _TEMPLATE_NAMES[kind]} for kind in TEMPLATES]
-    for path in _study_files():
+    for name, path in _files().items():
         text = path.read_text(encoding="utf-8")
-        head: dict[str, Any] = tomllib.loads(text)
-        if "function" not in head["study"] and "table" not in head.get("design", {}):
-            found.append(_told(path.stem, text))
+        if "function" not in tomllib.loads(text).get("study", {}):
+            found.append(_told(name, text))
     return found
 
 
-def gallery_text(name: str) -> str:
-    """The text of one of them.
+def gallery_upload(name: str) -> dict[str, Any]:
+    """One of them as it can be submitted: ``study`` or ``workflow``, and the ``files`` that it names, by plain names.
 
     Raises
     ------
@@ -41,11 +45,33 @@ def gallery_text(name: str) -> str:
     """
     kind = name.removeprefix("template-")
     if name != kind and kind in TEMPLATES:
-        return _template(kind)
-    paths = {path.stem: path for path in _study_files()}
-    if name not in paths:
-        raise InputError(f"gallery: {name[:100]!r}: no study of this name")
-    return paths[name].read_text(encoding="utf-8")
+        return {"study": _template(kind), "files": {}}
+    if name not in {entry["id"] for entry in gallery()}:
+        raise InputError(f"gallery: {name[:100]!r}: no study or workflow of this name")
+    texts: dict[str, str] = {}
+    text = _plain_text(_files()[name], texts)
+    return {_kind(text): text, "files": texts}
+
+
+def _plain_text(path: Path, texts: dict[str, str]) -> str:
+    """The text of a file that names others by their plain names; their texts are added to `texts`."""
+
+    def plain(found: re.Match[str]) -> str:
+        places = (path.parent, path.parent.parent / "studies")  # a table in a workflow is that of a study
+        other = next((place / found[3] for place in places if (place / found[3]).is_file()), None)
+        if other is None:
+            return found[0]
+        if other.name not in texts:
+            texts[other.name] = ""  # files that name each other would have no end
+            texts[other.name] = _plain_text(other, texts)
+        return f'{found[1]}{found[2]}"{other.name}"'
+
+    text = path.read_text(encoding="utf-8")
+    return _NAMED_FILE.sub(plain, text) if path.suffix == ".toml" else text
+
+
+def _kind(text: str) -> str:
+    return "workflow" if "workflow" in tomllib.loads(text) else "study"
 
 
 def _template(kind: str) -> str:
@@ -54,11 +80,15 @@ def _template(kind: str) -> str:
 
 
 def _told(name: str, text: str) -> dict[str, str]:
-    head = tomllib.loads(text)["study"]
-    return {"id": name, "name": head["name"], "question": head.get("question", "")}
+    kind = _kind(text)
+    head = tomllib.loads(text)[kind]
+    return {"id": name, "kind": kind, "name": head["name"], "question": head.get("question", "")}
 
 
-def _study_files() -> list[Path]:
-    """The project's studies: of an installation, or of the clone that this is run from."""
-    places = (Path(sys.prefix) / "share" / "tripod-doe" / "studies", Path(__file__).parents[3] / "studies")
-    return next((sorted(place.glob("*.toml")) for place in places if place.is_dir()), [])
+def _files() -> dict[str, Path]:
+    """The project's studies and workflows by their ids: of an installation, or of the clone that this is run from."""
+    place = next((place for place in _PLACES if (place / "studies").is_dir()), None)
+    if place is None:
+        return {}
+    studies = {path.stem: path for path in sorted((place / "studies").glob("*.toml"))}
+    return studies | {f"workflow-{path.stem}": path for path in sorted((place / "workflows").glob("*.toml"))}

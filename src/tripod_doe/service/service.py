@@ -16,6 +16,7 @@ from typing import Any
 
 from tripod_doe.errors import StorageError, TripodDoeError, near_match
 from tripod_doe.service.answer_processes import AllBusyError, AnswerFailedError, AnswerProcesses
+from tripod_doe.service.extremes import Extremes
 from tripod_doe.service.found import found_directories
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.runs import Run
@@ -45,6 +46,8 @@ class Service:
     ----------
     runs
         Looks after the runs.
+    extremes
+        Best and worst points of the runs.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -52,6 +55,7 @@ class Service:
         self.runs = Supervisor(settings)
         self._questions = AnswerProcesses(2, settings.limits)
         self._computing = AnswerProcesses(1, settings.limits)
+        self.extremes = Extremes(self._find_extremes)
         self._started = self._closed = False
 
     def start(self) -> None:
@@ -128,6 +132,23 @@ class Service:
         told: dict[str, Any] = self._computing.ask("simulate", seconds, scene=scene, parameters=parameters)[0]
         return told
 
+    def simulated(self, scene: str, parameters: dict[str, Any]) -> dict[str, Any]:
+        """One point with figures of all its outputs."""
+        seconds = self.settings.limits.simulate_seconds
+        told: dict[str, Any] = self._computing.ask("simulated", seconds, scene=scene, parameters=parameters)[0]
+        return told
+
+    def _find_extremes(self, run: Run, order: int) -> dict[str, Any] | None:
+        """Best and worst point of a run; None where its cube cannot tell."""
+        path = str(self.runs.directory(run.id))
+        try:
+            told: dict[str, Any] | None = self._questions.ask(
+                "extremes", self.settings.limits.query_seconds, path=path, order=order
+            )[0]
+        except (TripodDoeError, AllBusyError, AnswerFailedError):  # it does not hold this order, or is about to go
+            return None
+        return told
+
     def query(
         self,
         run_id: str,
@@ -164,16 +185,34 @@ class Service:
 
     def analyses(self, run_id: str, step: str | None = None) -> list[dict[str, Any]]:
         """Results of a run's analyses; of a workflow, those of its steps."""
+        paths = self.analysis_files(run_id, step)
+        told: list[dict[str, Any]] = self._questions.ask("analyses", self.settings.limits.query_seconds, paths=paths)[0]
+        return told
+
+    def analysis_files(self, run_id: str, step: str | None = None) -> dict[str, str]:
+        """Files of a run's analyses by name; of a workflow, those of its steps."""
         run = self.runs.find(run_id)
         if run.kind == "workflow" and step is None:
             steps = self.runs.directory(run_id) / "steps"
             kinds = {name: told["kind"] for name, told in run.plan["steps"].items()}
             made = {name: steps / name / "cube.nc" for name, kind in kinds.items() if kind not in _WITHOUT_CUBE}
-            paths = {name: str(path) for name, path in made.items() if path.is_file()}
-        else:
-            paths = {path.stem: str(path) for path in sorted((self.results(run_id, step) / "analysis").glob("*.nc"))}
-        told: list[dict[str, Any]] = self._questions.ask("analyses", self.settings.limits.query_seconds, paths=paths)[0]
-        return told
+            return {name: str(path) for name, path in made.items() if path.is_file()}
+        return {path.stem: str(path) for path in sorted((self.results(run_id, step) / "analysis").glob("*.nc"))}
+
+    def studies_behind(self, run_id: str, name: str, step: str | None = None) -> dict[str, str]:
+        """Directories of the studies that an analysis has read, by step; that of the run itself, without a name."""
+        run = self.runs.find(run_id)
+        if run.kind != "workflow" or step:
+            return {step or "": str(self.results(run_id, step))}
+        steps = run.plan["steps"]
+        wanted, found = list(steps.get(name, {}).get("inputs", ())), {}
+        while wanted:  # an analysis may read another one, and that one a study
+            other = wanted.pop(0)
+            if "points" in steps.get(other, {}):
+                found[other] = str(self.results(run_id, other))
+            else:
+                wanted += steps.get(other, {}).get("inputs", ())
+        return found
 
     def compare(self, run_id: str, measurement: str, step: str | None, settings: dict[str, Any]) -> dict[str, Any]:
         """A measurement beside a point of a run's cube, as ``compare --format json`` gives it."""

@@ -1,4 +1,4 @@
-"""A server with two finished studies, and a browser that is signed in to it."""
+"""A server with finished studies, found in its folder, and a browser that is signed in to it."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ import shutil
 import subprocess
 import sys
 import time
-import urllib.error
+import tomllib
 import urllib.request
 
 import pytest
+
+import tripod_doe as td
 
 COAST = """
 [study]
@@ -48,7 +50,42 @@ samples = 40
 seed = 3
 [keep]
 outputs = ["thrust_amplitude"]
+[analysis.tolerance]
 """
+SHARES = """
+[study]
+name = "Shares on coast"
+[base]
+torque_n_m = -70
+[factors.joint_angle_deg]
+values = [4, 13]
+[design]
+kind = "product"
+of = ["operating", "mechanisms"]
+[design.operating]
+factors = ["joint_angle_deg"]
+[design.mechanisms]
+kind = "ablation"
+combinations = "single"
+[keep]
+outputs = ["thrust_amplitude", "thrust_phase_deg"]
+[analysis.contribution]
+"""
+RUNGS = """
+[study]
+name = "Rungs"
+[base]
+speed_rpm = 150
+[factors.joint_angle_deg]
+values = [3, 8, 16]
+[factors.torque_n_m]
+values = [-40, 60]
+[factors.model]
+values = ["equilibrium", "kinetostatic"]
+[keep]
+outputs = ["thrust_amplitude"]
+"""
+STUDIES = {"coast": COAST, "sampled": SAMPLED, "shares": SHARES, "rungs": RUNGS}
 
 
 class Served:
@@ -71,15 +108,14 @@ class Served:
             text = answer.read()
         return json.loads(text) if text else None
 
-    def run(self, study):
-        """Submit a study and wait for its end."""
-        run_id = self.ask("POST", "/api/v1/runs", {"study": study})["id"]
-        deadline = time.monotonic() + 120
-        while (run := self.ask("GET", f"/api/v1/runs/{run_id}"))["state"] not in ("finished", "failed"):
-            assert time.monotonic() < deadline, run
-            time.sleep(0.2)
-        assert run["state"] == "finished", run
-        return run_id
+    def id_of(self, study):
+        """The run of a study of `STUDIES`, as soon as it has been found."""
+        name = tomllib.loads(study)["study"]["name"]
+        deadline = time.monotonic() + 60
+        while not (found := [run["id"] for run in self.ask("GET", "/api/v1/runs") if run["name"] == name]):
+            assert time.monotonic() < deadline
+            time.sleep(0.1)
+        return found[0]
 
     def close(self):
         self._process.terminate()
@@ -89,19 +125,33 @@ class Served:
 
 @pytest.fixture(scope="session")
 def served(tmp_path_factory):
-    server = Served(tmp_path_factory.mktemp("served"))
+    folder = tmp_path_factory.mktemp("served")
+    for name, text in STUDIES.items():  # in this process: a run of the service would import everything anew
+        (folder / f"{name}.toml").write_text(text)
+        td.run(folder / f"{name}.toml", out=folder / name, workers=0, progress=False)
+    server = Served(folder)
     yield server
     server.close()
 
 
 @pytest.fixture(scope="session")
 def coast(served):
-    return served.run(COAST)
+    return served.id_of(COAST)
 
 
 @pytest.fixture(scope="session")
 def sampled(served):
-    return served.run(SAMPLED)
+    return served.id_of(SAMPLED)
+
+
+@pytest.fixture(scope="session")
+def shares(served):
+    return served.id_of(SHARES)
+
+
+@pytest.fixture(scope="session")
+def rungs(served):
+    return served.id_of(RUNGS)
 
 
 @pytest.fixture(scope="session")
@@ -117,20 +167,29 @@ def chromium():
         browser.close()
 
 
-@pytest.fixture
-def page(chromium, served):
-    """A window of its own; what breaks the policy or ends in an error of a script is an error of the test."""
-    context = chromium.new_context(viewport={"width": 1280, "height": 900}, accept_downloads=True)
-    context.set_default_timeout(20_000)
-    page = context.new_page()
-    faults = []
-    page.on("pageerror", lambda error: faults.append(str(error)))
-    page.add_init_script(
+@pytest.fixture(scope="session")
+def window(chromium, served):
+    """A browser's window, signed in: its pages share the cookie and what has been loaded."""
+    window = chromium.new_context(viewport={"width": 1280, "height": 900}, accept_downloads=True)
+    window.set_default_timeout(30_000)
+    window.add_init_script(
         "addEventListener('securitypolicyviolation', e => { if (!e.violatedDirective.startsWith('style-src'))"
         " console.error('policy: ' + e.violatedDirective + ' ' + e.blockedURI); })"
     )
+    first = window.new_page()
+    first.goto(served.door)
+    first.close()
+    yield window
+    window.close()
+
+
+@pytest.fixture
+def page(window):
+    """A page; what breaks the policy or ends in an error of a script is an error of the test."""
+    page = window.new_page()
+    faults = []
+    page.on("pageerror", lambda error: faults.append(str(error)))
     page.on("console", lambda message: faults.append(message.text) if message.text.startswith("policy") else None)
-    page.goto(served.door)
     yield page
-    context.close()
+    page.close()
     assert not faults

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import base64
 import csv
 import io
 import json
 import re
+import struct
 from pathlib import Path
 from urllib.parse import parse_qsl, urlsplit
 
@@ -147,7 +149,7 @@ def test_marks_on_parallel_axes_narrow_points_down(served, page, sampled):
     explore(page, served, sampled, "kind=parallel")
     note = page.locator("#figure-note")
     assert note.inner_text().startswith("40 points")
-    box = page.locator("#figure canvas").bounding_box()
+    box = page.locator("#figure canvas.over").bounding_box()
     page.mouse.move(box["x"] + 56, box["y"] + 60)  # on the first axis
     page.mouse.down()
     page.mouse.move(box["x"] + 56, box["y"] + 200, steps=4)
@@ -200,8 +202,8 @@ def test_text_and_form_follow_each_other_and_complaints_stand_at_their_line(serv
     until(page, "document.querySelector('[name=\"parameter.speed_rpm\"]').value === '900'")
     page.get_by_role("button", name="Run this study").click()
     page.wait_for_url("**/runs/*")
-    page.locator("#run-head .state.finished").wait_for(timeout=60_000)
-    page.wait_for_selector(DRAWN)
+    page.get_by_role("heading", name="From the page").wait_for()
+    served.ask("POST", f"/api/v1/runs/{page.url.rpartition('/')[2]}/stop")
 
 
 def test_a_report_stands_in_a_sandbox(served, page, coast):
@@ -222,23 +224,168 @@ def test_a_measurement_is_laid_over_a_point(served, page, coast):
     assert page.locator("#table-of-orders tbody tr").count() == 13
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_every_page_fits_a_narrow_window_and_speaks_to_every_reader(served, chromium, coast, scheme):
-    """axe looks for contrast, names of controls, order of headings and the like."""
-    context = chromium.new_context(viewport={"width": 400, "height": 800}, color_scheme=scheme)
-    page = context.new_page()
-    page.goto(served.door)
-    for path in ("/", "/new", f"/runs/{coast}?point=3", f"/runs/{coast}/failed", "/compare", "/runs/none"):
+def test_every_page_fits_a_narrow_window_and_speaks_to_every_reader(served, page, coast, sampled, shares):
+    """axe looks for contrast, names of controls, order of headings and the like; in the dark for contrast."""
+    page.set_viewport_size({"width": 400, "height": 800})
+    for path in ("/", "/new", f"/runs/{coast}?point=3", f"/runs/{sampled}?kind=matrix&beside=kind%3Dpoints",
+                 f"/runs/{shares}/analyses", f"/runs/{coast}/failed", "/compare", "/runs/none"):  # fmt: skip
+        page.emulate_media(color_scheme="light")
         page.goto(served.address + path)
-        if "?" in path:
+        if "point=" in path:
             page.locator("#point:not([hidden])").wait_for()
+        if "beside=" in path:
+            page.locator("#second-figure .main-svg").first.wait_for()
         assert page.evaluate("document.documentElement.scrollWidth") <= 400, path
         page.evaluate(f"{AXE}; 0")
-        rules = "{}" if scheme == "light" else "{ runOnly: ['color-contrast'] }"
-        found = page.evaluate(f"axe.run({{ exclude: ['iframe'] }}, {rules})")["violations"]
-        assert [
-            (fault["id"], fault["nodes"][0]["html"]) for fault in found if fault["impact"] in ("serious", "critical")
-        ] == []
-    ground = page.evaluate("getComputedStyle(document.body).backgroundColor")
-    assert (sum(map(int, re.findall(r"\d+", ground))) < 200) == (scheme == "dark")
-    context.close()
+        for scheme, rules in (("light", "{}"), ("dark", "{ runOnly: ['color-contrast'] }")):
+            page.emulate_media(color_scheme=scheme)
+            found = page.evaluate(f"axe.run({{ exclude: ['iframe'] }}, {rules})")["violations"]
+            assert [
+                (fault["id"], fault["nodes"][0]["html"])
+                for fault in found
+                if fault["impact"] in ("serious", "critical")
+            ] == [], (path, scheme)
+            ground = page.evaluate("getComputedStyle(document.body).backgroundColor")
+            assert (sum(map(int, re.findall(r"\d+", ground))) < 200) == (scheme == "dark")
+
+
+def test_a_point_under_the_pointer_is_marked_in_all_views(served, page, sampled):
+    """Points and a scatter matrix of them, one below the other; hovering marks the same point in both and its row."""
+    explore(page, served, sampled, "kind=points&x=torque_n_m")
+    page.locator("#numbers summary").click()
+    page.locator("#numbers tbody tr").first.wait_for()
+    page.get_by_role("button", name="Keep below").click()
+    page.locator("#second-figure .main-svg").first.wait_for()
+    change(page, lambda: page.get_by_text("Matrix", exact=True).click())
+    page.locator("#numbers [data-point='17']").hover()
+    below = page.locator("#second .ring:not([hidden])")
+    below.wait_for()
+    ring, dot = below.bounding_box(), page.locator("#second-figure .points path").nth(17).bounding_box()
+    assert abs(ring["x"] + ring["width"] / 2 - dot["x"] - dot["width"] / 2) < 2
+    assert abs(ring["y"] + ring["height"] / 2 - dot["y"] - dot["height"] / 2) < 2
+    assert inked(page, "#figure canvas.over")
+    page.locator("#second-figure").scroll_into_view_if_needed()
+    dot = page.locator("#second-figure .points path").nth(5).bounding_box()
+    page.mouse.move(dot["x"] + dot["width"] / 2, dot["y"] + dot["height"] / 2)
+    page.locator("#numbers tr.marked [data-point='5']").wait_for(state="attached")
+    address = page.url
+    page.goto(address)
+    page.locator("#second-figure .main-svg").first.wait_for()  # the view below stands in the address, too
+    page.get_by_role("button", name="Swap").click()
+    until(page, "document.querySelector('#second-figure canvas')")
+    page.get_by_role("button", name="Close the view kept below").click()
+    assert "beside" not in page.url
+
+
+def inked(page, canvas):
+    """Whether anything is drawn on a canvas."""
+    return page.evaluate(f"(c => c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some(Boolean))"
+                         f"(document.querySelector('{canvas}'))")  # fmt: skip
+
+
+def test_a_frame_in_the_scatter_matrix_narrows_points_down_and_a_mark_leads_to_its_point(served, page, sampled):
+    explore(page, served, sampled, "kind=matrix")
+    box = page.locator("#figure canvas.over").bounding_box()
+    wide = (box["width"] - 68) / 4  # four quantities, beside the numbers of the axes
+    left, top = box["x"] + 58, box["y"] + 8 + page.evaluate("document.getElementById('figure').points.up")
+    page.mouse.move(left + 1, top + 1)  # the second row's first panel: torque over joint angle
+    page.mouse.down()
+    page.mouse.move(left + wide / 2 - 5, top + 400, steps=4)
+    page.mouse.up()
+    kept = re.match(r"(\d+) of 40 points within the mark", page.locator("#figure-note").inner_text())
+    assert 15 < int(kept[1]) < 25  # half of an even sample
+    x, y = page.evaluate("(s => { const at = (k, v) => (v - s.axes[k].low) / (s.axes[k].high - s.axes[k].low);"
+                         " return [at(0, s.axes[0].values[7]), at(1, s.axes[1].values[7])]; })"
+                         "(document.getElementById('figure').points)")  # fmt: skip
+    height = page.evaluate("document.getElementById('figure').points.up") - 10
+    page.mouse.click(left + 4 + x * (wide - 18), top + height - 4 - y * (height - 8))
+    page.locator("#point").get_by_role("heading", name="Point 7").wait_for()
+
+
+def test_a_number_of_an_analysis_leads_to_its_points(served, page, shares, sampled):
+    page.goto(f"{served.address}/runs/{shares}")
+    page.get_by_role("link", name="Analyses").click()
+    row = page.locator("table.linked tr", has_text="13 deg").filter(has_text="groove rolling")
+    row.locator("a").first.click()  # its share
+    page.wait_for_selector(DRAWN)
+    chosen = parse_qsl(urlsplit(page.url).query)
+    assert {("x", "groove_rolling"), ("select", "joint_angle_deg=13"), ("select", "order=3")} <= set(chosen)
+    assert len(traces(page)[0]["customdata"]) > 1
+    page.goto(f"{served.address}/runs/{sampled}/analyses?order=6")
+    page.locator("table.linked tr", has_text="0.95").locator("a").first.click()  # what is above this quantile
+    page.wait_for_selector(DRAWN)
+    page.locator("#numbers summary").click()
+    page.locator("#numbers tbody tr").first.wait_for()
+    assert page.locator("#numbers tbody tr").count() == 2  # of 40 points, 5 %
+    assert "order 6" in page.locator("#seen-title").inner_text()
+    explore(page, served, shares, "analysis=contribution")  # a mark in a figure of the analysis leads there, too
+    page.locator("#numbers summary").click()
+    page.locator("#numbers [data-point]").first.click()
+    page.wait_for_url("**variable=thrust_amplitude**")
+
+
+def test_the_difference_of_two_models_is_that_of_their_numbers(served, page, rungs):
+    explore(page, served, rungs, "kind=map&x=joint_angle_deg&by=torque_n_m&select=model=kinetostatic&select=order=3")
+    change(page, lambda: page.get_by_label("Less the values").select_option("model=equilibrium"))
+    assert "less that at model equilibrium" in page.locator("#seen-title").inner_text()
+    drawn = unpack(traces(page)[0]["z"])
+    asked = {(row["model"], row["torque_n_m"], row["joint_angle_deg"]): row["thrust_amplitude"] for row in served.ask(
+        "GET", f"/api/v1/runs/{rungs}/query?variable=thrust_amplitude&select=order=3")}  # fmt: skip
+    wanted = [asked["kinetostatic", t, a] - asked["equilibrium", t, a] for t in (-40, 60) for a in (3, 8, 16)]
+    assert drawn == pytest.approx(wanted, abs=1e-12)
+    page.locator("#numbers summary").click()
+    page.locator("#numbers tbody tr").first.wait_for()
+    told = [float(text.replace(",", "")) for text in page.locator("#numbers td:nth-last-child(2)").all_inner_texts()]
+    assert sorted(told) == pytest.approx(sorted(wanted), rel=1e-5)
+
+
+def unpack(packed):
+    return list(struct.unpack(f"<{len(data := base64.b64decode(packed['bdata'])) // 8}d", data))
+
+
+def test_the_list_tells_the_extremes_of_the_chosen_order_and_leads_to_them(served, page, coast):
+    page.goto(served.address)
+    row = page.locator(f"#run-{coast}")
+    page.get_by_label("Least and largest of order").select_option("6")
+    row.locator(".extremes [title*='order 6'] a").nth(1).wait_for()
+    asked = served.ask("GET", f"/api/v1/runs/{coast}/query?variable=thrust_amplitude&select=order=6")
+    largest = max(cell["thrust_amplitude"] or 0 for cell in asked)
+    link = row.locator(".extremes a").nth(1)
+    assert float(link.inner_text().split()[0]) == pytest.approx(largest, rel=0.01)
+    number = [cell["thrust_amplitude"] for cell in asked].index(largest)
+    assert link.get_attribute("href").endswith(f"?point={number}")
+
+
+def test_the_price_of_a_point_is_told_before_it_is_simulated_and_its_contributions_are_a_study(served, page, coast):
+    page.goto(f"{served.address}/runs/{coast}?point=5")
+    panel = page.locator("#point")
+    panel.get_by_text("Simulate again").click()
+    panel.get_by_label("Another parameter").select_option("model")
+    panel.locator("[data-parameter=model]").fill("needles")
+    told = panel.locator(".told")
+    told.filter(has_text=re.compile(r"^About [\d.]+ (s|min) of CPU time")).wait_for()
+    clearance = panel.locator("[data-parameter=bearing_radial_clearance_mm]")
+    clearance.fill("-0.03")
+    told.filter(has_text="This point will fail: jammed").wait_for()
+    clearance.fill("0.02")
+    panel.locator("[data-parameter=model]").fill("needels")
+    told.filter(has_text="'needles'").wait_for()  # a wrong value is told before, too
+    panel.get_by_text("Which friction makes the force here?").click()
+    page.locator("#price dt", has_text="Points").wait_for()
+    text = page.locator("#text").input_value()
+    assert 'kind = "ablation"' in text
+    assert "[analysis.contribution]" in text
+
+
+def test_a_workflow_of_the_gallery_comes_with_its_studies(served, page):
+    page.goto(f"{served.address}/new")
+    page.get_by_role("link", name="Small chain").click()
+    page.locator(".of-steps th", has_text="friction").wait_for()
+    assert page.get_by_role("button", name="Run this workflow").is_enabled()
+    page.locator("[data-file='thrust_map.toml'] summary").click()
+    field = page.locator("[data-file='thrust_map.toml'] textarea")
+    field.fill(field.input_value().replace("[study]", "[studi]"))
+    problem = page.locator("#problems").get_by_role("button", name="thrust_map.toml, line")
+    problem.wait_for()
+    problem.click()
+    assert field.evaluate("field => field.value.slice(field.selectionStart, field.selectionEnd)") == "[studi]"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 import shlex
 import shutil
 import tomllib
@@ -14,15 +15,19 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
+from tripod_doe.service.explorer.again import contribution_study, price_of_point
 from tripod_doe.service.explorer.axes import full_view
+from tripod_doe.service.explorer.behind import view_behind
 from tripod_doe.service.explorer.exports import query_command, simulate_command, study_of_view
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.scatter import scatter
-from tripod_doe.service.explorer.questions import explore, failures, figure, numbers, point
+from tripod_doe.service.explorer.questions import explore, extremes, failures, figure, numbers, point
 from tripod_doe.service.explorer.slices import draw, numbered, seen
 from tripod_doe.service.explorer.view import View
-from tripod_doe.service.gallery import gallery, gallery_text
+from tripod_doe.service.gallery import gallery, gallery_upload
+from tripod_doe.service.limits import Limits
 from tripod_doe.service.study_form import changed_text, study_form
+from tripod_doe.service.uploads import check_upload, upload_texts
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points
 
@@ -209,6 +214,75 @@ def test_the_difference_of_a_cube_and_itself_is_zero_and_of_others_refused(folde
         draw(cube, view, other)
 
 
+def test_a_level_of_a_factor_is_subtracted_while_the_view_stands_still_there(folders):
+    path, view = (
+        str(folders["grid"]),
+        "kind=lines&x=joint_angle_deg&by=bearing_radial_clearance_mm&select=torque_n_m=90",
+    )
+    items = [part.split("=", 1) for part in f"{view}&minus=torque_n_m=-40".split("&")]
+    asked = td.query(td.open_cube(path), "thrust_amplitude", ["order=3", "bearing_radial_clearance_mm=0.02"])
+    wanted = asked["thrust_amplitude"].sel(torque_n_m=90) - asked["thrust_amplitude"].sel(torque_n_m=-40)
+    drawn = json.loads(figure(path, items, None)[1])["data"][1]
+    assert np.array_equal(values(drawn["y"]), wanted.values.ravel())
+    assert values(drawn["customdata"]).tolist() == [3, 7, 11]  # the points at 90 N m
+    rows = numbers(path, items)[0]["rows"]
+    assert [row[-2] for row in rows if row[-1] == "finished"] == [f"{value:.6g}" for value in wanted.values.ravel()]
+    assert explore(path, items, "x")[0]["title"].endswith("less that at torque -40 N m")
+    along = [part.split("=", 1) for part in "kind=lines&x=torque_n_m&minus=torque_n_m=-40".split("&")]
+    assert explore(path, along, "x")[0]["view"]["minus"] == ""
+
+
+def test_extremes_are_those_of_the_order(folders):
+    cube = numbered(td.open_cube(folders["grid"]))
+    found = extremes(str(folders["grid"]), 6)[0]
+    for end, at in (
+        ("least", cube["thrust_amplitude"].sel(order=6).min()),
+        ("largest", cube["thrust_amplitude"].sel(order=6).max()),
+    ):
+        number = point(str(folders["grid"]), found[end]["number"])[0]["number"]
+        own = cube["thrust_amplitude"].sel(order=6).values.ravel()[number]
+        assert own == float(at)
+
+
+def test_the_price_of_a_point_names_what_is_wrong_or_will_fail():
+    price, _ = price_of_point("joint", {"model": "needles", "torque_n_m": 33})
+    assert price["cpu_seconds"] > 10 * price_of_point("joint", {"model": "kinetostatic"})[0]["cpu_seconds"]
+    assert price_of_point("joint", {"bearing_radial_clearance_mm": -0.05})[0]["foreseen"].startswith("jammed: ")
+    with pytest.raises(InputError, match="^torque_nm = 3: unknown parameter"):
+        price_of_point("joint", {"torque_nm": 3})
+
+
+def test_the_study_of_contributions_keeps_the_point(folders):
+    study = parse_study(contribution_study(str(folders["grid"]), 5)[0])
+    assert {"joint_angle_deg": 7, "torque_n_m": -40, "bearing_radial_clearance_mm": 0.02}.items() <= study.base.items()
+    assert study.base["initial_skew_2_deg"] == 0.3
+    assert make_points(study).count == 32
+
+
+def analysed(dims, coords, **attrs):
+    sizes = [len(coords[dim]) for dim in dims]
+    return xr.Dataset({"share": (dims, np.arange(np.prod(sizes), dtype=float).reshape(sizes))}, coords, attrs)
+
+
+@pytest.mark.parametrize(("result", "cell", "view"), [
+    (analysed(["factor", "order"], {"factor": ["torque_n_m", "joint_angle_deg"], "order": [0, 3]}), 1,
+     {"x": "torque_n_m", "select": ("order=3",)}),
+    (analysed(["term", "order"], {"term": ["torque_n_m:joint_angle_deg"], "order": [6]}), 0,
+     {"x": "torque_n_m", "by": "joint_angle_deg", "select": ("order=6",)}),
+    (analysed(["joint_angle_deg", "pair"], {"joint_angle_deg": [2, 13], "pair": ["torque_n_m + bearing_radial_clearance_mm"]}), 1,
+     {"x": "torque_n_m", "by": "bearing_radial_clearance_mm", "select": ("joint_angle_deg=13",)}),
+    (analysed(["probability"], {"probability": [0.05, 0.95]}), 1, {"where": "thrust_amplitude >= 1"}),
+    (analysed(["output"], {"output": ["thrust"]}), 0, {"variable": "thrust"}),
+])  # fmt: skip
+def test_behind_a_number_are_the_points_of_its_factors_at_its_place(folders, result, cell, view):
+    found = view_behind(
+        numbered(td.open_cube(folders["grid"])), result.assign_attrs(outputs="thrust_amplitude"), "share", cell
+    )
+    assert {name: getattr(found, name) for name in view} == view
+    assert found.variable == view.get("variable", "thrust_amplitude")
+    draw(td.open_cube(folders["grid"]), full_view(td.open_cube(folders["grid"]), found))  # it can be shown
+
+
 def test_a_study_that_runs_is_explored_as_far_as_it_is(folders, tmp_path):
     """Its finished points stand in the journal alone."""
     shutil.copytree(folders["grid"], tmp_path / "out")
@@ -256,7 +330,7 @@ def test_known_errors_stand_as_bars():
     ],
 )
 def test_a_field_becomes_a_factor_and_is_read_back(name, field, table):
-    text = changed_text(gallery_text("template-grid"), f"parameter.{name}", field)[0]
+    text = changed_text(gallery_upload("template-grid")["study"], f"parameter.{name}", field)[0]
     study = tomllib.loads(text)
     assert study["factors"][name] == table
     assert name not in study.get("base", {})
@@ -281,9 +355,12 @@ def test_the_gallery_holds_only_studies_that_can_be_sent():
     assert {"template-grid", "template-sensitivity", "template-contribution", "thrust_map"} <= {
         entry["id"] for entry in entries
     }
+    assert {"workflow-small", "workflow-paper", "speed_needle"} <= {entry["id"] for entry in entries}
     for entry in entries:
-        head = tomllib.loads(gallery_text(entry["id"]))
-        assert "function" not in head["study"]
-        assert "table" not in head.get("design", {})
-    with pytest.raises(InputError, match="no study of this name"):
-        gallery_text("../pyproject")
+        upload = gallery_upload(entry["id"])
+        main, texts = upload_texts(upload)
+        assert main == f"{entry['kind']}.toml"
+        check_upload(texts, Limits())  # no function, and no file that is not sent along
+        assert len(json.dumps(upload)) < Limits().body_bytes
+    with pytest.raises(InputError, match="no study or workflow of this name"):
+        gallery_upload("../pyproject")

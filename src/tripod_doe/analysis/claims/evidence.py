@@ -58,10 +58,14 @@ class Point:
         Factors and base values by name.
     data
         Its part of the cube.
+    cube, number
+        Name of its cube, and its number there.
     """
 
     parameters: Mapping[str, Any]
     data: xr.Dataset
+    cube: str
+    number: int
 
     @property
     def outcome(self) -> Outcome:
@@ -126,11 +130,17 @@ class Evidence:
     ----------
     cubes
         Cubes of studies by any name; results of analyses are passed over.
+
+    Attributes
+    ----------
+    used
+        Numbers of the points that were given since it was emptied, by the names of their cubes.
     """
 
     def __init__(self, cubes: Mapping[str, xr.Dataset]) -> None:
         self.cubes = {name: cube for name, cube in cubes.items() if is_study(cube)}
-        self._points = [point for cube in self.cubes.values() for point in _points_of(cube)]
+        self.used: dict[str, set[int]] = {}
+        self._points = [point for name, cube in self.cubes.items() for point in _points_of(name, cube)]
 
     def joint(self, **wanted: Any) -> list[Point]:
         """Points of the joint at the reference point but for what is named; `ANY` leaves a parameter open.
@@ -157,6 +167,8 @@ class Evidence:
                 best[key] = min(best.get(key, point), point, key=_worth)
         where = ", ".join(f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
                           for name, value in told.items() if value is not ANY) or "the reference values"  # fmt: skip
+        for point in best.values():
+            self.used.setdefault(point.cube, set()).add(point.number)
         if not best:
             raise MissingPointError(f"no point with {where} was run")
         for point in best.values():
@@ -172,12 +184,12 @@ def _worth(point: Point) -> tuple[bool, float]:
     return point.outcome is not Outcome.FINISHED, math.inf if math.isnan(tolerance) else tolerance
 
 
-def _points_of(cube: xr.Dataset) -> list[Point]:
+def _points_of(name: str, cube: xr.Dataset) -> list[Point]:
     dims = [str(dim) for dim in cube["outcome"].dims]
     fixed = json.loads(str(cube.attrs.get("fixed_parameters", "{}")))
     factors = [str(name) for name in cube.coords if set(cube[name].dims) <= set(dims)]
     points = []
-    for index in np.ndindex(*(cube.sizes[dim] for dim in dims)):
+    for number, index in enumerate(np.ndindex(*(cube.sizes[dim] for dim in dims))):
         data = cube.isel({dim: int(at) for dim, at in zip(dims, index, strict=True)})
-        points.append(Point(fixed | {name: data[name].item() for name in factors}, data))
+        points.append(Point(fixed | {factor: data[factor].item() for factor in factors}, data, name, number))
     return points

@@ -27,9 +27,10 @@ def share_of(mechanism: str) -> Callable[[Evidence, Cases], Measured]:
 
     def measure(evidence: Evidence, cases: Cases) -> Measured:
         point = point_of(evidence, cases, 2)
-        cube = next((cube for cube in evidence.cubes.values() if _ablates(cube, point, cases)), None)
-        if cube is None:
+        name = next((name for name, cube in evidence.cubes.items() if _ablates(cube, point, cases)), None)
+        if name is None:
             raise MissingPointError(f"no ablation of the mechanisms with model {cases.model} in case 2 was run")
+        cube, evidence.used[name] = evidence.cubes[name], set()  # all of its points
         result = contribution_shares(cube)
         shares = {
             name: float(result[name].sel(mechanism=mechanism, order=3)) for name in _DEFINITIONS if name in result

@@ -61,6 +61,7 @@ _VARIABLES = {
     "high": "largest value for which the claim holds; missing if there is no such limit",
     "sure": "1 where value and limits differ by more than the numerical error",
     "reason": "why it does not hold or is not decided, and values behind it",
+    "points": "points that decide it: each step with numbers of its points",
 }
 
 
@@ -96,6 +97,7 @@ def check_claims(cubes: Mapping[str, xr.Dataset], settings: ClaimsSettings) -> x
 
 def _decide(rule: Rule, evidence: Evidence, cases: Cases) -> dict[str, Any]:
     """A row of the table."""
+    evidence.used.clear()
     try:
         measured, verdict = rule.measure(evidence, cases), Verdict.NOT_DECIDED
     except MissingPointError as missing:
@@ -113,6 +115,7 @@ def _decide(rule: Rule, evidence: Evidence, cases: Cases) -> dict[str, Any]:
         "low": math.nan if rule.low is None else rule.low, "high": math.nan if rule.high is None else rule.high,
         "verdict": verdict, "sure": np.int8(verdict is not Verdict.NOT_DECIDED and len(ends) == 1),
         "reason": " ".join([*told, *([measured.note] if measured.note else [])]),
+        "points": "; ".join(" ".join(map(str, [name, *sorted(used)])) for name, used in evidence.used.items()),
     }  # fmt: skip
 
 

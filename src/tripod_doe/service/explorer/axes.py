@@ -9,7 +9,7 @@ import xarray as xr
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.report.responses import factor_names
 from tripod_doe.service.explorer.figures.parts import label_of
-from tripod_doe.service.explorer.view import View
+from tripod_doe.service.explorer.view import OF_POINTS, View
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import COST_VARIABLES, RECORD_ROLE
 
@@ -129,11 +129,18 @@ def full_view(cube: xr.Dataset, view: View) -> View:
     view = replace(view, variable=variable, x=x, by=by)
     view = _with_kind(view, axes)
     shown = {axes[name].dim for name in (view.x, view.by) if name}
-    if view.kind in ("points", "parallel"):
+    if view.kind in OF_POINTS:
         shown |= set(design_of(cube))
     kept = tuple(text for text in view.select if text.partition("=")[0] in axes)
     still = [axis for axis in axes.values() if axis.name == axis.dim not in shown and not _has_value(kept, axis)]
-    return replace(view, select=kept + tuple(f"{axis.name}={_start(cube, axis)}" for axis in still))
+    kept += tuple(f"{axis.name}={_start(cube, axis)}" for axis in still)
+    return replace(view, select=kept, minus=view.minus if _can_subtract(cube, view, kept) else "")
+
+
+def _can_subtract(cube: xr.Dataset, view: View, select: tuple[str, ...]) -> bool:
+    """Whether what a view subtracts is another run, or a level of a coordinate at which it stands still."""
+    level = view.minus_level
+    return bool(design_of(cube)) and (level is None or any(text.startswith(f"{level[0]}=") for text in select))
 
 
 def _has_value(select: tuple[str, ...], axis: Axis) -> bool:
@@ -154,14 +161,14 @@ def _with_kind(view: View, axes: dict[str, Axis]) -> View:
     own = [axis for axis in axes.values() if axis.dim == axis.name and axis.name != "point"]
     design = [axis for axis in axes.values() if axis.of_design and axis.name != "point"]
     listed = "point" in axes
-    if view.kind == "parallel" and design:
+    if view.kind in ("parallel", "matrix") and design:
         return replace(view, x="", by="")
     kind = view.kind or (
         "points"
         if listed and view.x not in [axis.name for axis in own]
         else _suited([axis for axis in own if axis.of_design or _rank(axis) == 0] or own)
     )
-    if (kind in ("points", "parallel") and not design) or (kind == "map" and len(own) < 2):
+    if (kind in OF_POINTS and not design) or (kind == "map" and len(own) < 2):
         kind = "lines"
     kind = "points" if kind == "lines" and not own else kind
     below = sorted(design if kind == "points" else own, key=_rank)

@@ -10,7 +10,7 @@ import xarray as xr
 from tripod_doe.report.responses import unit_text
 from tripod_doe.service.explorer.axes import design_of, variable_axes
 from tripod_doe.service.explorer.figures.parts import label_of
-from tripod_doe.service.explorer.view import View
+from tripod_doe.service.explorer.view import OF_POINTS, View
 
 __all__ = ["controls", "view_title"]
 
@@ -22,16 +22,17 @@ def controls(cube: xr.Dataset, view: View) -> dict[str, Any]:
     -------
     dict
         ``kinds`` of views that suit the variable; axes that can lie ``below`` and ``beside``; those that stand
-        ``still`` with their values; and ``ranges`` of factors with both ends as texts, empty where they are open.
+        ``still`` with their values, the ``levels`` of these that can be subtracted; and ``ranges`` of factors with both
+        ends as texts, empty where they are open.
     """
     axes = variable_axes(cube, view.variable)
     own = [axis for axis in axes if axis.name == axis.dim and axis.name != "point"]
     factors = [axis for axis in axes if axis.of_design and axis.name != "point"]
     values = dict(text.split("=", 1) for text in view.select)
-    kinds = (["lines"] if own else []) + (["map"] if len(own) > 1 else []) + (["points", "parallel"] if factors else [])
+    kinds = (["lines"] if own else []) + (["map"] if len(own) > 1 else []) + (list(OF_POINTS) if factors else [])
     shown = {axis.dim for axis in axes if axis.name in (view.x, view.by)}
-    listed = view.kind in ("points", "parallel") or view.by == "point"
-    if view.kind in ("points", "parallel"):
+    listed = view.kind in OF_POINTS or view.by == "point"
+    if view.kind in OF_POINTS:
         shown |= set(design_of(cube))
     beside = own + [axis for axis in axes if axis.name == "point"] if view.kind == "lines" else own
     ranges = [axis for axis in factors if axis.numeric and listed]
@@ -41,6 +42,8 @@ def controls(cube: xr.Dataset, view: View) -> dict[str, Any]:
         "beside": [asdict(axis) for axis in (factors if view.kind == "points" else beside)],
         "still": [(asdict(axis), values.get(axis.name, "")) for axis in axes
                   if axis.name == axis.dim not in shown and not (listed and axis in ranges)],
+        "levels": [(asdict(axis), [text for text in axis.texts if text != values.get(axis.name)]) for axis in axes
+                   if axis.of_design and axis.name == axis.dim not in shown and len(axis.texts) > 1 and not listed],
         "ranges": [(asdict(axis), *_ends(values.get(axis.name, ""))) for axis in ranges],
     }  # fmt: skip
 
@@ -50,15 +53,30 @@ def _ends(wanted: str) -> tuple[str, str]:
     return (low, high) if colon else (wanted, wanted)
 
 
-def view_title(cube: xr.Dataset, view: View) -> str:
-    """What a view shows, in words: ``thrust amplitude (N), order 3, over joint angle``."""
+def view_title(cube: xr.Dataset, view: View, minus_name: str = "") -> str:
+    """What a view shows, in words: ``thrust amplitude (N), order 3, over joint angle``.
+
+    Parameters
+    ----------
+    cube, view
+        What is looked at.
+    minus_name
+        Name of the run that is subtracted.
+    """
     parts = [label_of(cube[view.variable])]
-    for text in view.select:
-        name, _, wanted = text.partition("=")
-        unit = unit_text(str(cube[name].attrs.get("units", "1"))) if name in cube.variables else ""
-        words = label_of(cube[name]).partition(" (")[0] if name in cube.variables else name
-        parts.append(f"{words} {wanted.replace(':', ' to ')} {unit}".rstrip())
+    parts += [_at(cube, *text.partition("=")[::2]) for text in view.select]
     title = ", ".join(parts)
     over = [label_of(cube[name]).partition(" (")[0] for name in (view.x, view.by) if name]
     title = f"{title[0].upper()}{title[1:]}"
-    return f"{title}, over {' and '.join(over)}" if over else title
+    title = f"{title}, over {' and '.join(over)}" if over else title
+    level = view.minus_level
+    less = f"that at {_at(cube, *level)}" if level else f"that of {minus_name}" if view.minus else ""
+    return f"{title}, less {less}" if less else title
+
+
+def _at(cube: xr.Dataset, name: str, wanted: str) -> str:
+    """A selection in words: ``torque 50 N m``."""
+    known = name in cube.variables
+    unit = unit_text(str(cube[name].attrs.get("units", "1"))) if known else ""
+    words = label_of(cube[name]).partition(" (")[0] if known else name
+    return f"{words} {wanted.replace(':', ' to ')} {unit}".rstrip()

@@ -25,17 +25,17 @@ from tripod_doe.service.explorer.exports import (
     study_of,
     study_of_view,
 )
-from tripod_doe.service.explorer.figures.parts import NUMBER, blank_reasons, is_failed, label_of
+from tripod_doe.service.explorer.figures.parts import NUMBER, blank_reasons, is_failed, label_of, shown
 from tripod_doe.service.explorer.figures.point import point_figures
 from tripod_doe.service.explorer.open_cubes import opened
-from tripod_doe.service.explorer.slices import colour_range, draw, numbered, seen
+from tripod_doe.service.explorer.slices import colour_range, draw, numbered, point_of, seen, shown_cells
 from tripod_doe.service.explorer.view import View
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.arrays import cube_arrays
 from tripod_doe.study.query import records
 from tripod_doe.study.scenes import SCENES, load_simulator
 
-__all__ = ["explore", "failures", "figure", "numbers", "parameters", "point"]
+__all__ = ["explore", "extremes", "failures", "figure", "numbers", "parameters", "point"]
 
 Items = Sequence[Sequence[str]]
 """A view as its address says it: names and texts."""
@@ -43,7 +43,7 @@ Items = Sequence[Sequence[str]]
 _MOST_ROWS = 500
 
 
-def explore(path: str, items: Items, place: str) -> tuple[Any, bytes]:
+def explore(path: str, items: Items, place: str, minus_name: str = "") -> tuple[Any, bytes]:
     """What a view of a result directory can be changed to, and what it is called elsewhere.
 
     Parameters
@@ -54,6 +54,8 @@ def explore(path: str, items: Items, place: str) -> tuple[Any, bytes]:
         The view.
     place
         The directory as a user of the machine calls it.
+    minus_name
+        Name of the run that is subtracted.
 
     Returns
     -------
@@ -62,15 +64,15 @@ def explore(path: str, items: Items, place: str) -> tuple[Any, bytes]:
     """
     asked = View.from_items((name, text) for name, text in items)
     with _cube(path, asked) as cube:
-        return _explored(cube, full_view(cube, asked), path, place), b""
+        return _explored(cube, full_view(cube, asked), path, place, minus_name), b""
 
 
-def _explored(cube: xr.Dataset, view: View, path: str, place: str) -> dict[str, Any]:
+def _explored(cube: xr.Dataset, view: View, path: str, place: str, minus_name: str) -> dict[str, Any]:
     source = f"/analysis/{view.analysis}.nc" if view.analysis else ""
     return {
         "view": asdict(view),
         "address": view.address,
-        "title": view_title(cube, view),
+        "title": view_title(cube, view, minus_name),
         "meaning": str(cube[view.variable].attrs.get("long_name", "")),
         "variables": [asdict(choice) for choice in choices(cube)],
         "range": colour_range(cube, view),
@@ -91,7 +93,7 @@ def figure(path: str, items: Items, other: str | None) -> tuple[Any, bytes]:
     asked = View.from_items((name, text) for name, text in items)
     with _cube(path, asked) as cube, _cube(other, asked) if other else nullcontext() as subtracted:
         view = full_view(cube, asked)
-        drawn = draw(cube, view, subtracted)
+        drawn = draw(cube, view, subtracted if view.minus else None)
     return {"address": view.address}, json.dumps(drawn, allow_nan=False).encode()
 
 
@@ -109,15 +111,22 @@ def _analyses(path: str) -> list[str]:
     return sorted(file.stem for file in Path(path).glob("analysis/*.nc"))
 
 
-def numbers(path: str, items: Items) -> tuple[Any, bytes]:
+def numbers(path: str, items: Items, other: str | None = None) -> tuple[Any, bytes]:
     """The cells of a view as texts, at most 500 of them: ``heads``, ``rows`` with the number of the point first."""
     asked = View.from_items((name, text) for name, text in items)
-    with _cube(path, asked) as cube:
-        return _table(cube, full_view(cube, asked)), b""
+    with _cube(path, asked) as cube, _cube(other, asked) if other else nullcontext() as subtracted:
+        return _table(cube, full_view(cube, asked), subtracted), b""
 
 
-def _table(cube: xr.Dataset, view: View) -> dict[str, Any]:
-    columns = records(cube_arrays(numbered(cube)), view.variable, view.select, where=view.where or None)
+def _table(cube: xr.Dataset, view: View, other: xr.Dataset | None) -> dict[str, Any]:
+    if view.minus:
+        cells = shown_cells(cube, view, other)
+        kept = shown(cells).notnull() | (cells["outcome"] != Outcome.FINISHED)  # others are left out by the condition
+        columns = records(cube_arrays(cells), view.variable)
+        columns = {name: column[kept.values.ravel()] for name, column in columns.items()}
+    else:
+        cells = numbered(cube, view.variable)
+        columns = records(cube_arrays(cells), view.variable, view.select, where=view.where or None)
     points = columns.pop(NUMBER, None)
     columns.pop("point", None)
     first = {name: column[:_MOST_ROWS].tolist() for name, column in columns.items()}
@@ -143,16 +152,34 @@ def failures(path: str) -> tuple[Any, bytes]:
 
 def _failed_points(cube: xr.Dataset) -> dict[str, Any]:
     names, lost = factor_names(cube), np.flatnonzero(is_failed(cube).values.ravel())
-    shown = cube[["outcome", "outcome_detail"]].load()
+    ends = cube[["outcome", "outcome_detail"]].load()
     dims, told = cube["outcome"].dims, lost[:_MOST_ROWS]
     factors = [cube[name].broadcast_like(cube["outcome"]).transpose(*dims).values.ravel()[told] for name in names]
     inputs = zip(*([_word(value) for value in column.tolist()] for column in factors), strict=True)
-    outcomes, details = (shown[name].values.ravel()[told] for name in ("outcome", "outcome_detail"))
+    outcomes, details = (ends[name].values.ravel()[told] for name in ("outcome", "outcome_detail"))
     rows = [
         {"number": at, "values": list(values), "outcome": Outcome(code).label, "reason": str(reason)}
         for at, values, code, reason in zip(told.tolist(), inputs, outcomes.tolist(), details, strict=True)
     ]
     return {"heads": [label_of(cube[name]) for name in names], "rows": rows, "count": int(lost.size)}
+
+
+def extremes(path: str, order: int) -> tuple[Any, bytes]:
+    """Least and largest value of the first result at an order, with the numbers of their points; None without any."""
+    with opened(path) as cube:
+        view = full_view(cube, View(kind="points", select=(f"order={order}",) if "order" in cube.coords else ()))
+        values = seen(cube, view)
+        found = shown(values)
+        if set(found.dims) != set(values["outcome"].dims) or not bool(found.notnull().any()):
+            return None, b""
+        numbers, flat = values[NUMBER].transpose(*found.dims).values.ravel(), found.values.ravel()
+        least, largest = int(np.nanargmin(flat)), int(np.nanargmax(flat))
+        unit = unit_text(str(found.attrs.get("units", "1")))
+        return {
+            "label": label_of(found),
+            **{end: {"text": with_unit(number(float(flat[at])), unit), "number": int(numbers[at])}
+               for end, at in (("least", least), ("largest", largest))},
+        }, b""  # fmt: skip
 
 
 def point(path: str, number_of_point: int) -> tuple[Any, bytes]:
@@ -162,13 +189,7 @@ def point(path: str, number_of_point: int) -> tuple[Any, bytes]:
 
 
 def _point(cube: xr.Dataset, number_of_point: int) -> dict[str, Any]:
-    design = design_of(cube)
-    shape = tuple(cube.sizes[dim] for dim in design)
-    count = int(np.prod(shape))
-    if not 0 <= number_of_point < count:
-        raise InputError(f"point = {number_of_point}: this cube has points 0 to {count - 1}")
-    at = dict(zip(design, (int(where) for where in np.unravel_index(number_of_point, shape)), strict=True))
-    found = numbered(cube).isel(at).load()
+    found = point_of(cube, number_of_point)
     factors = factor_names(cube)
     scalars = [name for name in found.data_vars if found[name].dtype.kind in "fiu" and not found[name].dims
                and "flag_values" not in found[name].attrs]  # fmt: skip
@@ -178,7 +199,7 @@ def _point(cube: xr.Dataset, number_of_point: int) -> dict[str, Any]:
         "scene": scene,
         "price": _price(found),
         "number": number_of_point,
-        "count": count,
+        "count": cube["outcome"].size,
         "factors": [{"label": label_of(cube[name]), "name": name, "value": _told(found[name])} for name in factors],
         "outcome": Outcome(int(found["outcome"])).label,
         "reason": reason,

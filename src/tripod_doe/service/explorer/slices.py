@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,17 +20,37 @@ from tripod_doe.service.explorer.view import View
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.query import narrowed, query
 
-__all__ = ["colour_range", "draw", "numbered", "parallel_axes", "seen"]
+__all__ = ["colour_range", "draw", "numbered", "parallel_axes", "point_of", "seen", "shown_cells"]
 
 
-def numbered(cube: xr.Dataset) -> xr.Dataset:
-    """A cube with the number of each point as a coordinate, by which a mark in a figure leads to its point."""
-    design = design_of(cube)
+def numbered(cube: xr.Dataset, variable: str = "") -> xr.Dataset:
+    """A cube with the number of each point as a coordinate, by which a mark in a figure leads to its point.
+
+    Of the result of an analysis, which has no points, cells of the variable are numbered.
+    """
+    design = design_of(cube) or (tuple(map(str, cube[variable].dims)) if variable else ())
     if not design:
         return cube
     shape = tuple(cube.sizes[dim] for dim in design)
     numbers = np.arange(int(np.prod(shape)), dtype=np.int32).reshape(shape)
-    return cube.assign_coords({NUMBER: (design, numbers, {"long_name": "number of the point"})})
+    return cube.assign_coords({NUMBER: (design, numbers, {"long_name": "number of the point or cell"})})
+
+
+def point_of(cube: xr.Dataset, number_of_point: int) -> xr.Dataset:
+    """One point of a cube by its number.
+
+    Raises
+    ------
+    InputError
+        If there is none of this number.
+    """
+    design = design_of(cube)
+    shape = tuple(cube.sizes[dim] for dim in design)
+    count = int(np.prod(shape))
+    if not design or not 0 <= number_of_point < count:
+        raise InputError(f"point = {number_of_point}: this cube has points 0 to {count - 1}")
+    at = dict(zip(design, (int(where) for where in np.unravel_index(number_of_point, shape)), strict=True))
+    return numbered(cube).isel(at).load()
 
 
 def seen(cube: xr.Dataset, view: View) -> xr.Dataset:
@@ -43,7 +64,7 @@ def seen(cube: xr.Dataset, view: View) -> xr.Dataset:
     InputError
         If a name or the condition is wrong, or no cell is left.
     """
-    cube = numbered(cube)
+    cube = numbered(cube, view.variable)
     answer = query(cube, view.variable, view.select, where=view.where or None)
     if 0 in answer.sizes.values():
         raise InputError(f"no cell matches: {', '.join(view.select)}")
@@ -59,20 +80,28 @@ def seen(cube: xr.Dataset, view: View) -> xr.Dataset:
 
 
 def draw(cube: xr.Dataset, view: View, other: xr.Dataset | None = None) -> Figure:
-    """Draw a view that is filled in; with another cube, the difference to it.
+    """Draw a view that is filled in; with another cube or a level to subtract, the difference to it.
 
     Raises
     ------
     InputError
         If the view cannot be drawn of this cube, with what to change.
     """
-    data = seen(cube, view)
-    if other is not None:
-        data = _difference(data, _seen_of_other(other, view))
+    data = shown_cells(cube, view, other)
     limits = None
     if view.kind == "map":
-        limits = _limits(view, colour_range(cube, view) if other is None else None)
+        limits = _limits(view, None if view.minus else colour_range(cube, view))
     return _drawn(data, view, limits) | {"note": _note(data)}
+
+
+def shown_cells(cube: xr.Dataset, view: View, other: xr.Dataset | None = None) -> xr.Dataset:
+    """What `seen` gives, less the same of another cube or of the level that the view subtracts."""
+    data = seen(cube, view)
+    if other is not None:
+        return _difference(data, _seen_of_other(other, view))
+    if level := view.minus_level:
+        return _difference(data, seen(cube, _at_level(view, *level)))
+    return data
 
 
 def _note(data: xr.Dataset) -> str:
@@ -92,6 +121,12 @@ def _note(data: xr.Dataset) -> str:
     return " ".join(parts)
 
 
+def _at_level(view: View, name: str, level: str) -> View:
+    """The same view at another value of a coordinate that stands still in it."""
+    kept = [text for text in view.select if text.partition("=")[0] != name]
+    return replace(view, select=(*kept, f"{name}={level}"), minus="")
+
+
 def _seen_of_other(cube: xr.Dataset, view: View) -> xr.Dataset:
     try:
         return seen(cube, view)
@@ -100,8 +135,8 @@ def _seen_of_other(cube: xr.Dataset, view: View) -> xr.Dataset:
 
 
 def _drawn(data: xr.Dataset, view: View, limits: tuple[float, float] | None) -> Figure:
-    if view.kind == "parallel":
-        return parallel_axes(data)
+    if view.kind in ("parallel", "matrix"):
+        return parallel_axes(data) | {"matrix": view.kind == "matrix"}
     left = [str(dim) for dim in shown(data).dims]
     if view.kind == "points":
         colour = view.by if view.by in data.variables and view.by != view.x else None
@@ -144,7 +179,7 @@ def _difference(data: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
         ) from error
     if first.dims != second.dims:
         raise InputError("minus: the other run has other dimensions than this one")
-    changed = (first - second).assign_attrs(variable.attrs).rename(variable.name)
+    changed = (first - second).assign_coords(variable.coords).assign_attrs(variable.attrs).rename(variable.name)
     lost = data["outcome"].where(other["outcome"] == Outcome.FINISHED, other["outcome"]).astype(np.int8)
     kept = [name for name in data.data_vars if name in ("outcome_detail",)]
     return xr.Dataset({str(variable.name): changed, "outcome": lost.assign_attrs(data["outcome"].attrs)}).assign(

@@ -8,10 +8,14 @@ from urllib.parse import urlencode
 
 from tripod_doe.errors import InputError, near_match
 
-__all__ = ["KINDS", "View"]
+__all__ = ["KINDS", "OF_POINTS", "View"]
 
-KINDS = ("lines", "map", "points", "parallel")
-"""Kinds of views: lines over a dimension, colours over two, one mark per point, one line per point over many axes."""
+KINDS = ("lines", "map", "points", "matrix", "parallel")
+"""Kinds of views: lines over a dimension, colours over two, one mark per point, marks over all pairs of axes, one line
+per point over many axes."""
+
+OF_POINTS = ("points", "matrix", "parallel")
+"""Kinds that show the points of the design one by one."""
 
 _WORDS = ("variable", "kind", "x", "by", "where", "analysis", "minus")
 
@@ -39,7 +43,7 @@ class View:
     analysis
         Name of the analysis whose result is shown in place of the cube.
     minus
-        Id of the run whose values are subtracted.
+        What is subtracted: the values of another run, by its id, or those of this cube at ``name=value``.
     """
 
     variable: str = ""
@@ -81,6 +85,12 @@ class View:
     def address(self) -> str:
         """The query string of its page."""
         return urlencode(self.items())
+
+    @property
+    def minus_level(self) -> tuple[str, str] | None:
+        """Coordinate and value whose numbers are subtracted; None where those of a run are, or none."""
+        name, equals, level = self.minus.partition("=")
+        return (name, level) if equals else None
 
     def selected(self, names: Sequence[str]) -> tuple[str, ...]:
         """The selections of these coordinates."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
+from urllib.parse import urlencode
 
-from fastapi import APIRouter, Request
-from starlette.responses import HTMLResponse
+from fastapi import APIRouter, Query, Request
+from pydantic import BaseModel, ConfigDict
+from starlette.responses import HTMLResponse, RedirectResponse
 
 from tripod_doe.errors import InputError
 from tripod_doe.service.forms import Comparison
@@ -20,21 +22,42 @@ __all__ = ["router"]
 
 router = APIRouter(include_in_schema=False)
 
-_KINDS = (("lines", "Lines"), ("map", "Map"), ("points", "Points"), ("parallel", "Parallel axes"))
-_TABS = (("", "Explore"), ("report", "Report"), ("failed", "Failed points"), ("study", "Study"))
-_WORKFLOW_TABS = (("steps", "Steps"), *_TABS[:2], _TABS[3])
+_KINDS = (("lines", "Lines"), ("map", "Map"), ("points", "Points"), ("matrix", "Matrix"), ("parallel", "Parallel axes"))
+_TABS = (
+    ("", "Explore"),
+    ("analyses", "Analyses"),
+    ("report", "Report"),
+    ("failed", "Failed points"),
+    ("study", "Study"),
+)
+_WORKFLOW_TABS = (("steps", "Steps"), *_TABS[:3], _TABS[4])
+
+
+Order = Annotated[int, Query(ge=0, le=12, description="order of the thrust whose extremes are told")]
 
 
 @router.get("/")
-def runs(service: AnyService) -> HTMLResponse:
+def runs(service: AnyService, order: Order = 3) -> HTMLResponse:
     """The list of runs."""
-    return show("runs.html", service.settings, here="/", runs=service.runs.all())
+    runs = service.runs.all()
+    return show("runs.html", service.settings, here="/", runs=runs, order=order,
+                extremes=service.extremes.known(runs, order))  # fmt: skip
 
 
 @router.get("/parts/runs")
-def run_list(service: AnyService) -> HTMLResponse:
+def run_list(service: AnyService, order: Order = 3) -> HTMLResponse:
     """The list alone."""
-    return HTMLResponse(part("run_list.html", runs=service.runs.all(), read_only=service.settings.read_only))
+    runs = service.runs.all()
+    found = service.extremes.known(runs, order)
+    return HTMLResponse(
+        part("run_list.html", runs=runs, read_only=service.settings.read_only, order=order, extremes=found)
+    )
+
+
+@router.get("/parts/extremes")
+def extremes(service: AnyService, order: Order = 3) -> dict[str, bool]:
+    """Look for the best and worst points of runs that have changed; whether the list has anything new to show."""
+    return {"new": service.extremes.update(service.runs.all(), order)}
 
 
 @router.get("/parts/runs/{run_id}")
@@ -76,7 +99,7 @@ def view(run_id: str, request: Request, service: AnyService) -> dict[str, str]:
 def point(run_id: str, number: int, service: AnyService, step: str | None = None) -> dict[str, Any]:
     """One point in words and figures."""
     found = answers.point(service, run_id, number, step)
-    text = part("point.html", point=found, run_id=run_id, read_only=service.settings.read_only)
+    text = part("point.html", point=found, run_id=run_id, step=step, read_only=service.settings.read_only)
     return {"html": text, "figures": found["figures"]}
 
 
@@ -86,12 +109,52 @@ def parameters(scene: str, service: AnyService) -> HTMLResponse:
     return HTMLResponse(part("parameters.html", parameters=answers.parameters(service, scene)))
 
 
+class Again(BaseModel):
+    """A point to simulate."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    scene: str
+    parameters: dict[str, Any]
+
+
+@router.post("/parts/price-of-point")
+def price_of_point(body: Again, service: AnyService) -> dict[str, str]:
+    """The price of one point in words, before it is simulated."""
+    found = answers.price_of_point(service, body.scene, body.parameters)
+    return {"told": part("price_of_point.txt", **found)}
+
+
+@router.post("/parts/simulate")
+def simulate(body: Again, service: AnyService) -> dict[str, Any]:
+    """One point simulated, in words and figures."""
+    found = service.simulated(body.scene, body.parameters)
+    return {"told": part("simulated.txt", **found), "figures": found["figures"]}
+
+
 @router.get("/runs/{run_id}/numbers")
 def numbers(run_id: str, request: Request, service: AnyService) -> HTMLResponse:
     """The cells of a view as a table."""
     return HTMLResponse(
         part("numbers.html", **answers.numbers(service, run_id, _items(request), request.query_params.get("step")))
     )
+
+
+@router.get("/runs/{run_id}/analyses")
+def analyses(run_id: str, service: AnyService, order: int | None = None, step: str | None = None) -> HTMLResponse:
+    """What the analyses of a run found; each number leads to its points."""
+    run = service.runs.find(run_id)
+    found = answers.results(service, run_id, order, step)
+    return _run_page("analyses.html", service, run, "Analyses", analyses=found, step=step, order=order)
+
+
+@router.get("/runs/{run_id}/behind")
+def behind(
+    run_id: str, analysis: str, variable: str, cell: int, service: AnyService, step: str | None = None
+) -> RedirectResponse:
+    """From a number of an analysis to the view of its points."""
+    items = answers.behind(service, run_id, analysis, variable, cell, step)
+    return RedirectResponse(f"/runs/{service.runs.find(run_id).id}?{urlencode(items)}", 303)
 
 
 @router.get("/runs/{run_id}/report")

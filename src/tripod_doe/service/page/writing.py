@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import HTMLResponse
 
 from tripod_doe.service.forms import PlanRequest
-from tripod_doe.service.gallery import gallery, gallery_text
+from tripod_doe.service.gallery import gallery, gallery_upload
 from tripod_doe.service.page import answers
 from tripod_doe.service.page.pages import part, show
 from tripod_doe.service.routes.access import WritingService
@@ -33,12 +33,23 @@ class Change(Text):
 
 
 @router.get("/new")
-def new(service: WritingService, study: str = "", origin: str = "") -> HTMLResponse:
-    """Write a study; one of the gallery or of an earlier run to start from."""
-    text = answers.submitted(service, origin)["study.toml"] if origin else gallery_text(study or "template-grid")
-    form = answers.study_form(service, text)
-    return show("new.html", service.settings, here="/new", text=text, form=form, gallery=gallery(),
-                chosen=study or origin)  # fmt: skip
+def new(
+    service: WritingService,
+    study: str = "",
+    origin: str = "",
+    contributions: str = "",
+    point: int = 0,
+    step: str | None = None,
+) -> HTMLResponse:
+    """Write a study: from the gallery, from an earlier run, or on the contributions at a point of one."""
+    if contributions:
+        upload = {"study": answers.contribution_study(service, contributions, point, step), "files": {}}
+    else:
+        upload = service.upload_of(origin) if origin else gallery_upload(study or "template-grid")
+    text = str(upload["study" if "study" in upload else "workflow"])
+    form = answers.study_form(service, text) if "study" in upload else None
+    return show("new.html", service.settings, here="/new", text=text, form=form, files=upload["files"],
+                gallery=gallery(), chosen=study or origin or contributions)  # fmt: skip
 
 
 @router.post("/parts/form")

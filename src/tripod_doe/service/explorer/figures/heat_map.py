@@ -18,6 +18,7 @@ from tripod_doe.service.explorer.figures.parts import (
     colour_bar,
     edges,
     is_failed,
+    is_numbered,
     label_of,
     packed,
     point_numbers,
@@ -62,8 +63,9 @@ def heat_map(data: xr.Dataset, x: str, y: str, limits: tuple[float, float] | Non
     if variable.size <= _MOST_NAMED:
         cells |= {"hovertemplate": "%{text}: <b>%{z:.4~g}</b><extra></extra>", "text": _names(data, x, y)}
     traces = [cells]
-    if "outcome" in data and set(data["outcome"].dims) == {x, y}:
+    if is_numbered(data) and ("outcome" not in data or set(data["outcome"].dims) == {x, y}):
         cells["customdata"] = packed(point_numbers(data))
+    if "outcome" in data and set(data["outcome"].dims) == {x, y}:
         traces += _blanks(data, places[x], places[y])
     axes = [axis(data[name]) | _ticks(data[name]) for name in (x, y)]
     return {"data": traces, "layout": {"xaxis": axes[0] | {"showgrid": False}, "yaxis": axes[1] | {"showgrid": False}}}

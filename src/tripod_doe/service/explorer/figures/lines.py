@@ -15,6 +15,7 @@ from tripod_doe.service.explorer.figures.parts import (
     blank_reasons,
     colour_bar,
     is_failed,
+    is_numbered,
     label_of,
     level_texts,
     packed,
@@ -79,7 +80,7 @@ def _line(data: xr.Dataset, x: str, name: str, colour: str | None, count: int) -
     }
     if colour:
         trace |= {"line": {"color": colour}, "marker": {"color": colour}}
-    if "outcome" in data:
+    if is_numbered(data):
         trace["customdata"] = packed(np.broadcast_to(point_numbers(data), variable.shape))
     error = f"{variable.name}_error"
     if error in data and few and count <= _NAMED:

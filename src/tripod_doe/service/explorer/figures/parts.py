@@ -15,7 +15,7 @@ from tripod_doe.simulator import OUTCOME_MEANINGS, Outcome
 
 __all__ = [
     "FAILED_COLOUR", "NUMBER", "SEQUENTIAL", "WAITING_COLOUR", "Figure", "axis", "blank_reasons", "colour_bar", "edges",
-    "is_failed", "label_of", "level_texts", "packed", "point_numbers", "ramp", "shown", "with_brackets",
+    "is_failed", "is_numbered", "label_of", "level_texts", "packed", "point_numbers", "ramp", "shown", "with_brackets",
 ]  # fmt: skip
 
 Figure = dict[str, Any]
@@ -131,6 +131,11 @@ def blank_reasons(data: xr.Dataset) -> NDArray[np.object_]:
         reason = str(data["outcome_detail"].values[at]) if "outcome_detail" in data else ""
         told[at] = f"{outcome.label}: {reason or OUTCOME_MEANINGS[outcome]}"
     return told
+
+
+def is_numbered(data: xr.Dataset) -> bool:
+    """Whether marks can lead to points or cells."""
+    return NUMBER in data.coords or "outcome" in data
 
 
 def point_numbers(data: xr.Dataset) -> NDArray[np.int32]:

@@ -16,6 +16,7 @@ from tripod_doe.service.explorer.figures.parts import (
     blank_reasons,
     colour_bar,
     is_failed,
+    is_numbered,
     label_of,
     packed,
     point_numbers,
@@ -58,7 +59,7 @@ def scatter(data: xr.Dataset, x: str, colour: str | None = None) -> Figure:
             "data": [_density(places[known].astype(float), heights[known]), *_crosses(data, places)],
             "layout": layout,
         }
-    numbers = point_numbers(data).ravel() if "outcome" in data else np.full(heights.shape, -1)
+    numbers = point_numbers(data).ravel() if is_numbered(data) else np.full(heights.shape, -1)
     marker: dict[str, Any] = {"size": 7 if known.sum() < 400 else 5, "opacity": 0.85}
     told = "%{x}: <b>%{y:.4~g}</b>"
     if colour:

@@ -1,18 +1,22 @@
 // The cube explorer: controls make an address, the address makes a figure, a mark leads to its point.
 
 import { ask, askJson, complain, say } from "./asking.js";
+import { makeFrame } from "./frame.js";
 import { saveImage } from "./images.js";
-import { drawParallel } from "./parallel.js";
 import { showPoint } from "./point.js";
 import { liveHead } from "./run.js";
-import { settings, themed, whenThemeChanges } from "./theme.js";
+import { whenThemeChanges } from "./theme.js";
 
 const explorer = document.getElementById("explorer");
 const controls = document.getElementById("controls");
 const place = document.getElementById("figure");
 const api = explorer.dataset.api;
-const page = location.pathname;
-let drawn = null, asked = null;
+const page = location.pathname.replace(/\/$/, "");
+const main = makeFrame(place, { chosen: open, hovered: markAll, told: note });
+const second = makeFrame(document.getElementById("second-figure"), {
+  chosen: open, hovered: markAll, told: (text) => { document.getElementById("second-note").textContent = text; },
+});
+let asked = null;
 
 function stepItems() {
   const step = document.getElementById("step");
@@ -22,6 +26,10 @@ function stepItems() {
 function itemsOfAddress() {
   const items = [...new URLSearchParams(location.search)];
   return items.some(([name]) => name === "step") ? items : [...stepItems(), ...items];
+}
+
+function ofAddress(name) {
+  return new URLSearchParams(location.search).get(name);
 }
 
 function itemsOfControls() {
@@ -42,23 +50,19 @@ function itemsOfControls() {
   return items;
 }
 
-function pointOfAddress() {
-  const number = new URLSearchParams(location.search).get("point");
-  return number === null || number === "" ? null : Number(number);
-}
-
 async function look(items, { remember = true } = {}) {
   asked?.abort();
   asked = new AbortController();
   const query = new URLSearchParams(items).toString();
   try {
     const [parts, figure] = await Promise.all([
-      askJson(`${page.replace(/\/$/, "")}/view?${query}`, { signal: asked.signal }),
+      askJson(`${page}/view?${query}`, { signal: asked.signal }),
       askJson(`${api}/figure?${query}`, { signal: asked.signal }),
     ]);
     take(parts);
-    if (remember) history.pushState(null, "", `${page}?${withPoint(query)}`);
-    await draw(figure);
+    if (remember) history.pushState(null, "", `${page}?${withKept(items)}`);
+    await main.draw(figure);
+    if (document.getElementById("numbers").open) fillNumbers();
   } catch (error) {
     if (error.name === "AbortError") return;
     const complaint = document.getElementById("complaint");
@@ -67,9 +71,17 @@ async function look(items, { remember = true } = {}) {
   }
 }
 
-function withPoint(query) {
-  const number = pointOfAddress();
-  return number === null ? query : `${query}&point=${number}`;
+function withKept(items) {  // the point that is open and the view beside stay when the view changes
+  const kept = ["point", "beside"].map((name) => [name, ofAddress(name)]).filter(([, value]) => value !== null && value !== "");
+  const names = kept.map(([name]) => name);
+  return new URLSearchParams([...items.filter(([name]) => !names.includes(name)), ...kept]);
+}
+
+function changeAddress(name, value) {
+  const query = new URLSearchParams(location.search);
+  if (value === null) query.delete(name);
+  else query.set(name, value);
+  history.replaceState(null, "", `${page}?${query}`);
 }
 
 function take(parts) {
@@ -86,43 +98,39 @@ function take(parts) {
   if (start != null && field?.setSelectionRange && field.type === "text") field.setSelectionRange(start, start);
 }
 
-async function draw(figure) {
-  const before = drawn;
-  drawn = figure;
-  const parallel = Boolean(figure.axes);
-  place.classList.toggle("parallel", parallel);
-  if (parallel || before?.axes) Plotly.purge(place);
-  if (parallel) {
-    drawParallel(place, figure, { chosen: open, brushed: note });
-  } else {
-    if (before?.axes) place.replaceChildren();
-    await Plotly.react(place, figure.data, themed(figure), settings);
-    place.removeAllListeners?.("plotly_click");
-    place.on("plotly_click", (event) => {
-      const number = event.points[0].customdata;
-      if (Number.isInteger(number) && number >= 0) open(number);
-    });
-    note(figure.note || "");
-  }
-  place.dataset.drawn = String(Number(place.dataset.drawn || 0) + 1);
-  if (document.getElementById("numbers").open) fillNumbers();
-}
-
 function note(text) {
   document.getElementById("figure-note").textContent = text;
 }
 
+function markAll(number) {
+  main.mark(number);
+  second.mark(number);
+  for (const row of document.querySelectorAll("#numbers tr.marked")) row.classList.remove("marked");
+  if (number !== null) document.querySelector(`#numbers [data-point="${number}"]`)?.closest("tr").classList.add("marked");
+}
+
+async function lookBeside() {
+  const query = ofAddress("beside"), box = document.getElementById("second");
+  if (query) {
+    const [parts, figure] = await Promise.all([askJson(`${page}/view?${query}`), askJson(`${api}/figure?${query}`)]);
+    box.hidden = false;
+    document.getElementById("second-title").textContent = parts.title;
+    await second.draw(figure);
+  }
+  box.hidden = !query;
+}
+
 async function open(number) {
-  const query = new URLSearchParams(location.search);
-  query.set("point", number);
-  history.replaceState(null, "", `${page}?${query}`);
+  if (controls.elements.analysis?.value) {  // a number of an analysis leads to the points behind it
+    location.assign(`${page}/behind?${new URLSearchParams([...itemsOfControls(), ["cell", number]])}`);
+    return;
+  }
+  changeAddress("point", number);
   await showPoint(document.getElementById("point"), explorer, number, { open, close });
 }
 
 function close() {
-  const query = new URLSearchParams(location.search);
-  query.delete("point");
-  history.replaceState(null, "", `${page}?${query}`);
+  changeAddress("point", null);
   document.getElementById("point").hidden = true;
   place.focus();
 }
@@ -145,7 +153,7 @@ function linkExports() {
 async function fillNumbers() {
   const box = document.querySelector("#numbers > div");
   try {
-    const text = await (await ask(`${page.replace(/\/$/, "")}/numbers?${new URLSearchParams(itemsOfControls())}`)).text();
+    const text = await (await ask(`${page}/numbers?${new URLSearchParams(itemsOfControls())}`)).text();
     box.innerHTML = text;
   } catch (error) {
     box.textContent = error.message;
@@ -170,12 +178,29 @@ document.getElementById("exports").addEventListener("click", async (event) => {
     say("Copied");
     event.target.textContent = "Copied";
   }
-  if (image) saveImage(place, drawn, image, document.getElementById("seen-title").textContent).catch(complain);
+  if (image) saveImage(place, main.figure, image, document.getElementById("seen-title").textContent).catch(complain);
 });
 document.getElementById("numbers").addEventListener("toggle", (event) => { if (event.target.open) fillNumbers(); });
 document.querySelector("#numbers > div").addEventListener("click", (event) => {
   const number = event.target.closest("[data-point]")?.dataset.point;
   if (number !== undefined) open(Number(number));
+});
+document.getElementById("numbers").addEventListener("pointerover", (event) => {
+  const number = event.target.closest("tr")?.querySelector("[data-point]")?.dataset.point;
+  markAll(number === undefined ? null : Number(number));
+});
+document.getElementById("keep").addEventListener("click", () => {
+  changeAddress("beside", new URLSearchParams(itemsOfControls()).toString());
+  lookBeside().then(() => say("This view is kept below"), complain);
+});
+document.getElementById("second").addEventListener("click", (event) => {
+  const { does } = event.target.dataset;
+  if (!does) return;
+  const kept = ofAddress("beside");
+  changeAddress("beside", does === "swap" ? new URLSearchParams(itemsOfControls()).toString() : null);
+  if (does === "swap") look([...new URLSearchParams(kept)]);
+  lookBeside().catch(complain);
+  if (does === "close") document.getElementById("keep").focus();
 });
 document.getElementById("step")?.addEventListener("change", () => look(stepItems()));
 document.addEventListener("click", (event) => {  // a menu closes when the reader turns to something else
@@ -184,8 +209,12 @@ document.addEventListener("click", (event) => {  // a menu closes when the reade
 document.addEventListener("keydown", (event) => {
   if (event.key === "Escape") for (const menu of document.querySelectorAll("details.menu[open]")) menu.open = false;
 });
-window.addEventListener("popstate", () => look(itemsOfAddress(), { remember: false }));
-whenThemeChanges(() => drawn && draw(drawn));
-liveHead(() => look(controls.elements.variable ? itemsOfControls() : itemsOfAddress(), { remember: false }));
+window.addEventListener("popstate", () => { look(itemsOfAddress(), { remember: false }); lookBeside().catch(complain); });
+whenThemeChanges(() => { for (const frame of [main, second]) if (frame.figure) frame.draw(frame.figure); });
+liveHead(() => {
+  look(controls.elements.variable ? itemsOfControls() : itemsOfAddress(), { remember: false });
+  lookBeside().catch(complain);
+});
 if (controls.elements.variable) await look(itemsOfAddress(), { remember: false });
-if (pointOfAddress() !== null) open(pointOfAddress());
+lookBeside().catch(complain);
+if (ofAddress("point")) open(Number(ofAddress("point")));

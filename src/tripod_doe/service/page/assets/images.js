@@ -1,6 +1,6 @@
 // Pictures of figures to keep: always in light colours, as they go into documents.
 
-import { pictureOfParallel } from "./parallel.js";
+import { pictureOfCanvas } from "./points_canvas.js";
 import { themed } from "./theme.js";
 
 function save(address, name) {
@@ -13,7 +13,7 @@ function save(address, name) {
 export async function saveImage(place, figure, format, title) {
   const name = title.toLowerCase().replace(/[^a-z0-9]+/g, "-").replace(/^-|-$/g, "") || "figure";
   if (figure.axes) {
-    save(pictureOfParallel(place), `${name}.png`);
+    save(pictureOfCanvas(place), `${name}.png`);
     return;
   }
   const root = document.documentElement;

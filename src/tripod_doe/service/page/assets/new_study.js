@@ -9,7 +9,8 @@ const problems = document.getElementById("problems");
 const price = document.getElementById("price");
 const submit = document.getElementById("submit");
 const PAUSE = 350;  // ms after the last key
-let timer = null, asked = null, files = {};
+const attached = document.getElementById("attached");
+let timer = null, asked = null;
 
 function number() {
   const count = text.value.split("\n").length;
@@ -23,17 +24,32 @@ function number() {
   lines.scrollTop = text.scrollTop;
 }
 
+function isWorkflow() {
+  return /^\s*\[workflow\]/m.test(text.value);
+}
+
 function body(more = {}) {
-  const workflow = /^\s*\[workflow\]/m.test(text.value);
-  return { [workflow ? "workflow" : "study"]: text.value, files, ...more };
+  const files = Object.fromEntries([...attached.children].map((file) => [file.dataset.file, file.querySelector("textarea").value]));
+  return { [isWorkflow() ? "workflow" : "study"]: text.value, files, ...more };
+}
+
+function attach(name, content) {
+  const file = document.getElementById("attached-file").content.firstElementChild.cloneNode(true);
+  file.dataset.file = file.querySelector("summary").textContent = name;
+  Object.assign(file.querySelector("textarea"), { value: content, ariaLabel: name });
+  attached.querySelector(`[data-file="${CSS.escape(name)}"]`)?.remove();
+  attached.append(file);
 }
 
 async function check({ timing = false, keepForm = false } = {}) {
   asked?.abort();
   asked = new AbortController();
   submit.disabled = true;
+  form.hidden = isWorkflow();
+  form.parentElement.classList.toggle("alone", form.hidden);
+  submit.textContent = form.hidden ? "Run this workflow" : "Run this study";
   try {
-    if (!keepForm && !form.contains(document.activeElement)) {
+    if (!form.hidden && !keepForm && !form.contains(document.activeElement)) {
       form.innerHTML = await (await post("/parts/form", { study: text.value }, { signal: asked.signal })).text();
     }
     const html = await (await post("/parts/price", body({ timing }), { signal: asked.signal })).text();
@@ -56,20 +72,23 @@ function show(found) {
       const button = document.createElement("button");
       button.type = "button";
       button.className = "link";
-      button.textContent = `Line ${problem.line}`;
-      button.addEventListener("click", () => goTo(problem.line));
-      item.dataset.line = problem.line;
+      const file = attached.querySelector(`[data-file="${CSS.escape(problem.file || "")}"]`);
+      button.textContent = file ? `${problem.file}, line ${problem.line}` : `Line ${problem.line}`;
+      button.addEventListener("click", () => goTo(file, problem.line));
+      if (!file) item.dataset.line = problem.line;
       item.prepend(button, ": ");
     }
     return item;
   }));
 }
 
-function goTo(line) {
-  const all = text.value.split("\n"), start = all.slice(0, line - 1).join("\n").length + (line > 1 ? 1 : 0);
-  text.focus();
-  text.setSelectionRange(start, start + all[line - 1].length);
-  text.scrollTop = (line - 5) * parseFloat(getComputedStyle(text).lineHeight);
+function goTo(file, line) {
+  if (file) file.open = true;
+  const field = file ? file.querySelector("textarea") : text, all = field.value.split("\n");
+  const start = all.slice(0, line - 1).join("\n").length + (line > 1 ? 1 : 0);
+  field.focus();
+  field.setSelectionRange(start, start + all[line - 1].length);
+  field.scrollTop = (line - 5) * parseFloat(getComputedStyle(field).lineHeight);
 }
 
 function soon() {
@@ -79,6 +98,7 @@ function soon() {
 
 text.addEventListener("input", () => { number(); soon(); });
 text.addEventListener("scroll", () => { lines.scrollTop = text.scrollTop; });
+attached.addEventListener("input", soon);
 form.addEventListener("submit", (event) => event.preventDefault());
 form.addEventListener("change", async (event) => {
   const { name, value } = event.target;
@@ -95,8 +115,7 @@ form.addEventListener("change", async (event) => {
   }
 });
 document.getElementById("files").addEventListener("change", async (event) => {
-  files = {};
-  for (const file of event.target.files) files[file.name] = await file.text();
+  for (const file of event.target.files) attach(file.name, await file.text());
   check();
 });
 document.getElementById("time").addEventListener("click", async (event) => {

@@ -1,73 +1,38 @@
-// Parallel axes on a canvas: one line per point, their density where lines are too many; marks on axes narrow them down.
-// Plotly draws such axes with WebGL only, which a remote desktop or a virtual machine often lacks.
+// Parallel axes: one line per point, their density where lines are too many; marks on axes narrow them down.
 
+import {
+  FINISHED, MOST_MARKS, NOT_RUN, folded, layers, marksOf, pictureOfSums, pointsOf, redrawWhenResized, shade, sized,
+} from "./points_canvas.js";
 import { colour } from "./theme.js";
 
-const MOST_LINES = 4000, BINS = 120, ROOM = 20, TOP = 44, BOTTOM = 40, SIDE = 56, LEAST = 92, GRIP = 22;
-const STOPS = [[31, 59, 115], [38, 100, 142], [42, 145, 135], [107, 181, 107], [201, 201, 79], [251, 225, 131]];
-const FINISHED = 0, NOT_RUN = 10;
+const BINS = 120, ROOM = 20, TOP = 44, BOTTOM = 40, SIDE = 56, LEAST = 92, GRIP = 22, HEIGHT = 440;
 
-export function unpacked({ bdata, dtype }) {
-  const letters = atob(bdata), bytes = new Uint8Array(letters.length);
-  for (let at = 0; at < bytes.length; at += 1) bytes[at] = letters.charCodeAt(at);
-  return dtype === "f8" ? new Float64Array(bytes.buffer) : new Int32Array(bytes.buffer);
-}
-
-export function drawParallel(place, figure, { chosen, brushed }) {
-  const kept = place.parallel?.figure?.axes.map((axis) => axis.name).join() === figure.axes.map((axis) => axis.name).join();
-  const state = {
-    figure, chosen, brushed, brushes: kept ? place.parallel.brushes : new Map(),
-    axes: figure.axes.map(prepare), numbers: unpacked(figure.numbers), outcome: unpacked(figure.outcome),
-  };
-  place.parallel = state;
-  state.canvas = document.createElement("canvas");
-  place.replaceChildren(state.canvas);
+export function drawParallel(place, figure, { chosen, hovered, told }) {
+  const before = place.points;
+  const kept = before?.brushes && names(before.figure) === names(figure);
+  const state = { ...pointsOf(figure), ...layers(place), figure, chosen, hovered, told, brushes: kept ? before.brushes : new Map() };
+  place.points = state;
   state.redraw = () => paint(state, place);
   takePointer(state);
-  place.watcher?.disconnect();
-  place.watcher = new ResizeObserver(() => { if (place.parallel === state && state.width !== place.clientWidth) state.redraw(); });
   state.redraw();
-  place.watcher.observe(place);
+  redrawWhenResized(place, state);
+  return { mark: (number) => mark(state, number) };
 }
 
-export function pictureOfParallel(place) {
-  const source = place.parallel.canvas;
-  const copy = document.createElement("canvas");
-  [copy.width, copy.height] = [source.width, source.height];
-  const pen = copy.getContext("2d");
-  pen.fillStyle = colour("--paper");
-  pen.fillRect(0, 0, copy.width, copy.height);
-  pen.drawImage(source, 0, 0);
-  return copy.toDataURL("image/png");
-}
-
-function prepare(axis) {
-  const values = unpacked(axis.values);
-  let low = Infinity, high = -Infinity;
-  for (const value of values) {
-    if (value < low) low = value;
-    if (value > high) high = value;
-  }
-  if (!(low <= high)) [low, high] = [0, 1];
-  if (low === high) [low, high] = [low - 0.5, high + 0.5];
-  return { ...axis, values, low, high };
+function names(figure) {
+  return figure.axes.map((axis) => axis.name).join();
 }
 
 function paint(state, place) {
-  const { canvas, axes } = state;
+  const { axes } = state;
   state.width = place.clientWidth;
-  const scale = devicePixelRatio || 1;
-  const width = Math.max(place.clientWidth, LEAST * (axes.length - 1) + 2 * SIDE), height = 440;
-  canvas.width = width * scale;
-  canvas.height = height * scale;
-  canvas.style.width = `${width}px`;
-  canvas.style.height = `${height}px`;
-  const pen = canvas.getContext("2d");
-  pen.scale(scale, scale);
+  const width = Math.max(place.clientWidth, LEAST * (axes.length - 1) + 2 * SIDE);
+  const pen = sized(state.base, width, HEIGHT);
+  state.upper = sized(state.over, width, HEIGHT);
   state.left = axes.map((_, at) => (axes.length === 1 ? width / 2 : SIDE + at * (width - 2 * SIDE) / (axes.length - 1)));
-  state.bottom = height - BOTTOM;
-  const passing = rowsWithin(state);
-  if (passing.length > MOST_LINES) paintDensity(pen, state, passing);
+  state.bottom = HEIGHT - BOTTOM;
+  const passing = state.passing = rowsWithin(state);
+  if (passing.length > MOST_MARKS) paintDensity(pen, state, passing);
   else paintLines(pen, state, passing);
   axes.forEach((axis, at) => paintAxis(pen, state, axis, at));
   tell(state, passing.length);
@@ -85,16 +50,6 @@ function rowsWithin({ axes, brushes, numbers }) {
     if (limits.every(([values, low, high]) => values[row] >= low && values[row] <= high)) found.push(row);
   }
   return found;
-}
-
-function mixed(part) {
-  const place = Math.min(Math.max(0.12 + 0.76 * part, 0), 1) * (STOPS.length - 1);
-  const below = Math.min(Math.floor(place), STOPS.length - 2), rest = place - below;
-  return STOPS[below].map((channel, at) => Math.round(channel + rest * (STOPS[below + 1][at] - channel)));
-}
-
-function shade(part, alpha) {
-  return `rgba(${mixed(part).join()},${alpha})`;
 }
 
 function paintLines(pen, state, rows) {
@@ -120,21 +75,9 @@ function paintDensity(pen, state, rows) {  // lines are added up pixel by pixel:
   for (let at = 0; at + 1 < axes.length; at += 1) {
     const width = Math.round(left[at + 1] - left[at]);
     const sums = addedLines(pairCounts(axes[at], axes[at + 1], rows), width, height);
-    const picture = new OffscreenCanvas(width, height), inside = picture.getContext("2d");
-    const pixels = inside.createImageData(width, height), ink = new Uint32Array(pixels.data.buffer);
-    const most = Math.log1p(sums.reduce((one, two) => Math.max(one, two)));
-    for (let cell = 0; cell < sums.length; cell += 1) {
-      if (sums[cell]) ink[cell] = INKS[Math.round(255 * Math.log1p(sums[cell]) / most)];
-    }
-    inside.putImageData(pixels, 0, 0);
-    pen.drawImage(picture, left[at], TOP);
+    pen.drawImage(pictureOfSums(sums, width, height), left[at], TOP);
   }
 }
-
-const INKS = Uint32Array.from({ length: 256 }, (_, level) => {  // little-endian: alpha, blue, green, red
-  const part = level / 255, [red, green, blue] = mixed(1 - part);
-  return ((255 * Math.min(1, 0.06 + part * part)) << 24 | blue << 16 | green << 8 | red) >>> 0;
-});
 
 function pairCounts(one, two, rows) {  // of the classes that lines join, the last one for points without a value
   const counts = new Float64Array((BINS + 1) ** 2);
@@ -157,10 +100,6 @@ function addedLines(counts, width, height) {
   return sums;
 }
 
-function text(value) {
-  return Number(value.toPrecision(4)).toString().replace("-", "\u2212");
-}
-
 function paintAxis(pen, state, axis, at) {
   const x = state.left[at];
   pen.strokeStyle = colour("--rule");
@@ -175,8 +114,7 @@ function paintAxis(pen, state, axis, at) {
   folded(pen, axis.label, LEAST + 10).forEach((line, row, lines) => pen.fillText(line, x, TOP - 12 - 14 * (lines.length - 1 - row)));
   pen.fillStyle = colour("--muted");
   pen.textAlign = "left";
-  const marks = axis.words ? axis.words.map((word, place) => [place, word]) : ticks(axis).map((value) => [value, text(value)]);
-  for (const [value, word] of marks.slice(0, 12)) write(pen, word, x, heightOf(state, axis, value));
+  for (const [value, word] of marksOf(axis).slice(0, 12)) write(pen, word, x, heightOf(state, axis, value));
   if (axis.values.some(Number.isNaN)) write(pen, "no value", x, state.bottom + 16);
   const brush = state.brushes.get(at);
   if (!brush) return;
@@ -185,14 +123,6 @@ function paintAxis(pen, state, axis, at) {
   pen.strokeStyle = colour("--accent");
   pen.fillRect(x - 7, top, 14, bottom - top);
   pen.strokeRect(x - 7, top, 14, bottom - top);
-}
-
-function ticks({ low, high }) {  // about five round values
-  const rough = (high - low) / 4, power = 10 ** Math.floor(Math.log10(rough));
-  const step = power * [1, 2, 2.5, 5, 10].find((part) => part * power >= rough);
-  const found = [];
-  for (let at = Math.ceil(low / step - 1e-9); at * step <= high + 1e-9 * step; at += 1) found.push(at * step);
-  return found;
 }
 
 function write(pen, word, x, y) {  // on lines, so with a rim of paper
@@ -209,20 +139,10 @@ function write(pen, word, x, y) {  // on lines, so with a rim of paper
   pen.stroke();
 }
 
-function folded(pen, label, width) {
-  const lines = [""];
-  for (const word of label.split(" ")) {
-    const longer = lines.at(-1) ? `${lines.at(-1)} ${word}` : word;
-    if (pen.measureText(longer).width > width && lines.at(-1) && lines.length < 2) lines.push(word);
-    else lines[lines.length - 1] = longer;
-  }
-  return lines;
-}
-
 function tell(state, count) {
   const total = state.numbers.length;
   const few = count === total ? `${total.toLocaleString("en")} points` : `${count.toLocaleString("en")} of ${total.toLocaleString("en")} points within the marks`;
-  state.brushed(`${few}. Drag along an axis to narrow them down, click the axis to clear it, click a line for its point.`);
+  state.told(`${few}. Drag along an axis to narrow them down, click the axis to clear it, click a line for its point.`);
 }
 
 function valueAt(state, axis, height) {
@@ -232,20 +152,22 @@ function valueAt(state, axis, height) {
 
 function takePointer(state) {
   let start = null;
-  const { canvas } = state;
+  const { over } = state;
   const near = (x) => state.left.findIndex((left) => Math.abs(left - x) < GRIP);
-  canvas.addEventListener("pointerdown", (event) => {
+  over.addEventListener("pointerdown", (event) => {
     start = { at: near(event.offsetX), y: event.offsetY };
-    if (start.at >= 0) canvas.setPointerCapture(event.pointerId);
+    if (start.at >= 0) over.setPointerCapture(event.pointerId);
   });
-  canvas.addEventListener("pointermove", (event) => {
-    canvas.style.cursor = near(event.offsetX) >= 0 ? "ns-resize" : "pointer";
+  over.addEventListener("pointermove", (event) => {
+    over.style.cursor = near(event.offsetX) >= 0 ? "ns-resize" : "pointer";
+    if (!start && near(event.offsetX) < 0) hover(state, event);
     if (!start || start.at < 0 || Math.abs(event.offsetY - start.y) < 4) return;
     const axis = state.axes[start.at];
     state.brushes.set(start.at, [valueAt(state, axis, start.y), valueAt(state, axis, event.offsetY)].sort((a, b) => a - b));
     state.redraw();
   });
-  canvas.addEventListener("pointerup", (event) => {
+  over.addEventListener("pointerleave", () => state.hovered(null));
+  over.addEventListener("pointerup", (event) => {
     if (!start) return;
     const { at, y } = start;
     start = null;
@@ -259,12 +181,33 @@ function takePointer(state) {
   });
 }
 
+function hover(state, event) {
+  const row = nearest(state, event.offsetX, event.offsetY);
+  state.hovered(row === null ? null : state.numbers[row]);
+}
+
+function mark(state, number) {
+  const { upper, over, axes, left } = state, row = number === null ? -1 : state.numbers.indexOf(number);
+  upper.clearRect(0, 0, over.width, over.height);
+  if (row < 0) return false;
+  const path = () => {
+    upper.beginPath();
+    axes.forEach((axis, at) => upper.lineTo(left[at], heightOf(state, axis, axis.values[row])));
+    upper.stroke();
+  };
+  [upper.strokeStyle, upper.lineWidth] = [colour("--paper"), 6];
+  path();
+  [upper.strokeStyle, upper.lineWidth] = [colour("--ink"), 2.5];
+  path();
+  return true;
+}
+
 function nearest(state, x, y) {
   const at = state.left.findLastIndex((left) => left <= x);
   if (at < 0 || at + 1 >= state.axes.length) return null;
   const part = (x - state.left[at]) / (state.left[at + 1] - state.left[at]);
   let best = null, least = 12;
-  for (const row of rowsWithin(state)) {
+  for (const row of state.passing) {
     const one = heightOf(state, state.axes[at], state.axes[at].values[row]);
     const two = heightOf(state, state.axes[at + 1], state.axes[at + 1].values[row]);
     const distance = Math.abs(one + part * (two - one) - y);

@@ -3,8 +3,9 @@
 import { ask, askJson, complain, post, say } from "./asking.js";
 import { settings, themed } from "./theme.js";
 
+const PAUSE = 400;  // ms after the last key
 const PREFERRED = ["thrust", "axial_drift_mm", "thrust_amplitude", "friction_power_w"];
-let figures = {};
+let figures = {}, again = {};
 
 export async function showPoint(place, explorer, number, { open, close }) {
   const step = document.getElementById("step")?.value;
@@ -15,48 +16,72 @@ export async function showPoint(place, explorer, number, { open, close }) {
     complain(error);
     return;
   }
-  figures = told.figures;
+  [figures, again] = [told.figures, {}];
   place.innerHTML = told.html;
   place.hidden = false;
   for (const button of place.querySelectorAll("[data-point]")) button.addEventListener("click", () => open(Number(button.dataset.point)));
   place.querySelector("[data-close]").addEventListener("click", close);
   takeCurves(place);
-  takeAgain(place, explorer);
+  takeAgain(place);
   place.scrollIntoView({ block: "nearest" });
 }
 
 function takeCurves(place) {
   const list = place.querySelector("#curve");
   if (!list) return;
+  if (!list.options.length) return;
   const wanted = PREFERRED.find((name) => figures[name]);
   if (wanted) list.value = wanted;
-  list.addEventListener("change", () => drawCurve(place, list.value));
-  drawCurve(place, list.value);
+  list.addEventListener("change", () => drawCurve(place));
+  drawCurve(place);
 }
 
-function drawCurve(place, name, more = []) {
-  const figure = figures[name];
-  Plotly.react(place.querySelector("#curve-figure"), [...figure.data, ...more], themed(figure, { showlegend: figure.layout.showlegend || more.length > 0 }), settings);
+function drawCurve(place) {  // as the study has it, and as it was simulated again
+  const name = place.querySelector("#curve").value, own = figures[name], fresh = again[name];
+  const more = (fresh?.data ?? []).map((trace) => ({
+    ...trace, name: `again${trace.name ? `: ${trace.name}` : ""}`, line: { ...trace.line, dash: own ? "dash" : "solid", color: undefined },
+    opacity: own && trace.type === "bar" ? 0.6 : 1,
+  }));
+  const figure = own ?? fresh;
+  Plotly.react(place.querySelector("#curve-figure"), [...(own?.data ?? []), ...more], themed(figure, { showlegend: figure.layout.showlegend || more.length > 0 }), settings);
 }
 
-function takeAgain(place, explorer) {
+function asked(form) {
+  const parameters = {};
+  for (const field of form.querySelectorAll("[data-parameter]")) {
+    const text = field.value.trim();
+    if (text !== "") parameters[field.dataset.parameter] = isNaN(text) ? text : Number(text);
+  }
+  return { scene: form.dataset.scene, parameters };
+}
+
+function takeAgain(place) {
   const form = place.querySelector("#again");
   if (!form) return;
+  const told = form.querySelector(".told"), button = form.querySelector("[type=submit]");
+  let waiting = null, pricing = null;
+  form.addEventListener("input", () => {
+    clearTimeout(waiting);
+    waiting = setTimeout(async () => {
+      pricing?.abort();
+      pricing = new AbortController();
+      try {
+        told.textContent = (await (await post("/parts/price-of-point", asked(form), { signal: pricing.signal })).json()).told;
+      } catch (error) {
+        if (error.name !== "AbortError") told.textContent = error.message;
+      }
+    }, PAUSE);
+  });
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
-    const told = form.querySelector(".told"), button = form.querySelector("[type=submit]");
-    const asked = {};
-    for (const field of form.querySelectorAll("[data-parameter]")) {
-      if (field.value.trim() !== "") asked[field.dataset.parameter] = isNaN(field.value) ? field.value.trim() : Number(field.value);
-    }
-    if (form.dataset.scene !== "joint") asked.scene = form.dataset.scene;
+    clearTimeout(waiting);
+    pricing?.abort();
     button.disabled = true;
     told.textContent = "Simulating \u2026";
     try {
-      const answer = await (await post("/api/v1/simulate", asked)).json();
-      const time = `${answer.cost.cpu_seconds.toPrecision(2)} s of CPU time`;
-      told.textContent = answer.outcome === "finished" ? `Finished in ${time}.` : `${answer.outcome}: ${answer.outcome_detail}`;
-      lay(place, answer);
+      const answer = await (await post("/parts/simulate", asked(form))).json();
+      told.textContent = answer.told;
+      lay(place, answer.figures);
     } catch (error) {
       told.textContent = error.message;
     } finally {
@@ -83,13 +108,18 @@ function takeAgain(place, explorer) {
     form.querySelector(".fields").append(label);
     event.target.value = "";
     field.focus();
+    form.dispatchEvent(new Event("input"));
   });
 }
 
-function lay(place, answer) {
-  const list = place.querySelector("#curve"), values = answer[list.value], figure = figures[list.value];
-  if (answer.outcome !== "finished" || !Array.isArray(values) || Array.isArray(values[0])) return;
-  const { type, x } = figure.data[0];
-  drawCurve(place, list.value, [{ type, x, y: values, name: "again", mode: "lines", line: { dash: "dash" } }]);
+function lay(place, fresh) {
+  if (!Object.keys(fresh).length) return;
+  again = fresh;
+  const list = place.querySelector("#curve");
+  const known = new Set([...list.options].map((option) => option.value));
+  for (const name of Object.keys(fresh)) if (!known.has(name)) list.append(new Option(`${name.replaceAll("_", " ")} (again)`, name));
+  if (!list.value) list.value = PREFERRED.find((name) => fresh[name]) ?? list.options[0].value;
+  place.querySelector(".curves").hidden = false;
+  drawCurve(place);
   say("The new curve is drawn beside the old one");
 }

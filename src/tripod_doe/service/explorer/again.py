@@ -1,0 +1,96 @@
+"""One point simulated again with other values: its price before, its curves after; and what makes its force."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import tomlkit
+import xarray as xr
+
+from tripod_doe.errors import InputError
+from tripod_doe.service.explorer.exports import point_values, study_of
+from tripod_doe.service.explorer.figures.point import point_figures
+from tripod_doe.service.explorer.open_cubes import opened
+from tripod_doe.service.explorer.slices import point_of
+from tripod_doe.simulator import Outcome
+from tripod_doe.study.cube import SWITCH_ROLE
+from tripod_doe.study.definition import parse_study
+from tripod_doe.study.plan import plan
+from tripod_doe.study.simulate import simulate
+
+__all__ = ["contribution_study", "price_of_point", "simulated"]
+
+_FACTOR = "replicate"  # of every scene, and without effect
+_OF_STUDY = re.compile(r"^point: \[[\w.]+\]: ")  # where a complaint stands in the study that is made for the price
+
+
+def price_of_point(scene: str, parameters: dict[str, Any]) -> tuple[Any, bytes]:
+    """What one point will cost by recorded prices.
+
+    Returns
+    -------
+    tuple
+        ``cpu_seconds``, None where no price is recorded, and ``foreseen``: why the point will fail, empty if it is not
+        known to; no bytes.
+
+    Raises
+    ------
+    InputError
+        If a parameter cannot be used.
+    """
+    base = {name: value for name, value in parameters.items() if name != _FACTOR}
+    factors = {_FACTOR: {"values": [parameters.get(_FACTOR, 0)]}}  # a study has one
+    study = {"study": {"name": "a point", "scene": scene}, "base": base, "factors": factors}
+    try:
+        price = plan(parse_study(tomlkit.dumps(study), "point"), timing=False, recorded=True)
+    except InputError as error:
+        raise InputError(_OF_STUDY.sub("", str(error))) from error
+    failures = [f"{failure.outcome.label}: {failure.reason}" for failure in price.foreseen]
+    seconds = None if price.cpu_hours is None or failures else 3600 * price.cpu_hours[1]
+    return {"cpu_seconds": seconds, "foreseen": "; ".join(failures)}, b""
+
+
+def simulated(scene: str, parameters: dict[str, Any]) -> tuple[Any, bytes]:
+    """One point simulated, with figures of all its outputs."""
+    data = simulate(scene, **parameters)
+    finished = bool(data.attrs["finished"])
+    return {
+        "finished": finished,
+        "outcome": Outcome(int(data["outcome"])).label,
+        "detail": str(data["outcome_detail"].item()),
+        "cpu_seconds": data.attrs["cost"]["cpu_seconds"],
+        "figures": point_figures(data) if finished else {},
+    }, b""
+
+
+def contribution_study(path: str, number_of_point: int) -> tuple[Any, bytes]:
+    """A study file that tells which friction makes the thrust at one point of a cube.
+
+    Raises
+    ------
+    InputError
+        If the point is none of a joint.
+    """
+    with opened(path) as cube:
+        found = point_of(cube, number_of_point)
+        return _contribution_study(cube, found, number_of_point), b""
+
+
+def _contribution_study(cube: xr.Dataset, found: xr.Dataset, number_of_point: int) -> str:
+    head = study_of(cube).get("study", {})
+    if head.get("scene", "joint") != "joint" or head.get("function"):
+        raise InputError("the mechanisms are those of the joint: this is another scene")
+    switches = [name for name in cube.coords if cube[name].attrs.get("role") == SWITCH_ROLE]
+    base = {name: value for name, value in point_values(cube, found).items() if name not in (*switches, "replicate")}
+    study = {
+        "study": {
+            "name": f"{head.get('name', 'study')}: contributions at point {number_of_point}",
+            "question": "Which friction mechanism causes which share of the thrust force at this point?",
+        },
+        "base": base,
+        "design": {"kind": "ablation"},
+        "keep": {"outputs": ["thrust_amplitude", "thrust_phase_deg"]},
+        "analysis": {"contribution": {}},
+    }
+    return tomlkit.dumps(study)
