@@ -228,7 +228,7 @@ def test_a_level_of_a_factor_is_subtracted_while_the_view_stands_still_there(fol
     rows = numbers(path, items)[0]["rows"]
     assert [row[-2] for row in rows if row[-1] == "finished"] == [f"{value:.6g}" for value in wanted.values.ravel()]
     assert explore(path, items, "x")[0]["title"].endswith("less that at torque -40 N m")
-    along = [part.split("=", 1) for part in "kind=lines&x=torque_n_m&minus=torque_n_m=-40".split("&")]
+    along = [part.split("=", 1) for part in ["kind=lines", "x=torque_n_m", "minus=torque_n_m=-40"]]
     assert explore(path, along, "x")[0]["view"]["minus"] == ""
 
 
@@ -248,7 +248,7 @@ def test_the_price_of_a_point_names_what_is_wrong_or_will_fail():
     price, _ = price_of_point("joint", {"model": "needles", "torque_n_m": 33})
     assert price["cpu_seconds"] > 10 * price_of_point("joint", {"model": "kinetostatic"})[0]["cpu_seconds"]
     assert price_of_point("joint", {"bearing_radial_clearance_mm": -0.05})[0]["foreseen"].startswith("jammed: ")
-    with pytest.raises(InputError, match="^torque_nm = 3: unknown parameter"):
+    with pytest.raises(InputError, match=r"^torque_nm = 3: unknown parameter"):
         price_of_point("joint", {"torque_nm": 3})
 
 
