@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tripod_doe.joint.orders import ORDERS
-from tripod_doe.joint.revolutions import Revolution
+from tripod_doe.joint.revolutions import JointInTurns, Revolution, StoppedError
 from tripod_doe.joint.vibrating_run import follow_vibration, mean_and_chance
 from tripod_doe.mechanics.integrators.registry import METHODS
+from tripod_doe.mechanics.run import Limits, run
+from tripod_doe.simulator import Outcome
 
 METHOD = METHODS["rosenbrock"]
 
@@ -84,3 +88,39 @@ def test_revolutions_that_are_alike_tell_less():
         values[k] = keeps * values[k - 1] + rng.normal(size=13)
     expected = 2 * values.std(0) * np.sqrt((1 + keeps) / (1 - keeps) / count)
     assert mean_and_chance(values)[1] == pytest.approx(expected, rel=0.1)
+
+
+@pytest.fixture
+def stopping(monkeypatch, joint_values, joint_assembly):
+    """A joint whose revolutions stop unless their step is below 1e-5 s, by the outcome that is given."""
+    real = run(joint_assembly(False), "bdf2", 1e-9, step=1e-9, limits=Limits(windows=0))
+
+    def make(outcome):
+        tried = []
+
+        def turn(self, setting):
+            tried.append(setting)
+            if setting > 1e-5:
+                raise StoppedError(replace(real, outcome=outcome))
+            return real
+
+        monkeypatch.setattr(JointInTurns, "_tried", turn)
+        monkeypatch.setattr(JointInTurns, "_read", lambda self, result: result)
+        return JointInTurns(joint_assembly(False), joint_values(), METHODS["bdf2"], 60, Limits(), 10**6), tried
+
+    return make
+
+
+def test_a_revolution_that_stops_is_followed_in_shorter_steps(stopping):
+    """Regression: 27 needles of 5 mm that vibrate at 726 Hz diverged 2.5 ms after their start, with steps of 3e-5 s."""
+    joint, tried = stopping(Outcome.DIVERGED)
+    assert len(joint.follow(2, 3e-5)) == 2
+    assert tried == [3e-5, 1.5e-5, 0.75e-5] * 2
+
+
+@pytest.mark.parametrize(("outcome", "count"), [(Outcome.DIVERGED, 4), (Outcome.EVALUATION_LIMIT, 1)])
+def test_what_stops_with_all_steps_or_for_its_budget_ends(stopping, outcome, count):
+    joint, tried = stopping(outcome)
+    with pytest.raises(StoppedError):
+        joint.follow(1, 1.0)
+    assert len(tried) == count

@@ -35,6 +35,9 @@ _CORRECTION = 1e-6
 """Relative correction at which the iterations of an implicit step end: a tighter one changes no digit of a mean order,
 and costs half as much again."""
 
+_HALVED = 3
+"""How often a revolution that stops on its way is followed again, with half of the tolerance or step each time."""
+
 
 class StoppedError(Exception):
     """A run stopped on its way."""
@@ -124,14 +127,26 @@ class JointInTurns:
     def follow(self, count: int, setting: float) -> list[Revolution]:
         """Follow so many revolutions with a tolerance or step.
 
+        One that stops on its way is followed again with half of it, a few times: rattling needles now and then ask
+        for steps shorter than those that resolve a vibration.
+
         Raises
         ------
         StoppedError
-            If one stops on its way.
+            If one stops on its way all the same, or the budget is used up.
         """
         return [self._read(self._turn(setting)) for _ in range(count)]
 
     def _turn(self, setting: float) -> Run:
+        for attempt in range(_HALVED):
+            try:
+                return self._tried(setting / 2**attempt)
+            except StoppedError as stop:
+                if stop.stopped.outcome == Outcome.EVALUATION_LIMIT:
+                    raise
+        return self._tried(setting / 2**_HALVED)
+
+    def _tried(self, setting: float) -> Run:
         duration, controlled = 2 * math.pi / self.values.speed, self.method.controlled
         rate = _RATE if controlled else 1 / setting  # else a sample a step
         settings = Settings(budget=max(self.budget, 1), correction=_CORRECTION)
