@@ -9,7 +9,6 @@ from __future__ import annotations
 import sys
 import time
 import tracemalloc
-import warnings
 from collections.abc import Callable
 from functools import partial
 
@@ -118,7 +117,6 @@ def coverage(seeds: int = 100) -> None:
     methods += [
         ('kind = "rbd-fast"\nsamples = 1024', s.rbd_fast_indices, s.RbdFastSettings(precision=1), ("S1",)),
         ('kind = "latin-hypercube"\nsamples = 1024', s.shapley_effects, s.ShapleySettings(precision=1), ("shapley",)),
-        ('kind = "fast"\nsamples = 513', s.fast_indices, s.FastSettings(precision=1), ("S1", "ST")),
     ]
     for design, analyse, settings, keys in methods:
         hits: dict[str, list[np.ndarray]] = {key: [] for key in keys}
@@ -131,5 +129,4 @@ def coverage(seeds: int = 100) -> None:
 
 
 if __name__ == "__main__":
-    warnings.filterwarnings("ignore", message="FAST confidence")
     coverage() if "coverage" in sys.argv[1:] else beside_salib()

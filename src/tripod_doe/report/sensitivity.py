@@ -52,7 +52,15 @@ def find_in_sensitivity(name: str, result: xr.Dataset) -> list[str]:
 def sensitivity_parts(result: xr.Dataset) -> list[OutputPart]:
     """Main outputs with their indices over ``factor`` alone."""
     key = RANKED[kind_of(result)]
-    return main_outputs(result, key, ("factor",)) if key in result else []
+    if key not in result:
+        return []
+    return main_outputs(_with_halves(result), key, ("factor",))
+
+
+def _with_halves(result: xr.Dataset) -> xr.Dataset:
+    """A result with half widths of all Sobol' indices, NaN for a method that knows no intervals."""
+    without = [key for key in ("S1", "ST") if key in result and f"{key}_conf" not in result]
+    return result.assign({f"{key}_conf": xr.full_like(result[key], np.nan) for key in without})
 
 
 def sobol_sentence(part: OutputPart) -> str:

@@ -49,21 +49,12 @@ def _curve_indices(curve: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _fast(sample: Sample, table: OutputTable, components: NDArray[np.int64], settings: SensitivitySettings) -> Answers:
     length, width = sample.block, sample.blocks
     parts = table.parts(components).reshape(-1, width, length, components.size)
-    found: dict[str, list[FloatArray]] = {key: [] for key in ("S1", "S1_conf", "ST", "ST_conf")}
-    random, half = np.random.default_rng(settings.seed), math.ceil(length / 2)
-    for at in range(width):
-        curve = parts[:, at]
-        starts = random.integers(length, size=settings.resamples)
-        windows = [_curve_indices(np.roll(curve, -start, axis=1)[:, :half]) for start in starts]
-        for key, value, drawn in zip(("S1", "ST"), _curve_indices(curve), zip(*windows, strict=True), strict=True):
-            found[key].append(value)
-            found[f"{key}_conf"].append(half_width(np.stack(drawn), settings.confidence))
-    answers = {key: np.stack(values) for key, values in found.items()}
-    whole = np.full((len(sample.tables), components.size), np.nan)
+    curves = [_curve_indices(parts[:, at]) for at in range(width)]
     kept = sample.rows[::length] // length  # the factors whose curves are complete
-    for key, values in answers.items():
-        answers[key] = whole.copy()
-        answers[key][kept] = values
+    answers: Answers = {}
+    for key, values in zip(("S1", "ST"), zip(*curves, strict=True), strict=True):
+        answers[key] = np.full((len(sample.tables), components.size), np.nan)
+        answers[key][kept] = np.stack(values)
     return answers
 
 
@@ -107,7 +98,7 @@ def _ordered_index(parts: FloatArray, order: NDArray[np.int64]) -> FloatArray:
 
 _MEANINGS = {"S1": "first-order Sobol' index", "ST": "total Sobol' index"}
 
-FAST = Method(_fast, designs=("fast",), ranked="ST", meanings=_MEANINGS, nested=False)
+FAST = Method(_fast, designs=("fast",), ranked="ST", meanings=_MEANINGS, nested=False, intervals=False)
 RBD_FAST = Method(_rbd_fast, designs=SAMPLED_DESIGNS, ranked="S1", meanings=_MEANINGS)
 
 
@@ -115,20 +106,21 @@ RBD_FAST = Method(_rbd_fast, designs=SAMPLED_DESIGNS, ranked="S1", meanings=_MEA
 def fast_indices(cube: xr.Dataset, settings: FastSettings | None = None) -> xr.Dataset:
     """First-order and total Sobol' indices by extended FAST (Saltelli, Tarantola and Chan 1999).
 
-    A curve with a failed point is dropped: its factor has no index. The intervals are SALib's, from halves of each
-    curve; they show the scatter along the curve and not the interference of frequencies, so they are a rough guide.
+    A curve with a failed point is dropped: its factor has no index. There are no intervals: the error is interference
+    of frequencies, which one curve a factor does not show. SALib's, from halves of each curve, are false: at Ishigami's
+    function with 513 points a curve they held ST of the first factor in none of 100 cases, with 129 in 22.
 
     Parameters
     ----------
     cube
         Cube of a fast design.
     settings
-        Which outputs, and the level of the intervals.
+        Which outputs.
 
     Returns
     -------
     xarray.Dataset
-        S1, S1_conf, ST, ST_conf (factor, and the dimensions of the output); see `method.apply`.
+        S1, ST (factor, and the dimensions of the output); see `method.apply`.
 
     Raises
     ------

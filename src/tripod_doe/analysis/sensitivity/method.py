@@ -64,6 +64,8 @@ class Method:
         The answer that the ranked one must exceed to be resolved; zero if empty.
     independent
         Whether it rests on factors that are not correlated.
+    intervals
+        Whether it knows intervals; without, nothing is said of what is resolved.
     """
 
     estimate: Callable[[Sample, OutputTable, NDArray[np.int64], SensitivitySettings], Answers]
@@ -75,6 +77,7 @@ class Method:
     nested: bool = True
     threshold: str = ""
     independent: bool = True
+    intervals: bool = True
 
 
 def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr.Dataset:
@@ -121,7 +124,8 @@ def _analyse(method: Method, sample: Sample, table: OutputTable, settings: Sensi
     answers = _estimate(method, sample, table, settings)
     size = answers.pop("size", None)
     result = _labelled(method, table, answers)
-    result["resolved"] = table.labelled(_resolution(method, answers, table, size), _dims(method, method.ranked))
+    if method.intervals:
+        result["resolved"] = table.labelled(_resolution(method, answers, table, size), _dims(method, method.ranked))
     if not method.nested or table.is_waveform:
         return result
     counts, parts = [], []

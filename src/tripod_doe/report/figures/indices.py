@@ -77,11 +77,12 @@ def _sobol_chart(key: str, name: str, what: str, part: xr.Dataset, level: float)
             for row, value, half in zip(rows, data[index], data[f"{index}_conf"], strict=True):
                 text = f"{value:.2f}".replace("-0.00", "0.00")
                 axes.annotate(
-                    text, (max(value, 0) + half, row + offset), (4, 0), textcoords="offset points",
+                    text, (max(value, 0) + np.nan_to_num(half), row + offset), (4, 0), textcoords="offset points",
                     va="center", fontsize=7.5, color=MUTED,
                 )  # fmt: skip
         axes.set_yticks(rows, [spoken(str(factor)) for factor in data["factor"]])
-        low, high = float((data["S1"] - data["S1_conf"]).min()), float((data["ST"] + data["ST_conf"]).max())
+        first, total = data["S1_conf"].fillna(0), data["ST_conf"].fillna(0)
+        low, high = float((data["S1"] - first).min()), float((data["ST"] + total).max())
         axes.set_xlim(1.2 * min(0.0, low), 1.12 * high)
         axes.spines["left"].set_visible(False)
         axes.axvline(0, color=MUTED, lw=0.8)
@@ -89,8 +90,10 @@ def _sobol_chart(key: str, name: str, what: str, part: xr.Dataset, level: float)
         axes.tick_params(axis="y", length=0)
         axes.set_xlabel("Sobol' index (part of the variance, -)")
         legend_above(axes, 2)
+    known = bool(data["ST_conf"].notna().any())
+    sure = f"with {level:g} % confidence intervals" if known else "without intervals, which this method does not know"
     caption = (
-        f"Sobol' indices of {what} with {level:g} % confidence intervals (analysis {name}). The total index counts "
+        f"Sobol' indices of {what} {sure} (analysis {name}). The total index counts "
         "a factor with all its interactions, the first-order index the factor alone."
     )
     return Chart(key, f"Sobol' indices of {what}", caption, figure, data)
