@@ -181,3 +181,19 @@ def test_mujoco_finds_nearly_the_same_force(benchmark):
     groove = scene.numbers(scene.roller_in_groove.simulator)
     sharp = groove["friction"] * groove["load_n"] * np.sin(np.radians(groove["tilt_deg"]))
     assert scene.roller_in_mujoco(groove, 1e-4)[0] == pytest.approx(sharp, rel=0.01)
+
+
+def test_intervals_and_pilots_of_several_models_are_counted(benchmark, capsys):
+    multifidelity = benchmark("multifidelity")
+    multifidelity.coverage(1)
+    multifidelity.pilot_again(4)
+    assert "bias over standard error" in capsys.readouterr().out
+
+
+def test_peers_of_the_sensitivity_find_the_same_indices(benchmark, tmp_path):
+    """SALib's own workflow is that of this package: the values are the same to their scramblings."""
+    peers = benchmark("sensitivity_peers")
+    (tmp_path / "ishigami.py").write_text(peers.FUNCTION)
+    values, seconds, _ = peers.measured(peers.SALIB.replace("SAMPLES", "256"), tmp_path)
+    assert values == pytest.approx([0.314, 0.442, 0, 0.558, 0.442, 0.244], abs=0.1)
+    assert seconds > 0

@@ -17,6 +17,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from tripod_doe.analysis.sensitivity.distributions import SAMPLED_DESIGNS
 from tripod_doe.analysis.sensitivity.outputs import OutputTable
 from tripod_doe.analysis.sensitivity.sample import Sample
 
@@ -33,6 +34,7 @@ _PROCESS_POINTS = 300  # that a Gaussian process learns from: the page evaluates
 _SHOWN_POINTS = 2000  # computed points that a page can show and take bands from
 _MOST_COMPONENTS = 26  # thirteen orders, two parts each
 _FOLDS = 5
+_TOGETHER = 500  # points that are predicted at once
 _LEAST_NOISE = 1e-7  # part of the variance; with less, weights grow until their sum loses the digits of a page
 _MINOR = 1e-3  # spread over the largest one below which a component is worth no Gaussian process
 _AMPLITUDE, _PHASE = "thrust_amplitude", "thrust_phase_deg"
@@ -83,6 +85,8 @@ class WhatIf:
     places, values, misses
         Computed points: their inputs, what they gave, and by how much a surrogate without them was too large, shape
         (computed, input or component).
+    sampled
+        Whether the computed points follow distributions of independent factors.
     """
 
     inputs: list[dict[str, Any]]
@@ -96,9 +100,14 @@ class WhatIf:
     places: FloatArray
     values: FloatArray
     misses: FloatArray
+    sampled: bool
 
     def predict(self, places: FloatArray) -> FloatArray:
         """All components at some inputs, shape (point, input) -> (point, component)."""
+        parts = [self._predict(places[start : start + _TOGETHER]) for start in range(0, len(places), _TOGETHER)]
+        return np.concatenate(parts)
+
+    def _predict(self, places: FloatArray) -> FloatArray:
         terms = np.prod(places[:, None, :] ** self.exponents, axis=2)
         found = terms @ self.coefficients.T
         for at in np.flatnonzero(self.weights.any(axis=1)):
@@ -153,6 +162,7 @@ def what_if(sample: Sample, tables: list[OutputTable], cube: xr.Dataset, seed: i
     shown = np.arange(min(_SHOWN_POINTS, len(places)))
     told = {
         "inputs": inputs, "factors": factors,
+        "sampled": sample.design.kind in SAMPLED_DESIGNS and not sample.design.correlation,
         "components": [[each.label, each.unit, each.order] for each in components],
     }  # fmt: skip
     data = {
@@ -178,7 +188,13 @@ def read_what_if(result: xr.Dataset) -> WhatIf | None:
     told = json.loads(result.attrs[ATTRIBUTE])
     names = ("exponents", "coefficients", "learnt", "weights", "lengths", "places", "values", "misses")
     arrays = {name: result[f"what_if_{name}"].values for name in names}
-    return WhatIf(told["inputs"], told["factors"], [Component(*each) for each in told["components"]], **arrays)
+    return WhatIf(
+        told["inputs"],
+        told["factors"],
+        [Component(*each) for each in told["components"]],
+        **arrays,
+        sampled=told["sampled"],
+    )
 
 
 def _encoded(sample: Sample, cube: xr.Dataset) -> tuple[list[dict[str, Any]], dict[str, dict[str, Any]], FloatArray]:

@@ -61,6 +61,7 @@ from tripod_doe.report.figures.inputs import Figure, of_one
 from tripod_doe.report.figures.multifidelity import multifidelity_charts
 from tripod_doe.report.figures.speed_accuracy import model_error_charts, speed_accuracy_charts
 from tripod_doe.report.figures.stability import stability_charts
+from tripod_doe.report.figures.surrogate import surrogate_charts
 from tripod_doe.report.figures.tolerance import tolerance_charts
 from tripod_doe.report.findings import find
 from tripod_doe.report.multifidelity import find_in_multifidelity, model_table
@@ -194,7 +195,13 @@ ANALYSES: dict[str, Analysis] = {
             findings=find_in_effects,
             table=effect_table,
         ),
-        Analysis(_of_cube(surrogate), SurrogateSettings, designs=SURROGATE_DESIGNS, findings=find_in_surrogate),
+        Analysis(
+            _of_cube(surrogate),
+            SurrogateSettings,
+            designs=SURROGATE_DESIGNS,
+            findings=find_in_surrogate,
+            figures={"surrogate": surrogate_charts},
+        ),
         Analysis(
             _of_cube(tolerance),
             ToleranceSettings,

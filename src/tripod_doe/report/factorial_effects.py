@@ -7,7 +7,7 @@ import json
 import numpy as np
 import xarray as xr
 
-from tripod_doe.quantities import count_of, interval, number
+from tripod_doe.quantities import count_of, interval, number, with_unit
 from tripod_doe.report.main_outputs import OutputPart, left_points, main_outputs
 from tripod_doe.report.responses import listed, spoken
 
@@ -40,7 +40,7 @@ def find_in_effects(name: str, result: xr.Dataset) -> list[str]:
         Its effects.
     """
     sentences = []
-    for _, what, _, part in effect_parts(result):
+    for _, what, unit, part in effect_parts(result):
         rows = list(
             zip(
                 part["term"].values,
@@ -52,7 +52,7 @@ def find_in_effects(name: str, result: xr.Dataset) -> list[str]:
         )
         sure = sorted((row for row in rows if row[3] <= _SURE), key=lambda row: -abs(row[1]))
         told = [
-            f"{term_text(str(term))} {interval(float(effect), float(half))}"
+            f"{term_text(str(term))} {with_unit(interval(float(effect), float(half)), unit)}"
             for term, effect, half, _ in sure[:_MOST_NAMED]
         ]
         left = f"; {count_of(len(rows) - len(sure), 'term')} cannot be told from none" if len(sure) < len(rows) else ""
@@ -76,14 +76,15 @@ def find_in_effects(name: str, result: xr.Dataset) -> list[str]:
 def effect_table(result: xr.Dataset) -> tuple[list[str], list[list[str]]]:
     """The analysis of variance of the main outputs, the largest sums of squares first."""
     rows = []
-    for _, what, _, part in effect_parts(result):
+    for _, what, unit, part in effect_parts(result):
         for at in np.argsort(-part["sum_of_squares"].values):
             values = {
                 key: float(part[key].values[at])
                 for key in ("effect", "effect_conf", "sum_of_squares", "f_value", "p_value")
             }
             rows.append([
-                what, term_text(str(part["term"].values[at])), interval(values["effect"], values["effect_conf"]),
+                what, term_text(str(part["term"].values[at])),
+                with_unit(interval(values["effect"], values["effect_conf"]), unit),
                 number(values["sum_of_squares"]), number(values["f_value"]), number(values["p_value"], 2),
             ])  # fmt: skip
         rows.append([what, "residual", "", number(float(part["residual_sum_of_squares"])), "", ""])

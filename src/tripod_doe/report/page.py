@@ -36,6 +36,7 @@ from tripod_doe.report.figures import (
     multifidelity_charts,
     spectrum_chart,
     stability_charts,
+    surrogate_charts,
     tolerance_charts,
     waveform_charts,
 )
@@ -237,6 +238,7 @@ def _charts(cube: xr.Dataset, shown: xr.Dataset, analyses: Mapping[str, xr.Datas
             *factorial_effect_charts(analyses),
             *tolerance_charts(analyses),
             *multifidelity_charts(analyses),
+            *surrogate_charts(analyses),
         ],
         "region": [region] if (region := failing_region_chart(cube)) else [],
         "loci": [loci] if loci else [],

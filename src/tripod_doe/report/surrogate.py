@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import xarray as xr
 
 from tripod_doe.quantities import number, with_unit
 from tripod_doe.report.main_outputs import main_outputs
+from tripod_doe.report.what_if import what_if_pages
 
 __all__ = ["find_in_surrogate"]
 
@@ -13,7 +15,7 @@ _NEARLY_ALL = 99.9  # percent
 
 
 def find_in_surrogate(name: str, result: xr.Dataset) -> list[str]:
-    """One sentence on the surrogate of each main output.
+    """Sentences on the surrogate of each main output, and on the quantiles that it gives.
 
     Parameters
     ----------
@@ -35,4 +37,20 @@ def find_in_surrogate(name: str, result: xr.Dataset) -> list[str]:
             f"{largest} at most, and predicts {told} % of the variance "
             f"(analysis {name})."
         )
-    return sentences
+    return sentences + _quantiles(name, result)
+
+
+def _quantiles(name: str, result: xr.Dataset) -> list[str]:
+    """The distribution of what the page shows, where the points follow distributions of independent factors."""
+    told = []
+    for page in what_if_pages({name: result}):
+        if not page.surrogate.sampled:
+            continue
+        for each, values in zip(page.quantities, page.drawn(), strict=True):
+            low, middle, high = (number(float(value)) for value in np.quantile(values, (0.05, 0.5, 0.95)))
+            told.append(
+                f"By the surrogate, not by a model: {each.label} below {with_unit(low, each.unit)} in 5 %, below "
+                f"{with_unit(middle, each.unit)} in 50 % and below {with_unit(high, each.unit)} in 95 % of the cases "
+                f"(analysis {name})."
+            )
+    return told

@@ -27,6 +27,8 @@ _COVERED = 0.95  # part of the unseen points that a band holds
 _MOST = 6  # orders or outputs that one looks at together
 _SEEN = 0.01  # size of an order over that of the largest one below which it is not shown
 _ALWAYS = (2, 3)  # orders that everybody asks for
+_DRAWS = 5000  # from which quantiles are taken
+_STEPS = 41  # of a curve over a factor
 _ANGLES = 120  # of a revolution
 
 
@@ -93,6 +95,22 @@ class WhatIfPage:
             (float(each.of(components)[0]), each.factor * float(np.sqrt((each.misses[near] ** 2).mean())))
             for each in self.quantities
         ]
+
+    def along(self, factor: str) -> tuple[FloatArray, FloatArray]:
+        """Values of a numeric factor, and each quantity over them with the others at the start, (value, quantity)."""
+        told = self.surrogate.factors[factor]
+        values = np.linspace(told["low"], told["high"], _STEPS)
+        places = np.concatenate([self.surrogate.encoded(**{**self.start, factor: value}) for value in values])
+        components = self.surrogate.predict(places)
+        return values, np.stack([each.of(components) for each in self.quantities], axis=1)
+
+    def drawn(self) -> list[FloatArray]:
+        """Each quantity at places drawn from the computed points, factor by factor, with misses drawn beside them."""
+        random, places = np.random.default_rng(0), self.surrogate.places
+        rows = {factor: random.choice(len(places), _DRAWS) for factor in self.surrogate.factors}
+        columns = [places[rows[entry["factor"]], at] for at, entry in enumerate(self.surrogate.inputs)]
+        components = self.surrogate.predict(np.stack(columns, axis=1))
+        return [each.of(components) - random.choice(each.misses, _DRAWS) for each in self.quantities]
 
     @property
     def rows(self) -> list[tuple[str, str, str]]:

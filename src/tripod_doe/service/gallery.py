@@ -19,6 +19,10 @@ _TEMPLATE_NAMES = {
     "grid": "Grid of joint angle and torque",
     "sensitivity": "Which parameter matters most",
     "contribution": "Which friction causes the thrust",
+    "response-surface": "Effects and curvature from few points",
+    "tolerance": "Which tolerance to tighten first",
+    "what-if": "A page with sliders",
+    "multifidelity": "Several models at once",
 }
 _NAMED_FILE = re.compile(r'\b(study|table|measurement)(\s*=\s*)"([^"\n]+\.(?:toml|csv))"')
 _PLACES = (Path(sys.prefix) / "share" / "tripod-doe", Path(__file__).parents[3])

@@ -8,7 +8,9 @@ from tripod_doe.errors import InputError
 
 __all__ = ["TEMPLATES", "write_template"]
 
-TEMPLATES = ("grid", "sensitivity", "contribution")
+TEMPLATES = (
+    "grid", "sensitivity", "contribution", "response-surface", "tolerance", "what-if", "multifidelity",
+)  # fmt: skip
 """Kinds of studies to start from."""
 
 

@@ -11,6 +11,7 @@ from tripod_doe.report.figures.model_choice import model_choice_chart
 from tripod_doe.report.figures.multifidelity import multifidelity_charts
 from tripod_doe.report.figures.skews import findings_over_skew_charts, kept_skew_charts
 from tripod_doe.report.figures.stability import stability_charts
+from tripod_doe.report.figures.surrogate import surrogate_charts
 from tripod_doe.report.figures.tolerance import tolerance_charts
 from tripod_doe.report.figures.waveforms import spectrum_chart, waveform_charts
 
@@ -28,6 +29,7 @@ __all__ = [
     "multifidelity_charts",
     "spectrum_chart",
     "stability_charts",
+    "surrogate_charts",
     "tolerance_charts",
     "waveform_charts",
 ]

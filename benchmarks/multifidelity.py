@@ -1,0 +1,91 @@
+"""Several models at once: how often intervals hold the analytic value, and what using the pilot again does to the mean.
+
+python benchmarks/multifidelity.py [--seeds 400]
+
+Ishigami's function with the cheaper versions of Qian and others (2018), and a skewed function whose split follows from a
+pilot that is part of its samples.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+
+import numpy as np
+from scipy.special import stdtrit
+
+from tripod_doe.analysis.multifidelity.estimates import Estimate, estimate
+from tripod_doe.analysis.multifidelity.quantiles import quantiles
+
+_PARTS = {"1": 0.5 * (1 + 0.1 * np.pi**4 / 5) ** 2, "2": 49 / 8, "13": 8 * 0.01 * np.pi**8 / 225}
+VARIANCE = sum(_PARTS.values())
+FIRST = np.array([_PARTS["1"], _PARTS["2"], 0]) / VARIANCE
+TOTAL = np.array([_PARTS["1"] + _PARTS["13"], _PARTS["2"], _PARTS["13"]]) / VARIANCE
+MODELS = ((7, 0.1, 4), (6.65, 0.1, 4), (4.2, 0.9, 2))
+MEDIAN = 3.544  # from two million points
+
+
+def ishigami(x: np.ndarray, a: float, b: float, power: int) -> np.ndarray:
+    return np.sin(x[..., 0]) + a * np.sin(x[..., 1]) ** 2 + b * x[..., 2] ** power * np.sin(x[..., 0])
+
+
+def blocks(seed: int, count: int) -> np.ndarray:
+    """Saltelli's blocks of three factors from -pi to pi, shape (sample, point, factor)."""
+    first, last = np.pi * (2 * np.random.default_rng(seed).random((count, 2, 3)).transpose(1, 0, 2) - 1)
+    mixed = []
+    for factor in range(3):
+        each = first.copy()
+        each[:, factor] = last[:, factor]
+        mixed.append(each)
+    return np.stack([first, *mixed, last], axis=1)
+
+
+def holds(found: Estimate, truth: float, logarithmic: bool = False) -> bool:
+    half = stdtrit(min(found.freedom, 1e9), 0.975) * math.sqrt(found.variance)
+    if logarithmic:
+        half = found.value * math.expm1(half / found.value)
+    return abs(found.value - truth) <= half
+
+
+def coverage(seeds: int) -> None:
+    """Share of the 95 % intervals that hold the truth."""
+    print(f"{'samples':>18} {'mean':>6} {'var.':>6} {'S1':>6} {'ST':>6} {'median':>7}")
+    for counts in ((16, 64, 512), (32, 128, 1024), (64, 256, 2048)):
+        hits: dict[str, list[bool]] = {key: [] for key in ("mean", "variance", "S1", "ST", "median")}
+        for seed in range(seeds):
+            x = blocks(seed, counts[-1])
+            values = [ishigami(x[:count], *model) for count, model in zip(counts, MODELS, strict=True)]
+            found = estimate(values)
+            hits["mean"].append(holds(found.mean, 3.5))
+            hits["variance"].append(holds(found.variance, VARIANCE, logarithmic=True))
+            hits["S1"] += [holds(each, truth) for each, truth in zip(found.first, FIRST, strict=True)]
+            hits["ST"] += [holds(each, truth) for each, truth in zip(found.total, TOTAL, strict=True)]
+            ends = quantiles([each[:, [0, -1]] for each in values], [0.5], 1.96)
+            hits["median"].append(bool(ends[1, 0] <= MEDIAN <= ends[2, 0]))
+        told = [f"{100 * np.mean(each):6.1f}" for each in hits.values()]
+        print(f"{counts!s:>18} {' '.join(told)} %", flush=True)
+
+
+def pilot_again(seeds: int) -> None:
+    """Bias of mean and variance of a skewed function over their standard errors, with the split from 24 of 48 samples."""
+    samples, pilot, price = 48, 24, 0.05
+    mean, variance = math.gamma(2.5), math.gamma(4) - math.gamma(2.5) ** 2 + 0.64
+    off = []
+    for seed in range(seeds):
+        z = np.random.default_rng(seed).exponential(size=(1200, 2))
+        truth, cheap = z[:, :1] ** 1.5 + 0.8 * (z[:, 1:] - 1), z[:, :1]
+        explained = np.corrcoef(truth[:pilot, 0], cheap[:pilot, 0])[0, 1] ** 2
+        explained = np.clip(1 - (1 - explained) * (pilot - 1) / (pilot - 2), 0, 0.999)
+        count = min(math.ceil(samples * math.sqrt(explained / (price * (1 - explained)))), 1200)
+        found = estimate([truth[:samples], cheap[:count]] if count > samples else [truth[:samples]])
+        off.append((found.mean.value - mean, found.variance.value - variance))
+    bias = np.mean(off, axis=0) / np.std(off, axis=0)
+    print(f"bias over standard error: mean {bias[0]:.3f}, variance {bias[1]:.3f}; +- {2 / math.sqrt(seeds):.3f}")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=400, help="repetitions of each case")
+    chosen = parser.parse_args().seeds
+    coverage(chosen)
+    pilot_again(10 * chosen)
