@@ -1,4 +1,4 @@
-"""Sobol' indices of Ishigami's function beside SALib's own workflow, OpenTURNS and UQpy, each in its own process.
+"""Sobol' indices of Ishigami's function beside SALib's own workflow and OpenTURNS, each in its own process.
 
 python benchmarks/sensitivity_peers.py [--samples 1024]
 
@@ -62,29 +62,10 @@ x = ot.SobolIndicesExperiment(inputs, SAMPLES).generate()
 found = ot.SaltelliSensitivityAlgorithm(x, model(x), SAMPLES)
 tell([*found.getFirstOrderIndices(), *found.getTotalOrderIndices()])
 """
-UQPY = """
-from math import pi
-from UQpy.distributions import JointIndependent, Uniform
-from UQpy.run_model import PythonModel, RunModel
-from UQpy.sensitivity import SobolSensitivity
-from pathlib import Path
-import numpy as np
-Path("uq.py").write_text("import numpy as np\\nfrom ishigami import ishigami\\n"
-                         "def run(x):\\n    return np.array([ishigami(*row)['y'] for row in np.atleast_2d(x)])\\n")
-model = RunModel(model=PythonModel(model_script="uq.py", model_object_name="run", var_names=["a", "b", "c"]))
-found = SobolSensitivity(model, JointIndependent([Uniform(-pi, 2 * pi)] * 3))
-found.run(n_samples=SAMPLES)
-tell([*found.first_order_indices[:, 0], *found.total_order_indices[:, 0]])
-"""
 TELL = (
     "import json, sys\nfrom ishigami import ishigami\ndef tell(values): print(json.dumps([float(v) for v in values]))\n"
 )
-PEERS = {
-    "tripod_doe": (OURS, ""),
-    "SALib": (SALIB, "SALib"),
-    "OpenTURNS": (OPENTURNS, "openturns"),
-    "UQpy": (UQPY, "UQpy"),
-}
+PEERS = {"tripod_doe": (OURS, ""), "SALib": (SALIB, "SALib"), "OpenTURNS": (OPENTURNS, "openturns")}
 
 
 def measured(code: str, folder: Path) -> tuple[list[float], float, float]:
@@ -98,7 +79,7 @@ def measured(code: str, folder: Path) -> tuple[list[float], float, float]:
         _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:
-        raise SystemExit(f"it ended with {process.returncode}")
+        raise RuntimeError(f"it ended with exit code {process.returncode}")
     told = json.loads(output.read_text().splitlines()[-1])
     return told, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1e3
 
