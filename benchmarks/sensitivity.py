@@ -112,7 +112,7 @@ def coverage(seeds: int = 100) -> None:
             s.SobolSettings(precision=1),
             ("S1", "ST"),
         )
-        for n in (64, 256, 1024)
+        for n in ("64", "256", "1024", "1024\nscramblings = 8", "4096\nscramblings = 8")
     ]
     methods += [
         ('kind = "rbd-fast"\nsamples = 1024', s.rbd_fast_indices, s.RbdFastSettings(precision=1), ("S1",)),

@@ -94,6 +94,11 @@ class DesignTable(_Table):
         None, ge=2, description="morris: levels, 4 if omitted; full-factorial: levels from low to high, 2 if omitted"
     )
     scramble: bool = Field(True, description="sobol, halton: whether the sequence is scrambled")
+    scramblings: int = Field(
+        1,
+        ge=1,
+        description="saltelli: independent scramblings that share the samples; from 4 on they give the intervals",
+    )
     optimised: bool = Field(
         False, description="latin-hypercube: whether coordinates are exchanged until the points fill the space evenly"
     )

@@ -7,7 +7,7 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["bootstrap_weights", "half_width", "random_halves"]
+__all__ = ["bootstrap_weights", "half_width", "part_half_width", "part_weights", "random_halves"]
 
 FloatArray = NDArray[np.float64]
 
@@ -19,6 +19,22 @@ def bootstrap_weights(count: int, resamples: int, seed: int) -> FloatArray:
     for row, column in zip(weights, drawn.T, strict=True):
         row[:] = np.bincount(column, minlength=count)
     return weights / count
+
+
+def part_weights(part: NDArray[np.int64]) -> FloatArray:
+    """How much each block counts in the estimate of each independent part, shape (part, block)."""
+    inside = part == np.unique(part)[:, None]
+    weights: FloatArray = inside / inside.sum(axis=1, keepdims=True)
+    return weights
+
+
+def part_half_width(estimates: FloatArray, confidence: float) -> FloatArray:
+    """Half width of the interval of a mean from the estimates of independent parts along the first axis."""
+    from scipy.special import stdtrit  # slow to import: every study would wait for it
+
+    count = len(estimates)
+    width: FloatArray = stdtrit(count - 1, 0.5 + confidence / 2) * estimates.std(axis=0, ddof=1) / np.sqrt(count)
+    return width
 
 
 def random_halves(count: int, resamples: int, seed: int) -> list[NDArray[np.int64]]:

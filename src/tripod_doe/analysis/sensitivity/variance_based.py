@@ -2,7 +2,8 @@
 
 Estimators: first order and total of Saltelli and others (2010), second order of Saltelli (2002). A bootstrap over
 blocks is a product of the matrix of drawn counts with the products of the block's outputs, one for all outputs. It
-takes the blocks for independent; those of a scrambled sequence are better, so the intervals are on the safe side.
+takes the blocks for independent; those of a scrambled sequence are better, so the intervals are on the safe side. Where
+several scramblings share the samples, each is an estimate of its own, and their scatter makes the intervals.
 """
 
 from __future__ import annotations
@@ -16,13 +17,16 @@ from numpy.typing import NDArray
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.sensitivity.method import Answers, Method, apply
 from tripod_doe.analysis.sensitivity.outputs import OutputTable
-from tripod_doe.analysis.sensitivity.resampling import bootstrap_weights, half_width
+from tripod_doe.analysis.sensitivity.resampling import bootstrap_weights, half_width, part_half_width, part_weights
 from tripod_doe.analysis.sensitivity.sample import Sample
 from tripod_doe.analysis.sensitivity.settings import SensitivitySettings
 
 __all__ = ["SobolSettings", "sobol_indices"]
 
 FloatArray = NDArray[np.float64]
+
+
+_ENOUGH = 4  # scramblings whose scatter tells their error
 
 
 class SobolSettings(SensitivitySettings):
@@ -38,7 +42,7 @@ def _estimate(
     blocks = parts.reshape(parts.shape[0], count, sample.block, components.size)
     a, b = blocks[:, :, 0], blocks[:, :, -1]
     ab = [blocks[:, :, 1 + j] for j in range(width)]
-    draws = bootstrap_weights(count, settings.resamples, settings.seed + 1)  # SALib takes 0 for no seed at all
+    several, draws = _draws(sample, settings)
     weights = np.concatenate([np.full((1, count), 1 / count), draws])  # the first row is the estimate itself
 
     def mean(products: FloatArray) -> FloatArray:
@@ -50,7 +54,7 @@ def _estimate(
     variance = np.where(variance > 0, variance, np.nan)
     first = np.stack([mean(b * (each - a)) for each in ab]) / variance
     total = np.stack([mean(0.5 * (a - each) ** 2) for each in ab]) / variance
-    answers = _with_intervals({"S1": first, "ST": total}, settings.confidence)
+    answers = _with_intervals({"S1": first, "ST": total}, settings.confidence, several)
     answers["size"] = (
         np.sqrt(np.maximum(total[:, 0] * variance[0], 0))
         if not table.wraps
@@ -61,16 +65,28 @@ def _estimate(
         second = np.full((width, width, *variance.shape), np.nan)
         for j, k in combinations(range(width), 2):
             second[j, k] = (mean(blocks[:, :, 1 + width + j] * ab[k]) - both) / variance - first[j] - first[k]
-        answers |= _with_intervals({"S2": second}, settings.confidence)
+        answers |= _with_intervals({"S2": second}, settings.confidence, several)
     return answers
 
 
-def _with_intervals(resampled: Answers, confidence: float) -> Answers:
-    """Estimates and half widths from arrays whose axis before the last is estimate, then resamples."""
+def _draws(sample: Sample, settings: SensitivitySettings) -> tuple[bool, FloatArray]:
+    """Whether several scramblings tell the error, and the weights of the blocks in each of their estimates.
+
+    Else the weights of the bootstrap, shape (estimate, block).
+    """
+    scrambling = sample.rows[:: sample.block] // sample.block % sample.design.scramblings
+    if np.unique(scrambling).size >= _ENOUGH:
+        return True, part_weights(scrambling)
+    return False, bootstrap_weights(sample.blocks, settings.resamples, settings.seed + 1)  # SALib: 0 is no seed
+
+
+def _with_intervals(resampled: Answers, confidence: float, parts: bool) -> Answers:
+    """Estimates and half widths from arrays whose axis before the last is estimate, then resamples or parts."""
+    width = part_half_width if parts else half_width
     answers: Answers = {}
     for key, values in resampled.items():
         answers[key] = values[..., 0, :]
-        answers[f"{key}_conf"] = half_width(np.moveaxis(values[..., 1:, :], -2, 0), confidence)
+        answers[f"{key}_conf"] = width(np.moveaxis(values[..., 1:, :], -2, 0), confidence)
     return answers
 
 

@@ -73,7 +73,15 @@ def _saltelli(table: DesignTable, tables: Mapping[str, FactorTable]) -> Any:
         raise InputError(
             f"samples = {count}: a saltelli design needs a power of 2, for instance {1 << count.bit_length()}"
         )
-    return sobol.sample(salib_problem(tables), count, calc_second_order=table.second_order, seed=table.seed)
+    parts, problem = table.scramblings, salib_problem(tables)
+    if parts & (parts - 1) or parts >= count:
+        raise InputError(f"scramblings = {parts}: it must be a power of 2 below samples = {count}")
+    seeds = [table.seed] if parts == 1 else np.random.default_rng(table.seed).integers(2**31, size=parts).tolist()
+    sequences = [
+        sobol.sample(problem, count // parts, calc_second_order=table.second_order, seed=seed) for seed in seeds
+    ]
+    blocks = np.stack([sequence.reshape(count // parts, -1, len(tables)) for sequence in sequences], axis=1)
+    return blocks.reshape(-1, len(tables))  # one block of each scrambling after the other, so that a part has all
 
 
 def _morris(table: DesignTable, tables: Mapping[str, FactorTable]) -> Any:
