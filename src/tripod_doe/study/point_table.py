@@ -19,9 +19,15 @@ _NO_PHASE = "-"
 
 
 def point_table(point: SimulatedPoint) -> str:
-    """Outcome, model with its known error, outputs (waveforms by range, phases where there is an amplitude), cost."""
+    """Outcome, model with its known error, outputs (waveforms by range, phases where there is an amplitude), cost.
+
+    Outputs without a single number, as those of a point that did not finish, are only named.
+    """
     lines = [f"outcome  {point.outcome.label} {point.detail}".rstrip(), *point.model_notes]
+    unknown = [name for name, values in point.outputs.items() if np.isnan(np.asarray(values.data, float)).all()]
     for name, values in point.outputs.items():
+        if name in unknown:
+            continue
         unit = point.simulator.outputs[name].unit_text
         if "rotation_deg" in values.dims:
             low, high = number(float(np.nanmin(values.data))), number(float(np.nanmax(values.data)))
@@ -30,6 +36,8 @@ def point_table(point: SimulatedPoint) -> str:
             lines.append(f"{name}  {with_unit(number(float(values.data)), unit)}")
         else:
             lines += [f"{name} [{unit or '-'}]", *_rows(point, values, _texts(name, values, point.outputs))]
+    if unknown:
+        lines.append(f"not known  {', '.join(unknown)}")
     cost = point.cost
     lines.append(
         f"cost  CPU {duration(cost['cpu_seconds'])}, wall {duration(cost['wall_seconds'])}, "
