@@ -1,9 +1,9 @@
 """What the service costs: small answers per second, a slice of a cube, 200 event streams, memory, price of watchers.
 
-    python benchmarks/service_load.py [--requests 5000] [--memory 100000] [--watchers 20]
+    python benchmarks/service_load.py [--requests 5000] [--memory 100000] [--watchers 20] [--side 40]
 
 It starts a server on a folder of its own, with the demonstration study. Rates are of one connection per client with
-pipelining off; on a busy machine only the counted parts (bytes, events, growth of memory) say anything.
+pipelining off; on a busy machine only CPU times and the counted parts (bytes, events, growth of memory) say anything.
 """
 
 from __future__ import annotations
@@ -126,18 +126,41 @@ async def finished(server: Server, run_id: str) -> dict:
     return run
 
 
-async def measure(server: Server, requests: int, memory: int, watchers: int) -> None:
+async def paced(server: Server, request: bytes, rate: float, seconds: float, clients: int = 8) -> np.ndarray:
+    """Seconds from the moment at which each request was due, at a fixed rate, to its answer."""
+    due = time.perf_counter() + np.arange(int(rate * seconds)) / rate
+    found: list[float] = []
+
+    async def client(own: np.ndarray) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+        for moment in own:
+            await asyncio.sleep(max(0.0, moment - time.perf_counter()))
+            writer.write(request)
+            await answer(reader)
+            found.append(time.perf_counter() - moment)
+        writer.close()
+
+    await asyncio.gather(*(client(due[at::clients]) for at in range(clients)))
+    return np.array(found)
+
+
+def cpu_of(server: Server) -> float:
+    """CPU seconds of the server's own process."""
+    used = psutil.Process(server.process.pid).cpu_times()
+    return used.user + used.system
+
+
+async def measure(server: Server, requests: int, memory: int, watchers: int, side: int = 40) -> None:
     """Measure, and print a line for each figure."""
     (demo,) = await once(server, "GET", "/runs")
     small = server.head("GET", f"/runs/{demo['id']}")
     await asked(server, small, 200, 1)
     for clients in (1, 8):
-        cpu = psutil.Process(server.process.pid).cpu_times().user
+        cpu, started = cpu_of(server), time.perf_counter()
         seconds = await asked(server, small, requests, clients)
-        cpu = psutil.Process(server.process.pid).cpu_times().user - cpu
-        rate = clients / seconds.mean()
+        cpu, rate = cpu_of(server) - cpu, seconds.size / (time.perf_counter() - started)
         print(f"small answers, {clients} clients: {rate:.0f} per second, p99 {1e3 * np.quantile(seconds, 0.99):.1f} ms, "
-              f"{1e6 * cpu / seconds.size:.0f} us of CPU time each")  # fmt: skip
+              f"{1e6 * cpu / seconds.size:.0f} us of CPU time each: at most {seconds.size / cpu:.0f} per second")  # fmt: skip
     query = server.head("GET", f"/runs/{demo['id']}/query?variable=thrust_rms")
     await asked(server, query, 5, 1)
     seconds = await asked(server, query, 50, 1)
@@ -146,24 +169,41 @@ async def measure(server: Server, requests: int, memory: int, watchers: int) -> 
     await asked(server, small, memory, 8)
     growth = psutil.Process(server.process.pid).memory_info().rss / before - 1
     print(f"memory after {memory:,} requests: {100 * growth:+.1f} % of {before / 1e6:.0f} MB")
-    await watch_figures(server, watchers)
+    await watch_figures(server, watchers, side)
+    await beside_studies(server, small, side, min(20.0, requests / 100))
 
 
-async def watch_figures(server: Server, watchers: int) -> None:
+async def beside_studies(server: Server, request: bytes, side: int, seconds: float) -> None:
+    """Answers at 200 per second while two studies use both cores."""
+    studies = [LONG.format(count=3 * side).replace("low = 2\n", f"low = {2.5 + at / 100}\n") for at in range(2)]
+    runs = [await once(server, "POST", "/runs", {"study": study}) for study in studies]
+    for run in runs:
+        while not (await once(server, "GET", f"/runs/{run['id']}"))["points"]["finished"]:
+            await asyncio.sleep(0.1)
+    waited = await paced(server, request, 200, seconds)
+    print(f"200 per second beside two studies: median {1e3 * np.median(waited):.1f} ms, "
+          f"p99 {1e3 * np.quantile(waited, 0.99):.1f} ms")  # fmt: skip
+    for run in runs:
+        if (await once(server, "GET", f"/runs/{run['id']}"))["state"] == "running":
+            await once(server, "POST", f"/runs/{run['id']}/stop")
+        await finished(server, run["id"])
+
+
+async def watch_figures(server: Server, watchers: int, side: int) -> None:
     """Price of a study with and without watchers, in turns, and what 200 streams see of one."""
     prices: dict[int, list[float]] = {0: [], watchers: []}
     for turn, count in enumerate([0, watchers] * 3):
-        study = LONG.format(count=40).replace("low = 2\n", f"low = {2 + turn / 100}\n")
+        study = LONG.format(count=side).replace("low = 2\n", f"low = {2 + turn / 100}\n")
         run = await once(server, "POST", "/runs", {"study": study})
-        before = psutil.Process(server.process.pid).cpu_times().user
+        before = cpu_of(server)
         seen = await events(server, max(count, 1), run["id"], "finished")
         done = await finished(server, run["id"])
-        cpu = psutil.Process(server.process.pid).cpu_times().user - before
+        cpu = cpu_of(server) - before
         prices[count].append((done["cpu_seconds"] + cpu) / done["cpu_seconds"])
         assert len({tuple(names) for names in seen}) <= 2, "streams differ"
     for count, ratios in prices.items():
         print(f"{count} watchers: the server adds {100 * (np.median(ratios) - 1):.1f} % to the study's CPU time")
-    run = await once(server, "POST", "/runs", {"study": LONG.format(count=30)})
+    run = await once(server, "POST", "/runs", {"study": LONG.format(count=3 * side // 4)})
     seen = await events(server, 200, run["id"], "finished")
     last = max(seen, key=len)
     lost = sum(names != last[len(last) - len(names) :] for names in seen)
@@ -176,11 +216,12 @@ def main() -> None:
     parser.add_argument("--requests", type=int, default=5_000)
     parser.add_argument("--memory", type=int, default=100_000)
     parser.add_argument("--watchers", type=int, default=20)
+    parser.add_argument("--side", type=int, default=40, help="points of the watched studies, squared")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         server = Server(Path(folder) / "results", "--demo", "--workers", "0")
         try:
-            asyncio.run(measure(server, options.requests, options.memory, options.watchers))
+            asyncio.run(measure(server, options.requests, options.memory, options.watchers, options.side))
         finally:
             server.end()
 

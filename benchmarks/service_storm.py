@@ -26,8 +26,6 @@ from service_load import LONG, Server, once
 
 import tripod_doe as td
 
-STUDY = LONG.format(count=60)
-
 
 def processes_in(folder: Path) -> list[psutil.Process]:
     """Processes of the command line that compute into a folder."""
@@ -62,10 +60,10 @@ def committed(directory: Path) -> list[bytes]:
     return [keys[i : i + 16] for i in range(0, len(keys), 16)]
 
 
-async def storm(folder: Path, kills: int, workers: str) -> dict[str, object]:
+async def storm(folder: Path, kills: int, workers: str, study: str) -> dict[str, object]:
     """Kill, go on, and check."""
     server = Server(folder, "--workers", workers)
-    run_ids = [(await once(server, "POST", "/runs", {"study": STUDY}))["id"] for _ in range(2)]
+    run_ids = [(await once(server, "POST", "/runs", {"study": study}))["id"] for _ in range(2)]
     counts = {"server": 0, "run": 0, "worker": 0, "all": 0}
     slowest = 0.0
     for _ in range(kills):
@@ -93,7 +91,7 @@ async def storm(folder: Path, kills: int, workers: str) -> dict[str, object]:
             if run["state"] == "failed":
                 await once(server, "POST", f"/runs/{run['id']}/resume")
             if run["state"] == "finished":
-                run_ids.append((await once(server, "POST", "/runs", {"study": STUDY}))["id"])
+                run_ids.append((await once(server, "POST", "/runs", {"study": study}))["id"])
                 await once(server, "DELETE", f"/runs/{run['id']}")
                 run_ids.remove(run["id"])
     for run_id in run_ids:
@@ -115,17 +113,23 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--workers", default="1", help="worker processes of each run; 0: none that could be killed")
     options = parser.parse_args()
-    random.seed(options.seed)
+    print(storm_and_compare(options.kills, options.seed, options.workers))
+
+
+def storm_and_compare(kills: int, seed: int, workers: str, side: int = 60) -> dict[str, object]:
+    """Storm on a folder of its own, and compare with undisturbed results."""
+    random.seed(seed)
+    study = LONG.format(count=side)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "results"
-        told = asyncio.run(storm(folder, options.kills, options.workers))
-        (Path(name) / "study.toml").write_text(STUDY)
+        told = asyncio.run(storm(folder, kills, workers, study))
+        (Path(name) / "study.toml").write_text(study)
         td.run(Path(name) / "study.toml", Path(name) / "undisturbed", workers=0, progress=False)
         with xr.open_dataset(Path(name) / "undisturbed" / "cube.nc") as calm:
             for run_id in told["runs"]:
                 with xr.open_dataset(folder / run_id / "cube.nc") as cube:
                     np.testing.assert_array_equal(cube["thrust_rms"].values, calm["thrust_rms"].values)
-    print(told)
+    return told
 
 
 if __name__ == "__main__":

@@ -1,6 +1,10 @@
 from __future__ import annotations
 
+import os
+import signal
+
 import pytest
+from server_process import Server, runs_in
 from service_client import ADDRESS, TOKEN, Asked
 from starlette.testclient import TestClient
 
@@ -37,3 +41,20 @@ def coast(api):
     run_id = api.submit()
     assert api.wait(run_id, "finished", "failed")["state"] == "finished"
     return run_id
+
+
+@pytest.fixture
+def serve(tmp_path):
+    """Start servers on one folder; at the end they and their runs are gone."""
+    servers = []
+
+    def serve(*flags):
+        servers.append(Server(tmp_path / "results", *flags))
+        return servers[-1]
+
+    yield serve
+    for server in servers:
+        if server.process.poll() is None:
+            server.end(signal.SIGKILL)
+    for process in runs_in(tmp_path):
+        os.killpg(process.pid, signal.SIGKILL)

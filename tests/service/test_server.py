@@ -2,113 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import os
-import re
 import signal
 import socket
-import sqlite3
 import subprocess
 import sys
 import textwrap
 import time
-import urllib.error
-import urllib.request
 from pathlib import Path
 
-import psutil
 import pytest
+from server_process import LONG, Server, committed, runs_in
 from service_client import COAST
-
-LONG = """
-    [study]
-    name = "long"
-    [base]
-    model = "equilibrium"
-    [factors.joint_angle_deg]
-    low = 1
-    high = 20
-    count = 200
-    [factors.torque_n_m]
-    low = 10
-    high = 400
-    count = 200
-    [keep]
-    outputs = ["thrust_rms"]
-    [run]
-    block = 100
-    """
-"""Many minutes, in blocks of about a second."""
-
-
-class Server:
-    """A server of our own command line."""
-
-    def __init__(self, folder, *flags):
-        words = [sys.executable, "-m", "tripod_doe.cli", "serve", "--folder", str(folder), "--port", "0", *flags]
-        self.process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        self.line = self.process.stdout.readline()
-        self.address, self.token = re.fullmatch(r"(http://127\.0\.0\.1:\d+)/\?token=(\S+)\n", self.line).groups()
-
-    def ask(self, path, body=None, method=None, seconds=60):
-        data = None if body is None else json.dumps(body).encode()
-        headers = {"Authorization": f"Bearer {self.token}", "Content-Type": "application/json"}
-        request = urllib.request.Request(f"{self.address}/api/v1{path}", data, headers, method=method)
-        try:
-            with urllib.request.urlopen(request, timeout=seconds) as answer:
-                return answer.status, json.loads(answer.read() or b"null")
-        except urllib.error.HTTPError as error:
-            with error:
-                return error.code, json.loads(error.read())
-
-    def submit(self, study):
-        status, run = self.ask("/runs", {"study": textwrap.dedent(study)})
-        assert status == 201, run
-        return run["id"]
-
-    def wait(self, run_id, test, seconds=120):
-        until = time.monotonic() + seconds
-        while not test(run := self.ask(f"/runs/{run_id}")[1]):
-            assert time.monotonic() < until, run
-            time.sleep(0.1)
-        return run
-
-    def end(self, number=signal.SIGTERM):
-        self.process.send_signal(number)
-        code = self.process.wait(20)
-        with self.process.stdout, self.process.stderr:
-            return code, self.process.stdout.read(), self.process.stderr.read()
-
-
-@pytest.fixture
-def serve(tmp_path):
-    """Start servers on one folder; at the end they and their runs are gone."""
-    servers = []
-
-    def serve(*flags):
-        servers.append(Server(tmp_path / "results", *flags))
-        return servers[-1]
-
-    yield serve
-    for server in servers:
-        if server.process.poll() is None:
-            server.end(signal.SIGKILL)
-    for process in runs_in(tmp_path):
-        os.killpg(process.pid, signal.SIGKILL)
-
-
-def runs_in(folder):
-    """Processes of our command line that compute into a folder."""
-    return [process for process in psutil.process_iter(["cmdline"])
-            if "run" in (words := process.info["cmdline"] or []) and any(str(folder) in word for word in words)]  # fmt: skip
-
-
-def committed(directory):
-    """Fingerprints in a journal, in the order of their commits."""
-    with sqlite3.connect(f"file:{directory / 'journal.sqlite'}?mode=ro", uri=True) as journal:
-        keys = b"".join(row[0] for row in journal.execute("SELECT keys FROM block ORDER BY id"))
-    journal.close()
-    return [keys[i : i + 16] for i in range(0, len(keys), 16)]
 
 
 def test_the_server_prints_one_line_and_ends_in_time_with_a_hundred_streams(serve):

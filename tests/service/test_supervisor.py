@@ -8,14 +8,17 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from datetime import datetime
 
 import pytest
 
 from tripod_doe.errors import InputError, StorageError
-from tripod_doe.service import processes
+from tripod_doe.service import processes, runs
+from tripod_doe.service.endings import ending_of, remove_report
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.runs import RunTable, State
+from tripod_doe.service.progress import PointCounts
+from tripod_doe.service.runs import Run, RunTable, State
 from tripod_doe.service.settings import Settings
 from tripod_doe.service.supervisor import UPLOAD, Supervisor
 
@@ -195,6 +198,41 @@ def test_a_server_that_only_reads_follows_the_one_that_runs(start, settings, tmp
     while any(run.id == other for run in reader.all()):
         assert time.monotonic() < until
         time.sleep(0.02)
+
+
+def test_a_clock_that_jumps_moves_times_and_nothing_else(start, settings, tmp_path, monkeypatch):
+    """Twenty years back, then forty on: order, states and the queue stay."""
+    supervisor = start(SLEEP.format("SIG_DFL"))
+    first = submit(supervisor, tmp_path)
+    wait(supervisor, first, State.RUNNING)
+    for year in (2006, 2046):
+        jumped = type(
+            "Jumped", (datetime,), {"now": classmethod(lambda cls, zone, year=year: datetime(year, 1, 1, tzinfo=zone))}
+        )
+        monkeypatch.setattr(runs, "datetime", jumped)
+        last = submit(supervisor, tmp_path)
+        assert supervisor.find(last).created.startswith(str(year))
+        assert supervisor.all()[0].id == last
+        assert supervisor.find(first).state is State.RUNNING
+    second = supervisor.all()[1].id
+    processes.kill_run(supervisor.directory(first))
+    wait(supervisor, first, State.FAILED)
+    wait(supervisor, second, State.RUNNING)
+    assert supervisor.stop(second).state is State.STOPPING
+    wait(supervisor, second, State.STOPPED)
+    wait(supervisor, last, State.RUNNING)
+
+
+def test_a_report_that_seems_older_than_its_cube_is_the_last_word(tmp_path):
+    """The clock jumped back between the two: a run that goes on has no report until it is done."""
+    for name in ("cube.nc", "report/index.html"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("")
+    os.utime(tmp_path / "report" / "index.html", (0, 0))
+    run = Run("a" * 16, "study", "n", "", State.RUNNING, counts=PointCounts(1, 1))
+    assert ending_of(run, run.counts, (), tmp_path) == (State.FINISHED, "")
+    remove_report(tmp_path)
+    assert ending_of(run, run.counts, (), tmp_path)[0] is State.FAILED
 
 
 def test_a_table_that_is_none_is_told(tmp_path):

@@ -69,7 +69,7 @@ def create_app(settings: Settings) -> FastAPI:
         lifespan=lifespan,
     )
     app.state.service = service
-    for module in (studies, runs, results, reports, views):
+    for module in (runs, studies, results, reports, views):  # what is asked for most is looked for first
         app.include_router(module.router, prefix=API)
     for part in (assets, pages, writing):
         app.include_router(part.router)
@@ -138,5 +138,6 @@ def _form_problem(item: dict[str, Any]) -> Problem:
     place = [str(part) for part in item["loc"] if part not in ("body", "query", "path", "header")]
     key = ".".join(place) or None
     value = item.get("input") if isinstance(item.get("input"), str | int | float | bool) else None
-    told = item["msg"][0].lower() + item["msg"][1:]
+    told = item["msg"].removeprefix("Value error, ")
+    told = told[0].lower() + told[1:]
     return Problem(message=f"{key}: {told}" if key else told, key=key, value=value)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +12,11 @@ from tripod_doe.service.processes import last_words
 from tripod_doe.service.progress import PointCounts
 from tripod_doe.service.runs import Run, State
 from tripod_doe.study.results import is_shown
-from tripod_doe.workflow.steps_file import STEPS
 
-__all__ = ["ending_of"]
+__all__ = ["ending_of", "has_report", "remove_report"]
 
+_LEAST = 1_000_000  # bytes without which a run cannot end in order
+_FULL = "the disk is full; resume goes on at the next missing point"
 _SILENT = "its process ended without a word; resume goes on at the next missing point"
 
 
@@ -31,10 +34,10 @@ def ending_of(run: Run, counts: PointCounts, steps: Sequence[Mapping[str, Any]],
     """
     if run.kind == "workflow":
         left = [step["name"] for step in steps if step["state"] in ("waiting", "failed", "blocked")]
-        whole = not left and _has_report(directory)
+        whole = not left and has_report(directory)
         failed = [f"{step['name']}: {step['detail']}" for step in steps if step["state"] == "failed"]
     else:
-        whole = not counts.missing and is_shown(directory) and _has_report(directory)
+        whole = not counts.missing and is_shown(directory) and has_report(directory)
         failed = []
     if whole:
         return State.FINISHED, ""
@@ -42,14 +45,24 @@ def ending_of(run: Run, counts: PointCounts, steps: Sequence[Mapping[str, Any]],
         return State.STOPPED, ""
     if run.place:
         return State.STOPPED, "points are missing: run the study again from the command line"
-    return State.FAILED, "; ".join(failed) or last_words(directory) or _SILENT
+    return State.FAILED, "; ".join(failed) or last_words(directory) or (_FULL if _is_full(directory) else _SILENT)
 
 
-def _has_report(directory: Path) -> bool:
+def _is_full(directory: Path) -> bool:
+    """Whether the disk is full: then a run cannot even say so."""
+    return shutil.disk_usage(directory if directory.exists() else directory.parent).free < _LEAST
+
+
+def has_report(directory: Path) -> bool:
     """Whether the page is there, which is written last: after the cube of a study, after the last step of a chain."""
-    made = [directory / name for name in ("cube.nc", STEPS)]
-    try:
-        written = (directory / "report" / "index.html").stat().st_mtime_ns
-        return all(written >= path.stat().st_mtime_ns for path in made if path.exists())
-    except OSError:
-        return False
+    return _report(directory).is_file()
+
+
+def remove_report(directory: Path) -> None:
+    """Take the page away before a run goes on, so that it tells again when all is done; no clock is asked for that."""
+    with suppress(OSError):  # a folder that cannot be written is told by the run
+        _report(directory).unlink()
+
+
+def _report(directory: Path) -> Path:
+    return directory / "report" / "index.html"

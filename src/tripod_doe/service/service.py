@@ -75,7 +75,7 @@ class Service:
         limits = self.settings.limits
         for path in found_directories(self.settings.folder, self.runs.known_places()):
             try:
-                plan, _ = self._questions.ask("found", limits.query_seconds, path=str(path), limits=asdict(limits))
+                plan, _ = self._questions.ask("found", limits.simulate_seconds, path=str(path), limits=asdict(limits))
                 self.runs.adopt(path, plan)
             except (TripodDoeError, AllBusyError, AnswerFailedError, OSError) as error:
                 if self._closed:

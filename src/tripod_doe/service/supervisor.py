@@ -20,7 +20,7 @@ from typing import Any
 
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.service import processes
-from tripod_doe.service.endings import ending_of
+from tripod_doe.service.endings import ending_of, remove_report
 from tripod_doe.service.events import Events
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.progress import PointCounts
@@ -65,6 +65,7 @@ class Supervisor:
         self._progress: dict[str, RunProgress] = {}
         self._children: dict[str, subprocess.Popen[bytes]] = {}
         self._stop_by: dict[str, float] = {}
+        self._endings: dict[str, tuple[State, str]] = {}  # as they were found; a full disk may have to be waited for
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._look_after, name="supervisor", daemon=True)
 
@@ -325,10 +326,11 @@ class Supervisor:
                 self._hasten(run_id)
                 return
             self._reap(run_id)
-            state, message = ending_of(run, counts, steps, directory)
+            state, message = self._endings.setdefault(run_id, ending_of(run, counts, steps, directory))
             self._progress.pop(run_id, None)
             self._put(run.changed(state=state, message=message, counts=counts, steps=steps, eta_seconds=None,
                                   retry_failed=False))  # fmt: skip
+            del self._endings[run_id]
 
     def _hasten(self, run_id: str) -> None:
         """End a run that was asked to stop and did not."""
@@ -355,6 +357,7 @@ class Supervisor:
         directory = self.directory(run.id)
         self._put(run.changed(state=State.RUNNING))  # first: a kill here leaves a run that is seen to be dead
         try:
+            remove_report(directory)
             self._children[run.id] = processes.start_run(directory, self._words(run, directory))
         except InputError as error:
             self._put(replace(self._runs[run.id], state=State.FAILED, message=str(error)))

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict
 from starlette.responses import HTMLResponse, RedirectResponse
 
 from tripod_doe.errors import InputError
+from tripod_doe.service.endings import has_report
 from tripod_doe.service.forms import Comparison
 from tripod_doe.service.page import answers
 from tripod_doe.service.page.pages import part, show
@@ -161,7 +162,7 @@ def behind(
 def report(run_id: str, service: AnyService) -> HTMLResponse:
     """The report in its sandbox."""
     run = service.runs.find(run_id)
-    written = (service.runs.directory(run_id) / "report" / "index.html").is_file()
+    written = has_report(service.runs.directory(run_id))
     return _run_page("report.html", service, run, "Report", written=written)
 
 

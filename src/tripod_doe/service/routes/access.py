@@ -30,7 +30,7 @@ CHANGES = errors_at(403, 408, 409, 415)
 """What routes that change something may answer as well."""
 
 
-def _service(request: Request) -> Service:
+async def _service(request: Request) -> Service:  # without async, each request would wait for a thread
     service: Service = request.app.state.service
     return service
 
@@ -39,7 +39,7 @@ AnyService = Annotated[Service, Depends(_service)]
 """The service behind a route."""
 
 
-def _writing_service(service: AnyService) -> Service:
+async def _writing_service(service: AnyService) -> Service:
     if service.settings.read_only:
         raise RefusedError(403, "this server was started with --read-only: it changes nothing")
     return service

@@ -43,14 +43,14 @@ async def list_runs(service: AnyService) -> list[RunRecord]:
     return [RunRecord(**run.record()) for run in service.runs.all()]
 
 
-def _may_watch(service: AnyService) -> None:
+async def _may_watch(service: AnyService) -> None:
     """Before a stream begins, as nothing can be refused afterwards."""
     most = service.settings.limits.streams
     if service.runs.events.watching >= most:
         raise RefusedError(503, f"{most:,} event streams are open, the limit here")
 
 
-def _is_run(run_id: str, service: AnyService) -> None:
+async def _is_run(run_id: str, service: AnyService) -> None:
     service.runs.find(run_id)
 
 

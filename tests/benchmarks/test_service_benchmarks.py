@@ -1,0 +1,61 @@
+"""Benchmarks of the service in a tiny form: that they run and find nothing wrong. No test here measures a speed."""
+
+from __future__ import annotations
+
+import asyncio
+import importlib
+import shutil
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture
+def benchmark(monkeypatch):
+    """A benchmark as a module."""
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    yield importlib.import_module
+    for path in BENCHMARKS.glob("*.py"):
+        sys.modules.pop(path.stem, None)
+
+
+def in_own_thread(function, *arguments):
+    """What a function returns that runs a loop of its own: a browser's tests leave one running in this thread."""
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(function, *arguments).result()
+
+
+def test_load(benchmark, tmp_path, capsys):
+    load = benchmark("service_load")
+    server = load.Server(tmp_path / "results", "--demo", "--workers", "0")
+    try:
+        in_own_thread(asyncio.run, load.measure(server, 40, 40, 3, 6))
+    finally:
+        server.end()
+    told = capsys.readouterr().out
+    assert "200 streams: 0 lost an event" in told
+    assert "200 per second beside two studies" in told
+
+
+def test_requests_made_from_the_description_meet_no_internal_error(benchmark):
+    tally = benchmark("service_cases").run_cases(120, 3)
+    assert tally.total() >= 120
+    assert {"2", "4"} <= {route.rpartition(" ")[2][0] for route in tally}
+
+
+def test_a_kill(benchmark):
+    assert sum(in_own_thread(benchmark("service_storm").storm_and_compare, 1, 4, "0", 12)["kills"].values()) == 1
+
+
+def test_page(benchmark, capsys):
+    if shutil.which("chromium") is None:
+        pytest.skip("chromium is not installed")
+    in_own_thread(benchmark("service_page").measure, 5, 2000, 2)
+    told = capsys.readouterr().out
+    assert "slice of 25 points at the server" in told
+    assert "2,000 points, matrix" in told
