@@ -12,9 +12,12 @@ import queue
 import signal
 import subprocess
 import threading
+import time
 from contextlib import suppress
 from io import BufferedReader, TextIOWrapper
 from typing import Any, cast
+
+import psutil
 
 from tripod_doe.errors import InputError
 from tripod_doe.service.limits import Limits
@@ -23,6 +26,7 @@ from tripod_doe.study.child_process import start_child
 
 __all__ = ["AllBusyError", "AnswerFailedError", "AnswerProcesses"]
 
+_PATIENCE = 10  # times its limit that a process may take by the clock
 _WORKER = "tripod_doe.service.answering"
 _ERRORS = {"input": InputError, "forbidden": ForbiddenError, "too large": TooLargeError}
 
@@ -134,23 +138,40 @@ class _AnswerProcess:
     def ask(self, question: str, seconds: float, arguments: dict[str, Any]) -> tuple[Any, bytes]:
         """Ask, and end the process if it does not answer in time; see `AnswerProcesses.ask`."""
         process = self.start()
-        late = threading.Event()
-
-        def stop() -> None:
-            late.set()
-            _kill(process)
-
-        timer = threading.Timer(seconds, stop)
-        timer.start()
+        late, over = threading.Event(), threading.Event()
+        threading.Thread(target=_end_late, args=(process, seconds, late, over), daemon=True).start()
         try:
             return _exchange(process, {"question": question, "arguments": arguments})
         except (OSError, EOFError, ValueError) as error:  # ValueError: closed meanwhile
             self.end()
             if late.is_set():
-                raise TooLargeError(f"{question}: no answer within {seconds:g} s, which is the limit here") from error
+                told = f"{question}: no answer within {seconds:g} s of CPU time, which is the limit here"
+                raise TooLargeError(told) from error
             raise AnswerFailedError(f"{question}: the process that answers has ended") from error
         finally:
-            timer.cancel()
+            over.set()
+
+
+def _end_late(process: subprocess.Popen[str], seconds: float, late: threading.Event, over: threading.Event) -> None:
+    """End a process that has had its time and does not answer; CPU time, as on a busy machine it waits for others.
+
+    One that does not work at all, as its disk hangs, has a multiple of it by the clock.
+    """
+    started, before, rest = time.monotonic(), _cpu_seconds(process), seconds
+    while not over.wait(rest):
+        rest = seconds - (_cpu_seconds(process) - before)
+        if rest <= 0 or time.monotonic() - started > _PATIENCE * seconds:
+            late.set()
+            _kill(process)
+            return
+
+
+def _cpu_seconds(process: subprocess.Popen[str]) -> float:
+    """CPU time of a process and of its children that have ended; none where it is gone itself."""
+    try:
+        return float(sum(psutil.Process(process.pid).cpu_times()[:4]))
+    except psutil.Error:
+        return 0.0
 
 
 def _kill(process: subprocess.Popen[str]) -> None:

@@ -43,8 +43,8 @@ MEANINGS = {
     "queued": "runs that wait in the queue",
     "running": "runs at work at the same time",
     "cells": "cells in the answer to a query",
-    "query_seconds": "time for the answer to a query, a comparison or a check (s)",
-    "simulate_seconds": "time for one simulated point, or for a plan with timing (s)",
+    "query_seconds": "CPU time for the answer to a query, a comparison or a check (s)",
+    "simulate_seconds": "CPU time for one simulated point, or for a plan with timing (s)",
     "memory_bytes": "address space of a process that answers (bytes)",
     "streams": "event streams open at the same time",
 }
