@@ -11,6 +11,10 @@ grow.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel, kernel_part
 from tripod_doe.mechanics.constraints import evaluate_constraints, factorise_schur, solve_schur
@@ -31,9 +35,11 @@ from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
 from tripod_doe.mechanics.tables import FACTORISATIONS, FIRST, ITERATIONS
 
 __all__ = [
-    "factorise_multipliers", "factorise_system", "gather", "largest_correction", "lock_blocks", "mask", "scatter",
-    "solve_stage", "solve_system", "solve_tail", "solve_unconstrained",
+    "Stage", "factorise_multipliers", "factorise_system", "gather", "largest_correction", "lock_blocks", "mask",
+    "scatter", "solve_stage", "solve_system", "solve_tail", "solve_unconstrained",
 ]  # fmt: skip
+
+FloatArray = NDArray[np.float64]
 
 _SLOW = 0.3
 """Contraction above which an iteration is slow."""
@@ -190,16 +196,42 @@ def solve_system(tables, work, wanted, out):
     scatter(tables, work.blocks, out)
 
 
+class Stage(NamedTuple):
+    """What an implicit method knows of a stage: p(q, u) = p_0 + factor Q(q, u) with q at base + reach u from `start`.
+
+    p are the momenta in axes at rest (`motion.add_momenta`), p_0 those in `Work.momenta`; or, for methods that know
+    velocities `before` instead, p - p_0 = M (u - before) and Q holds the inertia forces too.
+
+    Attributes
+    ----------
+    start, base
+        Positions that displacements count from, shape (body, 7), and the known part of the displacement, (body, 6).
+    before
+        Known velocities, shape (body, 6), or empty.
+    reach, factor
+        The method's multiples of the step for positions and velocities.
+    time
+        Time of the stage.
+    """
+
+    start: FloatArray
+    base: FloatArray
+    before: FloatArray
+    reach: float
+    factor: float
+    time: float
+
+
 @inlined_kernel
-def _displace(tables, start, base, reach, velocities, displacement, positions):
+def _displace(tables, stage, velocities, displacement, positions):
     """Positions at base + reach times the rate of displacement from `start`."""
     for i in range(tables.bodies.size):
         theta = load_vector(displacement[i], 3)
         rate = tangent_rate(theta, load_vector(velocities[i], 3))
         for d in range(3):
-            displacement[i, d] = base[i, d] + reach * velocities[i, d]
-            displacement[i, 3 + d] = base[i, 3 + d] + reach * rate[d]
-        move(start[i], displacement[i], positions[i])
+            displacement[i, d] = stage.base[i, d] + stage.reach * velocities[i, d]
+            displacement[i, 3 + d] = stage.base[i, 3 + d] + stage.reach * rate[d]
+        move(stage.start[i], displacement[i], positions[i])
 
 
 @inlined_kernel
@@ -216,24 +248,54 @@ def largest_correction(tables, correction, failure):
 
 
 @kernel_part
-def solve_stage(
-    tables, work, start, base, before, reach, factor, time, iterations, tolerance, positions, velocities
-):  # fmt: skip
-    """Solve p(q, u) = p_0 + factor Q(q, u) with q at base + reach u from `start`, by secant iterations.
+def _factorise_stage(tables, work, stage, share, positions, velocities):
+    """Linearise the equations of a stage and factorise them; `work.gamma` receives what the constraints ask for.
 
-    p are the momenta in axes at rest (`motion.add_momenta`), p_0 those in `work.momenta`; or, for methods that know
-    velocities `before` instead, p - p_0 = M (u - before) and Q holds the inertia forces too.
+    Returns
+    -------
+    bool
+        False if the matrix is singular.
+    """
+    linearise_elements(
+        tables, work, positions, velocities, share, stage.factor, stage.factor * stage.reach, work.matrix
+    )
+    if stage.before.size > 0:
+        add_inertia_forces(tables, work, positions, velocities)
+        add_inertia_matrices(tables, positions, velocities, stage.factor, work.matrix)
+    if tables.rows.size > 0:
+        evaluate_constraints(
+            tables.rows, positions, velocities, stage.time, work.phi, work.phi_t, work.gamma, work.jacobian
+        )
+        for k in range(tables.rows.size):
+            work.gamma[k] = -work.phi[k] / stage.reach
+    return factorise_system(tables, work, positions)
+
+
+@kernel_part
+def _correct(tables, work, stage, positions, velocities):
+    """Solve the factorised equations of a stage for a correction of its velocities, and apply it."""
+    if stage.before.size == 0:
+        copy_vectors(work.momenta, work.blocks)
+        add_momenta(tables, positions, velocities, -1.0, 0.0, work.blocks)
+    else:
+        clear(work.blocks)
+        add_mass_product(tables, positions, stage.before, 1.0, work.blocks)
+        add_mass_product(tables, positions, velocities, -1.0, work.blocks)
+    gather(tables, work.force, stage.factor, work.blocks)
+    solve_system(tables, work, work.gamma, work.change)
+    for i in range(tables.bodies.size):
+        for d in range(6):
+            velocities[i, d] += work.change[i, d]
+
+
+@kernel_part
+def solve_stage(tables, work, stage, iterations, tolerance, positions, velocities):
+    """Solve a stage by secant iterations.
 
     Parameters
     ----------
-    start, base
-        Positions that displacements count from, shape (body, 7), and the known part of the displacement, (body, 6).
-    before
-        Known velocities, shape (body, 6), or empty.
-    reach, factor
-        The method's multiples of the step for positions and velocities.
-    time
-        Time of the stage.
+    stage
+        What the method knows of it.
     iterations, tolerance
         Largest number of iterations, and the relative correction of a velocity at which they end.
     positions, velocities
@@ -244,45 +306,24 @@ def solve_stage(
     bool
         Whether the iteration converged; if not, `work.failure` names the body and the size of its last correction.
     """
-    displacement, change, wanted = work.displacement, work.change, work.gamma
+    displacement = work.displacement
     clear(displacement)
     for i in range(tables.bodies.size):
         for d in range(6):
-            displacement[i, d] = base[i, d] + reach * velocities[i, d]
+            displacement[i, d] = stage.base[i, d] + stage.reach * velocities[i, d]
     share, merit, last = 1.0, math.inf, math.inf
     for _ in range(iterations):
         work.counters[ITERATIONS] += 1
-        _displace(tables, start, base, reach, velocities, displacement, positions)
-        linearise_elements(tables, work, positions, velocities, share, factor, factor * reach, work.matrix)
-        if before.size > 0:
-            add_inertia_forces(tables, work, positions, velocities)
-            add_inertia_matrices(tables, positions, velocities, factor, work.matrix)
-        if tables.rows.size > 0:
-            evaluate_constraints(
-                tables.rows, positions, velocities, time, work.phi, work.phi_t, work.gamma, work.jacobian
-            )
-            for k in range(tables.rows.size):
-                wanted[k] = -work.phi[k] / reach
-        if not factorise_system(tables, work, positions):
+        _displace(tables, stage, velocities, displacement, positions)
+        if not _factorise_stage(tables, work, stage, share, positions, velocities):
             return False
-        if before.size == 0:
-            copy_vectors(work.momenta, work.blocks)
-            add_momenta(tables, positions, velocities, -1.0, 0.0, work.blocks)
-        else:
-            clear(work.blocks)
-            add_mass_product(tables, positions, before, 1.0, work.blocks)
-            add_mass_product(tables, positions, velocities, -1.0, work.blocks)
-        gather(tables, work.force, factor, work.blocks)
-        solve_system(tables, work, wanted, change)
-        for i in range(tables.bodies.size):
-            for d in range(6):
-                velocities[i, d] += change[i, d]
-        correction = largest_correction(tables, change, work.failure)
+        _correct(tables, work, stage, positions, velocities)
+        correction = largest_correction(tables, work.change, work.failure)
         rounded = correction >= last and correction <= _ROUNDING
         last = correction
         if correction <= tolerance or rounded:
-            _displace(tables, start, base, reach, velocities, displacement, positions)
-            add_reaction_power(tables, work, positions, velocities, 1.0 / factor)
+            _displace(tables, stage, velocities, displacement, positions)
+            add_reaction_power(tables, work, positions, velocities, 1.0 / stage.factor)
             return True
         if not math.isfinite(correction):
             return False

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from tripod_doe.mechanics.compilation import kernel
-from tripod_doe.mechanics.implicit import solve_stage
+from tripod_doe.mechanics.implicit import Stage, solve_stage
 from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.monitor import EVALUATION_LIMIT, FINISHED, STEP_LIMIT, accept
 from tripod_doe.mechanics.motion import add_momenta, copy_vectors
@@ -47,9 +47,8 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         copy_vectors(velocities, before)
         clear(work.momenta)
         add_momenta(tables, positions, velocities, 1.0, step, work.momenta)
-        if solve_stage(
-            tables, work, start, base, work.nothing, step, step, time, iterations, solved, positions, velocities
-        ):
+        stage = Stage(start, base, work.nothing, step, step, time)
+        if solve_stage(tables, work, stage, iterations, solved, positions, velocities):
             status = accept(tables, work, positions, velocities, clock, time, step, settings)
             if status != FINISHED:
                 return status

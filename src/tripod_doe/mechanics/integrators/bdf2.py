@@ -8,7 +8,7 @@ Euler, whose error of second order in h is made once.
 from __future__ import annotations
 
 from tripod_doe.mechanics.compilation import kernel
-from tripod_doe.mechanics.implicit import solve_stage
+from tripod_doe.mechanics.implicit import Stage, solve_stage
 from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
 from tripod_doe.mechanics.motion import add_momenta, copy_vectors
@@ -43,10 +43,8 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
             add_momenta(tables, old_positions, old_velocities, -1.0 / 3.0, 2.0 * step, work.momenta)
         copy_vectors(start, old_positions)
         copy_vectors(velocities, old_velocities)
-        if not solve_stage(
-            tables, work, start, base, work.nothing, factor, factor, time,
-            settings.iterations, settings.correction, positions, velocities,
-        ):  # fmt: skip
+        stage = Stage(start, base, work.nothing, factor, factor, time)
+        if not solve_stage(tables, work, stage, settings.iterations, settings.correction, positions, velocities):
             return DIVERGED
         clock[1] = step
         status = accept(tables, work, positions, velocities, clock, time, step, settings)

@@ -11,7 +11,7 @@ The first step is one of implicit Euler: a stiff start would ring, since only a 
 from __future__ import annotations
 
 from tripod_doe.mechanics.compilation import kernel
-from tripod_doe.mechanics.implicit import solve_stage
+from tripod_doe.mechanics.implicit import Stage, solve_stage
 from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
 from tripod_doe.mechanics.motion import copy_vectors
 
@@ -49,10 +49,8 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
                 if starting:
                     before[i, d], base[i, d] = speed, 0.0
         by_position, by_velocity = (step, step) if starting else (reach, factor)
-        if not solve_stage(
-            tables, work, start, base, before, by_position, by_velocity, time, settings.iterations, settings.correction,
-            positions, velocities,
-        ):  # fmt: skip
+        stage = Stage(start, base, before, by_position, by_velocity, time)
+        if not solve_stage(tables, work, stage, settings.iterations, settings.correction, positions, velocities):
             return DIVERGED
         for i in range(tables.bodies.size):
             for d in range(6):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tripod_doe.mechanics.compilation import kernel
-from tripod_doe.mechanics.implicit import solve_stage
+from tripod_doe.mechanics.implicit import Stage, solve_stage
 from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
 from tripod_doe.mechanics.motion import add_momenta, copy_vectors
@@ -25,10 +25,8 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         clear(work.momenta)
         add_momenta(tables, positions, velocities, 1.0, step, work.momenta)
         time = begin + (n + 1) * step
-        if not solve_stage(
-            tables, work, start, base, work.nothing, step, step, time, settings.iterations, settings.correction,
-            positions, velocities,
-        ):  # fmt: skip
+        stage = Stage(start, base, work.nothing, step, step, time)
+        if not solve_stage(tables, work, stage, settings.iterations, settings.correction, positions, velocities):
             return DIVERGED
         status = accept(tables, work, positions, velocities, clock, time, step, settings)
         if status != FINISHED:

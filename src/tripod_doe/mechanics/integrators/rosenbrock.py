@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from tripod_doe.mechanics.compilation import kernel
+from tripod_doe.mechanics.compilation import kernel, kernel_part
 from tripod_doe.mechanics.elimination import multiply
 from tripod_doe.mechanics.implicit import factorise_system, gather, solve_unconstrained
 from tripod_doe.mechanics.lanes import clear, load, store
@@ -71,10 +71,10 @@ def _combine_blocks(work, reach):
             store(matrix, d, reach * (load(damping, d) + reach * load(stiffness, d)))
 
 
-@kernel
-def _stage(tables, work, start, first, stage, time, step, settings, positions, velocities):
-    """Compute one stage: its increments of displacement (`_SHIFTS`) and of velocity (`_SPEEDS`)."""
-    shift, right = work.stages[_SHIFT], work.stages[_RIGHT]
+@kernel_part
+def _set_out(tables, work, stage, positions, velocities):
+    """State at which a stage is evaluated, and the sums over the stages before it that its Jacobian multiplies."""
+    start, first, shift = work.stages[_START], work.stages[_FIRST_VELOCITIES], work.stages[_SHIFT]
     mixed, mixed_speed = work.stages[_MIXED], work.stages[_MIXED_SPEED]
     for i in range(tables.bodies.size):
         for d in range(6):
@@ -87,6 +87,14 @@ def _stage(tables, work, start, first, stage, time, step, settings, positions, v
                 mixed_speed[i, d] += _G[stage, j] * work.stages[_SPEEDS + j, i, d]
             velocities[i, d] = speed
         move(start[i], shift[i], positions[i])
+
+
+@kernel
+def _stage(tables, work, stage, time, step, settings, positions, velocities):
+    """Compute one stage: its increments of displacement (`_SHIFTS`) and of velocity (`_SPEEDS`)."""
+    shift, right, rows = work.stages[_SHIFT], work.stages[_RIGHT], work.stages[_ROWS]
+    mixed, mixed_speed = work.stages[_MIXED], work.stages[_MIXED_SPEED]
+    _set_out(tables, work, stage, positions, velocities)
     if stage > 0:
         lag = step * (_A[stage, 0] + _A[stage, 1] + _A[stage, 2])
         evaluate(tables, work, positions, velocities, time + lag, settings.baumgarte)
@@ -100,9 +108,8 @@ def _stage(tables, work, start, first, stage, time, step, settings, positions, v
             speed = velocities[i, d] if d < 3 else rate[d - 3]
             right[i, d] = step * (speed + mixed_speed[i, d])
     reach = step * _GAMMA
-    rows = work.stages[_ROWS]
     clear(work.blocks)
-    add_mass_product(tables, start, work.stages[_ACCELERATIONS], step, work.blocks)
+    add_mass_product(tables, work.stages[_START], work.stages[_ACCELERATIONS], step, work.blocks)
     clear(rows)
     gather(tables, mixed, step, rows)
     gather(tables, right, reach, rows)
@@ -160,7 +167,7 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         if not factorise_system(tables, work, start):
             return DIVERGED
         for stage in range(4):
-            _stage(tables, work, start, first, stage, clock[0], step, settings, positions, velocities)
+            _stage(tables, work, stage, clock[0], step, settings, positions, velocities)
         error = _combine(tables, work, start, first, settings.tolerance, positions, velocities)
         growth = min(max(0.9 * max(error, 1e-9) ** (-1.0 / 3.0), 0.2), 5.0) if math.isfinite(error) else 0.1
         if settings.controlled and not error <= 1.0:
