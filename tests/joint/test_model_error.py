@@ -106,4 +106,4 @@ def test_inside_its_range_a_model_is_within_five_per_cent_at_nine_in_ten_measure
 
 def test_an_answer_names_its_model_and_error():
     result = td.simulate(joint_angle_deg=8, samples_per_revolution=60)
-    assert result.attrs["model_notes"][0].startswith("Model kinetostatic: its third order is typically")
+    assert result.attrs["model_notes"][0].startswith("Model kinetostatic: typical error of the third order")

@@ -41,7 +41,7 @@ def test_sentences_say_what_differs_and_what_was_lost(comparison):
     assert "N (+10 %), beyond its uncertainty" in told[0]
     assert "second order" in told[1]
     assert "the first rising edge of tacho is at a rotation angle of 0 deg" in told[3]
-    assert told[4].startswith("The record turns at 3")
+    assert told[4].startswith("The speed of the record is 3")
     assert told[5].startswith("Lost: 2 revolutions left out")
     assert "401 samples" in told[5]
 
@@ -104,7 +104,7 @@ def test_the_model_is_named_with_its_known_error(grid_cube):
     record = Measurement(np.arange(0.0, 3600.0), np.tile(point["thrust"].values, 5), None, "first sample")
     told = find_in_comparison(compare(record, point, 0.0))
     error = 100 * float(grid_cube["model_error"].sel(joint_angle_deg=8, torque_n_m=50))
-    assert any(f"Model kinetostatic: its third order is typically {error:.2g} % off" in line for line in told)
+    assert any(f"Model kinetostatic: typical error of the third order {error:.2g} %" in line for line in told)
 
 
 def test_the_page_names_its_point_with_units(grid_cube):

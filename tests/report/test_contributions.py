@@ -91,7 +91,7 @@ def test_the_paper_s_reading_is_the_definition_with_the_smallest_largest_differe
 def test_the_note_says_that_all_thrust_passes_by_groove_sliding(parts):
     third, second = parts
     assert contribution_notes(third)[0].startswith(
-        "All of the third order depends on groove sliding: without it nothing is left."
+        "All of the third order depends on groove sliding: without it, less than 0.5 % is left in the same phase."
     )
     assert contribution_notes(second)[0].startswith("The second order needs groove sliding and needle sliding together")
     assert "groove sliding and groove rolling" in contribution_notes(third)[1]
@@ -267,7 +267,9 @@ def test_a_lost_combination_is_named_with_the_bounds_that_are_left(make_cube):
     cube["outcome"][int(lost["point"][0])] = Outcome.DIVERGED
     (part,) = contributions({"shares": contribution_shares(cube, ContributionSettings(output="y"))})
     (note,) = [note for note in contribution_notes(part) if "no result" in note]
-    assert note.startswith("Here there is no result with only these on: x + z. Shapley values lie within these bounds")
+    assert note.startswith(
+        "There is no result with only these mechanisms on: x + z. Shapley values lie within these bounds"
+    )
     for name, true in (("x", 1000 / 14), ("z", 100 / 14), ("w", 300 / 14)):
         low, high = map(float, re.search(rf" {name} ([-\d.]+) to ([-\d.]+) %", note).groups())
         assert low <= true <= high

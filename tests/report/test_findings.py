@@ -95,7 +95,7 @@ def test_a_user_variable_has_no_article(make_cube):
 def test_failures_are_counted_and_named(joint_cube):
     assert find(joint_cube)[-2:] == [
         "12 of 24 points did not finish: 12 jammed.",
-        "Most of them lie together: points fail where needle_count > 28 (12 of the 12 points there, 0 elsewhere).",
+        "Most of them are close together: points fail where needle_count > 28 (12 of the 12 points there, 0 elsewhere).",
     ]
 
 
@@ -182,7 +182,7 @@ samples = 64
 
 def test_factors_that_change_together_are_not_told_apart(make_cube):
     told = " ".join(find(make_cube(ZIP)))
-    assert "Joint angle and torque change together in this design: it does not separate their effects" in told
+    assert "Joint angle and torque change together in this design, which does not separate their effects" in told
     assert not re.search(r"(increases|decreases|proportional|averaged)", told)
 
 
@@ -209,7 +209,7 @@ def test_few_points_show_a_bend_where_a_trend_is_none(make_cube):
         )
     )
     assert any(s.startswith("By regression on all factors, y is curved over x: the ends lie 0.9") for s in told)
-    assert any(s.startswith("No trend or bend of y over z stands out") for s in told)
+    assert any(s.startswith("No trend or curvature of y over z is resolved") for s in told)
 
 
 def test_a_factor_that_acts_by_interaction_alone_is_not_said_to_have_no_effect(make_cube):
@@ -273,6 +273,6 @@ outputs = ["thrust_amplitude"]
 
 def test_an_effect_that_the_model_leaves_out_is_told_as_such(make_cube):
     """The third order of `equilibrium` does not change with speed, since it has no inertia; others have it."""
-    told = "What speed changes is not all there: this model has no inertia."
+    told = "The effect of speed is incomplete: this model has no inertia."
     assert told in find(make_cube(STILL.format(model="equilibrium")))
     assert told not in find(make_cube(STILL.format(model="kinetostatic")))

@@ -179,8 +179,8 @@ def test_a_cube_names_its_model_and_the_error_known_for_it():
     points = make_points(study)
     cube, _ = build_cube(study, points, point_keys(study, points), iter([]))
     assert cube.attrs["models"] == "kinetostatic"
-    assert cube.attrs["model_notes"].startswith("Model kinetostatic: its third order is typically")
-    assert "its error is not known at 1 of 3 points (33 %): joint_angle_deg is outside" in cube.attrs["model_notes"]
+    assert cube.attrs["model_notes"].startswith("Model kinetostatic: typical error of the third order")
+    assert "error not known at 1 of 3 points (33 %): joint_angle_deg is outside" in cube.attrs["model_notes"]
     assert np.isfinite(cube["model_error"].values).tolist() == [True, True, False]
     assert (cube["model_error"] <= cube["model_error_limit"]).values.tolist() == [True, True, False]
     assert cube["joint_angle_deg"].attrs["source"] == "this study"

@@ -171,7 +171,7 @@ def test_a_study_that_changed_under_its_results_fails_and_says_what_to_do(bench)
 def test_only_runs_a_step_and_what_it_needs(bench):
     states = bench.run(only="second")
     assert states == {
-        "first": "finished", "second": "finished", "other": "not asked", "picture": "not asked", "last": "not asked",
+        "first": "finished", "second": "finished", "other": "not selected", "picture": "not selected", "last": "not selected",
     }  # fmt: skip
     assert bench.summary.good
     assert {tag for tag, _ in bench.calls()} == {0, 1}
@@ -187,7 +187,7 @@ def test_quick_overrides_studies_and_says_so(bench):
     cube = td.open_cube(bench.out / "quick" / "second")
     assert cube.attrs["title"] == "second (quick)"
     assert cube["y"].values.tolist() == [1, 4]
-    assert "Quick run: its numbers are no results" in bench.summary.page.read_text()
+    assert "Quick run: smaller studies, whose numbers are not results" in bench.summary.page.read_text()
     assert "Quick run" in (bench.out / "quick" / "last" / "index.html").read_text()
     assert set(bench.run().values()) == {"finished"}  # a quick step never stands for the real one
     assert len(bench.calls()) == 9

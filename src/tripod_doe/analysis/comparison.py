@@ -127,7 +127,7 @@ def compare(
     Returns
     -------
     xarray.Dataset
-        Over ``order``: measured_amplitude, model_amplitude, amplitude_difference (measured less model),
+        Over ``order``: measured_amplitude, model_amplitude, amplitude_difference (measured minus model),
         measured_phase_deg, model_phase_deg, phase_difference_deg, their ``_uncertainty`` and ``agrees`` (1 where the
         amplitudes differ by no more than the uncertainty). Over ``rotation_deg``: measured_thrust, its deviation
         measured_thrust_scatter, model_thrust, measured_envelope with its uncertainty, model_envelope. Over
@@ -244,12 +244,12 @@ def _order_variables(each: ComplexArray, model: ComplexArray, scatter: FloatArra
         "measured_amplitude": (amplitude, "N", "amplitude of the measured mean over revolutions"),
         "measured_amplitude_uncertainty": (along, "N", "its uncertainty from the scatter between revolutions"),
         "model_amplitude": (model_amplitude, "N", "amplitude of the model"),
-        "amplitude_difference": (amplitude - model_amplitude, "N", "measured less model amplitude"),
+        "amplitude_difference": (amplitude - model_amplitude, "N", "measured minus model amplitude"),
         "amplitude_difference_uncertainty": (both, "N", "uncertainty of the difference, the model's scatter with it"),
         "measured_phase_deg": (phase, "degree", "phase of the measured mean over revolutions"),
         "measured_phase_uncertainty_deg": (sure, "degree", "its uncertainty from the scatter between revolutions"),
         "model_phase_deg": (np.where(model_told, model_phase, np.nan), "degree", "phase of the model"),
-        "phase_difference_deg": (difference, "degree", "measured less model phase, -180 to 180"),
+        "phase_difference_deg": (difference, "degree", "measured minus model phase, -180 to 180"),
         "phase_difference_uncertainty_deg": (sure, "degree", "uncertainty of the phase difference"),
         "agrees": ((np.abs(amplitude - model_amplitude) <= both).astype(np.int8), "1",
                    "1 where the amplitudes differ by no more than the uncertainty of the difference"),

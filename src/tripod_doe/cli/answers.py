@@ -58,7 +58,7 @@ def _add_compare(parser: Parser, arguments: Sequence[str]) -> None:
                         help="table with thrust_n and rotation_deg, or thrust_n, time_s and tacho")  # fmt: skip
     add_selection(parser, "the value of a factor, so that one point is left, or the points over speed_rpm")
     parser.add_argument("--column", metavar="NAME=HEADING", action="append", default=[],
-                        help="heading in the file of thrust_n, rotation_deg, time_s or tacho; repeatable")  # fmt: skip
+                        help="the column that is thrust_n, rotation_deg, time_s or tacho; may be repeated")  # fmt: skip
     parser.add_argument("--pulses-per-revolution", metavar="N", type=int, default=1,
                         help="rising edges of tacho per revolution (default 1)")  # fmt: skip
     parser.add_argument("--reference-angle", metavar="DEG", type=float,

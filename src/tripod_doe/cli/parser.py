@@ -99,5 +99,5 @@ def add_execution(parser: Parser, workers: str) -> None:
                         help=f"{workers}; 0: compute in this process (default: 0 for studies of a few seconds, "
                         "else 2)")  # fmt: skip
     parser.add_argument("--oversubscribe", action="store_true",
-                        help="start all --workers, also more than this machine has processors")  # fmt: skip
+                        help="start all --workers even if this machine has fewer processors")  # fmt: skip
     parser.add_argument("--retry-failed", action="store_true", help="run failed points again")

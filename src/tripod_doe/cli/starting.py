@@ -28,7 +28,7 @@ def _add_init(parser: Parser, arguments: Sequence[str]) -> None:
 def _add_schema(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument("kind", choices=("study", "workflow"), help="kind of file")
     parser.add_argument("--scene", default="joint", metavar="S", help="scene whose parameters are listed")
-    parser.add_argument("--brief", action="store_true", help="one line per key, parameter and output, to be read")
+    parser.add_argument("--brief", action="store_true", help="one readable line per key, parameter and output")
 
 
 def _add_completion(parser: Parser, arguments: Sequence[str]) -> None:
@@ -49,7 +49,7 @@ def _schema(options: argparse.Namespace) -> int:
         from tripod_doe.workflow.file import workflow_schema
 
         if options.brief:
-            raise InputError("--brief: only of study files")
+            raise InputError("--brief: only for study files")
         print(json.dumps(workflow_schema(), indent=1))
         return DONE
     from tripod_doe.study.schema import brief_schema, study_schema

@@ -43,9 +43,11 @@ def _add_run(parser: Parser, arguments: Sequence[str]) -> None:
     add_out(parser)
     add_execution(parser, "worker processes")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="address of a running Dask scheduler to use")
-    parser.add_argument("--scheduler-file", metavar="FILE", type=Path, help="file that names this scheduler, instead")
+    parser.add_argument(
+        "--scheduler-file", metavar="FILE", type=Path, help="file of that scheduler, in place of its address"
+    )
     parser.add_argument("--wait", metavar="TIME", type=_seconds, default=_seconds("1min"),
-                        help="time to wait for it if it is gone: 30s, 10min, 2h (default 1min)")  # fmt: skip
+                        help="how long to wait for a lost scheduler: 30s, 10min, 2h (default 1min)")  # fmt: skip
     parser.add_argument("--fail-fast", action="store_true", help="stop at the first point that fails unexpectedly")
 
 
@@ -53,8 +55,9 @@ def _add_plan(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument("file", metavar="FILE.toml", type=Path, help="study file or workflow file")
     parser.add_argument("--no-timing", action="store_true", help="count points and bytes only, without timing")
     parser.add_argument("--out", metavar="DIR", type=Path,
-                        help='result directory whose choice (model = "auto") or split to show')  # fmt: skip
-    parser.add_argument("--quick", action="store_true", help="for a workflow: with the overrides of [quick]")
+                        help='result directory with models that a pilot chose (model = "auto"), or with a split, to '
+                        "show them")  # fmt: skip
+    parser.add_argument("--quick", action="store_true", help="for a workflow: plan the smaller studies of [quick]")
     parser.add_argument("--workers", metavar="N", type=int, default=2, help="worker processes to plan for (default 2)")
 
 
@@ -66,7 +69,7 @@ def _add_workflow(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument("file", metavar="FILE.toml", type=Path, help="workflow file")
     add_out(parser)
     parser.add_argument("--only", metavar="STEP", help="run only this step and the steps that it needs")
-    parser.add_argument("--quick", action="store_true", help="apply the overrides of [quick]: smaller studies")
+    parser.add_argument("--quick", action="store_true", help="run the smaller studies of [quick]")
     add_execution(parser, "worker processes that all studies share")
 
 
@@ -131,7 +134,9 @@ def _plan_workflow(options: argparse.Namespace) -> int:
     from tripod_doe.workflow.plan import plan_workflow
 
     if options.out:
-        raise InputError(f"{option('out')}: {options.file} is a workflow; name the study whose choice to show")
+        raise InputError(
+            f"{option('out')}: {options.file} is a workflow, and only a study has models chosen by a pilot"
+        )
     print(plan_workflow(options.file, options.quick, not options.no_timing).describe(max(options.workers, 1)))
     return DONE
 

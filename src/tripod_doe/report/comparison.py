@@ -104,17 +104,17 @@ def _cautions(comparison: xr.Dataset) -> list[str]:
         speed = comparison["speed_rpm"].values
         if np.abs(speed - model_speed).max() > _SPEED_APART * model_speed:
             told.append(
-                f"The record turns at {number(float(speed.min()))} to {number(float(speed.max()))} rpm, the model's "
-                f"point at {level(model_speed)} rpm."
+                f"The speed of the record is {number(float(speed.min()))} to {number(float(speed.max()))} rpm, that of "
+                f"the model's point {level(model_speed)} rpm."
             )
     counts = (
         ("revolutions_left_out", "revolution", "left out for a gap wider than 14.4 deg or too few samples"),
         ("lost_samples", "sample", "without a number"),
-        ("lost_pulses", "pulse", "of the tachometer missing and counted from the neighbours"),
+        ("lost_pulses", "pulse", "of the tachometer missing and interpolated"),
     )
     if "model_error" in attrs:
         off = number(100 * attrs["model_error"], 2)
-        told.append(f"Model {attrs['model']}: its third order is typically {off} % off that of the finest model.")
+        told.append(f"Model {attrs['model']}: typical error of the third order {off} % against the finest model.")
     if attrs.get("columns"):
         told.append(f"Columns: {attrs['columns']}.")
     lost = [f"{attrs[key]} {what}{'s' * (attrs[key] > 1)} {words}" for key, what, words in counts if attrs[key]]

@@ -46,15 +46,15 @@ def _lost_combinations(part: Contribution) -> list[str]:
     places = [at for at, text in enumerate(part.lost) if text]
     sentences = []
     for at in places[:_MOST_LOST]:
-        where = f"At {part.labels[at]}" if part.labels[at] else "Here"
+        where = f"At {part.labels[at]}, there" if part.labels[at] else "There"
         names = listed([" + ".join(map(spoken, text.split(" + "))) for text in part.lost[at].split("; ")])
-        sentence = f"{where} there is no result with only these on: {names}"
+        sentence = f"{where} is no result with only these mechanisms on: {names}"
         if part.shapley_bounds is not None and np.isfinite(part.shapley_bounds[0][at]).all():
             ends = zip(part.mechanisms, *(end[at] for end in part.shapley_bounds), strict=True)
             values = [f"{spoken(name)} {percent(np.array([low, high]))}" for name, low, high in ends]
             sentence += (
-                ". Shapley values lie within these bounds, if the missing share lies between the smallest and largest "
-                f"known: {', '.join(values)}"
+                ". Shapley values lie within these bounds if the missing results lie between the smallest and the "
+                f"largest known one: {', '.join(values)}"
             )
         sentences.append(f"{sentence}.")
     if more := len(places) - len(sentences):
@@ -135,14 +135,16 @@ def _all_passes(part: Contribution) -> list[str]:
     needed = np.flatnonzero(whole)
     names = [spoken(part.mechanisms[at]) for at in needed]
     if needed.size == 1:
-        return [f"All of {part.what} depends on {names[0]}: without it nothing is left.{_halves(part, int(needed[0]))}"]
+        left = f"without it, less than {_ALL_OF_IT:g} % is left in the same phase"
+        return [f"All of {part.what} depends on {names[0]}: {left}.{_halves(part, int(needed[0]))}"]
     if needed.size == 0:
         return []
     alone = np.abs(np.nan_to_num(part.shares["share_on"][:, needed], nan=np.inf)).max() < _ALL_OF_IT
-    clauses = ["switching off either takes all of it away"] + ["each alone makes nothing"] * bool(alone)
+    clauses = [f"switching off any of them leaves less than {_ALL_OF_IT:g} %"]
+    clauses += [f"each alone contributes less than {_ALL_OF_IT:g} %"] * bool(alone)
     shapley = part.shares.get("share_shapley", np.full_like(part.shares["share_off"], np.nan))[:, needed]
     if np.isfinite(shapley).all() and np.ptp(shapley, axis=1).max() < _ALL_OF_IT:
-        clauses.append("the Shapley value gives them equal shares")
+        clauses.append("their Shapley values are equal")
     return [f"{_start(part.what)} needs {listed(names)} together: {', '.join(clauses)}."]
 
 
@@ -155,8 +157,8 @@ def _halves(part: Contribution, needed: int) -> str:
     if not np.isfinite(gap).all() or gap.max(initial=0) > _HALF:
         return ""
     return (
-        " The Shapley value divides what another mechanism adds equally between the two, so that one gets about half "
-        "of its share by switching off."
+        " The Shapley value divides what any other mechanism adds equally between it and that mechanism, so the others "
+        "get about half of their shares by switching off."
     )
 
 
@@ -167,12 +169,11 @@ def _strongest_interaction(part: Contribution) -> list[str]:
     pair = " and ".join(spoken(name) for name in part.pairs[strongest].split(" + "))
     size = float(part.interaction[strongest])
     if abs(size) < _PRINTED:
-        return [f"No two mechanisms interact in {part.what}: what they make adds up."]
+        return [f"No two mechanisms interact in {part.what} (Shapley interaction indices below {_PRINTED:g} %)."]
     at = f", at {part.labels[strongest]}" if part.labels[strongest] else ""
-    they = "produce only together" if size > 0 else "each produce alone, but not twice when both are on"
     return [
-        f"The strongest interaction in {part.what} is of {pair}: {abs(size):.1f} % of it they {they} (Shapley "
-        f"interaction index{at})."
+        f"The strongest interaction in {part.what} is between {pair}: together they contribute {abs(size):.1f} "
+        f"percentage points {'more' if size > 0 else 'less'} than separately (Shapley interaction index{at})."
     ]
 
 
@@ -190,7 +191,7 @@ def _agreement(part: Contribution) -> list[str]:
     rest = percent(100 - direct.sum(axis=1))
     compared = (
         f" Within {_AGREE:.0f} percentage points {'; '.join(told)}. They need not agree: with a mechanism off, the "
-        "motion and the directions of the friction forces change; the decomposition takes the motion as it is."
+        "motion and the directions of the friction forces change; the decomposition keeps the motion with all on."
     )
     return [
         f"Direct decomposition of {part.what}: what each mechanism's force adds at the grooves while all are on. It "
@@ -213,4 +214,4 @@ def _compared(mechanisms: list[str], direct: FloatArray, values: FloatArray) -> 
         return ""
     if not apart:
         return "agrees for all" if len(known) == len(mechanisms) else f"agrees for {listed(same)}"
-    return f"agrees for {listed(same) if same else 'none'}, but not for {', '.join(apart)}"
+    return f"agrees for {listed(same) if same else 'none'}, not for {', '.join(apart)}"

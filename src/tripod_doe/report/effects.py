@@ -84,14 +84,14 @@ def unseparated(cube: xr.Dataset, effects: Iterable[FactorEffect]) -> list[str]:
             product = listed([factor_label(cube, other) for other in found.tied_to])
             sentences.append(
                 f"This design does not separate the effect of {factor_label(cube, name)} from the interaction of "
-                f"{product}, so it is not stated."
+                f"{product}."
             )
     reasons = {
         "there are too few points": [name for name, found in left.items() if found.too_few],
-        "most of its variation goes with theirs": [
+        "the factors vary mostly together": [
             name for name, found in left.items() if not (found.separated or found.too_few or found.interaction)
         ],
-        "no two points differ in it alone": [name for name, found in left.items() if found.separated],
+        "no two points differ in one factor alone": [name for name, found in left.items() if found.separated],
     }
     for why, names in reasons.items():
         if names:
@@ -103,10 +103,7 @@ def unseparated(cube: xr.Dataset, effects: Iterable[FactorEffect]) -> list[str]:
 def _told_together(cube: xr.Dataset, names: list[str], lost: list[str]) -> str:
     """Factors that change together; of some of them there may be points that differ in them alone."""
     if len(lost) == len(names):
-        return (
-            f"{_at_head(cube, names)} change together in this design: it does not separate their effects, so none of "
-            "one alone is stated."
-        )
+        return f"{_at_head(cube, names)} change together in this design, which does not separate their effects."
     others = listed([factor_label(cube, name) for name in names if name not in lost])
     labels = listed([factor_label(cube, name) for name in lost])
     return f"This design does not separate the effect of {labels} from that of {others}: they change together."
@@ -201,7 +198,7 @@ class _Teller:
         if effect.held:
             parts.append(self._held(effect))
         if effect.settings < effect.of_settings:
-            parts.append(f"at the {effect.settings:,} of {effect.of_settings:,} settings of them without gaps")
+            parts.append(f"over the {effect.settings:,} of {effect.of_settings:,} settings that have all levels")
         if effect.ground is Ground.REGRESSION:
             parts.append(f"means of {effect.mean.size} classes, +- {number(effect.error, 2)}")
         return "".join(f", {part}" for part in parts)
@@ -210,7 +207,7 @@ class _Teller:
         if "varied" in self.cube.coords:
             return "others at their base values"
         if len(effect.held) > _MOST_HELD:
-            return "the others at one of their values each"
+            return "each other factor at one value"
         return f"at {listed([factor_text(self.cube, name, held) for name, held in effect.held.items()])}"
 
     def _alike(self, effect: FactorEffect) -> str:
@@ -290,8 +287,8 @@ class _Teller:
         """No effect in the mean although single settings change: an interaction."""
         return (
             f"The mean of {self.name} does not depend on {factor_label(self.cube, effect.factor)} ("
-            f"{self.where(effect).removeprefix(', ')}), but at single settings of the others the change reaches "
-            f"{self.value(effect.largest)}: its effect depends on theirs"
+            f"{self.where(effect).removeprefix(', ')}), but at single settings of the other factors the change reaches "
+            f"{self.value(effect.largest)}"
         )
 
     def _steps(self, effect: FactorEffect) -> str:
@@ -305,10 +302,10 @@ class _Teller:
         if effect.falling == 0 or effect.rising == 0:
             verb, moved = ("increases", effect.rising) if effect.rising else ("decreases", effect.falling)
             every = f"In {'all ' if pairs > 1 else ''}{alone}" if moved == pairs else f"In {moved:,} of {alone}"
-            rest = "" if moved == pairs else ", and stays in the others"
+            rest = "" if moved == pairs else ", and does not change in the others"
             return f"{every}{held}, {self.name} {verb} with {label}, {most}{rest}."
         return (
-            f"{self.start} has no single direction over {label}: with a larger value it increases in "
+            f"{self.start} has no single direction over {label}: with a larger value, it increases in "
             f"{effect.rising:,} and decreases in {effect.falling:,} of {alone}{held}, {most}."
         )
 
@@ -338,7 +335,7 @@ class _Teller:
         if largest <= max(effect.error for effect in effects):
             verb = f"{'have' if several else 'has'} no effect on {self.name}"
         else:
-            bound = f"{rounded_up(100 * largest / self.span, 1)} % of that range"
+            bound = f"{rounded_up(100 * largest / self.span, 1)} % of its range"
             verb = f"{'change' if several else 'changes'} {self.name} by at most {bound}"
         return f"{head} {verb}{self._everywhere(effects)}."
 
@@ -362,7 +359,6 @@ class _Teller:
             )
         over = listed(labels) if len(labels) <= _MOST_UNSEEN else f"any of {len(labels)} factors"
         return (
-            f"No trend or bend of {self.name} over {over} stands out from the scatter of the {points:,} "
-            f"points; those of up to {with_unit(rounded_up(most), self.response.unit)}, other courses and interactions "
-            "are not excluded."
+            f"No trend or curvature of {self.name} over {over} is resolved by the {points:,} points; those of up to "
+            f"{with_unit(rounded_up(most), self.response.unit)}, and other effects, are not excluded."
         )

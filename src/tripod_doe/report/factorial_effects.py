@@ -55,21 +55,21 @@ def find_in_effects(name: str, result: xr.Dataset) -> list[str]:
             f"{term_text(str(term))} {with_unit(interval(float(effect), float(half)), unit)}"
             for term, effect, half, _ in sure[:_MOST_NAMED]
         ]
-        left = f"; {count_of(len(rows) - len(sure), 'term')} cannot be told from none" if len(sure) < len(rows) else ""
+        weak = f"; {count_of(len(rows) - len(sure), 'term')} not significant" if len(sure) < len(rows) else ""
         explained = f", R2 {number(float(part['r_squared']), 4)}" if np.isfinite(part["r_squared"]) else ""
         if told:
             sentences.append(
-                f"The largest effects on {what}, from low to high: {listed(told)}{left}{explained} (analysis {name})."
+                f"Largest effects on {what}, from low to high: {listed(told)}{weak}{explained} (analysis {name})."
             )
         else:
-            sentences.append(f"No effect on {what} can be told from none{explained} (analysis {name}).")
+            sentences.append(f"No effect on {what} is significant{explained} (analysis {name}).")
     aliases: dict[str, list[str]] = json.loads(str(result.attrs.get("aliases", "{}")))
     mixed = [
-        f"{term_text(left)} in {listed([term_text(each) for each in kept])}" for left, kept in aliases.items() if kept
+        f"{term_text(left)} with {listed([term_text(each) for each in kept])}" for left, kept in aliases.items() if kept
     ]
     if mixed:
         more = f" and {len(mixed) - _MOST_NAMED} more" if len(mixed) > _MOST_NAMED else ""
-        sentences.append(f"The design mixes effects: {'; '.join(mixed[:_MOST_NAMED])}{more}.")
+        sentences.append(f"Effects that this design confounds: {'; '.join(mixed[:_MOST_NAMED])}{more}.")
     return sentences + left_points(result)
 
 

@@ -71,7 +71,7 @@ def _unfinished(cube: xr.Dataset, good: int, total: int) -> list[str]:
         start = f"None of {total:,} points finished" if none else f"{failed:,} of {total:,} points did not finish"
         told.append(f"{start}: {_reasons(cube)}.")
         if region := failing_region_of(cube):
-            told.append(f"Most of them lie together: points fail {region.text}.")
+            told.append(f"Most of them are close together: points fail {region.text}.")
     if left:
         told.append(f"{left:,} of {total:,} points {'is' if left == 1 else 'are'} not computed yet.")
     return told
@@ -95,7 +95,7 @@ def _missing_effects(cube: xr.Dataset) -> list[str]:
     """State of which factors the effect is not complete, since no model of the study has all of it."""
     missing = json.loads(str(cube.attrs.get("missing_effects", "{}")))
     return [
-        f"What {factor_label(cube, factor)} changes is not all there: {missing[factor]}."
+        f"The effect of {factor_label(cube, factor)} is incomplete: {missing[factor]}."
         for factor in factor_names(cube)
         if factor in missing and np.unique(cube[factor].values).size > 1
     ]
@@ -202,4 +202,5 @@ def _one_level(cube: xr.Dataset) -> list[str]:
     for name in lost:
         value = done[name][0].item()
         told.append(factor_text(cube, name, value))
-    return [f"Only points with {listed(told)} finished: no effect is known of what was varied there."] if told else []
+    several = "these factors" if len(told) > 1 else "this factor"
+    return [f"Only points with {listed(told)} finished: the effect of {several} is not known."] if told else []

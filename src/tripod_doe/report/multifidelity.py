@@ -82,12 +82,12 @@ def _holes(result: xr.Dataset) -> list[str]:
     if not lost:
         return []
     verb = "is" if lost == 1 else "are"
-    told = [f"{count_of(lost, 'sample')} {verb} dropped in all models, since points of theirs failed in one."]
+    told = [f"{count_of(lost, 'sample')} {verb} dropped in all models, because of points that failed in one."]
     if region := str(result.attrs.get("failing_region", "")):
         rest = result.attrs.get("answered_for") == "the rest"
         told.append(
             f"Points fail {region}. "
-            + ("The answers are those of the rest of the region." if rest else "The answers take these to be like all.")
+            + ("The answers are those of a range outside of it." if rest else "The answers leave these points out.")
         )
     return told
 

@@ -82,7 +82,7 @@ def sobol_sentence(part: OutputPart) -> str:
 def _morris_sentence(part: OutputPart) -> str:
     told = [f"{spoken(factor)} {interval(value, half)}" for factor, value, half in _ranked(part.answers, "mu_star")]
     return (
-        f"The largest mean elementary effects on {part.what}, in its unit over a factor's whole range: "
+        f"Largest mean elementary effects on {part.what}, in its unit over the whole range of a factor: "
         f"{listed(told[:_MOST_NAMED])}"
     )
 
@@ -92,7 +92,7 @@ def _index_sentence(part: OutputPart, kind: str) -> str:
     told = [f"{spoken(factor)} {interval(value, half)}" for factor, value, half in ranked[:_MOST_NAMED]]
     chance = ""
     if "chance" in part.answers:
-        chance = f"; a factor without any effect would have {number(float(part.answers['chance']), 2)}"
+        chance = f"; without any effect, the index of a factor is {number(float(part.answers['chance']), 2)}"
     return f"{_HEADS[kind].format(what=part.what)}: {listed(told)}{chance}"
 
 
@@ -103,7 +103,9 @@ def _unresolved(part: OutputPart) -> list[str]:
     flags = dict(zip(map(str, part.answers["factor"].values), part.answers["resolved"].values, strict=True))
     sentences = []
     if names := [spoken(factor) for factor, flag in flags.items() if flag == _NOT_RESOLVED]:
-        sentences.append(f"Not resolved for {part.what}: the effect of {listed(names)} cannot be told from none.")
+        sentences.append(
+            f"Not resolved for {part.what}: {'effects' if len(names) > 1 else 'effect'} of {listed(names)}."
+        )
     if names := [spoken(factor) for factor, flag in flags.items() if flag == _BELOW_ERROR]:
         one = "is smaller than the numerical error of the model, and it is not ranked"
         many = "are smaller than the numerical error of the model, and they are not ranked"
@@ -136,9 +138,7 @@ def _holes(result: xr.Dataset) -> list[str]:
     told = [f"{count_of(dropped, 'point')}{blocks} {'is' if dropped == 1 else 'are'} dropped, {used:,} are used."]
     if region := str(result.attrs.get("failing_region", "")):
         rest = (
-            " The indices are those of the rest of the region."
-            if result.attrs.get("answered_for") == "the rest"
-            else ""
+            " The indices are those of a range outside of it." if result.attrs.get("answered_for") == "the rest" else ""
         )
         told.append(f"Points fail {region}.{rest}")
     return told

@@ -31,11 +31,10 @@ def find_in_surrogate(name: str, result: xr.Dataset) -> list[str]:
         error = with_unit(number(float(part["error_rms"]), 2), unit)
         largest = with_unit(number(float(part["error_largest"]), 2), unit)
         share = 100 * float(part["predicted_part"])
-        told = "more than 99.9" if share > _NEARLY_ALL else number(share)
+        told = "more than 99.9 %" if share > _NEARLY_ALL else f"{number(share)} %" if share > 0 else "nothing"
         sentences.append(
-            f"A surrogate of {what} ({kind}) misses points that it has not seen by {error} (root mean square), by "
-            f"{largest} at most, and predicts {told} % of the variance "
-            f"(analysis {name})."
+            f"Surrogate of {what} ({kind}): error {error} (root mean square) and at most {largest} at points that it "
+            f"was not fitted to; it predicts {told} of the variance (analysis {name})."
         )
     return sentences + _quantiles(name, result)
 

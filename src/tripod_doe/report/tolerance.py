@@ -34,7 +34,7 @@ def find_in_tolerance(name: str, result: xr.Dataset) -> list[str]:
         sentences += [*_quantiles(what, part, unit, name), *_exceedance(what, part, unit), *_gains(what, part, unit)]
     sentences += left_points(result)
     if region := str(result.attrs.get("failing_region", "")):
-        sentences.append(f"Points fail {region}: the distribution does not know these.")
+        sentences.append(f"Points fail {region}; the distribution leaves them out.")
     return sentences
 
 
@@ -68,7 +68,7 @@ def _gains(what: str, part: xr.Dataset, unit: str) -> list[str]:
     )  # fmt: skip
     known = sorted((row for row in rows if row[1] - row[2] > 0), key=lambda row: -row[1])
     if not known:
-        return [f"Halving the scatter of one factor alone gains nothing for {what} that these points resolve."]
+        return [f"These points resolve no gain for {what} by halving the scatter of a single factor."]
     first = known[0]
     after = ""
     if np.isfinite(first[3]) and float(part["exceedance"]) > 0:

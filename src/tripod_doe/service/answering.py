@@ -129,8 +129,8 @@ def extend(folder: str, path: str, texts: dict[str, str], limits: dict[str, Any]
     try:
         _in_folder(Path(folder), lambda: _refuse_changes(Path(folder), Path(path)))
     except InputError as error:
-        changed = f"the study changed under the results in {path}; choose another {option('out')}, or take back"
-        told_here = "the study may only grow; submit it as a run of its own, or take back"
+        changed = f"the study differs from that of the results in {path}; choose another {option('out')}, or undo"
+        told_here = "the study may only grow; submit it as a run of its own, or undo"
         raise InputError(str(error).replace(changed, told_here).replace(path, "this run")) from error
     return told, b""
 

@@ -133,7 +133,7 @@ def departure_texts(departures: Sequence[Departure], models: NDArray[np.object_]
         if outside:
             where = _share(outside, count) or (" here" if count == 1 else f" at all {count:,} points")
             told.append(
-                f"Model {departure.model} holds for {departure.left.text}; {departure.left.reason}: outside{where}."
+                f"Model {departure.model} is outside its range{where}: {departure.left.text}; {departure.left.reason}."
             )
     return told
 
@@ -150,19 +150,18 @@ def _parts(errors: ModelErrors, own: NDArray[np.bool_]) -> Iterator[str]:
     count, known = int(own.sum()), own & np.isfinite(errors.expected)
     if known.any():
         expected, limit = errors.expected[known], errors.limit[known]
-        judged = f"judged by points like {'this one' if count == 1 else 'these'} that finer models computed"
         yield (
-            f"its {errors.quantity} is typically {_percents(expected.min(), expected.max())} off that of "
-            f"{errors.reference} (90th percentile {_percents(limit.min(), limit.max())}), {judged}"
+            f"typical error of the {errors.quantity} {_percents(expected.min(), expected.max())} against "
+            f"{errors.reference} (90th percentile {_percents(limit.min(), limit.max())}), from similar points"
         )
         if above := int((expected > NOTABLE_ERROR).sum()):
             yield f"above {_percents(NOTABLE_ERROR, NOTABLE_ERROR)}{_share(above, count)}: take a finer model"
     reasons = Counter(errors.unknown[own & ~known]).most_common()
     if reasons:
-        yield f"its error is not known{_share(sum(some for _, some in reasons), count)}: {_told(reasons)}"
+        yield f"error not known{_share(sum(some for _, some in reasons), count)}: {_in_words(reasons)}"
 
 
-def _told(reasons: list[tuple[str, int]]) -> str:
+def _in_words(reasons: list[tuple[str, int]]) -> str:
     """The two commonest reasons, each with its count where there are several."""
     (first, _), *others = reasons
     if not others:

@@ -91,7 +91,7 @@ class Simulator(ABC):
         InputError
             If a quantity is none that runs can be refined to.
         """
-        raise InputError(f"{self.name}: its runs do not find their own tolerance; leave [accuracy] out")
+        raise InputError(f"{self.name}: runs of this scene do not adapt their tolerance; leave [accuracy] out")
 
     def foreseen(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[int, Outcome, str]]:
         """Points that are known to fail before anything is solved: position, outcome, reason; each point once.
@@ -283,7 +283,7 @@ class Simulator(ABC):
             return
         of = ", ".join(model for model, _ in tables if model)
         if base.get("method") is not None and str(base["method"]) not in known:
-            raise InputError(f"method = {base['method']}: not a method of {of}; theirs are {', '.join(known)}")
+            raise InputError(f"method = {base['method']}: not a method of {of}; known are {', '.join(known)}")
         for parameter in NUMERICS:
             if base.get(parameter) is None:
                 continue

@@ -47,7 +47,7 @@ def frozen_choice(study: Study, directory: Path) -> xr.Dataset | None:
     if told:
         raise InputError(
             f"{study.origin}: the model was chosen in {directory} for another accuracy; choose another "
-            f"{option('out')}, or take back\n" + "\n".join(told)
+            f"{option('out')}, or undo these changes\n" + "\n".join(told)
         )
     return frozen
 

@@ -136,8 +136,8 @@ class ResultDirectory:
             return
         listed = [f"  {key}: {old.get(key, 'not set')} -> {new.get(key, 'not set')}" for key in changed]
         raise InputError(
-            f"{study.origin}: the study changed under the results in {self.path}; choose another {option('out')}, "
-            "or take back\n" + "\n".join(listed or ["  the points of the table"])
+            f"{study.origin}: the study differs from that of the results in {self.path}; choose another "
+            f"{option('out')}, or undo these changes\n" + "\n".join(listed or ["  the points of the table"])
         )
 
     def adopt(self, study: Study) -> None:

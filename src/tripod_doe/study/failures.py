@@ -83,10 +83,10 @@ def _advice(found: set[Outcome], retried: bool) -> list[str]:
     told = []
     if again := sorted(outcome.label for outcome in found & _CHANCE):
         told.append(
-            f"{option('retry_failed', True)} runs failed points again: {' and '.join(again)} may then end otherwise"
+            f"{option('retry_failed', True)} runs failed points again: {' and '.join(again)} may then end differently"
         )
     if found & _NUMERICS and not retried:
         told.append('[run] retry = ["smaller-step"] in the study file tries smaller steps or tolerances')
     if Outcome.EVALUATION_LIMIT in found:
-        told.append("[base] evaluation_budget in the study file is what ended runs at evaluation_limit")
+        told.append("[base] evaluation_budget in the study file sets the limit of evaluation_limit")
     return told

@@ -106,7 +106,7 @@ class DesignTable(_Table):
         [], description="sampled designs: rank correlations, [factor, factor, value] each, or the whole matrix"
     )
     resolution: int | None = Field(
-        None, ge=3, le=8, description="fractional-factorial: smallest resolution, 4 if omitted; its aliases are told"
+        None, ge=3, le=8, description="fractional-factorial: smallest resolution, 4 if omitted; its aliases are stated"
     )
     star: Literal["circumscribed", "inscribed", "faced"] = Field(
         "circumscribed", description="central-composite: its stars lie beyond low and high, on them, or on faces"
@@ -175,7 +175,7 @@ class AccuracyTable(_Table):
         0.01,
         gt=0,
         lt=1,
-        description="share of the largest order of a point below which a smaller one is measured against that share",
+        description="share of the largest order of a point; the error of a smaller order is relative to that share",
     )
     budget_cpu_s: float | None = Field(
         None,
@@ -195,7 +195,8 @@ class StudyFile(_Table):
     keep: KeepTable = KeepTable()
     run: RunTable = RunTable()
     accuracy: AccuracyTable | None = Field(
-        None, description='allowed relative errors, OUTPUT_ORDER = error: numerical ones, with model = "auto" all'
+        None,
+        description='allowed relative errors, OUTPUT_ORDER = error: numerical; with model = "auto", of the model too',
     )
     analysis: dict[str, dict[str, Any]] = Field({}, description="analyses of the cube: [analysis.NAME] with a kind")
 

@@ -40,7 +40,7 @@ class Plan:
     excluded
         Cells that a constraint leaves out.
     blocks
-        Tasks of about a second each; None without a price.
+        Tasks, estimated; None without a price.
     cpu_hours
         Lower quartile, mean and upper quartile of the total; None without a price.
     cube_bytes
@@ -94,9 +94,10 @@ class Plan:
         else:
             low, mean, high = (duration(hours * 3600) for hours in self.cpu_hours)
             source = f"{low} to {high}, from {self.timed} timed points" if self.timed else RECORDED
-            lines.append(f"blocks       {self.blocks:,} of about a second")
+            lines.append(f"blocks       about {self.blocks:,}")
             lines.append(f"CPU time     {mean} ({source})")
-            lines.append(f"wall time    {duration(self.cpu_hours[1] * 3600 / workers)} on {workers} workers")
+            busy = min(workers, self.blocks or 1)
+            lines.append(f"wall time    {duration(self.cpu_hours[1] * 3600 / busy)} on {workers} workers")
         if self.cube_bytes is not None:
             lines.append(f"cube         {size(self.cube_bytes)}")
         lines += [f"design       {text}" for text in self.design]
@@ -134,7 +135,7 @@ def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False)
         mean, (low, high) = prices.mean(), np.quantile(prices, (0.25, 0.75))
         low, high = min(low, mean), max(high, mean)  # a few dear points raise the mean above most prices
         hours = float(low * total), float(mean * total), float(high * total)
-        blocks = max(1, round(hours[1] * 3600 / _BLOCK_SECONDS))
+        blocks = _blocks(study.file.run.block, able.size, hours[1] * 3600)
     return Plan(
         points.count,
         different.size,
@@ -149,6 +150,11 @@ def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False)
         tuple(models.told_errors) if models else (),
         points.notes,
     )
+
+
+def _blocks(fixed: int | None, points: int, seconds: float) -> int:
+    """Tasks of a study: of `fixed` points each if that is given, else of about a second, and of one point at least."""
+    return -(-points // fixed) if fixed else min(points, max(1, round(seconds / _BLOCK_SECONDS)))
 
 
 def _foreseen(study: Study, points: Points, different: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[Failure]]:

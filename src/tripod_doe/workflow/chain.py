@@ -114,7 +114,7 @@ def run_workflow(
         chain = _Chain(workflow, directory, execution, retry_failed, progress)
         views = chain.run(wanted)
     for name in workflow.steps.keys() - views.keys():
-        views[name] = chain.recorded(workflow.steps[name]) or chain.view(workflow.steps[name], "not asked")
+        views[name] = chain.recorded(workflow.steps[name]) or chain.view(workflow.steps[name], "not selected")
     steps = tuple(views[name] for name in workflow.steps)
     head = workflow.file.workflow
     answers, figures = chain.answers(steps), chain.figures(steps)
@@ -138,7 +138,7 @@ def _notice(workflow: Workflow) -> str:
     for step, table in workflow.file.quick.items():
         walk(step, table.model_dump(exclude_unset=True, exclude_none=True))
     changes = ", ".join(told) or "nothing: the file has no [quick]"
-    return f"Quick run: its numbers are no results. Changed in the study files: {changes}."
+    return f"Quick run: smaller studies, whose numbers are not results. Changed in the study files: {changes}."
 
 
 class _Chain:

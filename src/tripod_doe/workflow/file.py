@@ -42,7 +42,7 @@ class Overrides(_Table):
     """Changes to a study file: in a study step, and in [quick.STEP] for --quick."""
 
     base: dict[str, Scalar] = Field({}, description="base values to set")
-    factors: dict[str, FactorTable] = Field({}, description="factors of the study to define anew, whole")
+    factors: dict[str, FactorTable] = Field({}, description="factors of the study to replace, each as a whole")
     design: dict[str, Any] = Field({}, description="keys of [design] to set, for instance samples or levels")
 
 
@@ -72,7 +72,7 @@ class FigureStep(_Table):
     kind: Literal["figure"] = Field(description="kind of the step")
     figure: str = Field(description="name of the figure")
     title: str = Field("", description="heading on a report page; claims of the figures that it names, as in "
-                       "'Figs. 10 and 15', then stand beside it; the step's name unless given")  # fmt: skip
+                       "'Figs. 10 and 15', then stand beside it; the step's name if omitted")  # fmt: skip
     inputs: list[str] = Field(min_length=1, description="steps whose cubes it shows")
 
 
@@ -80,7 +80,7 @@ class ReportStep(_Table):
     """[steps.NAME] of kind report: one page with the findings and figures of other steps."""
 
     kind: Literal["report"] = Field(description="kind of the step")
-    title: str = Field("", description="heading of the page; the step's name unless given")
+    title: str = Field("", description="heading of the page; the step's name if omitted")
     inputs: list[str] = Field(min_length=1, description="steps that it shows, in this order")
 
 

@@ -149,7 +149,7 @@ def outputs_of_all(cube: xr.Dataset, asked: list[str]) -> list[str]:
     for name in chosen_outputs(cube, asked):
         if "rotation_deg" in cube[name].dims:
             if asked:
-                raise InputError(f"outputs: {name} is a course over the rotation angle, which this analysis leaves out")
+                raise InputError(f"outputs: {name} varies over the rotation angle; this analysis leaves it out")
             continue
         given = np.isfinite(cube[name].values.reshape(models.size, -1)).any(axis=1)
         without = [each for each in dict.fromkeys(models.tolist()) if not given[(models == each) & finished].any()]

@@ -117,7 +117,7 @@ def _explained(ladder: Ladder, rungs: tuple[Rung, ...], tables: list[OutputTable
             if parts:
                 found += _explained_parts(np.stack(parts))
     if not found:
-        raise InputError("no target varies in the pilot: nothing tells how to split the samples")
+        raise InputError("no target varies in the pilot, so no split follows from it")
     return [float(each) for each in np.mean(found, axis=0)]
 
 

@@ -21,7 +21,7 @@ _GROUNDS = {
     "reused": "#e6edf5",
     "failed": "#f6c9bd",
     "blocked": "#fff4e0",
-    "not asked": "#ffffff",
+    "not selected": "#ffffff",
 }
 _WIDTH, _HEIGHT, _ACROSS, _DOWN = 1.7, 0.62, 2.25, 0.9  # inches: of a box, and from box to box
 
@@ -38,7 +38,7 @@ class StepView:
         Names of the steps that it needs.
     state
         ``finished`` (run now), ``reused`` (finished before), ``failed``, ``blocked`` (needs one that failed) or
-        ``not asked``.
+        ``not selected``.
     seconds
         Wall time in s of the run that finished it; None if it did not finish.
     detail
@@ -143,7 +143,7 @@ def _draw_box(axes: Axes, step: StepView, place: tuple[int, int]) -> None:
     from matplotlib.patches import FancyBboxPatch
 
     x, y = _corner(place)
-    dashed = "--" if step.state in ("blocked", "not asked") else "-"
+    dashed = "--" if step.state in ("blocked", "not selected") else "-"
     axes.add_patch(
         FancyBboxPatch(
             (x, y), _WIDTH, _HEIGHT, boxstyle="round,pad=0,rounding_size=0.07", facecolor=_GROUNDS[step.state],

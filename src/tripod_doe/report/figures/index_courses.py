@@ -57,8 +57,8 @@ def convergence_chart(key: str, name: str, what: str, part: xr.Dataset, kind: st
     level = 100 * float(part.attrs.get("confidence_level", 0.95))
     caption = (
         f"The index {index} of {what} from the first eighth, quarter and half of the samples and from all of them, "
-        f"with {level:g} % confidence intervals (analysis {name}). There are enough once lines are level and intervals "
-        "short."
+        f"with {level:g} % confidence intervals (analysis {name}). The samples suffice where "
+        "lines are level and intervals short."
     )
     data = pd.DataFrame(rows, columns=["factor", "samples", index, f"{index}_conf"])
     return Chart(f"{key}-convergence", f"Convergence for {what}", caption, figure, data)
@@ -91,4 +91,6 @@ def _rotation_chart(name: str, waveform: str, index: str, values: xr.DataArray) 
     names = [str(factor) for factor in values["factor"].values[order]]
     data = pd.DataFrame({"rotation_deg": angle} | dict(zip(names, values.values[order], strict=True)))
     caption = f"The index {index} of {spoken(waveform)} at each rotation angle (analysis {name})."
-    return Chart(f"{name}-{waveform}-rotation", f"Indices of {spoken(waveform)} over a turn", caption, figure, data)
+    return Chart(
+        f"{name}-{waveform}-rotation", f"Indices of {spoken(waveform)} over a revolution", caption, figure, data
+    )
