@@ -17,7 +17,9 @@ from tripod_doe.joint.model_error import RECORDED, STEPS
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.simulator import simulator as joint
 from tripod_doe.mechanics.integrators.registry import METHODS
+from tripod_doe.report.analyses import ANALYSES
 from tripod_doe.report.figures import effect_charts
+from tripod_doe.report.figures.registry import FIGURES
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.file import DesignKind
 from tripod_doe.study.scenes import SCENES, load_simulator
@@ -55,6 +57,30 @@ def test_links_and_named_files_exist(page):
         assert (ROOT / target).exists(), target
     if page.parent == ROOT:
         assert {f"docs/{other.name}" for other in PAGES[1:]} <= set(re.findall(r"\]\(([^)]+)", text))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_tables_are_whole(page):
+    """Rows below an empty line belong to no table: a page shows them as text."""
+    lines = page.read_text().splitlines()
+    for before, line, after in zip(["", *lines], lines, [*lines[1:], ""], strict=False):
+        if line.startswith("|") and not before.startswith("|"):
+            assert after.startswith("| ---"), line
+
+
+def test_every_analysis_and_figure_of_a_workflow_is_listed():
+    assert {name for row in table("workflows.md", "figures") for name in names(row[0])} == set(FIGURES)
+    of_workflows = {name for row in table("workflows.md", "workflow analyses") for name in names(row[0])}
+    assert of_workflows == {kind for kind, analysis in ANALYSES.items() if not analysis.designs}
+
+
+@pytest.mark.parametrize("command", ["run", "plan", "query", "compare", "workflow", "serve", "schema", "init"])
+def test_every_flag_of_a_command_is_shown(command):
+    shown = "".join(page.read_text() for page in PAGES)
+    parser = build_parser([command])._subparsers._group_actions[0].choices[command]
+    for action in parser._actions:
+        for flag in action.option_strings:
+            assert flag in ("-h", "--help") or flag in shown, flag
 
 
 def test_the_picture_shows_what_its_study_gives(tmp_path):

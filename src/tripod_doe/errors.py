@@ -29,7 +29,7 @@ _options = False
 
 
 class TripodDoeError(Exception):
-    """Base of every error this package raises on purpose; its text is meant to be read by a user."""
+    """Base of every error this package raises on purpose; its text is written for the user."""
 
 
 class InputError(TripodDoeError):

@@ -132,8 +132,8 @@ def compare(
         amplitudes differ by no more than the uncertainty). Over ``rotation_deg``: measured_thrust, its deviation
         measured_thrust_scatter, model_thrust, measured_envelope with its uncertainty, model_envelope. Over
         ``revolution``: the tracked orders, and over speed model_amplitude_at_speed, NaN outside of the cube's speeds.
-        The attribute ``doubts`` holds sentences on what does not fit in the large, one a line. Phases of orders that do
-        not differ significantly from zero are NaN.
+        The attribute ``doubts`` holds sentences on units or pulses that are probably wrong, one per line. Phases of
+        orders that do not differ significantly from zero are NaN.
 
     Raises
     ------

@@ -73,7 +73,7 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
     of the whole that S produces, in percent; a mechanism that opposes the others has negative shares.
 
     - share_off(m) = 100 - P(all but m): what is lost when it is switched off.
-    - share_on(m) = P({m}): what it makes alone.
+    - share_on(m) = P({m}): what it contributes alone.
     - share_shapley(m) = sum over S without m of \|S\|! (n - \|S\| - 1)! / n! (P(S with m) - P(S)): the mean of what it
       adds, over all orders of switching on. These add up to 100 - P(none).
       Where combinations did not finish, missing_combinations names them by the mechanisms that are on, and
@@ -85,8 +85,8 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
       that are not switched here.
     - closure = 100 - sum of share_off: what switching off one at a time leaves out or counts twice.
     - interaction(i, j) = sum over S without i and j of \|S\|! (n - \|S\| - 2)! / (n - 1)! (P(S with both) - P(S with i)
-      - P(S with j) + P(S)): the Shapley interaction index, what two mechanisms make only together (positive) or make
-      twice (negative).
+      - P(S with j) + P(S)): the Shapley interaction index, what two mechanisms contribute more (positive) or less
+      (negative) together than separately.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What does not fit between a record and a model in the large: pulses per revolution, units of angle and force.
+"""What is probably wrong where a record and a model hardly agree: pulses per revolution, units of angle and force.
 
 Such a mistake gives a smooth answer: amplitudes and phases of the wrong orders, or a force of another unit.
 """

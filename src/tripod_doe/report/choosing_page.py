@@ -37,8 +37,8 @@ measures them in a pilot ([automatic_choice.md](automatic_choice.md)).
 _VIBRATING = """
 Many joints vibrate by themselves: with high friction in the grooves or of the needles, with large joint angles, and at
 low torque and low speed. `rollers` and `needles` follow the vibration, which takes several times as long, and
-`outcome_detail` tells frequency, growth and size ([models.md](models.md#vibration)). `kinetostatic` computes the motion
-without vibration.
+`outcome_detail` states its frequency, growth and size ([models.md](models.md#vibration)). `kinetostatic` computes the
+motion without vibration.
 """
 
 

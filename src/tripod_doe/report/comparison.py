@@ -39,7 +39,7 @@ def find_in_comparison(comparison: xr.Dataset) -> list[str]:
     Returns
     -------
     list of str
-        What does not fit in the large first, then the third order, the second, the run-up, the beat, the alignment, and
+        Doubts about units and pulses first, then the third order, the second, the run-up, the beat, the alignment, and
         what was lost.
     """
     sentences = str(comparison.attrs.get("doubts", "")).splitlines()

@@ -11,7 +11,7 @@ __all__ = ["DETAIL_ATTRIBUTES", "OUTCOME_ATTRIBUTES", "OUTCOME_MEANINGS", "Outco
 
 
 class Outcome(IntEnum):
-    """What became of one point; the integer is the CF flag value stored in a cube.
+    """How one point ended; the integer is the CF flag value stored in a cube.
 
     Only `FINISHED` carries numbers that may be used; every other cell holds NaN and a reason.
     """

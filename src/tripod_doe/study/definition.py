@@ -79,9 +79,9 @@ class Study:
     retry
         Changes tried on points that failed.
     accuracy
-        What a pilot chooses the model of every point by; None where the study names its model.
+        Accuracy for which a pilot chooses the model of every point; None where the study names its model.
     demands
-        What the runs of a study that names its model are refined to; None for what `simulator` does by itself.
+        Accuracy to which runs are refined where the study names its model; None for that of `simulator` itself.
     """
 
     file: StudyFile

@@ -122,7 +122,7 @@ def query(
     cube
         An open cube, or where it is.
     variable
-        The variable that is asked for.
+        Name of the variable.
     select
         Values, lists or ranges of coordinates: ``{"order": 3, "torque_n_m": slice(20, 60)}``, or as on the command
         line ``["order=3", "torque_n_m=20:60"]``. Values match to 1e-9 relative.

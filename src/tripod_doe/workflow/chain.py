@@ -43,16 +43,16 @@ _MARKS = {"study": "cube.nc", "figure": "figures.json", "report": "index.html"}
 
 @dataclass(frozen=True)
 class WorkflowSummary:
-    """What a workflow left behind.
+    """Results of a workflow.
 
     Attributes
     ----------
     directory
-        Where it lies.
+        Result directory.
     page
-        Its page.
+        Page of the workflow.
     steps
-        What became of every step, each after all that it needs.
+        State of every step, each after those that it needs.
     """
 
     directory: Path
@@ -75,7 +75,7 @@ def run_workflow(
     progress: bool = True,
     oversubscribe: bool = False,
 ) -> WorkflowSummary:
-    """Run what is missing of a workflow, then make its page.
+    """Run the missing steps of a workflow, then make its page.
 
     A step that was finished from the same inputs is not run again: its hash is taken over its text, that of its study,
     the kernels or the analysis' code, the files it reads, and the hashes of its inputs. A step that fails stops only
@@ -96,7 +96,7 @@ def run_workflow(
     retry_failed
         Run points again that failed before.
     progress
-        Whether to tell each step on standard error, with a progress bar for studies.
+        Whether to print each step to standard error, with a progress bar for studies.
     oversubscribe
         Start more workers than this machine has processors, if asked for.
 

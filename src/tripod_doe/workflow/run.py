@@ -41,7 +41,7 @@ __all__ = ["RunSummary", "run", "run_on"]
 
 @dataclass(frozen=True)
 class RunSummary:
-    """What a run left behind.
+    """Results of a run: where they are, counts of points, failures and findings.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ def run(
     scheduler_file: str | Path | None = None,
     wait: float = USUAL_WAIT,
 ) -> RunSummary:
-    """Run what is missing of a study, then make cube, costs, analyses and report.
+    """Run the missing points of a study, then make cube, costs, analyses and report.
 
     Parameters
     ----------
@@ -123,13 +123,13 @@ def run(
     fail_fast
         Stop at the first point that fails unexpectedly.
     progress
-        Whether to tell on standard error how far the run is.
+        Whether to print the progress to standard error.
     oversubscribe
         Start more workers than this machine has processors, if asked for.
     scheduler_file
-        File that names the existing Dask scheduler, in place of its address.
+        File of the existing Dask scheduler, in place of its address.
     wait
-        Seconds to wait for that scheduler if it is gone in mid-run.
+        Seconds to wait for that scheduler if it is lost during the run.
 
     Raises
     ------
