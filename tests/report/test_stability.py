@@ -42,10 +42,10 @@ def borders():
 
 def test_sentences(borders):
     found = findings_of("borders", borders)
-    assert found[0].startswith("3 of 4 measured borders agree with the predicted ones within a factor of 2")
+    assert found[0].startswith("3 of 4 measured stability limits agree with the predicted ones within a factor of 2")
     assert (
         found[1]
-        == "Of 6 runs that failed, 3 were rejected by their own checks; 3 finished with a wrong result, the worst by 25 %."
+        == "Of 6 runs that are not right, 3 did not finish and 3 finished with a wrong result, at worst 25 % off."
     )
     assert found[2] == (
         "symplectic-euler: needle mass factor 4 measured 10 ns to 20 ns, predicted 40 ns. "
@@ -58,8 +58,8 @@ def test_table(borders):
     assert len(rows) == 2
     told = dict(zip(heads, rows[0], strict=True))
     assert told["Varied"] == "needle mass factor 1 to 4"
-    assert told["Measured border"] == "10 ns to 20 ns"
-    assert told["Predicted border"] == "10 ns to 40 ns"
+    assert told["Measured limit"] == "10 ns to 20 ns"
+    assert told["Predicted limit"] == "10 ns to 40 ns"
     assert told["Agree"] == "1 of 2"
     assert told["First failure"] == "finished 1, inaccurate 1"
     assert told["Wrong, undetected"] == "3"

@@ -24,16 +24,13 @@ _HOW = {
 _MISS = 0.05
 """Error above which a finished run is one that its checks missed."""
 
-_NEAR = 1.5
-"""Factor within which a default counts as one of the best."""
-
 
 def find_in_speed_accuracy(data: xr.Dataset) -> list[str]:
     """State the price of each default relative to the best method, the error of its model, and failures."""
+    spread = _spread(data)
+    repeated = f", median of the repetitions, which differ by at most a factor of {spread:.2f} in nine of ten runs"
     sentences = [
-        "Prices are CPU seconds per simulated second including all checks of a run (a multibody run of joint or "
-        "trunnion repeats its last revolution), median of the repetitions; in nine of ten runs the repetitions differ "
-        f"by at most a factor of {_spread(data):.2f}."
+        f"Prices are CPU seconds per simulated second, all checks of a run included{repeated * math.isfinite(spread)}."
     ]
     for case in data["case"].values:
         row = data.sel(case=case)
@@ -86,16 +83,12 @@ def _front_sentence(row: xr.Dataset, case: str) -> str:
             else "not run"
         )
         return f"{start}: at {level(target)} % error {best} is cheapest; the default {default}: {known}."
-    verdict = (
-        "the default is the cheapest" if best == default
-        else f"the default {default} costs {number(over)} times the cheapest, {best}: "
-        + ("on the front within a factor of 1.5" if over <= _NEAR else "not on the front within a factor of 1.5")
-    )  # fmt: skip
+    of_default = "is the cheapest" if best == default else f"{default} costs {number(over)} times the cheapest, {best}"
     own = Known(int(row["price_known"].sel({"method": default})))
     price = number(float(row["price"].sel({"method": default})))
     return (
-        f"{start}: at {level(target)} % error {verdict} ({default} {price} s per simulated second, {_HOW[own]}). "
-        f"Ratio to the default: {', '.join(_peers(row, own))}."
+        f"{start}: at {level(target)} % error the default {of_default} ({default} {price} s per simulated second, "
+        f"{_HOW[own]}). Ratio to the default: {', '.join(_peers(row, own))}."
     )
 
 

@@ -1,4 +1,4 @@
-"""Measured and predicted borders of stability in sentences and as a table."""
+"""Measured and predicted stability limits in sentences and as a table."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tripod_doe.simulator import Outcome
 __all__ = ["border_text", "find_in_stability", "measured_border", "stability_table"]
 
 _HEADS = [
-    "Varied", "Method", "Measured border", "Predicted border", "Limited by", "Measured / predicted", "Agree",
+    "Varied", "Method", "Measured limit", "Predicted limit", "Limited by", "Measured / predicted", "Agree",
     "First failure", "Wrong, undetected",
 ]  # fmt: skip
 _LONG = 1e3  # seconds: a rate that small limits nothing
@@ -25,7 +25,7 @@ _WORDS = {
     Limit.LAG: "lag of the secant slope", Limit.TOLERANCE: "tolerance itself", Limit.UNKNOWN: "unknown",
 }  # fmt: skip
 _WHY = {
-    Limit.NONE: "no border is predicted for this method",
+    Limit.NONE: "no limit is predicted for this method",
     Limit.LAG: "the rate is the lag of velocities about a frozen state, which is a poor estimate of the error",
     Limit.CONTACT: "the prediction neglects damping and friction of this mode",
     Limit.TOLERANCE: "a step of this method ends at every sample, whatever the tolerance",
@@ -34,7 +34,7 @@ _WHY = {
 
 
 def find_in_stability(borders: xr.Dataset) -> list[str]:
-    """State how many borders agree with the prediction, undetected failures, and disagreements with their reasons."""
+    """State how many limits agree with the prediction, undetected failures, and disagreements with their reasons."""
     agrees = borders["agrees"].values
     decided = agrees != Agreement.NOT_DECIDED
     ratio = borders["ratio"].values[np.isfinite(borders["ratio"].values)]
@@ -45,17 +45,19 @@ def find_in_stability(borders: xr.Dataset) -> list[str]:
         else ""
     )
     sentences = [
-        f"{int((agrees == Agreement.YES).sum())} of {int(decided.sum())} measured borders agree with the predicted "
-        f"ones within a factor of {level(borders.attrs['factor'])}{spread}. A run counts as right if it lies within "
-        f"{level(100 * borders.attrs['limit'])} % of the reference."
+        f"{int((agrees == Agreement.YES).sum())} of {int(decided.sum())} measured stability limits agree with the "
+        f"predicted ones within a factor of {level(borders.attrs['factor'])}{spread}. A run counts as right if it is "
+        f"within {level(100 * borders.attrs['limit'])} % of the reference."
     ]
     kind = borders["run_kind"].values
     refused, wrong = (int((kind == which).sum()) for which in (RunKind.REFUSED, RunKind.WRONG))
     error = borders["error"].values[kind == RunKind.WRONG]
-    worst = f", the worst by {number(100 * error.max())} %" if wrong else ""
+    worst = f", at worst {number(100 * error.max())} % off" if wrong else ""
     sentences.append(
-        f"Of {refused + wrong} runs that failed, {refused} were rejected by their own checks; {wrong} finished with a "
-        f"wrong result{worst}."
+        f"Of {refused + wrong} runs that are not right, {refused} did not finish and {wrong} finished with a wrong "
+        f"result{worst}."
+        if refused + wrong
+        else "No run failed or finished with a wrong result."
     )
     unknown = int((kind == RunKind.UNKNOWN).any(axis=(0, 2)).sum())
     if unknown:
@@ -65,7 +67,7 @@ def find_in_stability(borders: xr.Dataset) -> list[str]:
 
 
 def _disagreements(borders: xr.Dataset, m: int, cases: np.ndarray) -> str:
-    """The borders of one method that disagree with the prediction, with the known reason."""
+    """The limits of one method that disagree with the prediction, with the known reason."""
     rows = [borders.isel(method=m, case=int(c)) for c in cases]
     pairs = [(measured_border(borders, row), border_text(borders, float(row["border_predicted"]))) for row in rows]
     seen = "; ".join(
@@ -87,10 +89,10 @@ def _place(row: xr.Dataset) -> str:
 
 
 def _first_failure(row: xr.Dataset) -> str:
-    """State how the first run that is not right failed: rejected by its checks, or wrong and undetected."""
+    """State how the first run that is not right ended: with an outcome that says so, or wrong and undetected."""
     if int(row["first_failure"]) == Outcome.FINISHED:
         return "the first run beyond it finished with a wrong result"
-    return f"the first run beyond it was rejected: {row['first_detail'].item()}"
+    return f"the first run beyond it ended as {Outcome(int(row['first_failure'])).label}: {row['first_detail'].item()}"
 
 
 def _level(row: xr.Dataset, factor: str) -> str:
@@ -108,7 +110,7 @@ def border_text(borders: xr.Dataset, value: float) -> str:
 
 
 def measured_border(borders: xr.Dataset, row: xr.Dataset) -> str:
-    """The measured border between two steps, or beyond the ends of the study."""
+    """The measured limit between two steps, or beyond the ends of the study."""
     low, high = float(row["border_low"]), float(row["border_high"])
     if math.isinf(high):
         return f"none up to {border_text(borders, low)}" if math.isfinite(low) else "not known"

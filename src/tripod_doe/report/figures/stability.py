@@ -69,8 +69,8 @@ def _chart(borders: xr.Dataset, factor: str) -> Chart:
         figure.supylabel("tolerance" if borders.attrs["numerics"] != "step_s" else "step (s)", fontsize=8.5)
         shown = np.unique(classes)
         handles = [Patch(fc=c, hatch=h, ec=INK, lw=0.4, label=t) for k, (c, h, t) in _CLASSES.items() if k in shown]
-        lines = [Line2D([], [], color=INK, lw=2, label="measured border"),
-                 Line2D([], [], color=COLOURS[3], ls="--", marker="D", ms=4, label="predicted border")]  # fmt: skip
+        lines = [Line2D([], [], color=INK, lw=2, label="measured limit"),
+                 Line2D([], [], color=COLOURS[3], ls="--", marker="D", ms=4, label="predicted limit")]  # fmt: skip
         figure.legend(
             handles=handles + lines, loc="outside upper left", ncols=min(3, columns + 1), frameon=False, fontsize=8
         )
@@ -125,7 +125,7 @@ def _draw(panel: Axes, part: xr.Dataset, classes: NDArray[np.int64]) -> None:
     shown = np.where((predicted >= edges[0]) & (predicted <= edges[-1]), predicted, np.nan)
     panel.plot(np.arange(shown.size), shown, color=COLOURS[3], lw=1.6, ls="--", marker="D", ms=4)
     if not np.isfinite(shown).any():
-        beyond = "no border" if np.isinf(predicted).all() else "border beyond" if np.isfinite(predicted).any() else ""
+        beyond = "no limit" if np.isinf(predicted).all() else "limit beyond" if np.isfinite(predicted).any() else ""
         told = f"predicted: {beyond}" if beyond else "no prediction"
         panel.text(0.97, 0.95, told, transform=panel.transAxes, ha="right", va="top", fontsize=7.5, color=COLOURS[3])
     panel.set_ylim(edges[0], edges[-1])
@@ -145,7 +145,7 @@ def _caption(borders: xr.Dataset, factor: str, left_out: dict[str, str]) -> str:
     alike = {meaning: [name for name in left_out if left_out[name] == meaning] for meaning in left_out.values()}
     return (
         f"Runs over {what} and {spoken(factor)}: right within {100 * borders.attrs['limit']:g} % of the reference, "
-        f"rejected, or wrong and undetected; the measured border, and that of the linearised scene."
+        f"rejected, or wrong and undetected; the measured stability limit, and that of the linearised scene."
         + "".join(f" Not drawn, {meaning}: {', '.join(names)}." for meaning, names in alike.items())
     )
 
