@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from tripod_doe.analysis.claims.verdicts import ClaimsSettings, check_claims
+from tripod_doe.analysis.claims.verdicts import ClaimsSettings, Verdict, check_claims
+from tripod_doe.report.claims.over_skew import find_over_skew
 from tripod_doe.report.claims.verdicts import claims_of_figures
 
 
@@ -27,3 +29,12 @@ def test_the_claims_of_a_figure_are_those_whose_place_names_it(title, places):
 @pytest.mark.parametrize("title", ["Fig. 12: measured", "Beat of 10 and 8 N", ""])
 def test_other_figures_have_none(title):
     assert claims_of_figures(check_claims({}, ClaimsSettings()), title) is None
+
+
+def test_a_claim_counts_at_the_skews_at_which_it_is_decided():
+    """Exact: one claim holds at both skews, one at the only skew at which it is decided."""
+    claims, numbers = check_claims({}, ClaimsSettings()).isel(claim=[0, 1]), ["value", "error", "verdict"]
+    table = claims.drop_vars(numbers).merge(claims[numbers].expand_dims(skew_deg=[0.4, 0.8]))
+    for last, end in ((Verdict.HOLDS, ","), (Verdict.NOT_DECIDED, " at which they are decided,")):
+        table["verdict"] = (("claim", "skew_deg"), np.array([[Verdict.HOLDS, Verdict.HOLDS], [Verdict.HOLDS, last]]))
+        assert f"2 of 2 claims hold at every skew{end} 0 at none" in find_over_skew(table)[0]

@@ -30,10 +30,12 @@ def find_over_skew(claims: xr.Dataset) -> list[str]:
             sentences.append(f"Depends on the skew: {what}. It holds at {_listed(skews[known][holds])} deg; "
                              f"{row['quantity'].item()}: {_course(row, known)}.")  # fmt: skip
     ends = f"{level(skews.min())} to {level(skews.max())} deg"
+    decided = bool((claims["verdict"].values != Verdict.NOT_DECIDED).all())
     first = (
-        f"With skews, which the paper does not print, from {ends} in cases 2 to 4 and half of that in case 1, "
-        f"{len(groups[True])} of {claims.sizes['claim']} claims hold at every skew, {len(groups[False])} at none, and "
-        f"{len(sentences)} depend on it (model {claims.attrs['model']})."
+        f"The paper does not print its skews. With {ends} in cases 2 to 4, and half of that in case 1, "
+        f"{len(groups[True])} of {claims.sizes['claim']} claims hold at every skew"
+        f"{'' if decided else ' at which they are decided'}, {len(groups[False])} at none, and {len(sentences)} "
+        f"depend on it (model {claims.attrs['model']})."
     )
     told = [
         f"Claims that hold at {which} skew: {'; '.join(groups[held])}."
