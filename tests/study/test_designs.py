@@ -326,7 +326,7 @@ def test_a_fractional_factorial_has_its_resolution_and_tells_its_aliases():
     assert points.count == 8
     assert (columns.T @ columns == 8 * np.eye(4)).all()
     assert (np.prod(columns, axis=1) == columns[0].prod()).all()  # defining relation I = ABCD
-    assert "resolution IV; it cannot tell apart joint_angle_deg:torque_n_m = speed_rpm:groove" in points.notes[0]
+    assert "resolution IV; it confounds joint_angle_deg:torque_n_m = speed_rpm:groove" in points.notes[0]
     full = points_of(FOUR + '[design]\nkind = "fractional-factorial"\nresolution = 5')
     assert full.count == 16
     assert "no effects of one factor or two are confounded" in full.notes[0]

@@ -186,7 +186,7 @@ def describe_choice(study: Study, directory: Path | None) -> str:
         usual = accuracy.candidates.index(candidates[-1])
         return "\n".join([
             f"pilot        {count} points on {len(candidates)} candidates, CPU time about {duration(price)}; may grow",
-            f"study        at most {duration(points.count * accuracy.candidates[usual].price)} of CPU time, "
+            f"study        CPU time about {duration(points.count * accuracy.candidates[usual].price)} if all points run "
             f"with {candidates[-1].label}",
             *(f"candidate    {each.label}: CPU time {duration(each.price, 2)} per run" for each in candidates),
         ])  # fmt: skip
@@ -198,7 +198,7 @@ def _told(choice: xr.Dataset) -> list[str]:
     attrs, pilot = choice.attrs, choice.sizes["pilot_point"]
     lines = [
         f"choice       from {pilot} pilot points; predicted errors up to {attrs['limit']:.0%} of the allowed one "
-        f"are accepted; left out in turn, {attrs['misses']} of the points would miss the accuracy"
+        f"are accepted; in cross-validation {attrs['misses']} of these points miss the accuracy"
     ]
     for at, label in enumerate(choice["candidate_label"].values):
         row = choice.isel(candidate_number=at)
@@ -213,7 +213,7 @@ def _told(choice: xr.Dataset) -> list[str]:
     chosen, of_pilot, finest = (duration(attrs[f"price_{which}_s"]) for which in ("study", "pilot", "reference"))
     lines.append(
         f"price        CPU time {chosen}, and {of_pilot} for the pilot, which ran {attrs['points_from_pilot']} of the "
-        f"points; {finest} with the last candidate everywhere"
+        f"points; {finest} if all points ran with the last candidate"
     )
     if unmet:
         lines.append(

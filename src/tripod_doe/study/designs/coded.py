@@ -112,11 +112,11 @@ def _fraction(request: Request) -> tuple[FloatArray, int]:
 def _fractional(request: Request) -> Made:
     coded, resolution = _fraction(request)
     if len(coded) == 2 ** len(request.factors):
-        told = "of all combinations: none smaller has the resolution"
+        told = "all combinations, since no fraction has the resolution"
     else:
         told = f"of resolution {_NUMERALS.get(resolution, resolution)}"
     lists = "; ".join(" = ".join(names) for names in aliases(dict(zip(request.factors, coded.T, strict=True))))
-    confounded = f"it cannot tell apart {lists}" if lists else "no effects of one factor or two are confounded"
+    confounded = f"it confounds {lists}" if lists else "no effects of one factor or two are confounded"
     return _decoded_all(request, coded, (f"two-level design of {len(coded):,} points, {told}; {confounded}",))
 
 
