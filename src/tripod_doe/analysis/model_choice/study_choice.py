@@ -186,8 +186,8 @@ def describe_choice(study: Study, directory: Path | None) -> str:
         usual = accuracy.candidates.index(candidates[-1])
         return "\n".join([
             f"pilot        {count} points on {len(candidates)} candidates, CPU time about {duration(price)}; may grow",
-            f"study        CPU time about {duration(points.count * accuracy.candidates[usual].price)} if all points run "
-            f"with {candidates[-1].label}",
+            f"study        CPU time about {duration(points.count * accuracy.candidates[usual].price)} if all points "
+            f"run with {candidates[-1].label}",
             *(f"candidate    {each.label}: CPU time {duration(each.price, 2)} per run" for each in candidates),
         ])  # fmt: skip
     return "\n".join(_told(choice))
