@@ -225,7 +225,9 @@ def _factor(missed: FloatArray, local: FloatArray) -> float:
 
 def _nearest(places: FloatArray, at: FloatArray, itself: bool = False) -> NDArray[np.int64]:
     """The nearest computed points, shape (point, neighbour); without the first where that is the point itself."""
-    gaps = ((at[:, None, :] - places) ** 2).sum(axis=2)
+    from scipy.spatial.distance import cdist  # slow to import: few pages have such a part
+
+    gaps = cdist(at, places, "sqeuclidean")
     order: NDArray[np.int64] = np.argsort(gaps, axis=1, kind="stable")
     return order[:, 1 : 1 + neighbours(len(places))] if itself else order[:, : neighbours(len(places))]
 
