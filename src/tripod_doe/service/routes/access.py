@@ -19,8 +19,9 @@ def errors_at(*statuses: int) -> dict[int | str, dict[str, Any]]:
 
 
 def gives(*media_types: str) -> dict[int | str, dict[str, Any]]:
-    """The answer of a route that is a file or a text of one of these types."""
-    return {200: {"content": {name: {"schema": {"type": "string"}} for name in media_types}}}
+    """The answer of a route that is a file, a text or JSON of one of these types."""
+    text = {"schema": {"type": "string"}}
+    return {200: {"content": {name: {"schema": {}} if name == "application/json" else text for name in media_types}}}
 
 
 REFUSALS = errors_at(400, 401, 413, 422, 500, 503)
