@@ -36,7 +36,7 @@ _CORRECTION = 1e-6
 and costs half as much again."""
 
 _HALVED = 3
-"""How often a revolution that stops on its way is followed again, with half of the tolerance or step each time."""
+"""How often tolerances or steps are halved where a revolution stops on its way."""
 
 
 class StoppedError(Exception):
@@ -102,6 +102,8 @@ class JointInTurns:
         Where it has come to; None at its start.
     last_turn
         The last revolution that was followed.
+    halved
+        How often tolerances or steps were halved, since a revolution stopped on its way.
     steps, force_evaluations, solves
         Counted work.
     """
@@ -115,6 +117,7 @@ class JointInTurns:
     split: bool = False
     state: State | None = None
     last_turn: Run | None = None
+    halved: int = 0
     steps: int = 0
     force_evaluations: int = 0
     solves: int = 0
@@ -127,8 +130,8 @@ class JointInTurns:
     def follow(self, count: int, setting: float) -> list[Revolution]:
         """Follow so many revolutions with a tolerance or step.
 
-        One that stops on its way is followed again with half of it, a few times: rattling needles now and then ask
-        for steps shorter than those that resolve a vibration.
+        One that stops on its way is followed again with half of it, a few times, and so are all after it: rattling
+        needles may ask for steps shorter than those that resolve a vibration.
 
         Raises
         ------
@@ -138,13 +141,13 @@ class JointInTurns:
         return [self._read(self._turn(setting)) for _ in range(count)]
 
     def _turn(self, setting: float) -> Run:
-        for attempt in range(_HALVED):
+        while True:
             try:
-                return self._tried(setting / 2**attempt)
+                return self._tried(setting / 2**self.halved)
             except StoppedError as stop:
-                if stop.stopped.outcome == Outcome.EVALUATION_LIMIT:
+                if stop.stopped.outcome == Outcome.EVALUATION_LIMIT or self.halved == _HALVED:
                     raise
-        return self._tried(setting / 2**_HALVED)
+                self.halved += 1
 
     def _tried(self, setting: float) -> Run:
         duration, controlled = 2 * math.pi / self.values.speed, self.method.controlled
