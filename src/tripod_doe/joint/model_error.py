@@ -37,6 +37,7 @@ QUANTITY, FINEST = "third order", "needles"
 
 _NEAREST = 10
 """Measured points that a point is compared with."""
+_CROWN = "needle_crown_um is above the 0 um of all compared points, and lets rollers tilt on their needles"
 _CHUNK = 1000
 """Points that are compared at once."""
 _NO_REFERENCE = "this is the finest model, which the others are compared with"
@@ -143,13 +144,15 @@ def known_errors(model: str, points: Mapping[str, NDArray[Any]]) -> tuple[FloatA
     measured, ratios = _measured(), operating_ratios(points)
     values = np.stack([ratios[name] for name in measured.names], axis=1)
     inside = (values >= measured.low) & (values <= measured.high)
-    within = inside.all(axis=1)
+    crowned = np.asarray(points["needle_crown_um"], float) > 0
+    within = inside.all(axis=1) & ~crowned
     places = np.log(values[within]) / measured.spread
     steps = [measured.near(step, places) for step in _steps_above(model)]
     expected[within], limit[within] = (sum(found) for found in zip(*steps, strict=True))
     unknown = np.where(np.isnan(expected), _VIBRATING, "").astype(object)
     for ratio in range(len(measured.names))[::-1]:  # of several, the first is told
         unknown[~inside[:, ratio]] = measured.told(ratio)
+    unknown[crowned] = _CROWN
     return expected, limit, unknown
 
 

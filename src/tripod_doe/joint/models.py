@@ -195,6 +195,9 @@ def _solve_kinetostatic(points: JointValues[FloatArray], samples: int) -> Equili
 
 
 _NO_PRELOAD = ValidRange("bearing_radial_clearance_mm", "below, the bearing carries load all around", low=0, unit="mm")
+_NO_CROWN = ValidRange(
+    "needle_crown_um", "beyond, rollers tilt more easily on their needles than it counts", high=0, unit="um"
+)
 
 
 def _within(swing: float, needle: float) -> tuple[ValidRange, ...]:
@@ -213,6 +216,7 @@ def _within(swing: float, needle: float) -> tuple[ValidRange, ...]:
             meaning=RATIOS["needle_ratio"],
         ),
         _NO_PRELOAD,
+        _NO_CROWN,
     )
 
 
