@@ -51,7 +51,7 @@ def test_only_orders_that_were_asked_for_are_stated(chosen, grid_cube):
 
 def test_the_page_shows_the_others_as_not_asked_and_one_picture_of_the_models(chosen):
     page = make_page(chosen, {})
-    assert page.count("Not asked: ") == 1
+    assert page.count("no accuracy was requested for them") == 1
     assert "waveform-1" not in page
     assert page.count('id="models"') == 1
     assert "model-choice.csv" in page

@@ -167,8 +167,8 @@ def _bar_chart(part: Contribution) -> Chart:
         _draw(axes, bars, [spoken(name) for name in part.mechanisms])
     model = f" with model {part.model}" if part.model else ""
     caption = (
-        f"Shares of the mechanisms in {part.what}{model}, {told}. Left of zero: it opposes the sum. The diamond is the "
-        "sum of a bar; what it lacks to 100 % or exceeds does not add up."
+        f"Shares of the mechanisms in {part.what}{model}, {told}. Left of zero, a mechanism opposes the sum. The "
+        "diamond is the sum of a bar; its distance from 100 % is what does not add up."
     )
     return Chart(part.key, f"Shares of the mechanisms in {part.what}", caption, figure, _frame(part))
 

@@ -49,6 +49,6 @@ def _gain_chart(key: str, name: str, part: OutputPart, truth: str) -> Chart:
         axes.set_xlabel(f"squared error, over that of {truth} alone")
     caption = (
         f"Squared error of the answers on {part.what}, over that of {truth} alone at the same CPU time (analysis "
-        f"{name}): left of the dashed line, the cheaper models pay."
+        f"{name}). Left of the dashed line, the cheaper models reduce the error."
     )
     return Chart(key, f"What the cheaper models gain for {part.what}", caption, figure, data)
