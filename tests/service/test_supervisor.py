@@ -173,6 +173,11 @@ def test_a_full_queue_is_told(start, tmp_path):
     assert "3 runs" in str(refused.value)
 
 
+def test_an_empty_key_is_none(start, tmp_path):
+    supervisor = start(SLEEP.format("SIG_DFL"))
+    assert submit(supervisor, tmp_path, key="") != submit(supervisor, tmp_path, key="")
+
+
 def test_the_upload_becomes_part_of_the_run(start, settings, tmp_path):
     supervisor = start(SLEEP.format("SIG_DFL"))
     upload = tmp_path / "new"

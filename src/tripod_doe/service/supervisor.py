@@ -172,7 +172,7 @@ class Supervisor:
             upload.rename(directory / UPLOAD)
             run = Run(
                 run_id, plan["kind"], plan["name"], plan["question"], State.QUEUED, plan=plan,
-                counts=PointCounts(plan["unique"]), created=time_now, updated=time_now, key=key, digest=digest,
+                counts=PointCounts(plan["unique"]), created=time_now, updated=time_now, key=key or None, digest=digest,
             )  # fmt: skip
             self._put(run)
         return run
