@@ -57,6 +57,17 @@ def test_growth_is_waited_for(joint_values):
     assert follow_vibration(Turning(joint_values, growing=9), 4e-3, allowed).followed > 24
 
 
+def test_what_is_uneven_in_finer_steps_is_followed_on(joint_values):
+    """Regression: certain orders of five finer revolutions, which by chance grew, ended as not settled."""
+    joint, unrest = Turning(joint_values), iter([1.0] * 4 + [1.0, 1.0, 1.5, 2.0] + [1.5] * 100)
+    turn = joint._turn
+    joint._turn = lambda setting: replace(turn(setting), unrest=next(unrest))
+    found = follow_vibration(joint, 4e-3, allowed)
+    assert found.steady
+    assert found.certain
+    assert found.followed > 8
+
+
 def test_chance_asks_for_revolutions_and_leaves_an_honest_error(joint_values):
     """Exact: the mean of n revolutions with a standard deviation of 0.6 N is off by 2 * 0.6 / sqrt n at most."""
     found = follow_vibration(Turning(joint_values, by_chance=0.6), 4e-3, allowed)

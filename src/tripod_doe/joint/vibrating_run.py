@@ -131,8 +131,14 @@ def follow_vibration(joint: JointInTurns, setting: float, allowed: Allowed) -> F
         passed += joint.follow(1, setting)  # in which finer steps take over
         coarse, kept = kept, joint.follow(len(kept), setting)
         found = _Compared.of(coarse, kept, allowed)
-        while found.wants_revolutions and (left := _MOST - len(passed) - len(kept)) > 0:
-            kept += joint.follow(min(found.lacking(len(coarse), len(kept)), left), setting)
+        while (left := _MOST - len(passed) - len(kept)) > 0:
+            if not _is_steady(kept):
+                more = len(kept)
+            elif found.wants_revolutions:
+                more = found.lacking(len(coarse), len(kept))
+            else:
+                break
+            kept += joint.follow(min(more, left), setting)
             found = _Compared.of(coarse, kept, allowed)
         passed += kept
         if found.certain or len(passed) >= _MOST:
