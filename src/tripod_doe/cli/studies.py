@@ -48,6 +48,8 @@ def _add_run(parser: Parser, arguments: Sequence[str]) -> None:
     )
     parser.add_argument("--wait", metavar="TIME", type=_seconds, default=_seconds("1min"),
                         help="how long to wait for a lost scheduler: 30s, 10min, 2h (default 1min)")  # fmt: skip
+    parser.add_argument("--take-over", action="store_true",
+                        help="take the place of a process that holds the directory and is known to be dead")  # fmt: skip
     parser.add_argument("--fail-fast", action="store_true", help="stop at the first point that fails unexpectedly")
 
 
@@ -81,6 +83,7 @@ def _run(options: argparse.Namespace) -> int:
     summary = run(
         options.study, options.out, options.workers, options.scheduler, options.retry_failed, options.fail_fast,
         oversubscribe=options.oversubscribe, scheduler_file=options.scheduler_file, wait=options.wait,
+        take_over=options.take_over,
     )  # fmt: skip
     for sentence in [*summary.answers, *summary.findings, *summary.model_notes]:
         print(sentence, file=sys.stderr)

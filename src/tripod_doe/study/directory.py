@@ -6,8 +6,6 @@ what was made of them. Nothing else needs to be there to go on.
 
 from __future__ import annotations
 
-import fcntl
-import os
 import shutil
 import sys
 from collections.abc import Iterator
@@ -23,6 +21,7 @@ from tripod_doe.errors import InputError, option
 from tripod_doe.quantities import size
 from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import Study, canonical, parse_study
+from tripod_doe.study.hold import Hold
 from tripod_doe.study.journal import FOLDER, SHOWN, FinishedBlock, Journal
 from tripod_doe.study.netcdf import stamp_history, write_dataset
 from tripod_doe.study.plan import cube_bytes
@@ -61,6 +60,8 @@ class ResultDirectory:
     ----------
     path
         The directory; made if it is not there.
+    take_over
+        Whether to take the place of a process that holds it and is known to be dead (`Hold`).
 
     Raises
     ------
@@ -70,15 +71,15 @@ class ResultDirectory:
         If nothing of its journal can be read.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, take_over: bool = False) -> None:
         self.path = make_directory(path)
-        self._lock = _lock(self.path)
+        self._hold = Hold(self.path, take_over)
         try:
             if lost := salvage(self.path):
                 print(f"tripod-doe: {lost}", file=sys.stderr)
             self._journal = Journal(self.path)
         except BaseException:
-            os.close(self._lock)
+            self._hold.release()
             raise
 
     def __enter__(self) -> ResultDirectory:
@@ -90,7 +91,7 @@ class ResultDirectory:
     def close(self) -> None:
         """Release the directory for other processes."""
         self._journal.close()
-        os.close(self._lock)
+        self._hold.release()
 
     def accept(self, asked: StudyPoints) -> None:
         """Make this the study of the directory.
@@ -165,7 +166,14 @@ class ResultDirectory:
         return asked.without(np.frombuffer(b"".join(good), dtype="V16"))
 
     def commit(self, block: FinishedBlock) -> None:
-        """Store a finished block; when this returns, no kill can lose it."""
+        """Store a finished block; when this returns, no kill can lose it.
+
+        Raises
+        ------
+        StorageError
+            If it cannot be written, or another process took the directory over.
+        """
+        self._hold.check()
         self._journal.commit(block)
 
     @contextmanager
@@ -202,6 +210,7 @@ class ResultDirectory:
             If they cannot be written; older ones stay.
         """
         cube, cost = build_cube(asked.study, asked.points, asked.keys, self._journal.blocks())
+        self._hold.check()
         write_dataset(stamp_history(cost, action), self.path / "cost.nc")
         write_dataset(stamp_history(cube, action), self.path / "cube.nc")
         self._journal.remember(SHOWN, str(self._journal.last_block()))
@@ -218,19 +227,3 @@ class ResultDirectory:
                 f"{option('out', str(self.path))}: {size(free)} free, but journal and cube need {size(needed)}; "
                 f"keep fewer outputs or choose another {option('out')}"
             )
-
-
-def _lock(path: Path) -> int:
-    """Hold a directory for this process; the system ends it with the process, however that ends."""
-    try:
-        lock = os.open(path / ".lock", os.O_CREAT | os.O_RDWR)
-    except OSError as error:
-        raise InputError(f"{path}: cannot write here: {error.strerror}; choose another {option('out')}") from error
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        os.close(lock)
-        raise InputError(
-            f"{path}: another run is writing here; wait for it or choose another {option('out')}"
-        ) from error
-    return lock

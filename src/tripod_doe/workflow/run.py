@@ -104,6 +104,7 @@ def run(
     oversubscribe: bool = False,
     scheduler_file: str | Path | None = None,
     wait: float = USUAL_WAIT,
+    take_over: bool = False,
 ) -> RunSummary:
     """Run the missing points of a study, then make cube, costs, analyses and report.
 
@@ -130,6 +131,8 @@ def run(
         File of the existing Dask scheduler, in place of its address.
     wait
         Seconds to wait for that scheduler if it is lost during the run.
+    take_over
+        Take the place of a process that holds the directory and is known to be dead.
 
     Raises
     ------
@@ -142,7 +145,7 @@ def run(
     if scheduler or scheduler_file:
         existing = ExistingScheduler(scheduler, Path(scheduler_file) if scheduler_file else None, wait)
     with Execution(workers, existing, oversubscribe) as execution:
-        return run_on(execution, study, out, retry_failed, fail_fast, progress)
+        return run_on(execution, study, out, retry_failed, fail_fast, progress, take_over)
 
 
 def run_on(
@@ -152,14 +155,15 @@ def run_on(
     retry_failed: bool = False,
     fail_fast: bool = False,
     progress: bool = True,
+    take_over: bool = False,
 ) -> RunSummary:
     """`run` on an execution that several studies share, with its worker processes."""
     study = study if isinstance(study, Study) else load_study(study)
     check_analyses(study)
     asked = StudyPoints(study, make_points(study))
-    with ResultDirectory(out) as directory:
+    with ResultDirectory(out, take_over) as directory:
         if study.accuracy:
-            asked = _choose_models(asked, directory, execution, progress)
+            asked = _choose_models(asked, directory, execution, progress, take_over)
         piloted = 0
         if needs_split(study):
             asked, piloted = _split_samples(asked, directory, execution, fail_fast, progress)
@@ -194,14 +198,16 @@ def run_on(
     )
 
 
-def _choose_models(asked: StudyPoints, directory: ResultDirectory, execution: Execution, progress: bool) -> StudyPoints:
+def _choose_models(
+    asked: StudyPoints, directory: ResultDirectory, execution: Execution, progress: bool, take_over: bool
+) -> StudyPoints:
     """The points with the model that is chosen for each: as before, or from a pilot that runs what it misses."""
     study = asked.study
     directory.refuse_changes(study, asked.keys, done=chosen_keys(study, directory.path))
     directory.adopt(study)
 
     def run_pilot(pilot: Study, place: Path) -> None:
-        run_on(execution, pilot, place, progress=progress)
+        run_on(execution, pilot, place, progress=progress, take_over=take_over)
 
     choice = make_choice(study, asked.points, directory.path, run_pilot)
     return StudyPoints(study, chosen_points(study, asked.points, choice))

@@ -1,0 +1,76 @@
+"""Holding a directory: who holds it is told, a dead holder's place is taken, and a living one never loses it."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+
+import pytest
+
+import tripod_doe as td
+from tripod_doe.cli import main
+from tripod_doe.study.hold import Hold
+
+STUDY = '[study]\nname = "h"\n[base]\nmodel = "equilibrium"\n[factors.joint_angle_deg]\nvalues = [2.5, 17]\n'
+
+
+def said(path, holder):
+    (path / ".lock").write_text(json.dumps(holder))
+
+
+@pytest.fixture
+def elsewhere(tmp_path):
+    """A directory whose lock belongs to a process of another host."""
+    with_lock = Hold(tmp_path)
+    said(tmp_path, {"host": "far.example", "process": 7})
+    yield with_lock
+    with_lock.release()
+
+
+@pytest.mark.parametrize("take_over", [False, True])
+def test_a_living_holder_of_this_host_keeps_its_place(tmp_path, take_over):
+    hold = Hold(tmp_path)
+    with pytest.raises(td.InputError, match=f"process {os.getpid()} on {socket.gethostname()} is writing here; wait"):
+        Hold(tmp_path, take_over)
+    hold.check()
+    hold.release()
+    Hold(tmp_path).release()
+
+
+@pytest.mark.parametrize("holder", [None, {"host": "far.example", "process": 7}, {"host": "far.example"}, [1]])
+def test_a_dead_holder_is_replaced_when_told_so_and_notices(tmp_path, holder):
+    hold = Hold(tmp_path)
+    (tmp_path / ".lock").write_text("" if holder is None else json.dumps(holder))
+    with pytest.raises(td.InputError, match="take_over=True if it is dead, or choose another"):
+        Hold(tmp_path)
+    successor = Hold(tmp_path, take_over=True)
+    with pytest.raises(td.StorageError, match="took this directory over"):
+        hold.check()
+    successor.check()
+    with pytest.raises(td.InputError, match=f"process {os.getpid()}"):
+        Hold(tmp_path, take_over=True)
+    hold.release()
+    successor.release()
+
+
+def test_a_process_that_is_gone_from_this_host_does_not_live(tmp_path):
+    child = subprocess.Popen(["true"])
+    child.wait()
+    hold = Hold(tmp_path)
+    said(tmp_path, {"host": socket.gethostname(), "process": child.pid})
+    Hold(tmp_path, take_over=True).release()
+    hold.release()
+
+
+def test_run_takes_over_only_when_asked(tmp_path, monkeypatch, capsys, elsewhere):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "study.toml").write_text(STUDY)
+    command = ["run", "study.toml", "--out", str(tmp_path), "--workers", "0"]
+    assert main(command) == 2
+    assert "process 7 on far.example is writing here" in capsys.readouterr().err
+    assert main([*command, "--take-over"]) == 0
+    assert td.open_cube(tmp_path).sizes["joint_angle_deg"] == 2
+    with pytest.raises(td.StorageError):
+        elsewhere.check()
