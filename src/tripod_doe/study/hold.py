@@ -91,12 +91,13 @@ def _holder(file: Path) -> dict[str, Any]:
         found = json.loads(file.read_text())
     except (OSError, ValueError):
         return {}
-    return found if isinstance(found, dict) and isinstance(found.get("process"), int) else {}
+    known = isinstance(found, dict) and isinstance(found.get("process"), int) and "host" in found
+    return found if known else {}
 
 
 def _alive(holder: dict[str, Any]) -> bool:
     """Whether a holder is known to live: a process of this host."""
-    if holder.get("host") != socket.gethostname():
+    if not holder or holder["host"] != socket.gethostname():
         return False
     try:
         os.kill(holder["process"], 0)
@@ -110,7 +111,6 @@ def _alive(holder: dict[str, Any]) -> bool:
 def _held(file: Path) -> str:
     """Who holds a directory, and what to do: the beginning of a sentence."""
     holder = _holder(file)
-    if not holder:
-        return f"another run is writing here; wait for it, take its place with {option('take_over', True)} if it is dead,"
-    who = f"process {holder['process']} on {holder['host']} is writing here; wait for it"
-    return who if _alive(holder) else f"{who}, take its place with {option('take_over', True)} if it is dead,"
+    who = f"process {holder['process']} on {holder['host']}" if holder else "another run"
+    place = "" if _alive(holder) else f", take its place with {option('take_over', True)} if it is dead,"
+    return f"{who} is writing here; wait for it{place}"
