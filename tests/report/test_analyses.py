@@ -13,6 +13,7 @@ from tripod_doe.report.figures.registry import FIGURES
 KINDS = {
     "sobol", "morris", "contribution", "stability", "comparison", "choose", "speed-accuracy", "claims",
     "claims-over-skew", "fast", "rbd-fast", "pawn", "delta", "dgsm", "shapley", "effects", "tolerance", "surrogate",
+    "multifidelity",
 }  # fmt: skip
 
 

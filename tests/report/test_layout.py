@@ -155,7 +155,7 @@ def test_claims_stand_against_their_limits_with_links_to_their_figures():
 def test_panels_of_one_colour_are_told_and_not_drawn(borders_of, kind, drawn):
     chart = borders_of(kind)
     assert chart.svg().count("bdf2") == drawn - 1
-    assert ("Not drawn: bdf2, all runs right within the limit." in chart.caption) == (drawn == 1)
+    assert ("Not drawn, all runs right within the limit: bdf2." in chart.caption) == (drawn == 1)
 
 
 @pytest.fixture

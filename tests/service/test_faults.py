@@ -41,6 +41,7 @@ def test_a_full_disk_is_told_and_what_was_finished_is_kept(small_disk, serve):
     while runs_in(small_disk / run_id):  # it ends; that can be told when it can be stored
         assert time.monotonic() < until
         time.sleep(0.1)
+    time.sleep(2)  # the server looks four times per second, and must see the disk as it is now
     before = committed(small_disk / run_id)
     assert before
     status, told = server.ask("/runs", {"study": LONG})

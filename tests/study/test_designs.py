@@ -446,7 +446,7 @@ def test_factors_of_a_group_change_together():
         assert (moved[:, 0] == moved[:, 1]).all()
         assert (moved.sum(axis=0) == 1).all()
     assert points_of(grouped + '[design]\nkind = "saltelli"\nsamples = 4').count == 4 * 8
-    with pytest.raises(InputError, match="group is used by saltelli and morris designs, not by sobol"):
+    with pytest.raises(InputError, match="group is used by saltelli, morris and multifidelity designs, not by sobol"):
         points_of(grouped + '[design]\nkind = "sobol"\nsamples = 4')
 
 

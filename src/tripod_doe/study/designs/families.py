@@ -51,8 +51,9 @@ def make_part(study: Study, design: DesignTable, factors: Mapping[str, Factor]) 
         raise InputError(f"correlation: a {design.kind} design takes independent factors: {family.uncorrelated}")
     grouped = [name for name, factor in request.factors.items() if factor.table.group]
     if grouped and not family.grouped and design.kind != "product":
-        able = [kind for kind, other in FAMILIES.items() if other.grouped]
-        raise InputError(f"[factors.{grouped[0]}]: group is used by {' and '.join(able)} designs, not by {design.kind}")
+        *able, last = [kind for kind, other in FAMILIES.items() if other.grouped]
+        used = f"{', '.join(able)} and {last}"
+        raise InputError(f"[factors.{grouped[0]}]: group is used by {used} designs, not by {design.kind}")
     return family.make(request)
 
 
