@@ -280,7 +280,7 @@ def test_a_disk_that_is_too_small_is_reported_before_anything_starts(write_study
 
 
 def test_two_runs_do_not_share_a_directory(write_study, tmp_path):
-    with ResultDirectory(tmp_path / "out"), pytest.raises(td.InputError, match="another run"):
+    with ResultDirectory(tmp_path / "out"), pytest.raises(td.InputError, match="is writing here"):
         run(write_study(GRID), tmp_path / "out")
 
 
