@@ -3,25 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import importlib
 import shutil
-import sys
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import pytest
 
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 pytestmark = pytest.mark.slow
-
-
-@pytest.fixture
-def benchmark(monkeypatch):
-    """A benchmark as a module."""
-    monkeypatch.syspath_prepend(str(BENCHMARKS))
-    yield importlib.import_module
-    for path in BENCHMARKS.glob("*.py"):
-        sys.modules.pop(path.stem, None)
 
 
 def in_own_thread(function, *arguments):

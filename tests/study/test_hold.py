@@ -61,6 +61,8 @@ def test_a_process_that_is_gone_from_this_host_does_not_live(tmp_path):
     hold = Hold(tmp_path)
     said(tmp_path, {"host": socket.gethostname(), "process": child.pid})
     Hold(tmp_path, take_over=True).release()
+    with pytest.raises(td.StorageError, match="took this directory over"):
+        hold.check()
     hold.release()
 
 

@@ -6,12 +6,13 @@ import json
 from collections.abc import Collection
 from typing import NamedTuple
 
+import numpy as np
 import xarray as xr
 
-from tripod_doe.quantities import count_of
+from tripod_doe.quantities import count_of, number, with_unit
 from tripod_doe.report.responses import ORDINALS, spoken, unit_text
 
-__all__ = ["OutputPart", "left_points", "main_outputs"]
+__all__ = ["OutputPart", "left_points", "main_outputs", "quantile_text"]
 
 _MOST = 4  # outputs of a function
 _AMPLITUDE = "thrust_amplitude"
@@ -63,6 +64,17 @@ def _words(output: str, order: int | None) -> str:
         if output in (_AMPLITUDE, _UNNAMED)
         else f"the {spoken(output)} of the {ORDINALS[order]}"
     )
+
+
+def quantile_text(answers: xr.Dataset, unit: str) -> str:
+    """Quantiles of a distribution, each with its interval where the points bound it."""
+    told = []
+    for probability in answers["probability"].values:
+        at = answers.sel(probability=probability)
+        low, value, high = (float(at[key]) for key in ("quantile_low", "quantile", "quantile_high"))
+        bounds = f" ({number(low)} to {number(high)})" if np.isfinite(low) and np.isfinite(high) else ""
+        told.append(f"{100 * probability:g} % below {with_unit(number(value), unit)}{bounds}")
+    return ", ".join(told)
 
 
 def left_points(result: xr.Dataset) -> list[str]:

@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.quantities import count_of, duration, interval, number, with_unit
-from tripod_doe.report.main_outputs import OutputPart, main_outputs
+from tripod_doe.report.main_outputs import OutputPart, main_outputs, quantile_text
 from tripod_doe.report.responses import listed
 from tripod_doe.report.sensitivity import sobol_sentence
 
@@ -42,13 +42,7 @@ def _distribution(part: OutputPart, truth: str) -> str:
     answers, unit = part.answers, part.unit
     mean = with_unit(interval(float(answers["mean"]), float(answers["mean_conf"])), unit)
     variance = interval(float(answers["variance"]), float(answers["variance_conf"]))
-    told = []
-    for probability in answers["probability"].values:
-        at = answers.sel(probability=probability)
-        low, value, high = (float(at[key]) for key in ("quantile_low", "quantile", "quantile_high"))
-        bounds = f" ({number(low)} to {number(high)})" if np.isfinite(low) and np.isfinite(high) else ""
-        told.append(f"{100 * probability:g} % below {with_unit(number(value), unit)}{bounds}")
-    return f"Scatter of {part.what} by {truth}: mean {mean}, variance {variance}; {', '.join(told)}"
+    return f"Scatter of {part.what} by {truth}: mean {mean}, variance {variance}; {quantile_text(answers, unit)}"
 
 
 def _gain(part: OutputPart, truth: str) -> list[str]:

@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.quantities import interval, number, with_unit
-from tripod_doe.report.main_outputs import OutputPart, left_points, main_outputs
+from tripod_doe.report.main_outputs import OutputPart, left_points, main_outputs, quantile_text
 from tripod_doe.report.responses import listed, spoken
 
 __all__ = ["find_in_tolerance", "tolerance_parts", "tolerance_table"]
@@ -39,14 +39,8 @@ def find_in_tolerance(name: str, result: xr.Dataset) -> list[str]:
 
 
 def _quantiles(what: str, part: xr.Dataset, unit: str, name: str) -> list[str]:
-    told = []
-    for probability in part["probability"].values:
-        at = part.sel(probability=probability)
-        low, value, high = (float(at[key]) for key in ("quantile_low", "quantile", "quantile_high"))
-        bounds = f" ({number(low)} to {number(high)})" if np.isfinite(low) and np.isfinite(high) else ""
-        told.append(f"{100 * probability:g} % below {with_unit(number(value), unit)}{bounds}")
     centre = f"mean {with_unit(number(float(part['mean'])), unit)}, standard deviation {number(float(part['std']))}"
-    return [f"Scatter of {what}: {centre}; {', '.join(told)} (analysis {name})."]
+    return [f"Scatter of {what}: {centre}; {quantile_text(part, unit)} (analysis {name})."]
 
 
 def _exceedance(what: str, part: xr.Dataset, unit: str) -> list[str]:

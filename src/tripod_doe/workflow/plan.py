@@ -41,7 +41,8 @@ class WorkflowPlan:
         """The plan as text: a line per study, their sum, and what the user should know of each."""
         width = max(map(len, (*self.steps, "all studies")))
         lines = [f"{name:{width}}  {_told(step)}" for name, step in self.steps.items()]
-        points, stored = (sum(of(step) for step in self.steps.values()) for of in (_points, _bytes))
+        points = sum(step.points for step in self.steps.values())
+        stored = sum(step.cube_bytes or 0 for step in self.steps.values())
         lines.append(f"{'all studies':{width}}  {points:7,} points  {_price(self.cpu_hours):>8}  {size(stored)}")
         if self.cpu_hours:
             wall = duration(self.cpu_hours[1] * 3600 / workers)
@@ -79,14 +80,6 @@ def _plan_study(study: Study, timing: bool) -> Plan:
     recorded = plan(study, timing=False, recorded=True)
     known = recorded.cpu_hours is not None or recorded.chosen or not recorded.able
     return recorded if known or not timing else plan(study)
-
-
-def _points(step: Plan) -> int:
-    return step.points
-
-
-def _bytes(step: Plan) -> int:
-    return step.cube_bytes or 0
 
 
 def _told(step: Plan) -> str:
