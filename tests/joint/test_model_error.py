@@ -59,7 +59,7 @@ def test_the_equilibrium_is_flagged_at_small_angles(angle, torque):
     assert found.expected[0] > 0.1
     assert not found.expected[1] >= found.expected[0] / 2
     told = model_notes(simulator, {name: column[:1] for name, column in block.items()})
-    assert "above 5 %: take a finer model" in told[0]
+    assert "above 5 %: use a finer model" in told[0]
 
 
 def test_nothing_is_known_outside_of_what_was_measured():

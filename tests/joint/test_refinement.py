@@ -128,8 +128,8 @@ def test_a_pass_that_is_too_dear_is_told_and_not_begun(simulated, monkeypatch):
     assert int(result["outcome"]) == Outcome.INACCURATE
     told = str(result["outcome_detail"].values)
     assert "the numerical error of order 3 is" in told
-    assert "where 2 % are asked for; relative_tolerance = 0.00" in told
-    assert told.endswith(" force evaluations more")
+    assert "where 2 % is required; relative_tolerance = 0.00" in told
+    assert told.endswith(" more force evaluations")
 
 
 def test_a_budget_bounds_all_passes():

@@ -7,7 +7,8 @@ from tripod_doe.errors import InputError
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.constraints import evaluate_constraints
 from tripod_doe.mechanics.implicit import factorise_system, solve_system
-from tripod_doe.mechanics.motion import add_mass_blocks, constraint_rate, evaluate, linearise
+from tripod_doe.mechanics.inertia import add_mass_blocks
+from tripod_doe.mechanics.motion import constraint_rate, evaluate, linearise
 from tripod_doe.mechanics.rotations import move
 from tripod_doe.mechanics.scene import (
     GROUND,

@@ -7,8 +7,9 @@ import pytest
 
 from tripod_doe.errors import InputError
 from tripod_doe.mechanics.assembly import assemble
+from tripod_doe.mechanics.inertia import add_mass_blocks
 from tripod_doe.mechanics.monitor import Settings
-from tripod_doe.mechanics.motion import add_mass_blocks, linearise
+from tripod_doe.mechanics.motion import linearise
 from tripod_doe.mechanics.scenes.needle_between_plates import build, closed_form, simulator, transition_velocity
 from tripod_doe.simulator import Outcome
 

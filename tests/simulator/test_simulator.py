@@ -98,7 +98,7 @@ def test_lengths_follow_the_parameter_that_sets_them():
         ({"step_s": 1e-3, "method": "controlled"}, {}, r"step_s = 0.001: not used by controlled \(plain\)"),
         ({"step_s": 1e-3, "model": "fine"}, {}, r"step_s = 0.001: not used by direct \(fine\); leave it out$"),
         ({"relative_tolerance": 0.1}, {}, "take a method that uses it: controlled"),
-        ({"method": "direct"}, {}, "method = direct: not a method of plain; known are explicit, controlled"),
+        ({"method": "direct"}, {}, "method = direct: not a method of plain; known: explicit, controlled"),
     ],
 )
 def test_numerics_that_nothing_in_play_uses_are_refused(base, factors, told):

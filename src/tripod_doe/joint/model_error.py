@@ -42,7 +42,7 @@ _CHUNK = 1000
 """Points that are compared at once."""
 _NO_REFERENCE = "this is the finest model, which the others are compared with"
 _NOT_COMPARED = "it was not compared with the others"
-_VIBRATING = "at most of the compared points like it one of the models has no answer"
+_NO_ANSWER = "for most of the similar points one of the models did not finish"
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,8 @@ class _Measured:
         """Why nothing is known of points that lie outside in a ratio."""
         name = self.names[ratio]
         meaning = "" if name in JOINT_PARAMETERS else f" ({RATIOS[name]})"
-        return f"{name}{meaning} is outside of the compared {number(self.low[ratio])} to {number(self.high[ratio])}"
+        low, high = number(self.low[ratio]), number(self.high[ratio])
+        return f"{name}{meaning} is outside of the compared range {low} to {high}"
 
     def near(self, model: str, places: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Median and ninth decile of the errors of a model at the measured points nearest to some places.
@@ -149,7 +150,7 @@ def known_errors(model: str, points: Mapping[str, NDArray[Any]]) -> tuple[FloatA
     places = np.log(values[within]) / measured.spread
     steps = [measured.near(step, places) for step in _steps_above(model)]
     expected[within], limit[within] = (sum(found) for found in zip(*steps, strict=True))
-    unknown = np.where(np.isnan(expected), _VIBRATING, "").astype(object)
+    unknown = np.where(np.isnan(expected), _NO_ANSWER, "").astype(object)
     for ratio in range(len(measured.names))[::-1]:  # of several, the first is told
         unknown[~inside[:, ratio]] = measured.told(ratio)
     unknown[crowned] = _CROWN

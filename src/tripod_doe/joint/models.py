@@ -37,7 +37,7 @@ _PRELOADED = (
 )
 _UNSETTLED = "the balance of the rollers did not converge; raise transition_ratio, or use model rollers"
 _SPIN_OPEN = (
-    "groove sliding is off, so that nothing passes thrust; the spin of the rollers did not converge, and the friction "
+    "groove sliding is off, so no thrust is transmitted; the spin of the rollers did not converge, and the friction "
     "power is not known"
 )
 _RATES = tuple(output.name for output in RATE_OUTPUTS)
@@ -196,7 +196,7 @@ def _solve_kinetostatic(points: JointValues[FloatArray], samples: int) -> Equili
 
 _NO_PRELOAD = ValidRange("bearing_radial_clearance_mm", "below, the bearing carries load all around", low=0, unit="mm")
 _NO_CROWN = ValidRange(
-    "needle_crown_um", "beyond, rollers tilt more easily on their needles than it counts", high=0, unit="um"
+    "needle_crown_um", "beyond, rollers tilt more easily on their needles than the model assumes", high=0, unit="um"
 )
 
 
@@ -205,13 +205,13 @@ def _within(swing: float, needle: float) -> tuple[ValidRange, ...]:
     return (
         ValidRange(
             "swing_ratio",
-            "beyond, rollers swing in their grooves in ways that it leaves out",
+            "beyond, rollers swing in their grooves in ways that the model leaves out",
             high=swing,
             meaning=RATIOS["swing_ratio"],
         ),
         ValidRange(
             "needle_ratio",
-            "beyond, needles hold the rollers back, and the thrust is what is left of forces that cancel",
+            "beyond, needles hold the rollers back, and the thrust is a small difference of large forces",
             high=needle,
             meaning=RATIOS["needle_ratio"],
         ),

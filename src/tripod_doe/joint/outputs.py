@@ -77,8 +77,8 @@ _OUTPUTS = [
     Output("thrust_rms", "N", "A_k/sqrt(2)", "effective value of the rotating orders of the thrust force", (ORDER,)),
     Output("thrust_amplitude_scatter", "N", "", "difference of the thrust amplitude between the last two revolutions",
            (ORDER,)),
-    Output("thrust_amplitude_error", "N", "", "numerical error of the thrust amplitude: by tolerance or step, "
-           "and twice the standard deviation of the mean revolution by chance", (ORDER,), optional=True),
+    Output("thrust_amplitude_error", "N", "", "error of the thrust amplitude: numerical, from tolerance or step, "
+           "and twice the standard error of the mean over revolutions", (ORDER,), optional=True),
     Output("groove_thrust_amplitude", "N", "A_k", "amplitude of the rotating orders of the thrust in each groove",
            (_GROOVE, ORDER), convention=_PHASE),
     Output("groove_thrust_phase_deg", "degree", "p_k", "phase of the rotating orders of the thrust in each groove",
@@ -87,7 +87,7 @@ _OUTPUTS = [
            "force, and of the remainder: inertia and numerical error", (_PART, ORDER)),
     Output(PART_OUTPUTS[1], "degree", "p_k", "phase of the rotating orders of each mechanism's part of the thrust "
            "force", (_PART, ORDER), angle=True, convention=_PHASE),
-    Output("friction_power_w", "W", "P", "mean power lost to each friction mechanism", (_MECHANISM,)),
+    Output("friction_power_w", "W", "P", "mean power dissipated by each friction mechanism", (_MECHANISM,)),
     Output("needle_skew_deg", "degree", "psi", "skew of the most loaded needle at this rotation angle",
            (_TRUNNION, ROTATION), optional=True, convention=_SKEW),
     Output("needle_skew_summary_deg", "degree", "psi", "mean, smallest and largest skew per revolution of the most "

@@ -138,8 +138,8 @@ _PARAMETERS = [
     Parameter("accuracy", 0.02, "1", "", "relative numerical error that the third order of a run may have, or the "
               "orders under [accuracy]; a run is refined to it unless a tolerance or step is given", "numerics",
               low=1e-5, high=0.5, group=_NUMERICS),
-    Parameter("cycles", 4, "1", "", "revolutions; the last two are sampled, in the cycles - 2 before them the swing of "
-              "the start dies out", "paper 3.2", low=2, high=1000, kind="integer", group=_NUMERICS),
+    Parameter("cycles", 4, "1", "", "revolutions; the last two are sampled, the transient of the start decays in the "
+              "cycles - 2 before them", "paper 3.2", low=2, high=1000, kind="integer", group=_NUMERICS),
     Parameter("samples_per_revolution", 360, "1", "", "samples of the rotation angle per revolution", "numerics",
               low=30, high=36000, kind="integer", group=_NUMERICS),
     Parameter("evaluation_budget", 20_000_000, "1", "", "largest number of force evaluations of a run: about a minute "

@@ -124,7 +124,7 @@ class _Comparison:
         order, size = self.worst, self.sizes[self.worst]
         found, asked = (100 * part[order] / size for part in (self.error, self.allowed))
         text = f"the numerical error of order {order} is {found:.2g} % of {size:.3g} N"
-        return f"{text}, where {asked:.2g} % are asked for"
+        return f"{text}, where {asked:.2g} % is required"
 
 
 def first_tolerance(values: JointValues[float], goal: Goal) -> float:
@@ -188,4 +188,4 @@ def _too_dear(joint: FollowedJoint, coarse: Pass, finest: Pass, revolutions: int
         what = f"{'relative_tolerance' if joint.method.controlled else 'step_s'} = {setting:.2g}"
     if price <= min(joint.left, _DEAREST * joint.runs[0].force_evaluations):
         return ""
-    return f"{what} would take about {price:,.0f} force evaluations more"
+    return f"{what} would take about {price:,.0f} more force evaluations"

@@ -164,7 +164,7 @@ class VibratingJoint:
             f"{followed.scatter:.2g} N, and {self._vibration.third:.4g} N without the vibration; "
         )
         if not followed.certain:
-            reason = "has not settled" if not followed.steady else "is not as certain as asked for"
+            reason = "has not settled" if not followed.steady else "is not as certain as required"
             note = f"{note}after {followed.followed} revolutions it {reason}; "
             return JointRun(Outcome.INACCURATE, f"{note}raise accuracy or contact damping", readings)
         damping = damping_against(self._values)

@@ -136,7 +136,7 @@ def _unit(values: Iterable[float]) -> FloatArray:
 def _checked_direction(where: str, values: Iterable[float]) -> FloatArray:
     vector = np.asarray(tuple(values), float)
     if not np.all(np.isfinite(vector)) or np.linalg.norm(vector) == 0:
-        raise InputError(f"{where}: {tuple(values)} is no direction")
+        raise InputError(f"{where}: {tuple(values)} has no direction")
     return _unit(vector)
 
 

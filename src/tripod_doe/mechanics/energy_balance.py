@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.mechanics.assembly import Assembly, State
-from tripod_doe.mechanics.motion import kinetic_energies
+from tripod_doe.mechanics.inertia import kinetic_energies
 from tripod_doe.mechanics.tables import Work
 
 __all__ = ["EnergyBalance", "Passage"]

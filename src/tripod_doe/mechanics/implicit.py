@@ -19,18 +19,15 @@ from numpy.typing import NDArray
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel, kernel_part
 from tripod_doe.mechanics.constraints import evaluate_constraints, factorise_schur, solve_schur
 from tripod_doe.mechanics.elimination import eliminate, reduce_right_side, substitute_back
-from tripod_doe.mechanics.lanes import clear
-from tripod_doe.mechanics.motion import (
+from tripod_doe.mechanics.inertia import (
     add_inertia_forces,
     add_inertia_matrices,
     add_mass_blocks,
     add_mass_product,
     add_momenta,
-    add_reaction_power,
-    copy_vectors,
-    larger,
-    linearise_elements,
-)  # fmt: skip
+)
+from tripod_doe.mechanics.lanes import clear
+from tripod_doe.mechanics.motion import add_reaction_power, copy_vectors, larger, linearise_elements
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
 from tripod_doe.mechanics.tables import FACTORISATIONS, FIRST, ITERATIONS
 

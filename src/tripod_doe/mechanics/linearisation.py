@@ -26,7 +26,8 @@ from scipy.linalg import eigvals, null_space, solve
 
 from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.constraints import evaluate_constraints
-from tripod_doe.mechanics.motion import add_inertia_matrices, add_mass_blocks, linearise_elements
+from tripod_doe.mechanics.inertia import add_inertia_matrices, add_mass_blocks
+from tripod_doe.mechanics.motion import linearise_elements
 from tripod_doe.mechanics.rates import Rates
 
 __all__ = ["Matrices", "fastest_rates", "linear_matrices", "rates_at"]

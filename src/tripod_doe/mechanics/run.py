@@ -192,7 +192,8 @@ def run(
     """
     chosen = method_named(method)
     if not (0 < duration < math.inf and samples >= 1):
-        raise InputError(f"duration = {duration}, samples = {samples}: a run needs some time and at least one sample")
+        given = f"duration = {duration}, samples = {samples}"
+        raise InputError(f"{given}: a run needs a positive duration and at least one sample")
     settings, limits = settings or Settings(), limits or Limits()
     equal_steps = not (chosen.controlled and settings.controlled)
     if equal_steps and not (step is not None and step > 0):
@@ -304,7 +305,7 @@ def _stopped(assembly: Assembly, memory: Work, outcome: Outcome, time: float) ->
     size = float(memory.failure[1])
     left = not size <= RUNAWAY
     reason = {
-        Outcome.DIVERGED: "the motion left all bounds" if left else "the iteration of a step did not converge",
+        Outcome.DIVERGED: "the motion grew beyond all bounds" if left else "the iteration of a step did not converge",
         Outcome.STEP_LIMIT: f"the step size fell to {number(size)}",
         Outcome.EVALUATION_LIMIT: f"budget used up after {int(memory.counters[EVALUATIONS])} force evaluations",
     }[outcome]

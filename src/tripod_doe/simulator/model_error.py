@@ -155,7 +155,7 @@ def _parts(errors: ModelErrors, own: NDArray[np.bool_]) -> Iterator[str]:
             f"{errors.reference} (90th percentile {_percents(limit.min(), limit.max())}), from similar points"
         )
         if above := int((expected > NOTABLE_ERROR).sum()):
-            yield f"above {_percents(NOTABLE_ERROR, NOTABLE_ERROR)}{_share(above, count)}: take a finer model"
+            yield f"above {_percents(NOTABLE_ERROR, NOTABLE_ERROR)}{_share(above, count)}: use a finer model"
     reasons = Counter(errors.unknown[own & ~known]).most_common()
     if reasons:
         yield f"error not known{_share(sum(some for _, some in reasons), count)}: {_in_words(reasons)}"

@@ -37,7 +37,7 @@ class Outcome(IntEnum):
 
 OUTCOME_MEANINGS: dict[Outcome, str] = {
     Outcome.FINISHED: "the run passed all its own checks",
-    Outcome.DIVERGED: "the state left all bounds or an iteration did not converge",
+    Outcome.DIVERGED: "the state grew beyond all bounds or an iteration did not converge",
     Outcome.INACCURATE: "the run ended, but failed its own checks of accuracy",
     Outcome.STEP_LIMIT: "the step fell below its lower limit",
     Outcome.EVALUATION_LIMIT: "the budget of force evaluations was used up",

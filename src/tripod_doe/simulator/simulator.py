@@ -283,7 +283,7 @@ class Simulator(ABC):
             return
         of = ", ".join(model for model, _ in tables if model)
         if base.get("method") is not None and str(base["method"]) not in known:
-            raise InputError(f"method = {base['method']}: not a method of {of}; known are {', '.join(known)}")
+            raise InputError(f"method = {base['method']}: not a method of {of}; known: {', '.join(known)}")
         for parameter in NUMERICS:
             if base.get(parameter) is None:
                 continue

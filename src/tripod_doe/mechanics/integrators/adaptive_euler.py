@@ -12,9 +12,10 @@ import math
 
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.implicit import Stage, solve_stage
+from tripod_doe.mechanics.inertia import add_momenta
 from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.monitor import EVALUATION_LIMIT, FINISHED, STEP_LIMIT, accept
-from tripod_doe.mechanics.motion import add_momenta, copy_vectors
+from tripod_doe.mechanics.motion import copy_vectors
 from tripod_doe.mechanics.tables import EVALUATIONS, REJECTED
 
 __all__ = ["integrate"]

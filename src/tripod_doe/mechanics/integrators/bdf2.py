@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.implicit import Stage, solve_stage
+from tripod_doe.mechanics.inertia import add_momenta
 from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
-from tripod_doe.mechanics.motion import add_momenta, copy_vectors
+from tripod_doe.mechanics.motion import copy_vectors
 from tripod_doe.mechanics.rotations import load_attitude, rotation_vector
 
 __all__ = ["integrate"]

@@ -15,16 +15,10 @@ import numpy as np
 from tripod_doe.mechanics.compilation import kernel, kernel_part
 from tripod_doe.mechanics.elimination import multiply
 from tripod_doe.mechanics.implicit import factorise_system, gather, solve_unconstrained
+from tripod_doe.mechanics.inertia import add_mass_product
 from tripod_doe.mechanics.lanes import clear, load, store
 from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, STEP_LIMIT, accept
-from tripod_doe.mechanics.motion import (
-    add_mass_product,
-    copy_vectors,
-    evaluate,
-    larger,
-    linearise,
-    settle,
-)  # fmt: skip
+from tripod_doe.mechanics.motion import copy_vectors, evaluate, larger, linearise, settle
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
 from tripod_doe.mechanics.tables import EVALUATIONS, REJECTED
 

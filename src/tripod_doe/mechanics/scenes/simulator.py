@@ -93,7 +93,7 @@ class SceneSimulator(Simulator):
         for i, method in enumerate(points["method"]):
             used = self.numerics.get(str(method), {})
             if unused := [name for name in reversed(NUMERICS) if is_set(points[name][i]) and name not in used]:
-                found.append((i, Outcome.NOT_APPLICABLE, f"{' and '.join(unused)} is not used by {method}"))
+                found.append((i, Outcome.NOT_APPLICABLE, f"not used by {method}: {', '.join(unused)}"))
         return found
 
     def methods(self, values: Mapping[str, Value]) -> Methods:
