@@ -14,7 +14,11 @@ from functools import partial
 
 import numpy as np
 import xarray as xr
+from SALib.analyze import delta as salib_delta
+from SALib.analyze import dgsm as salib_dgsm
+from SALib.analyze import fast as salib_fast
 from SALib.analyze import morris as salib_morris
+from SALib.analyze import pawn as salib_pawn
 from SALib.analyze import rbd_fast as salib_rbd_fast
 from SALib.analyze import sobol as salib_sobol
 
@@ -85,6 +89,15 @@ def beside_salib() -> None:
                    lambda x, y: salib_morris.analyze(PROBLEM, x, y, seed=1)),
         "rbd-fast": ('kind = "rbd-fast"\nsamples = 100000', s.rbd_fast_indices, s.RbdFastSettings(**once),
                      lambda x, y: salib_rbd_fast.analyze(PROBLEM, x, y, seed=1)),
+        "fast": ('kind = "fast"\nsamples = 20000', s.fast_indices, s.FastSettings(**once),
+                 lambda x, y: salib_fast.analyze(PROBLEM, y, num_resamples=20, seed=1)),
+        "dgsm": ('kind = "finite-differences"\nsamples = 16667', s.derivative_measures, s.DgsmSettings(**once),
+                 lambda x, y: salib_dgsm.analyze(PROBLEM, x, y, seed=1)),
+        "pawn": ('kind = "latin-hypercube"\nsamples = 100000', s.pawn_indices, s.PawnSettings(**once),
+                 lambda x, y: salib_pawn.analyze(PROBLEM, x, y, seed=1)),
+        "delta": ('kind = "latin-hypercube"\nsamples = 100000', s.borgonovo_delta, s.DeltaSettings(**once),
+                  lambda x, y: salib_delta.analyze(PROBLEM, x, y, num_resamples=20, seed=1)),
+        "shapley": ('kind = "latin-hypercube"\nsamples = 100000', s.shapley_effects, s.ShapleySettings(**once), None),
         "effects": ('kind = "rbd-fast"\nsamples = 100000', s.factorial_effects, s.EffectsSettings(**once), None),
     }  # fmt: skip
     for name, (design, analyse, settings, theirs) in cases.items():
