@@ -1,4 +1,4 @@
-"""Distribution of an output under the scatter of manufacture, and what halving the scatter of each factor gains."""
+"""Distribution of an output under manufacturing scatter, and what halving the scatter of each factor gains."""
 
 from __future__ import annotations
 
