@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from pathlib import Path
 
 import numpy as np
@@ -186,3 +187,19 @@ def test_peers_of_the_sensitivity_find_the_same_indices(benchmark, tmp_path):
     values, seconds, _ = peers.measured(peers.SALIB.replace("SAMPLES", "256"), tmp_path)
     assert values == pytest.approx([0.314, 0.442, 0, 0.558, 0.442, 0.244], abs=0.1)
     assert seconds > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "storm",
+    [
+        "--times 3 --what worker --every 1 --workers 2 --count 60",
+        "--times 2 --what client scheduler --every 2 --workers 1 --count 60 --seed 2",
+    ],
+)
+def test_a_storm_over_a_cluster_costs_blocks_at_work_only(benchmark, capsys, storm):
+    """Values and commits are held by the storm itself."""
+    benchmark("cluster_storm").main(storm.split())
+    told = ast.literal_eval(capsys.readouterr().out)
+    assert sum(told["hits"].values()) == int(storm.split()[1])
+    assert told["started again"] <= 4 * sum(told["hits"].values())

@@ -171,6 +171,15 @@ def test_blocks_grow_towards_a_second_and_shrink_at_the_end():
     assert sum(sizes) == 967
 
 
+def test_blocks_on_a_cluster_last_longer_and_none_has_large_results():
+    queue = BlockQueue(np.arange(100_000), seconds=5.0)
+    queue.take(1)
+    queue.learn(0.5, 100)
+    assert queue.take(1).size == 1000
+    queue.learn(0.5, 100, size=100 * 64_000)
+    assert queue.take(1).size == 500
+
+
 def test_a_block_that_comes_back_is_run_in_halves():
     queue = BlockQueue(np.arange(5), block=5)
     queue.halve(queue.take(1))

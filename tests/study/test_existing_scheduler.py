@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
-import signal
-import socket
-import subprocess
 import sys
 import threading
 import time
 from collections import Counter
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from distributed import Client
 
 import tripod_doe as td
 from tripod_doe.errors import TripodDoeError
 from tripod_doe.study.existing_scheduler import ExistingScheduler
+from tripod_doe.study.scenes import load_simulator
+from tripod_doe.study.user_code import check_imported, placed, read_user_code
 from tripod_doe.workflow.run import run
+
+sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
+from supervised_cluster import SupervisedCluster
 
 FUNCTION = """
 import os, time
@@ -41,53 +47,6 @@ count = {count}
 [run]
 block = {block}
 """
-
-
-class Cluster:
-    """A scheduler and supervised workers: what ends of them is started again, as a cluster manager does."""
-
-    def __init__(self, folder, workers):
-        self.file = folder / "scheduler.json"
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.port = probe.getsockname()[1]
-        self.address = f"tcp://127.0.0.1:{self.port}"
-        self.ended = threading.Event()
-        self.processes = {}
-        self.commands = {"scheduler": ["scheduler", "--host", "127.0.0.1", "--port", str(self.port), "--no-dashboard",
-                                       "--scheduler-file", str(self.file)]}  # fmt: skip
-        for number in range(workers):
-            self.add_worker(f"worker {number}")
-        self.supervisor = threading.Thread(target=self.supervise)
-
-    def add_worker(self, name):
-        self.commands[name] = ["worker", self.address, "--no-nanny", "--nthreads", "1", "--no-dashboard",
-                               "--host", "127.0.0.1", "--death-timeout", "10", "--name", name]  # fmt: skip
-
-    def supervise(self):
-        while not self.ended.wait(0.1):
-            for name, command in list(self.commands.items()):
-                if name not in self.processes or self.processes[name].poll() is not None:
-                    self.processes[name] = subprocess.Popen(
-                        [sys.executable, "-m", "dask", *command], stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
-                    )
-
-    def kill(self, name):
-        self.processes[name].send_signal(signal.SIGKILL)
-        self.processes[name].wait()
-
-    def __enter__(self):
-        self.supervisor.start()
-        while not self.file.exists():
-            time.sleep(0.05)
-        return self
-
-    def __exit__(self, *exception):
-        self.ended.set()
-        self.supervisor.join()
-        for process in self.processes.values():
-            process.kill()
-            process.wait()
 
 
 @pytest.fixture
@@ -125,7 +84,7 @@ def meanwhile(step, condition):
 def test_a_scheduler_that_is_killed_and_comes_back_costs_the_blocks_at_work_only(case, tmp_path, capsys):
     """Exact: every value, and no more points ran twice than were at work; workers that join late are used."""
     study = case(count=60)
-    with Cluster(tmp_path, workers=1) as cluster:
+    with SupervisedCluster(tmp_path, workers=1) as cluster:
 
         def disturb():
             cluster.add_worker("late worker")
@@ -145,26 +104,89 @@ def test_a_scheduler_that_is_killed_and_comes_back_costs_the_blocks_at_work_only
 
 @pytest.mark.slow
 def test_a_point_that_kills_its_worker_is_condemned_alone(case, tmp_path, monkeypatch):
-    """Its neighbours in the worker's queue die with it, and finish all the same."""
+    """Its neighbours in block and queue die with it, and finish all the same, although this scheduler blames them."""
     monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")
-    study = case(count=12, pause=0.02, killer=5)
-    with Cluster(tmp_path, workers=1) as cluster:
+    study = case(count=200, block=4, pause=0.001, killer=5)
+    with SupervisedCluster(tmp_path, workers=1) as cluster:
         run(study, tmp_path / "out", scheduler=cluster.address, progress=False)
     cube = td.open_cube(tmp_path / "out")
     lost = cube["outcome"].values == td.Outcome.WORKER_LOST
     assert cube["x"].values[lost].tolist() == [5]
     np.testing.assert_array_equal(cube["y"].values[~lost], cube["x"].values[~lost] ** 2)
-    assert "a worker process died on this point" in str(cube["outcome_detail"].values[lost][0])
+    assert str(cube["outcome_detail"].values[lost][0]) == "3 worker processes died on this point"
+    assert case.started()[5] == 2 + 1 + 3  # in the block, in its halves, among others, then by itself
+
+
+@pytest.mark.slow
+def test_workers_that_join_before_the_first_block_is_finished_get_work_at_once(case, tmp_path, capsys):
+    """Regression: without a worker at the start two blocks were sent, and others only when one of them was finished."""
+    study = case(count=4, pause=8.0)
+    with SupervisedCluster(tmp_path, workers=0) as cluster:
+
+        def join():
+            for number in range(4):
+                cluster.add_worker(f"worker {number}")
+
+        thread = meanwhile(join, lambda: True)
+        run(study, tmp_path / "out", scheduler=cluster.address, progress=False)
+        thread.join()
+    assert set(td.open_cube(tmp_path / "out")["worker"].values.tolist()) == {f"worker {number}" for number in range(4)}
+    assert "no worker has joined yet; waiting for the first" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_what_does_not_match_is_left_out_by_name_and_what_is_shipped_matches(case, tmp_path, capsys):
+    """A worker without this package; a function that changes while its workers stay; a folder they do not see."""
+    study = case(count=6)
+    (tmp_path / "other" / "tripod_doe").mkdir(parents=True)
+    (tmp_path / "other" / "tripod_doe" / "__init__.py").write_text("__version__ = '0'\n")
+    with SupervisedCluster(tmp_path, workers=1) as cluster:
+        cluster.add_worker("old worker", python_path=str(tmp_path / "other"))
+        with Client(cluster.address) as client:
+            client.wait_for_workers(2)
+        run(study, tmp_path / "out", scheduler=cluster.address, progress=False)
+        told = capsys.readouterr().err
+        code = tmp_path / "cluster_function.py"
+        code.write_text(
+            code.read_text().replace("x**2", "x**3 + helper.SHIFT").replace("import os", "import helper, os")
+        )
+        (tmp_path / "helper.py").write_text("SHIFT = 7\n")
+        sys.modules.pop("cluster_function")
+        run(study, tmp_path / "changed", scheduler=cluster.address, progress=False)
+    assert set(td.open_cube(tmp_path / "out")["worker"].values.tolist()) == {"worker 0"}
+    cube = td.open_cube(tmp_path / "changed")
+    np.testing.assert_array_equal(cube["y"], cube["x"] ** 3 + 7)
+    assert told.count("worker old worker at tcp://127.0.0.1") == 1
+    assert "is left out: it has no tripod-doe that can be used (ModuleNotFoundError: No module named" in told
+
+
+def test_code_that_a_worker_does_not_see_is_copied_there(tmp_path, monkeypatch):
+    """And an installed module of another version is refused."""
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "far").mkdir()
+    (tmp_path / "far" / "__init__.py").write_text("from far.inner import y\n")
+    (tmp_path / "far" / "inner.py").write_text("def y(x):\n    return {'y': x + 1}\n")
+    importlib.import_module("far")
+    code = read_user_code("far:y", tmp_path)
+    assert sorted(code.files) == ["far/__init__.py", "far/inner.py"]
+    assert placed(code, str(tmp_path)) == str(tmp_path)
+    assert sys.modules["far"].__file__.startswith(str(tmp_path))
+    copy = placed(code, "/nowhere")
+    assert "far" not in sys.modules  # imported again, from the copy
+    assert (Path(copy) / "far" / "inner.py").read_bytes() == code.files["far/inner.py"]
+    load_simulator(function="far:y", folder=copy)
+    check_imported(code)
+    with pytest.raises(td.InputError, match="it has another version of far; install the same"):
+        check_imported(replace(code, digest="other"))
 
 
 @pytest.mark.slow
 def test_a_scheduler_that_stays_away_ends_the_run_with_its_points_kept(case, tmp_path):
     study = case(count=30)
-    with Cluster(tmp_path, workers=1) as cluster:
+    with SupervisedCluster(tmp_path, workers=1) as cluster:
 
         def end():
-            cluster.commands.pop("scheduler")
-            cluster.kill("scheduler")
+            cluster.kill("scheduler", for_good=True)
 
         thread = meanwhile(end, lambda: sum(case.started().values()) >= 5)
         with pytest.raises(TripodDoeError, match="no Dask scheduler has answered for 1 s; finished points are kept"):

@@ -119,6 +119,11 @@ class BlockResult:
         """Number of points."""
         return self.outcome.size
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the outputs."""
+        return sum(values.data.nbytes for values in self.outputs.values())
+
     def end(self, rows: Rows, outcome: Outcome, detail: str = "") -> None:
         """Note how points ended."""
         self.outcome[rows] = outcome

@@ -1,4 +1,4 @@
-"""The points of a study that wait to be computed, cut into blocks that last about a second each."""
+"""The points of a study that wait to be computed, cut into blocks that last about equally long."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 __all__ = ["BlockQueue"]
 
-_TARGET_SECONDS = 1.0
 _FIRST_BLOCK = 1  # a point may take seconds; how cheap points are is known from the first answer
 _LARGEST_GROWTH = 32
 _SMALLEST_SHARE = 16  # the last blocks shrink to this part of the usual ones
+_MOST_BYTES = 32_000_000  # of the results of a block
 _FAIR_SAMPLE_SECONDS = 0.2  # a shorter block is mostly overhead, and says little about the price of a point
 
 
@@ -23,9 +23,12 @@ class BlockQueue:
         Indices of the points.
     block
         Points per block; None sizes the blocks by what the finished ones took.
+    seconds
+        How long a block should last.
     """
 
-    def __init__(self, waiting: NDArray[np.int64], block: int | None = None) -> None:
+    def __init__(self, waiting: NDArray[np.int64], block: int | None = None, seconds: float = 1.0) -> None:
+        self._target = seconds
         self._waiting = waiting
         self._returned: list[NDArray[np.int64]] = []
         self._fixed = block
@@ -50,12 +53,12 @@ class BlockQueue:
         """Put a block back as two halves."""
         self._returned.extend(half for half in np.array_split(block, 2) if half.size)
 
-    def learn(self, seconds: float, count: int) -> None:
-        """Size the next blocks by what one of so many points took."""
+    def learn(self, seconds: float, count: int, size: int = 0) -> None:
+        """Size the next blocks by the time that one of so many points took, and the bytes of its results."""
         if seconds >= _FAIR_SAMPLE_SECONDS:
             self._seconds_per_point = seconds / count
         if self._fixed is None and seconds > 0:
-            wanted = _TARGET_SECONDS * count / seconds
+            wanted = min(self._target * count / seconds, _MOST_BYTES * count / max(size, 1))
             self._size = int(min(max(wanted, 1), _LARGEST_GROWTH * max(self._size, count)))
 
     def expect(self, seconds: float, count: int) -> None:

@@ -33,6 +33,7 @@ __all__ = ["Execution"]
 
 _USUAL_WORKERS = 2
 _WORTH_WORKERS = 15.0  # seconds of work left: two workers take about 8 s of CPU time to start, and some to end
+_SECONDS, _REMOTE_SECONDS = 1.0, 5.0  # a block here, and on a cluster, whose scheduler serves many workers
 _PATIENCE = 2.0  # seconds after which a block that is at work here is looked at: its points may be long ones
 
 
@@ -106,7 +107,7 @@ class Execution:
         """
         self.seconds = 0.0
         study = asked.study
-        queue = BlockQueue(missing, study.file.run.block)
+        queue = BlockQueue(missing, study.file.run.block, _REMOTE_SECONDS if self._scheduler else _SECONDS)
         starts_here = self._starts_here(careful or study.file.study.function is not None)
         study.simulator.prepare(asked.columns(missing))
         if not starts_here:
@@ -143,24 +144,25 @@ class Execution:
         started = time.perf_counter()
         try:
             while True:
+                check_interrupt()
                 while executor.busy < executor.slots and go_on() and (block := queue.take(executor.slots)) is not None:
                     executor.submit(block, asked.task(block))
                 if not executor.busy:
                     break
-                block, answer = executor.next_finished()
+                if (news := executor.next_finished()) is None:
+                    continue
+                block, answer = news
                 if isinstance(answer, AtWork):
                     queue.expect(answer.seconds, block.size)
                     if not go_on():
                         break
-                    check_interrupt()
                     continue
                 if isinstance(answer, Lost) and block.size > 1:
                     queue.halve(block)
                     continue
                 finished = _finished_block(asked.keys[block], answer)
-                queue.learn(finished.wall_seconds, block.size)
+                queue.learn(finished.wall_seconds, block.size, finished.result.nbytes)
                 yield finished
-                check_interrupt()
         finally:
             self.seconds += time.perf_counter() - started
 

@@ -77,8 +77,11 @@ class Executor(Protocol):
         """Take a block to run."""
         ...
 
-    def next_finished(self) -> tuple[NDArray[np.int64], Answer | Lost | AtWork]:
-        """Wait for one of the blocks at work, or until it lasts long; an interrupt ends the waiting."""
+    def next_finished(self) -> tuple[NDArray[np.int64], Answer | Lost | AtWork] | None:
+        """Wait for one of the blocks at work, or until it lasts long; an interrupt ends the waiting.
+
+        None where it is time to look whether there is room for more blocks.
+        """
         ...
 
     def close(self) -> None:

@@ -43,11 +43,11 @@ def matching_simulator(scene: str, function: str | None, folder: str, source_has
     Raises
     ------
     InputError
-        If this machine has another version of the kernels than the one that plans the study.
+        If this machine, a worker, has another version of the kernels than the one that plans the study.
     """
     simulator = load_simulator(scene, function, folder)
     if simulator.source_hash != source_hash:
-        raise InputError("a worker has another version of the kernels; install the same tripod-doe on all machines")
+        raise InputError("it has another version of the kernels; install the same tripod-doe on all machines")
     return simulator
 
 

@@ -1,0 +1,90 @@
+"""A Dask scheduler and workers on this machine that are started again when they end, as a cluster manager does."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+
+class SupervisedCluster:
+    """A scheduler and its workers, without nannies.
+
+    Parameters
+    ----------
+    folder
+        Where the file that names the scheduler is written.
+    workers
+        Workers at the start.
+    away
+        Seconds for which a scheduler that was killed stays away.
+    """
+
+    def __init__(self, folder: Path, workers: int, away: float = 0.0) -> None:
+        self.file, self.away = folder / "scheduler.json", away
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = str(probe.getsockname()[1])
+        self.address = f"tcp://127.0.0.1:{port}"
+        self.processes: dict[str, subprocess.Popen] = {}
+        self._ended = threading.Event()
+        self._not_before: dict[str, float] = {}
+        self._commands = {"scheduler": ["scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard",
+                                        "--scheduler-file", str(self.file)]}  # fmt: skip
+        self._places: dict[str, str] = {}
+        for number in range(workers):
+            self.add_worker(f"worker {number}")
+        self._supervisor = threading.Thread(target=self._supervise)
+
+    def add_worker(self, name: str, python_path: str = "") -> None:
+        """Let one worker more join, with a folder before all others from which it imports."""
+        self._places[name] = python_path
+        self._commands[name] = ["worker", self.address, "--no-nanny", "--nthreads", "1", "--no-dashboard",
+                                "--host", "127.0.0.1", "--death-timeout", "60", "--name", name]  # fmt: skip
+
+    def workers(self) -> list[str]:
+        """Names of the workers that are alive."""
+        return [name for name, process in self.processes.items() if name != "scheduler" and process.poll() is None]
+
+    def kill(self, name: str, for_good: bool = False) -> None:
+        """SIGKILL; what is not gone for good comes back."""
+        if for_good:
+            self._commands.pop(name)
+        self._not_before[name] = time.monotonic() + (self.away if name == "scheduler" else 0.0)
+        self.processes[name].kill()
+        self.processes[name].wait()
+
+    def stop(self, name: str, seconds: float) -> None:
+        """SIGSTOP for some seconds."""
+        self.processes[name].send_signal(signal.SIGSTOP)
+        time.sleep(seconds)
+        self.processes[name].send_signal(signal.SIGCONT)
+
+    def _supervise(self) -> None:
+        while not self._ended.wait(0.1):
+            for name, command in list(self._commands.items()):
+                ended = name not in self.processes or self.processes[name].poll() is not None
+                if ended and time.monotonic() >= self._not_before.get(name, 0.0):
+                    places = [self._places.get(name, ""), os.environ.get("PYTHONPATH", "")]
+                    self.processes[name] = subprocess.Popen(
+                        [sys.executable, "-m", "dask", *command], stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                        env=os.environ | {"PYTHONPATH": os.pathsep.join(place for place in places if place)},
+                    )  # fmt: skip
+
+    def __enter__(self) -> SupervisedCluster:
+        self._supervisor.start()
+        while not self.file.exists():
+            time.sleep(0.05)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._ended.set()
+        self._supervisor.join()
+        for process in self.processes.values():
+            process.kill()
+            process.wait()

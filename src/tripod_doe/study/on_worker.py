@@ -1,0 +1,87 @@
+"""What a Dask worker does with a block: it computes it, or says why it cannot."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from typing import Any
+
+from tripod_doe.errors import InputError
+from tripod_doe.study.executor import Answer
+from tripod_doe.study.task import Task, matching_simulator, run_task
+from tripod_doe.study.user_code import UserCode, check_imported, placed
+
+__all__ = ["Unfit", "answer_as_bytes", "our_version", "read_answer", "run_block"]
+
+
+@dataclass(frozen=True)
+class Unfit:
+    """A worker that cannot run a study.
+
+    Attributes
+    ----------
+    name, address
+        Of the worker.
+    reason
+        Why it cannot, as the end of a sentence on it.
+    """
+
+    name: str
+    address: str
+    reason: str
+
+
+def our_version() -> str:
+    """Version of the package in this process."""
+    return version("tripod-doe")
+
+
+def _by_value() -> Callable[[str, bytes], tuple[str, str, bytes | str]]:
+    """A function without references to this package: it is sent with its code, so that any worker can answer."""
+
+    def run_block(wanted: str, work: bytes) -> tuple[str, str, bytes | str]:
+        from distributed import get_worker
+
+        worker = get_worker()
+        try:
+            from tripod_doe.study.on_worker import answer_as_bytes, our_version
+        except Exception as error:
+            problem = f"it has no tripod-doe that can be used ({type(error).__name__}: {error})"
+            return str(worker.name), str(worker.address), problem
+        if our_version() != wanted:
+            problem = f"it has tripod-doe {our_version()}, and {wanted} is needed"
+            return str(worker.name), str(worker.address), problem
+        return str(worker.name), str(worker.address), answer_as_bytes(work, str(worker.name))
+
+    return run_block
+
+
+run_block = _by_value()
+"""Run pickled work (a task and the user's code, if any) on a worker of a wanted version of this package.
+
+Gives name and address of the worker with a pickled answer, or with the reason why it cannot run it.
+"""
+
+
+def answer_as_bytes(work: bytes, name: str) -> bytes | str:
+    """On a worker: what a block gave, pickled, or why this worker cannot run it."""
+    task: Task
+    code: UserCode | None
+    task, code = pickle.loads(work)
+    try:
+        if code:
+            task = replace(task, folder=placed(code, task.folder))
+        matching_simulator(task.scene, task.function, task.folder, task.source_hash)
+        if code:
+            check_imported(code)
+    except InputError as error:
+        return str(error)
+    return pickle.dumps(Answer(*run_task(task), name))
+
+
+def read_answer(told: tuple[str, str, Any]) -> Answer | Unfit:
+    """What a worker answered."""
+    name, address, what = told
+    return pickle.loads(what) if isinstance(what, bytes) else Unfit(name, address, what)

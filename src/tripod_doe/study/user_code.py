@@ -1,0 +1,117 @@
+"""The code of a user's function, sent to the workers of a cluster with its blocks, so that all compute the same.
+
+A worker that sees the study's folder as this machine does imports from there, so that a function finds its data beside
+it. Any other gets a copy of what the function imports from that folder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from tripod_doe.errors import InputError
+
+__all__ = ["UserCode", "check_imported", "placed", "read_user_code"]
+
+_OURS = "tripod_doe"
+
+
+@dataclass(frozen=True)
+class UserCode:
+    """Sources of a function.
+
+    Attributes
+    ----------
+    module
+        Where the function is imported from.
+    files
+        Sources of this module and of all others that it imports from the study's folder, by their paths below it.
+    digest
+        Of the module and these files.
+    """
+
+    module: str
+    files: Mapping[str, bytes]
+    digest: str
+
+
+def read_user_code(function: str, folder: Path) -> UserCode:
+    """The code of a function that this process has imported.
+
+    Parameters
+    ----------
+    function
+        ``package.module:function``.
+    folder
+        The study's folder.
+    """
+    module = function.partition(":")[0]
+    files = {
+        path: (folder / path).read_bytes()
+        for name, loaded in sorted(sys.modules.items())
+        if (path := _path_below(folder, name, getattr(loaded, "__file__", None)))
+    }
+    return UserCode(module, files, _digest(module, files))
+
+
+def _path_below(folder: Path, name: str, file: str | None) -> str:
+    """The path of a module below a folder that it is imported from; empty for one from elsewhere."""
+    if not file or name.partition(".")[0] == _OURS:
+        return ""
+    stem = name.replace(".", "/")
+    paths = (f"{stem}.py", f"{stem}/__init__.py")
+    return next((path for path in paths if Path(file).absolute() == (folder / path).absolute()), "")
+
+
+def _digest(module: str, files: Mapping[str, bytes]) -> str:
+    file = getattr(sys.modules[module], "__file__", None)
+    own = Path(file).read_bytes() if file else b""  # a module without a file is part of Python
+    parts = [own, *(part for path in sorted(files) for part in (path.encode(), files[path]))]
+    return hashlib.blake2b(b"\0".join(parts), digest_size=16).hexdigest()
+
+
+_placed: dict[str, str] = {}
+"""On a worker: folder of the code that was imported last, by its module, behind its digest."""
+_copies: dict[str, tempfile.TemporaryDirectory[str]] = {}
+"""On a worker: copies of code by its digest; they go with the process."""
+
+
+def placed(code: UserCode, folder: str) -> str:
+    """On a worker: the folder to import a function from; an earlier version of its modules is forgotten."""
+    place = folder if _sees(code, folder) else _copy(code)
+    here = f"{code.digest} {place}"
+    if _placed.get(code.module, here) != here:
+        names = {path.removesuffix(".py").removesuffix("/__init__").replace("/", ".") for path in code.files}
+        for name in names & sys.modules.keys():
+            del sys.modules[name]
+        importlib.invalidate_caches()
+    _placed[code.module] = here
+    return place
+
+
+def check_imported(code: UserCode) -> None:
+    """On a worker: refuse (InputError) another version of a module that is installed there."""
+    if _digest(code.module, code.files) != code.digest:
+        raise InputError(f"it has another version of {code.module}; install the same on all machines")
+
+
+def _sees(code: UserCode, folder: str) -> bool:
+    try:
+        return all((Path(folder) / path).read_bytes() == text for path, text in code.files.items())
+    except OSError:
+        return False
+
+
+def _copy(code: UserCode) -> str:
+    if code.digest not in _copies:
+        _copies[code.digest] = tempfile.TemporaryDirectory(prefix="tripod-doe-")
+        for path, text in code.files.items():
+            target = Path(_copies[code.digest].name) / path
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(text)
+    return _copies[code.digest].name
