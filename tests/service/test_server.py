@@ -41,7 +41,7 @@ def test_a_folder_has_one_server(serve, tmp_path):
     words = [sys.executable, "-m", "tripod_doe.cli", "serve", "--folder", str(tmp_path / "results"), "--port", "0"]
     second = subprocess.run(words, capture_output=True, text=True, timeout=60)
     assert second.returncode == 2
-    assert "another server looks after this folder" in second.stderr
+    assert "another server uses this folder" in second.stderr
     assert second.stdout == ""
     reader = serve("--read-only")
     assert reader.ask("/runs")[0] == 200

@@ -92,9 +92,9 @@ def test_a_run_that_dies_is_failed_with_its_last_words(start, tmp_path):
     assert wait(supervisor, submit(supervisor, tmp_path), State.FAILED).message == "the disk is full"
 
 
-def test_a_run_killed_without_a_word_is_failed_and_says_so(start, tmp_path):
+def test_a_run_killed_without_a_message_is_failed_and_says_so(start, tmp_path):
     supervisor = start("import os; os.kill(os.getpid(), 9)")
-    assert "without a word" in wait(supervisor, submit(supervisor, tmp_path), State.FAILED).message
+    assert "without a message" in wait(supervisor, submit(supervisor, tmp_path), State.FAILED).message
 
 
 def test_a_run_that_does_not_stop_is_killed(start, tmp_path, monkeypatch):

@@ -66,6 +66,14 @@ def test_a_process_that_is_gone_from_this_host_does_not_live(tmp_path):
     hold.release()
 
 
+def test_a_holder_whose_lock_was_deleted_says_so_and_stops(tmp_path):
+    hold = Hold(tmp_path)
+    (tmp_path / ".lock").unlink()
+    with pytest.raises(td.StorageError, match=r"\.lock was deleted, so another process may write here; this one stops"):
+        hold.check()
+    hold.release()
+
+
 def test_run_takes_over_only_when_asked(tmp_path, monkeypatch, capsys, elsewhere):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "study.toml").write_text(STUDY)

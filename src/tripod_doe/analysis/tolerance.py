@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from pydantic import Field, field_validator
+from pydantic import Field
 
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.sensitivity.distributions import SAMPLED_DESIGNS
@@ -25,7 +25,7 @@ from tripod_doe.analysis.sensitivity.outputs import (
 )
 from tripod_doe.analysis.sensitivity.resampling import bootstrap_weights, half_width
 from tripod_doe.analysis.sensitivity.sample import Sample, flat_points, read_sample
-from tripod_doe.analysis.sensitivity.settings import SensitivitySettings
+from tripod_doe.analysis.sensitivity.settings import Probabilities, SensitivitySettings
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.distributions import scatter_density
 from tripod_doe.study.file import FactorTable
@@ -38,18 +38,11 @@ FloatArray = NDArray[np.float64]
 class ToleranceSettings(SensitivitySettings):
     """[analysis.NAME] of kind tolerance."""
 
-    outputs: list[str] = Field(["thrust_amplitude"], description="outputs whose distribution is asked for")
-    probabilities: list[float] = Field([0.05, 0.5, 0.95, 0.99], min_length=1, description="of the quantiles")
+    outputs: list[str] = Field(["thrust_amplitude"], description="outputs whose distribution is wanted")
+    probabilities: Probabilities = Field([0.05, 0.5, 0.95, 0.99])
     limits: dict[str, float] = Field(
         {}, description="largest values allowed: OUTPUT_ORDER = value, as thrust_amplitude_3, or OUTPUT = value"
     )
-
-    @field_validator("probabilities")
-    @classmethod
-    def _between(cls, values: list[float]) -> list[float]:
-        if not all(0 < value < 1 for value in values):
-            raise ValueError("probabilities lie between 0 and 1")
-        return sorted(set(values))
 
 
 def _quantiles(values: FloatArray, probabilities: list[float], confidence: float) -> dict[str, FloatArray]:

@@ -17,7 +17,7 @@ __all__ = ["ending_of", "has_report", "remove_report"]
 
 _LEAST = 1_000_000  # bytes without which a run cannot end in order
 _FULL = "the disk is full; resume goes on at the next missing point"
-_SILENT = "its process ended without a word; resume goes on at the next missing point"
+_SILENT = "its process ended without a message; resume goes on at the next missing point"
 
 
 def ending_of(run: Run, counts: PointCounts, steps: Sequence[Mapping[str, Any]], directory: Path) -> tuple[State, str]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +15,7 @@ from tripod_doe.study.designs import point_count
 from tripod_doe.study.plan import Plan, plan
 from tripod_doe.workflow.analyses import check_analyses
 from tripod_doe.workflow.definition import load_workflow
+from tripod_doe.workflow.plan import WorkflowPlan
 
 __all__ = ["plan_study", "plan_upload"]
 
@@ -54,31 +53,38 @@ def plan_upload(folder: Path, main: str, limits: Limits, timing: bool) -> dict[s
         check_analyses(study)
         return plan_study(study, limits, timing)
     workflow = load_workflow(folder / main)
-    steps = {}
+    steps: dict[str, dict[str, Any]] = {}
+    plans = {}
     for name, step in workflow.steps.items():
-        price = {} if step.study is None else plan_study(step.study, limits, timing=False)
-        steps[name] = {"kind": step.table.kind, "inputs": list(step.inputs)} | price
-    head = workflow.file.workflow
+        steps[name] = {"kind": step.table.kind, "inputs": list(step.inputs)}
+        if step.study is not None:
+            plans[name] = _plan_within(step.study, limits, timing=False)
+            steps[name] |= _told(step.study, plans[name])
+    head, hours = workflow.file.workflow, WorkflowPlan(plans).cpu_hours
     studies = [step for step in steps.values() if "points" in step]
     whole: dict[str, Any] = {"name": head.name, "question": head.question, "kind": "workflow", "steps": steps}
     whole |= {key: sum(study[key] or 0 for study in studies) for key in _COUNTS}
-    whole |= {"cpu_seconds": _total([study["cpu_seconds"] for study in studies]), "timed": 0}
+    whole |= {"cpu_seconds": _seconds(hours), "timed": 0}
     blocks = [study["blocks"] for study in studies]
     whole["blocks"] = None if None in blocks else sum(blocks)
     whole["warnings"] = [f"{name}: {text}" for name, step in steps.items() for text in step.get("warnings", [])]
-    _check_limits(whole, limits)
+    _check_limits(limits, "workflow.toml", whole["points"], whole["bytes"], hours)
     return whole
 
 
 def plan_study(study: Study, limits: Limits, timing: bool) -> dict[str, Any]:
     """Counts and price of one study; see `plan_upload`."""
+    return _told(study, _plan_within(study, limits, timing))
+
+
+def _plan_within(study: Study, limits: Limits, timing: bool) -> Plan:
+    """Plan a study that keeps the limits."""
     counted = point_count(study)
     if counted > limits.points:  # before any point is made
         raise TooLargeError(f"{study.origin}: {counted:,} points; at most {limits.points:,} are allowed here")
     price = plan(study, timing, recorded=True)
-    told = _told(study, price)
-    _check_limits(told, limits, study.origin)
-    return told
+    _check_limits(limits, study.origin, price.points, price.cube_bytes, price.cpu_hours)
+    return price
 
 
 def _told(study: Study, price: Plan) -> dict[str, Any]:
@@ -107,21 +113,13 @@ def _seconds(hours: tuple[float, float, float] | None) -> dict[str, float] | Non
     return hours and dict(zip(("low", "mean", "high"), (3600 * value for value in hours), strict=True))
 
 
-def _total(prices: Sequence[dict[str, float] | None]) -> dict[str, float] | None:
-    """The sum of prices; none where one is not known."""
-    known = [price for price in prices if price is not None]
-    if len(known) < len(prices):
-        return None
-    return {end: math.fsum(price[end] for price in known) for end in ("low", "mean", "high")}
-
-
-def _check_limits(told: dict[str, Any], limits: Limits, origin: str = "workflow.toml") -> None:
-    price = told["cpu_seconds"]
-    hours = price["mean"] / 3600 if price else 0.0
+def _check_limits(
+    limits: Limits, origin: str, points: int, cube_bytes: int | None, hours: tuple[float, float, float] | None
+) -> None:
     for value, most, what in (
-        (told["points"], limits.points, "points"),
-        (told["bytes"] or 0, limits.cube_bytes, "bytes in its cubes"),
-        (hours, limits.cpu_hours, "CPU-hours"),
+        (points, limits.points, "points"),
+        (cube_bytes or 0, limits.cube_bytes, "bytes in its cubes"),
+        (hours[1] if hours else 0.0, limits.cpu_hours, "CPU-hours"),
     ):
         if value > most:
             raise TooLargeError(f"{origin}: {value:,.6g} {what}; at most {most:,.6g} are allowed here")

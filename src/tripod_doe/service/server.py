@@ -87,7 +87,7 @@ def _held(settings: Settings) -> Iterator[None]:
         yield
     except BlockingIOError as error:
         raise InputError(
-            f"{option('folder', str(folder))}: another server looks after this folder; use it, or choose another folder"
+            f"{option('folder', str(folder))}: another server uses this folder; open that one, or choose another folder"
         ) from error
     finally:
         os.close(lock)

@@ -71,14 +71,16 @@ class Hold:
         Raises
         ------
         StorageError
-            If somebody has.
+            If somebody has, or might: the lock's file is gone.
         """
+        place = self._file.parent
         try:
             same = os.path.samestat(os.stat(self._file), os.fstat(self._lock))
-        except FileNotFoundError:
-            same = False
+        except FileNotFoundError as error:
+            lost = f"{self._file.name} was deleted, so another process may write here"
+            raise StorageError(f"{place}: {lost}; this one stops") from error
         if not same:
-            raise StorageError(f"{self._file.parent}: another process took this directory over; this one stops")
+            raise StorageError(f"{place}: another process took this directory over; this one stops")
 
     def release(self) -> None:
         """Let other processes write."""

@@ -7,7 +7,7 @@ from statistics import NormalDist
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from pydantic import Field, field_validator
+from pydantic import Field
 
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.multifidelity.estimates import Estimate, estimate
@@ -20,7 +20,7 @@ from tripod_doe.analysis.sensitivity.outputs import (
     read_outputs,
     stacked,
 )
-from tripod_doe.analysis.sensitivity.settings import PointSettings
+from tripod_doe.analysis.sensitivity.settings import PointSettings, Probabilities
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.file import parse_file
@@ -36,14 +36,7 @@ _CONSTANT = 1e-9  # spread below which an output does not vary, over its largest
 class MultifidelitySettings(PointSettings):
     """[analysis.NAME] of kind multifidelity."""
 
-    probabilities: list[float] = Field([0.05, 0.5, 0.95], min_length=1, description="of the quantiles")
-
-    @field_validator("probabilities")
-    @classmethod
-    def _between(cls, values: list[float]) -> list[float]:
-        if not all(0 < value < 1 for value in values):
-            raise ValueError("probabilities lie between 0 and 1")
-        return sorted(set(values))
+    probabilities: Probabilities = Field([0.05, 0.5, 0.95])
 
 
 def _half(found: Estimate, confidence: float) -> float:

@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-__all__ = ["PointSettings", "SensitivitySettings"]
+__all__ = ["PointSettings", "Probabilities", "SensitivitySettings"]
+
+
+def _between_0_and_1(values: list[float]) -> list[float]:
+    if not all(0 < value < 1 for value in values):
+        raise ValueError("probabilities lie between 0 and 1")
+    return sorted(set(values))
+
+
+Probabilities = Annotated[
+    list[float], Field(min_length=1, description="of the quantiles"), AfterValidator(_between_0_and_1)
+]
+"""Probabilities of the quantiles that an analysis computes, in ascending order and each once."""
 
 
 class PointSettings(BaseModel):
