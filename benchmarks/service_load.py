@@ -150,7 +150,7 @@ def cpu_of(server: Server) -> float:
     return used.user + used.system
 
 
-async def measure(server: Server, requests: int, memory: int, watchers: int, side: int = 40) -> None:
+async def measure(server: Server, requests: int, memory: int, watchers: int, side: int = 40, turns: int = 3) -> None:
     """Measure, and print a line for each figure."""
     (demo,) = await once(server, "GET", "/runs")
     small = server.head("GET", f"/runs/{demo['id']}")
@@ -160,7 +160,7 @@ async def measure(server: Server, requests: int, memory: int, watchers: int, sid
         seconds = await asked(server, small, requests, clients)
         cpu, rate = cpu_of(server) - cpu, seconds.size / (time.perf_counter() - started)
         print(f"small answers, {clients} clients: {rate:.0f} per second, p99 {1e3 * np.quantile(seconds, 0.99):.1f} ms, "
-              f"{1e6 * cpu / seconds.size:.0f} us of CPU time each: at most {seconds.size / cpu:.0f} per second")  # fmt: skip
+              f"{1e6 * cpu / seconds.size:.0f} us of CPU time each: at most {seconds.size / max(cpu, 0.01):.0f} per second")  # fmt: skip
     query = server.head("GET", f"/runs/{demo['id']}/query?variable=thrust_rms")
     await asked(server, query, 5, 1)
     seconds = await asked(server, query, 50, 1)
@@ -169,7 +169,7 @@ async def measure(server: Server, requests: int, memory: int, watchers: int, sid
     await asked(server, small, memory, 8)
     growth = psutil.Process(server.process.pid).memory_info().rss / before - 1
     print(f"memory after {memory:,} requests: {100 * growth:+.1f} % of {before / 1e6:.0f} MB")
-    await watch_figures(server, watchers, side)
+    await watch_figures(server, watchers, side, turns)
     await beside_studies(server, small, side, min(20.0, requests / 100))
 
 
@@ -189,10 +189,10 @@ async def beside_studies(server: Server, request: bytes, side: int, seconds: flo
         await finished(server, run["id"])
 
 
-async def watch_figures(server: Server, watchers: int, side: int) -> None:
+async def watch_figures(server: Server, watchers: int, side: int, turns: int) -> None:
     """Price of a study with and without watchers, in turns, and what 200 streams see of one."""
     prices: dict[int, list[float]] = {0: [], watchers: []}
-    for turn, count in enumerate([0, watchers] * 3):
+    for turn, count in enumerate([0, watchers] * turns):
         study = LONG.format(count=side).replace("low = 2\n", f"low = {2 + turn / 100}\n")
         run = await once(server, "POST", "/runs", {"study": study})
         before = cpu_of(server)

@@ -7,6 +7,9 @@ from pathlib import Path
 
 import pytest
 
+# tests start a hundred processes: each would compile our modules to bytecode anew where the surroundings keep it from disk
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 # before numpy is loaded, here and in what tests start: problems of linear algebra are small, and the threads of several
 # processes on few cores wait for each other, at full load
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

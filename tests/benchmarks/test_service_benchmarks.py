@@ -21,7 +21,7 @@ def test_load(benchmark, tmp_path, capsys):
     load = benchmark("service_load")
     server = load.Server(tmp_path / "results", "--demo", "--workers", "0")
     try:
-        in_own_thread(asyncio.run, load.measure(server, 40, 40, 3, 6))
+        in_own_thread(asyncio.run, load.measure(server, 40, 40, 3, 6, 1))
     finally:
         server.end()
     told = capsys.readouterr().out

@@ -35,7 +35,7 @@ from tripod_doe.simulator import Candidate
 def wave(x, z=0.0, model=3, slow=0.0):
     with open(os.path.join(os.path.dirname(__file__), "log"), "a") as log:
         log.write(f"{x} {z} {model}\\n")
-    time.sleep(slow)
+    time.sleep(slow * float(os.environ.get("PACE", "0")))
     miss = {0: 0.002 + (0.2 if x > 0.5 else 0.0), 1: 0.01, 2: 0.0, 3: 0.0}[int(model)]
     return {"y": (10 + x) * (1 + miss), "y_error": (10 + x) * (0.02 if model == 2 else 0.001)}
 wave.candidates = (
@@ -178,14 +178,26 @@ def test_a_finer_tolerance_is_tried_only_where_the_full_model_is_not_accurate_en
 def test_a_kill_in_the_pilot_loses_nothing_and_changes_nothing(wave):
     """kill -9 in the pilot: only what was at work runs twice; choice and cube are those of an undisturbed run."""
     text = STUDY.replace('model = "auto"', 'model = "auto"\nslow = 0.1') + "[run]\nblock = 1\n"
-    program, out = Path(sys.executable).with_name("tripod-doe"), wave.folder / "killed"
-    command = [str(program), "run", str(wave.write(text)), "--out", str(out), "--workers", "0"]
-    process = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
+    out = wave.folder / "killed"
+    command = [
+        sys.executable,
+        "-m",
+        "tripod_doe.cli",
+        "run",
+        str(wave.write(text)),
+        "--out",
+        str(out),
+        "--workers",
+        "0",
+    ]
+    slowly = os.environ | {"PACE": "1"}
+    process = subprocess.Popen(command, env=slowly, stderr=subprocess.DEVNULL, start_new_session=True)
     deadline = time.monotonic() + 60
     while time.monotonic() < deadline and len(wave.calls()) < 8:
         time.sleep(0.02)
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
+    assert len(wave.calls()) >= 8
     assert not (out / "choice.nc").exists()
     assert wave.run(text, "killed").good
     assert len(wave.calls()) <= 33 + 2 * 9 + 1  # lost: what was at work

@@ -20,8 +20,8 @@ from tripod_doe.report.figures import Chart
 from tripod_doe.report.figures.chain import StepView, chain_chart, step_time
 from tripod_doe.report.figures.chart import WIDE
 from tripod_doe.report.figures.claims import claims_chart
-from tripod_doe.report.page import render
 from tripod_doe.report.side_by_side import find_side_by_side, of_one_ladder, side_by_side_table
+from tripod_doe.report.templates import render
 
 __all__ = ["StoredChart", "chain_page", "read_charts", "step_page", "write_charts"]
 

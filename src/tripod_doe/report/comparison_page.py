@@ -12,8 +12,8 @@ from tripod_doe.quantities import level, with_unit
 from tripod_doe.report.answer import answer_first
 from tripod_doe.report.comparison import ORDER_HEADS, find_in_comparison, order_rows
 from tripod_doe.report.figures.comparison import comparison_charts
-from tripod_doe.report.page import render
 from tripod_doe.report.responses import spoken, unit_text
+from tripod_doe.report.templates import render
 from tripod_doe.study.netcdf import stamp_history, write_dataset
 
 __all__ = ["comparison_page", "write_comparison"]

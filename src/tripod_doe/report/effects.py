@@ -31,9 +31,9 @@ _MOST_HELD = 3  # values of other factors that a sentence can list
 
 def point_columns(cube: xr.Dataset, rows: NDArray[np.bool_]) -> dict[str, NDArray[np.generic]]:
     """Values of all factors at chosen points, shape (point,); words, and numbers with open fields, as text."""
-    columns = {}
+    columns, design = {}, dict(cube["outcome"].sizes)
     for name in factor_names(cube):
-        values = xr.broadcast(cube["outcome"], cube[name])[1].values[rows]
+        values = cube.variables[name].set_dims(design).values[rows]  # a tenth of the price of xr.broadcast
         words = values.dtype.kind not in "fiu" or bool(np.isnan(values.astype(float)).any())
         columns[name] = values.astype(str) if words else values
     return columns

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import base64
 import json
-import re
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import xarray as xr
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
 
 from tripod_doe.analysis.kinds import kind_of, of_kind
 from tripod_doe.analysis.sensitivity import RANKED
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError
-from tripod_doe.quantities import number
 from tripod_doe.report.analyses import findings_of, table_of
 from tripod_doe.report.answer import answer_first, picture_first
 from tripod_doe.report.contribution_sentences import contribution_notes
@@ -61,13 +56,14 @@ from tripod_doe.report.tables import (
     numerics_rows,
     outcome_counts,
 )
+from tripod_doe.report.templates import render
 from tripod_doe.report.what_if import WhatIfPage, what_if_pages
 from tripod_doe.simulator import NOTABLE_ERROR
 from tripod_doe.study.model_records import MODEL_ERROR
 from tripod_doe.study.netcdf import read_dataset
 from tripod_doe.study.results import is_shown, open_cube
 
-__all__ = ["make_page", "read_analyses", "render", "write_report"]
+__all__ = ["make_page", "read_analyses", "write_report"]
 
 _MOST_FAILED = 50
 _SECTIONS = {
@@ -251,36 +247,3 @@ def _charts(cube: xr.Dataset, shown: xr.Dataset, analyses: Mapping[str, xr.Datas
 def _without(picture: Chart | None, charts: list[Chart]) -> list[Chart]:
     """The charts but the one at the top of the page."""
     return [chart for chart in charts if chart is not picture]
-
-
-def render(template: str, **content: object) -> str:
-    """A page from one of the templates beside this module; text is escaped, charts are drawn inline."""
-    environment = Environment(
-        loader=PackageLoader("tripod_doe.report", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"told": number, "typeset": _typeset, "csv_link": _csv_link, "svg": _svg}
-    return environment.get_template(template).render(**content)
-
-
-def _typeset(text: str) -> str:
-    """Plain-text sentences with the signs of print."""
-    text = re.sub(r"(?:^|\s)\+- ", "\u00a0±\u00a0", text).replace("R2 ", "R²\u00a0").replace("R^2", "R²")
-    text = re.sub(r"\b(?:at (?:most|least)|Figs?\.) (?=[-\d])", lambda found: found[0].replace(" ", "\u00a0"), text)
-    text = text.replace("Sobol' ", "Sobol’ ")
-    text = text.replace("N m", "N\u00a0m")
-    text = re.sub(r"(?<=\d) (?=(?:N|deg|mm|um|rpm|%))", "\u00a0", text)
-    return re.sub(r"(?<![\w.])-(?=\d)", "−", text)
-
-
-def _svg(chart: Chart) -> Markup:
-    """The figure inline; its caption is its text alternative, and its title stands above it on the page."""
-    untitled = re.sub(r"(<svg[^>]*>)<title>.*?</title>", r"\1", chart.svg(), count=1)
-    return Markup(untitled.replace("<svg", Markup('<svg role="img" aria-label="{}"').format(chart.caption), 1))
-
-
-def _csv_link(chart: Chart) -> str:
-    return "data:text/csv;base64," + base64.b64encode(chart.csv().encode()).decode()

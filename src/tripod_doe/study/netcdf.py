@@ -34,10 +34,18 @@ def write_dataset(dataset: xr.Dataset, path: Path) -> None:
     StorageError
         If it cannot be written; the old file stays.
     """
+    from xarray.backends import NetCDF4DataStore
+    from xarray.backends.netCDF4_ import NETCDF4_PYTHON_LOCK
+
     floats = [name for name, variable in dataset.variables.items() if variable.dtype.kind == "f"]
     encoding = {name: {"_FillValue": np.nan if name in dataset.data_vars else None} for name in floats}
     with replace_file(path) as fresh:
-        dataset.to_netcdf(fresh, format="NETCDF4", engine="netcdf4", encoding=encoding)
+        # as `to_netcdf` does, which would import dask.distributed to ask which lock it needs
+        store = NetCDF4DataStore.open(fresh, mode="w", format="NETCDF4", lock=NETCDF4_PYTHON_LOCK)
+        try:
+            dataset.dump_to_store(store, encoding=encoding)
+        finally:
+            store.close()
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from starlette.responses import HTMLResponse
 
 from tripod_doe.quantities import duration, level, number, size
+from tripod_doe.report.template_cache import compiled_templates
 from tripod_doe.service.page.assets import stamp
 from tripod_doe.service.runs import Run
 from tripod_doe.service.settings import Settings
@@ -35,7 +36,7 @@ _PAGES = (("/", "Runs"), ("/new", "New study"), ("/compare", "Measurement"))
 def _templates() -> Environment:
     environment = Environment(
         loader=PackageLoader("tripod_doe.service.page"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
+        lstrip_blocks=True, bytecode_cache=compiled_templates(),
     )  # fmt: skip
     words = {
         "duration": duration,

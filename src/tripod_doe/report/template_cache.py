@@ -1,0 +1,30 @@
+"""Compiled templates of pages, kept on disk."""
+
+from __future__ import annotations
+
+import contextlib
+
+from jinja2 import FileSystemBytecodeCache
+from jinja2.bccache import Bucket
+
+from tripod_doe.mechanics.sources import cache_root
+
+__all__ = ["compiled_templates"]
+
+
+class _CompiledTemplates(FileSystemBytecodeCache):
+    """Compiled templates on disk; where they cannot be kept, they are compiled again."""
+
+    def dump_bytecode(self, bucket: Bucket) -> None:
+        with contextlib.suppress(OSError):
+            super().dump_bytecode(bucket)
+
+
+def compiled_templates() -> FileSystemBytecodeCache | None:
+    """Where templates are kept compiled, beside the kernels: to compile them was a tenth of a small run."""
+    folder = cache_root() / "templates"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return None
+    return _CompiledTemplates(str(folder))

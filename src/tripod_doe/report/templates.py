@@ -1,0 +1,55 @@
+"""Pages from the templates beside this module, and the signs of print in their sentences."""
+
+from __future__ import annotations
+
+import base64
+import re
+from functools import cache
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from tripod_doe.quantities import number
+from tripod_doe.report.figures import Chart
+from tripod_doe.report.template_cache import compiled_templates
+
+__all__ = ["render"]
+
+
+@cache
+def _templates() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("tripod_doe.report", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        bytecode_cache=compiled_templates(),
+    )
+    environment.filters |= {"told": number, "typeset": _typeset, "csv_link": _csv_link, "svg": _svg}
+    return environment
+
+
+def render(template: str, **content: object) -> str:
+    """A page from one of the templates; text is escaped, charts are drawn inline."""
+    return _templates().get_template(template).render(**content)
+
+
+def _typeset(text: str) -> str:
+    """Plain-text sentences with the signs of print."""
+    text = re.sub(r"(?:^|\s)\+- ", "\u00a0±\u00a0", text).replace("R2 ", "R²\u00a0").replace("R^2", "R²")
+    text = re.sub(r"\b(?:at (?:most|least)|Figs?\.) (?=[-\d])", lambda found: found[0].replace(" ", "\u00a0"), text)
+    text = text.replace("Sobol' ", "Sobol’ ")
+    text = text.replace("N m", "N\u00a0m")
+    text = re.sub(r"(?<=\d) (?=(?:N|deg|mm|um|rpm|%))", "\u00a0", text)
+    return re.sub(r"(?<![\w.])-(?=\d)", "−", text)
+
+
+def _svg(chart: Chart) -> Markup:
+    """The figure inline; its caption is its text alternative, and its title stands above it on the page."""
+    untitled = re.sub(r"(<svg[^>]*>)<title>.*?</title>", r"\1", chart.svg(), count=1)
+    return Markup(untitled.replace("<svg", Markup('<svg role="img" aria-label="{}"').format(chart.caption), 1))
+
+
+def _csv_link(chart: Chart) -> str:
+    return "data:text/csv;base64," + base64.b64encode(chart.csv().encode()).decode()
