@@ -41,7 +41,9 @@ def write_dataset(dataset: xr.Dataset, path: Path) -> None:
     encoding = {name: {"_FillValue": np.nan if name in dataset.data_vars else None} for name in floats}
     with replace_file(path) as fresh:
         # as `to_netcdf` does, which would import dask.distributed to ask which lock it needs
-        store = NetCDF4DataStore.open(fresh, mode="w", format="NETCDF4", lock=NETCDF4_PYTHON_LOCK)
+        store = NetCDF4DataStore.open(  # type: ignore[no-untyped-call]
+            fresh, mode="w", format="NETCDF4", lock=NETCDF4_PYTHON_LOCK
+        )
         try:
             dataset.dump_to_store(store, encoding=encoding)
         finally:
