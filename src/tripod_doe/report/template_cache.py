@@ -16,6 +16,7 @@ class _CompiledTemplates(FileSystemBytecodeCache):
     """Compiled templates on disk; where they cannot be kept, they are compiled again."""
 
     def dump_bytecode(self, bucket: Bucket) -> None:
+        """Keep a compiled template, where there is room."""
         with contextlib.suppress(OSError):
             super().dump_bytecode(bucket)
 
