@@ -1,6 +1,7 @@
 """Does a model answer everywhere? Random points of the field in which a tripod joint is used: outcomes and prices.
 
     python benchmarks/field.py [MODEL] [--count 1000] [--seed 1] [--calm] [--against FACTOR] [--beside MODEL] [--plain]
+                               [--held 40] [--record FILE]
 
 Every point has operating conditions, frictions, skews and a geometry of its own, as far as the parts fit; every 25th is
 a straight joint. The balances have random mechanisms switched off. `--calm` stays near the paper's point instead: what
@@ -10,16 +11,25 @@ the field costs is compared with that. Points that did not finish are listed as 
 how far the orders moved, over the largest order of the thrust, and at how many points the third order was wrong by more
 than 5 %. `--beside kinetostatic` holds a balance against runs of `rollers` at the points where both finish, and tells at
 how many it is off by more than 5 % and more than the error that it states. `--plain` tells the price beside that of a
-run with one tolerance for all points, as runs were before they found their own.
+run with one tolerance for all points, as runs were before they found their own. `--held` takes the first so many points
+only for these. Bounds are Clopper and Pearson's at 95 %.
+
+`--record FILE` keeps every answer as a line of JSON. The same command goes on from there where it was stopped, also
+with a larger count: the first points of a seed are the same whatever the count.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import time
 from collections import Counter
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+from guards import upper_bound
 
 from tripod_doe.joint.feasibility import misfits
 from tripod_doe.joint.goal import SMALLEST_THIRD
@@ -32,6 +42,7 @@ from tripod_doe.joint.simulator import simulator
 from tripod_doe.joint.vibration import growing_vibration
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.monitor import Settings
+from tripod_doe.mechanics.sources import source_hashes
 from tripod_doe.simulator import Outcome
 
 FIELD = {
@@ -96,46 +107,119 @@ def internal(columns: dict[str, np.ndarray]):
     return internal_values({n: c for n, c in columns.items() if JOINT_PARAMETERS[n].kind != "choice"})
 
 
-def answers(model: str, columns: dict[str, np.ndarray], factor: float = 1.0):
-    """Outcome, reason, CPU milliseconds and complex orders of each point, by a `factor` of its tolerance or accuracy."""
-    solver, full = MODELS[model], all_columns(columns)
+class Answer(NamedTuple):
+    """What became of one point: outcome, reason, CPU milliseconds, and complex orders as pairs of numbers."""
+
+    outcome: int
+    detail: str
+    milliseconds: float
+    orders: list[list[float]]
+
+
+class Record:
+    """Answers of a field, kept in a file if there is one: a benchmark that is started again goes on where it stopped.
+
+    Parameters
+    ----------
+    path
+        The file; it holds a line on the field, then one for each answer.
+    field
+        What all answers have in common: those of another field are refused.
+    """
+
+    def __init__(self, path: Path | None = None, **field: Any) -> None:
+        self._path, self._known, self._strange = path, dict[tuple[str, int], Answer](), 0
+        if path is None:
+            return
+        lines = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+        if not lines:
+            self._write(field)
+        elif lines[0] != field:
+            raise SystemExit(f"{path}: holds answers of {lines[0]}, not of {field}")
+        for way, row, sources, *answer in lines[1:]:
+            self._known[way, row] = Answer(*answer)
+            self._strange += sources != source_hashes().results
+
+    def answer(self, way: str, row: int, found: Callable[[], Answer]) -> Answer:
+        """The answer of a point in one way, from the file or found now."""
+        if (way, row) not in self._known:
+            self._known[way, row] = found()
+            self._write([way, row, source_hashes().results, *self._known[way, row]])
+        return self._known[way, row]
+
+    def tell(self) -> None:
+        """Print how many answers are those of other sources."""
+        if self._strange:
+            print(f"{self._strange} of these answers were found by other sources of this package")
+
+    def _write(self, line: Any) -> None:
+        if self._path:
+            with self._path.open("a") as file:
+                file.write(json.dumps(line) + "\n")
+
+
+def answers(
+    model: str, columns: dict[str, np.ndarray], factor: float = 1.0, record: Record | None = None,
+    rows: Iterable[int] | None = None,
+):  # fmt: skip
+    """Outcome, reason, CPU milliseconds and complex orders of each point, by a `factor` of its tolerance or accuracy.
+
+    Parameters
+    ----------
+    record, rows
+        Where answers are kept, by these numbers of the points; their own unless given.
+    """
+    solver, full, record = MODELS[model], all_columns(columns), record or Record()
     method, numerics = next(iter(solver.methods.items()))
     if solver.settles:
         full["accuracy"] = factor * full["accuracy"]
     else:
         full["relative_tolerance"] = np.full_like(full["accuracy"], factor * numerics["relative_tolerance"])
-    values = internal(full)
+    values, found = internal(full), []
     solver.prepare(values.take([0]), method)
-    keep, rows = ("thrust_amplitude", "thrust_phase_deg"), []
-    for i in range(values.torque.size):
-        began = time.process_time()
-        block = solver.simulate(values.take([i]), method, 360, keep)
-        milliseconds = 1e3 * (time.process_time() - began)
-        amplitude, phase = (block.outputs[name].data[0] if block.outputs else np.full(13, np.nan) for name in keep)
-        rows.append((int(block.outcome[0]), block.detail[0], milliseconds, amplitude * np.exp(1j * np.radians(phase))))
+    for i, row in enumerate(range(values.torque.size) if rows is None else rows):
+        found.append(record.answer(f"{model} {factor:g}", int(row), lambda at=i: _solved(model, values.take([at]))))
         if solver.settles:
-            print(
-                f"  {i}: {Outcome(rows[-1][0]).label}, {milliseconds:.0f} ms, {amplitude[3]:.4g} N {rows[-1][1]}",
-                flush=True,
-            )
-    outcome, detail, price, orders = zip(*rows, strict=True)
-    return np.array(outcome), detail, np.array(price), np.array(orders)
+            one = found[-1]
+            print(f"  {row}: {Outcome(one.outcome).label}, {one.milliseconds:.0f} ms, {np.hypot(*one.orders[3]):.4g} N "
+                  f"{one.detail}", flush=True)  # fmt: skip
+    orders = np.array([one.orders for one in found])
+    return (
+        np.array([one.outcome for one in found]), [one.detail for one in found],
+        np.array([one.milliseconds for one in found]), orders[..., 0] + 1j * orders[..., 1],
+    )  # fmt: skip
 
 
-def plain_prices(model: str, columns: dict[str, np.ndarray]) -> np.ndarray:
+def _solved(model: str, point) -> Answer:
+    """Solve a block of one point by a model's own method."""
+    solver, keep, began = MODELS[model], ("thrust_amplitude", "thrust_phase_deg"), time.process_time()
+    block = solver.simulate(point, next(iter(solver.methods)), 360, keep)
+    milliseconds = 1e3 * (time.process_time() - began)
+    amplitude, phase = (block.outputs[name].data[0] if block.outputs else np.full(13, np.nan) for name in keep)
+    orders = amplitude * np.exp(1j * np.radians(phase))
+    return Answer(int(block.outcome[0]), block.detail[0], milliseconds, [[each.real, each.imag] for each in orders])
+
+
+def plain_prices(model: str, columns: dict[str, np.ndarray], record: Record) -> np.ndarray:
     """CPU milliseconds of a run with one tolerance for all points, after the question whether the joint vibrates."""
     values, (method, numerics) = internal(all_columns(columns)), next(iter(MODELS[model].methods.items()))
-    settings, prices = Settings(tolerance=numerics["relative_tolerance"], budget=_EVALUATIONS), []
-    for i in range(values.torque.size):
-        point, began = values.point(i), time.process_time()
+    settings = Settings(tolerance=numerics["relative_tolerance"], budget=_EVALUATIONS)
+
+    def followed(row: int) -> Answer:
+        point, began = values.point(row), time.process_time()
         growing_vibration(point)
-        follow(assemble(build_joint(point, model == "needles")), point, method, 360, None, settings)
-        prices.append(1e3 * (time.process_time() - began))
-    return np.array(prices)
+        result, _ = follow(assemble(build_joint(point, model == "needles")), point, method, 360, None, settings)
+        return Answer(int(result.outcome), result.detail, 1e3 * (time.process_time() - began), [])
+
+    rows = range(values.torque.size)
+    return np.array([record.answer(f"plain {model}", row, lambda at=row: followed(at)).milliseconds for row in rows])
 
 
 def tell(columns: dict[str, np.ndarray], outcome: np.ndarray, detail, price: np.ndarray, listed: int) -> None:
     """Print outcomes with their reasons, prices, and some points that did not finish."""
+    not_finished = int((outcome != Outcome.FINISHED).sum())
+    least = 100 * (1 - upper_bound(not_finished, outcome.size))
+    print(f"finished {outcome.size - not_finished} of {outcome.size}: at least {least:.2f} %")
     for (number, text), times in Counter(zip(outcome.tolist(), detail, strict=True)).most_common():
         print(f"{times:6d} {100 * times / outcome.size:7.3f} %  {Outcome(number).label}  {text}")
     low, middle, high = np.quantile(price, (0.25, 0.5, 0.75))
@@ -161,20 +245,26 @@ def tell_against(columns: dict[str, np.ndarray], orders: np.ndarray, reference: 
     change = moved(orders, reference)
     wrong = np.abs(np.abs(orders[:, 3]) - np.abs(reference[:, 3])) > WRONG * thirds(columns, reference)
     print(f"against {what}, {len(orders)} points: median change of an order {np.median(change):.1e} of the largest, "
-          f"worst {change.max():.1e}; third order wrong by more than 5 %: {wrong.sum()}")  # fmt: skip
+          f"worst {change.max():.1e}; third order wrong by more than 5 %: {wrong.sum()}, "
+          f"at most {100 * upper_bound(int(wrong.sum()), wrong.size):.2g} %")  # fmt: skip
 
 
-def tell_beside(model: str, columns: dict[str, np.ndarray], reference: np.ndarray) -> None:
+def tell_beside(
+    model: str, columns: dict[str, np.ndarray], reference: np.ndarray, record: Record, rows: np.ndarray
+) -> None:
     """Print how far a balance is from runs of `rollers`, beside the error that it states."""
-    outcome, _, _, orders = answers(model, columns)
+    outcome, _, _, orders = answers(model, columns, record=record, rows=rows)
     own = np.flatnonzero(outcome == Outcome.FINISHED)
     columns, size = {name: column[own] for name, column in columns.items()}, thirds(columns, reference)[own]
     error = np.abs(np.abs(orders[own, 3]) - np.abs(reference[own, 3])) / size
     _, limit, unknown = known_errors(model, all_columns(columns))
     told, off = unknown == "", error > WRONG
+    beyond = off & told & (error > limit)
     print(f"{model} beside rollers, {own.size} points: off by {100 * np.median(error):.2g} % in the median, "
           f"by more than 5 % at {off.sum()}; of {told.sum()} points with a stated error "
-          f"{(off & told & (error > limit)).sum()} are off by more than 5 % and more than its limit")  # fmt: skip
+          f"{beyond.sum()} are off by more than 5 % and more than its limit")  # fmt: skip
+    for at in np.flatnonzero(beyond):
+        print(f"  point {rows[own[at]]}: off by {100 * error[at]:.2g} %, limit {100 * limit[at]:.2g} %")
 
 
 def main(given: list[str] | None = None) -> None:
@@ -186,22 +276,30 @@ def main(given: list[str] | None = None) -> None:
     parser.add_argument("--against", type=float, metavar="FACTOR")
     parser.add_argument("--beside", choices=BALANCES)
     parser.add_argument("--plain", action="store_true")
+    parser.add_argument("--held", type=int, metavar="COUNT")
+    parser.add_argument("--record", type=Path, metavar="FILE")
     parser.add_argument("--listed", type=int, default=3)
     arguments = parser.parse_args(given)
     rng, model = np.random.default_rng(arguments.seed), arguments.model
     columns = calm_points(arguments.count, rng) if arguments.calm else field_points(arguments.count, rng, model)
-    outcome, detail, price, orders = answers(model, columns)
+    record = Record(arguments.record, model=model, seed=arguments.seed, calm=arguments.calm)
+    outcome, detail, price, orders = answers(model, columns, record=record)
     tell(columns, outcome, detail, price, arguments.listed)
-    if arguments.plain:
-        print(f"mean price {price.mean() / plain_prices(model, columns).mean():.2f} times that with one tolerance")
+    held = slice(0, arguments.held)
+    columns, outcome, orders = {n: c[held] for n, c in columns.items()}, outcome[held], orders[held]
     finished = outcome == Outcome.FINISHED
+    if arguments.plain:
+        ratio = price[held].mean() / plain_prices(model, columns, record).mean()
+        print(f"mean price {ratio:.2f} times that with one tolerance, {outcome.size} points")
     if arguments.against:
-        tight, _, _, reference = answers(model, columns, 1 / arguments.against)
+        tight, _, _, reference = answers(model, columns, 1 / arguments.against, record)
         both = finished & (tight == Outcome.FINISHED)
         what = f"{'an accuracy' if MODELS[model].settles else 'a tolerance'} {arguments.against:g} times smaller"
         tell_against({n: c[both] for n, c in columns.items()}, orders[both], reference[both], what)
     if arguments.beside:
-        tell_beside(arguments.beside, {n: c[finished] for n, c in columns.items()}, orders[finished])
+        rows = np.flatnonzero(finished)
+        tell_beside(arguments.beside, {n: c[rows] for n, c in columns.items()}, orders[rows], record, rows)
+    record.tell()
 
 
 if __name__ == "__main__":

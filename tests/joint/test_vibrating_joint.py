@@ -49,7 +49,7 @@ def vibrating(monkeypatch, joint_values):
             return outcomes[needles]
 
         monkeypatch.setattr(VibratingJoint, "_followed", follow)
-        monkeypatch.setattr("tripod_doe.joint.vibrating_joint.damping_against", lambda _: 0.002)
+        monkeypatch.setattr("tripod_doe.joint.vibrating_joint.damping_against", lambda *_: 0.002)
         return joint, asked
 
     return make

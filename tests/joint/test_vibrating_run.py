@@ -24,11 +24,14 @@ class Turning:
 
     def __init__(self, joint_values, by_steps=0.0, by_chance=0.0, growing=0):
         self.values, self.by_steps, self.by_chance, self.growing = joint_values(), by_steps, by_chance, growing
-        self.rng, self.turns, self.settings = np.random.default_rng(3), 0, []
+        self.rng, self.turns, self.settings, self.taken_over = np.random.default_rng(3), 0, [], []
 
     def follow(self, count, setting):
         self.settings.append(setting)
         return [self._turn(setting) for _ in range(count)]
+
+    def change_to(self, setting):
+        self.taken_over.append(setting)
 
     def _turn(self, setting):
         self.turns += 1
@@ -50,22 +53,23 @@ def test_a_regular_vibration_is_followed_once_and_again_finer(joint_values):
     found = follow_vibration(joint, 4e-3, allowed)
     assert found.certain
     assert found.third == pytest.approx(10)
-    assert (found.followed, joint.settings) == (4 + 1 + 3, [4e-3, 1e-3, 1e-3])
+    assert (found.followed, joint.settings) == (4 + 2, [4e-3, 1e-3])
+    assert joint.taken_over == [1e-3]
 
 
 def test_growth_is_waited_for(joint_values):
-    assert follow_vibration(Turning(joint_values, growing=9), 4e-3, allowed).followed > 24
+    assert follow_vibration(Turning(joint_values, growing=9), 4e-3, allowed).followed > 18
 
 
 def test_what_is_uneven_in_finer_steps_is_followed_on(joint_values):
-    """Regression: certain orders of five finer revolutions, which by chance grew, ended as not settled."""
-    joint, unrest = Turning(joint_values), iter([1.0] * 4 + [1.0, 1.0, 1.5, 2.0] + [1.5] * 100)
+    """Regression: certain orders of finer revolutions, which by chance grew, ended as not settled."""
+    joint, unrest = Turning(joint_values), iter([1.0] * 4 + [1.0, 1.5, 2.0] + [1.5] * 100)
     turn = joint._turn
     joint._turn = lambda setting: replace(turn(setting), unrest=next(unrest))
     found = follow_vibration(joint, 4e-3, allowed)
     assert found.steady
     assert found.certain
-    assert found.followed > 8
+    assert found.followed > 6
 
 
 def test_chance_asks_for_revolutions_and_leaves_an_honest_error(joint_values):
@@ -74,7 +78,7 @@ def test_chance_asks_for_revolutions_and_leaves_an_honest_error(joint_values):
     assert found.certain
     assert found.revolutions >= 36
     assert found.followed < 80, "both means count: 161 were followed when only the finer one did"
-    assert abs(found.third - 10) < found.readings.amplitude_error[3] < 0.2
+    assert abs(found.third - 10) < found.readings.amplitude_error[3] <= 0.02 * found.third
 
 
 def test_steps_that_matter_are_refined(joint_values):
@@ -109,7 +113,7 @@ def stopping(monkeypatch, joint_values, joint_assembly):
     def make(outcome):
         tried = []
 
-        def turn(self, setting):
+        def turn(self, setting, duration):
             tried.append(setting)
             if setting > 1e-5:
                 raise StoppedError(replace(real, outcome=outcome))

@@ -212,3 +212,20 @@ def test_linear_systems_are_counted(method, least, most):
     """None a step for explicit methods, one for linearly implicit ones, as many as iterations for implicit ones."""
     result = run(assemble(rolling_sphere()), method, 0.01, step=1e-4)
     assert least * result.steps <= result.solves <= most * result.steps
+
+
+@pytest.mark.parametrize(("method", "step"), [("bdf2", 4e-4), ("rosenbrock", None)])
+def test_the_states_after_all_steps_are_those_that_a_run_passed(method, step):
+    """Exact: those of a sample at every step; 2500 equal steps are more than are kept at once."""
+    assembly, settings = assemble(pendulum()), Settings(tolerance=1e-6)
+    traced = run(assembly, method, 1.0, step=step, settings=settings, limits=Limits(windows=0), every_step=True)
+    assert traced.times.size == traced.steps + 1
+    assert (np.diff(traced.times) > 0).all()
+    assert traced.times[-1] == pytest.approx(1.0)
+    if step:
+        sampled = run(assembly, method, 1.0, step=step, samples=2500, limits=Limits(windows=0))
+        assert traced.positions == pytest.approx(sampled.positions, abs=1e-9)
+        assert traced.velocities == pytest.approx(sampled.velocities, abs=1e-8)
+    else:
+        whole = run(assembly, method, 1.0, settings=settings, limits=Limits(windows=0))
+        assert (traced.positions[-1] == whole.positions[-1]).all()

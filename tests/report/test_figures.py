@@ -9,6 +9,7 @@ import xarray as xr
 from tripod_doe.report.figures import effect_charts, index_charts, spectrum_chart, waveform_charts
 from tripod_doe.report.figures.chart import drawing, legend_above
 from tripod_doe.report.figures.waveforms import chosen_points
+from tripod_doe.study.cube import RESPONSE_ROLE
 
 
 @pytest.fixture
@@ -160,3 +161,27 @@ def test_a_legend_is_never_wider_than_its_figure():
         legend_above(axes, 3, "torque")
         figure.canvas.draw()
         assert axes.get_legend().get_window_extent().x1 <= figure.bbox.x1
+
+
+def test_a_third_factor_of_few_levels_has_a_map_each_and_own_results_stand_beside_the_orders(make_cube, data_of):
+    """Regression: the page of studies/vibration.toml had neither a map nor anything of the growth."""
+    cube = make_cube("""
+        [study]
+        name = "V"
+        [base]
+        model = "equilibrium"
+        [factors]
+        joint_angle_deg = { values = [4, 8, 12] }
+        torque_n_m = { values = [20, 40, 60] }
+        speed_rpm = { values = [100, 200] }
+        [keep]
+        outputs = ["thrust_amplitude", "energy_residual"]
+        """)
+    cube["energy_residual"].attrs["role"] = RESPONSE_ROLE
+    third, residual = effect_charts(cube)
+    maps = [chart for chart in third.charts if "-map" in chart.name]
+    assert [chart.name for chart in maps] == [f"thrust_amplitude_order_3-map-{k}" for k in (1, 2)]
+    assert [chart.caption.rpartition(", ")[2] for chart in maps] == ["speed 100 rpm.", "speed 200 rpm."]
+    values = cube["thrust_amplitude"].sel(order=3, speed_rpm=200).transpose("torque_n_m", "joint_angle_deg").values
+    assert (data_of(maps[1]).set_index("torque_n_m").to_numpy() == values).all()
+    assert residual.response.label == "energy residual"

@@ -293,3 +293,19 @@ def test_keys_are_the_journals(write_study, tmp_path):
         assert sorted(keys.tolist()) == sorted(journal.keys().tolist())
     cube = td.open_cube(tmp_path / "out")
     assert json.loads(cube.attrs["fixed_parameters"])["speed_rpm"] == 600
+
+
+def test_where_no_point_finished_an_analysis_says_so(write_study, tmp_path):
+    """Regression: "output: 'thrust_amplitude' is not in the cube; allowed:"."""
+    text = """
+        [study]
+        name = "None"
+        [base]
+        model = "equilibrium"
+        needle_diameter_mm = 9
+        [design]
+        kind = "ablation"
+        [analysis.contribution]
+    """
+    summary = td.run(write_study(text), out=tmp_path / "out", workers=0, progress=False)
+    assert summary.analyses == {"contribution": "no point finished: there is nothing to analyse"}

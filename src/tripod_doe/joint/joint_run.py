@@ -24,6 +24,8 @@ class VibrationReadings:
     ----------
     growth
         Factor by which it grows per revolution while it is small; 1 where none grows.
+    rate
+        The same as a rate, 1/s; 0 where none grows.
     hertz
         Its frequency while it is small; 0 where none grows.
     unrest
@@ -31,6 +33,7 @@ class VibrationReadings:
     """
 
     growth: float
+    rate: float
     hertz: float
     unrest: float
 

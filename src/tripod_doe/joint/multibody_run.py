@@ -40,7 +40,7 @@ from tripod_doe.joint.vibrating_joint import VibratingJoint
 from tripod_doe.joint.vibration import growing_vibration
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
 from tripod_doe.mechanics.first_compilation import first_compilation
-from tripod_doe.mechanics.floquet import fastest_growth
+from tripod_doe.mechanics.floquet import departure_matrices
 from tripod_doe.mechanics.linearisation import fastest_rates
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.rates import Rates
@@ -119,8 +119,8 @@ def run_joint(
         if rates:
             readings = replace(readings, rates=_rates(result, values, samples))
         thrust = readings.groove_thrust.sum(1)
-        growth, hertz = (found.growth.factor, found.hertz) if found else (1.0, 0.0)
-        readings = replace(readings, vibration=VibrationReadings(growth, hertz, unrest(thrust[-1])))
+        small = (found.growth.factor, found.growth.rate, found.hertz) if found else (1.0, 0.0, 0.0)
+        readings = replace(readings, vibration=VibrationReadings(*small, unrest(thrust[-1])))
         outcome, detail = judge(result, thrust, motion.missed, values)
         if outcome == Outcome.FINISHED and vibrating:
             third = None if needles else float(abs(complex_amplitudes(thrust).mean(0)[3]))
@@ -243,7 +243,7 @@ def compile_joint(values: JointValues[float], method: str) -> None:
         result = run(assembly, method, 1e-9, step=1e-9, settings=Settings(tolerance=1e-3), limits=_LIMITS)
         groove_readings(assembly, result.positions, result.velocities)
         thrust_parts(assembly, result.times, result.positions, result.velocities, values)
-        fastest_growth(assembly, [assembly.initial_state()], 1e-3)
+        departure_matrices(assembly, [assembly.initial_state()], 1e-3)
 
 
 def _out_of_range(values: JointValues[float]) -> str:

@@ -29,7 +29,7 @@ FloatArray = NDArray[np.float64]
 PARTS = (*MECHANISMS, "remainder")
 """Parts of the thrust: what the mechanisms add to it, and what is none of them; see `thrust_parts`."""
 
-VIBRATION_OUTPUTS = ("vibration_growth", "vibration_frequency_hz", "vibration_rms")
+VIBRATION_OUTPUTS = ("vibration_growth", "vibration_growth_rate_per_s", "vibration_frequency_hz", "vibration_rms")
 """Outputs of a self-excited vibration."""
 
 PART_OUTPUTS = ("thrust_part_amplitude", "thrust_part_phase_deg")
@@ -97,10 +97,12 @@ _OUTPUTS = [
            "thousandth of the transmitted power, where that is larger)"),
     Output(VIBRATION_OUTPUTS[0], "1", "", "factor by which a self-excited vibration grows per revolution while it is "
            "small; 1 where none grows", optional=True, on_request=True),
-    Output(VIBRATION_OUTPUTS[1], "Hz", "", "frequency of a self-excited vibration while it is small; 0 where none "
+    Output(VIBRATION_OUTPUTS[1], "s-1", "", "rate at which a self-excited vibration grows while it is small, mean over "
+           "a revolution; 0 where none grows", optional=True, on_request=True, response=True),
+    Output(VIBRATION_OUTPUTS[2], "Hz", "", "frequency of a self-excited vibration while it is small; 0 where none "
            "grows", optional=True, on_request=True),
-    Output(VIBRATION_OUTPUTS[2], "N", "", "effective value of the thrust force above order 12, with the vibration that "
-           "was followed", optional=True, on_request=True),
+    Output(VIBRATION_OUTPUTS[3], "N", "", "effective value of the thrust force above order 12, with the vibration that "
+           "was followed", optional=True, on_request=True, response=True),
     *RATE_OUTPUTS,
 ]  # fmt: skip
 

@@ -1,7 +1,7 @@
 """A joint followed revolution by revolution, of each of which only what is read off it is kept.
 
-The thrust is sampled so often that a vibration does not appear as a low order. Waveforms are what is left of it below
-the sampling limit of the run's results, as behind the filter of a measurement.
+The thrust is read at all steps, so that a vibration does not appear as a low order. Waveforms are what is left of it
+below the sampling limit of the run's results, as behind the filter of a measurement.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 from scipy.signal import resample
 
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
@@ -30,6 +31,12 @@ ComplexArray = NDArray[np.complex128]
 
 _RATE = 2e4
 """Least samples per second: contact damping keeps the contacts, which could vibrate faster, from doing so."""
+
+_TAKING_OVER = 1 / 3
+"""Part of a revolution in which other steps take over: the motion repeats after it, but for skews that differ."""
+
+_BALANCED = 12
+"""Samples of a revolution at which energies are balanced."""
 
 _CORRECTION = 1e-6
 """Relative correction at which the iterations of an implicit step end: a tighter one changes no digit of a mean order,
@@ -138,24 +145,38 @@ class JointInTurns:
         StoppedError
             If one stops on its way all the same, or the budget is used up.
         """
-        return [self._read(self._turn(setting)) for _ in range(count)]
+        return [self._read(self._turn(setting, self._duration)) for _ in range(count)]
 
-    def _turn(self, setting: float) -> Run:
+    def change_to(self, setting: float) -> None:
+        """Go back by a part of the last revolution, and follow it again with another tolerance or step.
+
+        Raises
+        ------
+        StoppedError
+            See `follow`.
+        """
+        if self.last_turn is None:
+            return
+        times, end = self.last_turn.times, float(self.last_turn.times[-1])
+        back = int(np.searchsorted(times, end - self._duration * _TAKING_OVER))
+        self.state = State(float(times[back]), self.last_turn.positions[back], self.last_turn.velocities[back])
+        self._turn(setting, end - self.state.time)
+
+    def _turn(self, setting: float, duration: float) -> Run:
         while True:
             try:
-                return self._tried(setting / 2**self.halved)
+                return self._tried(setting / 2**self.halved, duration)
             except StoppedError as stop:
                 if stop.stopped.outcome == Outcome.EVALUATION_LIMIT or self.halved == _HALVED:
                     raise
                 self.halved += 1
 
-    def _tried(self, setting: float) -> Run:
-        duration, controlled = 2 * math.pi / self.values.speed, self.method.controlled
-        rate = _RATE if controlled else 1 / setting  # else a sample a step
+    def _tried(self, setting: float, duration: float) -> Run:
+        controlled = self.method.controlled
         settings = Settings(budget=max(self.budget, 1), correction=_CORRECTION)
         result = run(
-            self.assembly, self.method.name, duration, step=None if controlled else setting,
-            samples=self.samples * math.ceil(rate * duration / self.samples), start=self.state, limits=self.limits,
+            self.assembly, self.method.name, duration, step=None if controlled else setting, samples=_BALANCED,
+            start=self.state, limits=self.limits, every_step=True,
             settings=settings._replace(tolerance=setting) if controlled else settings,
         )  # fmt: skip
         self.steps, self.solves = self.steps + result.steps, self.solves + result.solves
@@ -167,14 +188,30 @@ class JointInTurns:
         self.state = State(float(result.times[-1]), result.positions[-1].copy(), result.velocities[-1].copy())
         return result
 
+    @property
+    def _duration(self) -> float:
+        return 2 * math.pi / self.values.speed
+
     def _read(self, result: Run) -> Revolution:
-        states = (result.times[:-1], result.positions[:-1], result.velocities[:-1])  # the end is the next one's start
-        thrust, power = groove_readings(self.assembly, *states[1:])
+        """Read a revolution at its steps, and at equal distances between them.
+
+        Steps resolve the vibration, so that a cubic through what is read at them is as good as they are.
+        """
+        rate = max(_RATE, result.steps / self._duration)
+        angles = np.arange(self.samples * math.ceil(rate * self._duration / self.samples))
+        times = result.times[0] + self._duration * angles / angles.size
+        states = (result.times, result.positions, result.velocities)
+
+        def at_equal_distances(signals: FloatArray) -> FloatArray:
+            read: FloatArray = CubicSpline(result.times, signals, axis=-1)(times)
+            return read
+
+        thrust, power = map(at_equal_distances, groove_readings(self.assembly, *states[1:]))
         total, skew, summary = thrust.sum(0), None, None
         if self.has_needles:
-            every = total.size // self.samples
-            skew, summary = needle_skews(self.assembly, states[1][::every], self.values, 1)
-        parts = thrust_parts(self.assembly, *states, self.values).sum(1) if self.split else None
+            nearest = np.searchsorted(result.times, times[:: angles.size // self.samples])
+            skew, summary = needle_skews(self.assembly, result.positions[nearest], self.values, 1)
+        parts = at_equal_distances(thrust_parts(self.assembly, *states, self.values).sum(1)) if self.split else None
         return Revolution(
             resample(thrust, self.samples, axis=-1), complex_amplitudes(total),
             None if parts is None else resample(parts, self.samples, axis=-1), power.mean(1), unrest(total),

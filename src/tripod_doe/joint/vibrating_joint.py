@@ -154,7 +154,8 @@ class VibratingJoint:
     def _told(self, followed: FollowedVibration, needles: bool) -> JointRun:
         """The result, with what there is to know of it in words."""
         method, _ = undamped(needles, self._vibration.growth.frequency)
-        numbers = VibrationReadings(self._vibration.growth.factor, self._vibration.hertz, followed.unrest)
+        growth = self._vibration.growth
+        numbers = VibrationReadings(growth.factor, growth.rate, self._vibration.hertz, followed.unrest)
         readings = replace(followed.readings, vibration=numbers)
         error = float(followed.readings.amplitude_error[3])
         note = (
@@ -167,7 +168,7 @@ class VibratingJoint:
             reason = "has not settled" if not followed.steady else "is not as certain as required"
             note = f"{note}after {followed.followed} revolutions it {reason}; "
             return JointRun(Outcome.INACCURATE, f"{note}raise accuracy or contact damping", readings)
-        damping = damping_against(self._values)
+        damping = damping_against(self._values, self._vibration.states)
         ends = "stronger contact damping was not found to end it"
         if damping:
             ends = f"with contact_damping_s_per_mm = {damping:.2g} it would not start"

@@ -2,10 +2,10 @@
 
 The vibration is not in step with the rotation: revolutions differ by chance, and an order is the mean over revolutions.
 The joint is followed from its start in steps that resolve the vibration. The beginning is dropped, and the joint is
-followed for longer until the vibration has stopped growing. As many revolutions go on in finer steps: what the two
-means differ by, beyond chance, tells the errors of both. The answer is the mean of all revolutions where steps hardly
-matter, and of those in finer steps where they do. Still finer steps follow, or more revolutions, whichever error is
-the larger, until the orders are as certain as they are asked to be.
+followed for longer until the vibration has stopped growing. As many revolutions, or two where chance hardly matters, go
+on in finer steps: what the two means differ by, beyond chance, tells the errors of both. The answer is the mean of all
+revolutions where steps hardly matter, and of those in finer steps where they do. Still finer steps follow, or more
+revolutions, whichever error is the larger, until the orders are as certain as they are asked to be.
 """
 
 from __future__ import annotations
@@ -33,6 +33,10 @@ _FINER = 4.0
 
 _FIRST, _DROPPED, _MOST = 4, 1 / 3, 128
 """Revolutions that are followed at first, share of them that is dropped, and revolutions that are followed at most."""
+
+_FEWEST, _HARDLY = 2, 0.5
+"""Revolutions in finer steps that are followed at least, where chance makes no more than such a share of the allowed
+error: of two instead of three it makes a fifth more, which leaves room for the error of the steps."""
 
 _BY_CHANCE = 0.9
 """Share of the allowed error that chance makes up where more revolutions are aimed at."""
@@ -128,8 +132,8 @@ def follow_vibration(joint: JointInTurns, setting: float, allowed: Allowed) -> F
         passed += joint.follow(min(len(kept), _MOST - len(passed)), setting)
     while True:
         setting /= finer
-        passed += joint.follow(1, setting)  # in which finer steps take over
-        coarse, kept = kept, joint.follow(len(kept), setting)
+        joint.change_to(setting)
+        coarse, kept = kept, joint.follow(_in_finer_steps(kept, allowed), setting)
         found = _Compared.of(coarse, kept, allowed)
         while (left := _MOST - len(passed) - len(kept)) > 0:
             if not _is_steady(kept):
@@ -145,7 +149,7 @@ def follow_vibration(joint: JointInTurns, setting: float, allowed: Allowed) -> F
             return _followed(joint, passed, coarse, kept, setting, found)
 
 
-def mean_and_chance(orders: ComplexArray) -> tuple[ComplexArray, FloatArray]:
+def mean_and_chance(orders: ComplexArray, *others: ComplexArray) -> tuple[ComplexArray, FloatArray]:
     """Mean orders of revolutions that differ by chance, and twice the standard deviation of each mean.
 
     Revolutions that follow each other are alike: where neighbours correlate by r, n of them are worth n (1 - r) /
@@ -155,13 +159,15 @@ def mean_and_chance(orders: ComplexArray) -> tuple[ComplexArray, FloatArray]:
     ----------
     orders
         Complex orders, shape (revolution, order), of two revolutions or more.
+    others
+        Those of other revolutions, about means of their own: few revolutions tell little of chance.
     """
-    count, mean = len(orders), orders.mean(0)
-    apart = orders - mean
-    squares = (np.abs(apart) ** 2).sum(0)
-    correlation = float((apart[1:] * apart[:-1].conj()).real.sum() / max(float(squares.sum()), _TINY))
-    alike = min(max(correlation, 0.0), _MOST_ALIKE)
-    return mean, 2 * np.sqrt(squares / (count - 1) / count * (1 + alike) / (1 - alike))
+    apart = [group - group.mean(0) for group in (orders, *others)]
+    squares = sum((np.abs(group) ** 2).sum(0) for group in apart)
+    neighbours = sum(float((group[1:] * group[:-1].conj()).real.sum()) for group in apart)
+    alike = min(max(neighbours / max(float(np.sum(squares)), _TINY), 0.0), _MOST_ALIKE)
+    variance = squares / sum(len(group) - 1 for group in apart)
+    return orders.mean(0), 2 * np.sqrt(variance / len(orders) * (1 + alike) / (1 - alike))
 
 
 @dataclass(frozen=True)
@@ -191,7 +197,8 @@ class _Compared:
         What the two means differ by beyond chance is three times the error of the finer steps, but no difference is
         known better than its standard deviation; the error of the coarser steps is four times as large.
         """
-        (before, chance_before), (mean, chance) = (mean_and_chance(_orders(each)) for each in (coarse, fine))
+        coarsely, finely = _orders(coarse), _orders(fine)
+        (before, chance_before), (mean, chance) = mean_and_chance(coarsely, finely), mean_and_chance(finely, coarsely)
         apart_by_chance = (chance**2 + chance_before**2) / 4
         by_steps = np.sqrt(np.maximum(np.abs(mean - before) ** 2 - apart_by_chance, apart_by_chance)) / (_FINER - 1)
         share = len(coarse) / (len(coarse) + len(fine))
@@ -236,6 +243,12 @@ def _tells_steps(kept: Sequence[Revolution], allowed: Allowed) -> bool:
     """Whether a vibration has stopped growing, and its orders are known well enough to tell what finer steps change."""
     mean, chance = mean_and_chance(_orders(kept))
     return _is_steady(kept) and bool((chance <= _COARSELY * allowed(np.abs(mean))).all())
+
+
+def _in_finer_steps(kept: Sequence[Revolution], allowed: Allowed) -> int:
+    """How many revolutions to follow in finer steps than these."""
+    mean, chance = mean_and_chance(_orders(kept))
+    return _FEWEST if (chance <= _HARDLY * allowed(np.abs(mean))).all() else len(kept)
 
 
 def _is_steady(kept: Sequence[Revolution]) -> bool:

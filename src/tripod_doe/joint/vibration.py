@@ -21,33 +21,51 @@ the joint with a method that does not damp (`vibrating_run`).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tripod_doe.joint.multibody_scene import build_joint
+from tripod_doe.joint.numerical_error import LEAD
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.readings import groove_thrust
 from tripod_doe.joint.revolutions import unrest
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
-from tripod_doe.mechanics.floquet import Growth, fastest_growth
+from tripod_doe.mechanics.floquet import Growth, departure_matrices, fastest_growth
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, run
+from tripod_doe.quantities import duration
 
 __all__ = ["Vibration", "damping_against", "growing_vibration"]
+
+FloatArray = NDArray[np.float64]
 
 _METHOD = "adaptive-euler"
 """The method whose motion is tested: it damps vibrations. A method that damps little is on its way into them,
 where departures grow otherwise, or by chance not at all (seen: 0.93 for 200, linearly implicit Euler at 7e-6 s)."""
 
-_FEW, _MANY = 24, 144
-"""States of a revolution at which departures are looked at: few ask, and where they see growth, many decide. Friction
-damps most where a slip turns round, which few states hit or miss."""
 
-_ASKS, _DECIDES = 4e-3, 1e-3
-"""Tolerance of the motion that is asked, and of that which decides: the error of a coarser one may show growth that is
-not there (seen: 1.4 for 1), and a finer one leaves the smooth motion where a small kick is enough for that."""
+class _Look(NamedTuple):
+    """How a smooth motion is looked at: states of a revolution, samples from one to the next, and its tolerance."""
+
+    states: int
+    between: int
+    tolerance: float
+
+    @property
+    def samples(self) -> int:
+        """Samples of a revolution."""
+        return self.states * self.between
+
+
+_ASKS, _DECIDES = _Look(24, 6, 4e-3), _Look(144, 2, 1e-3)
+"""Few states ask, and where they see growth, many decide: friction damps most where a slip turns round, which few
+states hit or miss. The error of a motion as coarse as the first may show growth that is not there (seen: 9 for 1); one
+finer than the second leaves the smooth motion where a small kick is enough for that."""
 
 _GROWS = 1.1
 """Growth in a revolution above which a joint vibrates: what turns freely neither grows nor dies out, which differences
@@ -72,17 +90,20 @@ class Vibration:
         Third order of the thrust in the smooth motion.
     unrest
         Effective value of the thrust above the orders that are reported, in the smooth motion.
+    states
+        Few states of the smooth motion, at the middles of equal parts of a revolution.
     """
 
     growth: Growth
     third: float
     unrest: float
+    states: tuple[State, ...] = ()
 
     @property
     def described(self) -> str:
         """Frequency and growth, in words."""
-        factor = f"growing by a factor of {self.growth.factor:.2g} per revolution"
-        return f"self-excited vibration at about {self.hertz:.0f} Hz, {factor}"
+        tenfold = duration(math.log(10) / self.growth.rate, 2)
+        return f"self-excited vibration at about {self.hertz:.0f} Hz, growing tenfold in {tenfold}"
 
     @property
     def hertz(self) -> float:
@@ -102,24 +123,28 @@ def growing_vibration(values: JointValues[float]) -> Vibration | None:
         The operating point.
     """
     assembly = assemble(build_joint(values, needles=False))
-    asked = _smooth(assembly, values, 8 * _FEW, _ASKS)
-    if not (growth := _vibrates(asked, 8 * _FEW, _FEW, values)):
+    asked = _smooth(assembly, values, _ASKS)
+    if not (asked and (growth := _vibrates(_departures(asked.middles, values), values))):
         return None
-    decides = _smooth(assembly, values, 2 * _MANY, _DECIDES)
-    if _came_to_its_end(decides, 2 * _MANY) and not (growth := _vibrates(decides, 2 * _MANY, _MANY, values)):
+    decides = _smooth(assembly, values, _DECIDES, asked)
+    if decides and not (growth := _vibrates(_departures(decides.middles, values), values)):
         return None
-    last = slice(-8 * _FEW, None)
-    thrust = groove_thrust(assembly, asked.positions[last], asked.velocities[last]).sum(0)
-    return Vibration(growth, float(np.abs(complex_amplitudes(thrust))[3]), unrest(thrust))
+    thrust = groove_thrust(assembly, asked.run.positions[asked.last], asked.run.velocities[asked.last]).sum(0)
+    return Vibration(growth, float(np.abs(complex_amplitudes(thrust))[3]), unrest(thrust), asked.middles)
 
 
-def damping_against(values: JointValues[float]) -> float | None:
+def damping_against(values: JointValues[float], states: Sequence[State]) -> float | None:
     """Contact damping in s/mm with which a joint that vibrates would not, among doublings of what it has.
+
+    A smooth motion is the same with any contact damping: its contacts are pressed in slowly. So departures from one
+    motion are asked for all, and their matrices are linear in contact damping, as the forces are.
 
     Parameters
     ----------
     values
         The operating point.
+    states
+        Of its smooth motion (`Vibration.states`).
 
     Returns
     -------
@@ -127,49 +152,65 @@ def damping_against(values: JointValues[float]) -> float | None:
         None where the joint vibrates with all that are tried.
     """
     own = max(values.contact_damping, _LEAST_DAMPING)
+    once, twice = (_departures(states, replace(values, contact_damping=factor * own)) for factor in (1, 2))
     for factor in _STRONGER:
-        damped = replace(values, contact_damping=factor * own)
-        asked = _smooth(assemble(build_joint(damped, needles=False)), damped, 8 * _FEW, _ASKS)
-        if _came_to_its_end(asked, 8 * _FEW) and not _vibrates(asked, 8 * _FEW, _FEW, damped):
+        if not _vibrates(once + (factor - 1) * (twice - once), values):
             return factor * own
     return None
 
 
-def _came_to_its_end(result: Run, samples: int) -> bool:
-    return result.times.size > 2 * samples
+def _departures(states: Sequence[State], values: JointValues[float]) -> FloatArray:
+    """Matrices of departures from a revolution through these states."""
+    return departure_matrices(assemble(build_joint(values, needles=False)), states, 2 * math.pi / values.speed)
 
 
-def _vibrates(result: Run, samples: int, count: int, values: JointValues[float]) -> Growth | None:
-    """How departures grow, if that makes a vibration; nothing is known of a motion that did not come to its end."""
-    if not _came_to_its_end(result, samples):
-        return None
-    growth = _growth_in_a_revolution(result, samples, count)
+def _vibrates(departures: FloatArray, values: JointValues[float]) -> Growth | None:
+    """How departures grow in a revolution, if that makes a vibration."""
+    growth = fastest_growth(departures, 2 * math.pi / values.speed)
     return growth if growth.factor > _GROWS and growth.frequency > _FAST * values.speed else None
 
 
-def _growth_in_a_revolution(result: Run, samples: int, count: int) -> Growth:
-    """How departures from the last revolution of a run grow in it, from so many states.
+@dataclass(frozen=True)
+class _Smooth:
+    """A smooth motion whose start has died out in its last revolution."""
 
-    Parameters
-    ----------
-    result
-        A run of the joint.
-    samples
-        Its samples a revolution.
-    count
-        States that are looked at, at most all samples.
+    run: Run
+    look: _Look
+
+    @property
+    def last(self) -> slice:
+        """Its last revolution, without the start of it."""
+        return slice(-self.look.samples, None)
+
+    @property
+    def middles(self) -> tuple[State, ...]:
+        """The states that are looked at, at the middles of equal parts of its last revolution."""
+        first = self.look.between // 2 - 1 - self.look.samples
+        return tuple(self.state(k) for k in range(first, 0, self.look.between))
+
+    def state(self, sample: int) -> State:
+        """A sample, counted from the end."""
+        return State(float(self.run.times[sample]), self.run.positions[sample], self.run.velocities[sample])
+
+    def before(self, share: int) -> State:
+        """The state that is such a part of a revolution before the last one."""
+        return self.state(-1 - self.look.samples - self.look.samples // share)
+
+
+def _smooth(
+    assembly: Assembly, values: JointValues[float], look: _Look, other: _Smooth | None = None
+) -> _Smooth | None:
+    """Follow a smooth motion: two revolutions from the start, or the last one of another, and a little before it.
+
+    Returns
+    -------
+    _Smooth or None
+        None where it did not come to its end: nothing is known of it then.
     """
-    middles = ((np.arange(count) + 0.5) / count * samples).astype(int)
-    states = [
-        State(float(result.times[k]), result.positions[k], result.velocities[k])
-        for k in np.unique(middles) - 1 - samples
-    ]
-    return fastest_growth(result.assembly, states, float(result.times[-1] - result.times[-1 - samples]))
-
-
-def _smooth(assembly: Assembly, values: JointValues[float], samples: int, tolerance: float) -> Run:
-    """Two revolutions of a smooth motion: the start has died out in the second one."""
-    return run(
-        assembly, _METHOD, 4 * math.pi / values.speed, samples=2 * samples,
-        settings=Settings(tolerance=tolerance), limits=Limits(windows=0),
+    before = look.samples // LEAD if other else look.samples
+    found = run(
+        assembly, _METHOD, 2 * math.pi / values.speed * (1 + before / look.samples), samples=look.samples + before,
+        start=other.before(LEAD) if other else None, settings=Settings(tolerance=look.tolerance),
+        limits=Limits(windows=0),
     )  # fmt: skip
+    return _Smooth(found, look) if found.times.size > look.samples + before else None

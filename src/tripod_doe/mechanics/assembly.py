@@ -85,8 +85,8 @@ class Assembly:
             velocities[i] = *body.velocity, *body.angular_velocity
         return State(0.0, positions, velocities)
 
-    def work(self) -> Work:
-        """Memory for one run."""
+    def work(self, traced: int = 0) -> Work:
+        """Memory for one run, which may keep the states after so many steps."""
         bodies, rows = len(self.names), self.tables.rows.size
         groups = int(self.tables.contacts["groups"].sum())
         blocks = max(self.tables.pattern.row.size, 1)
@@ -117,13 +117,14 @@ class Assembly:
             nothing=np.zeros((0, WIDTH)),
             stages=np.zeros((17, bodies, WIDTH)),
             pair=np.zeros((2, 6, WIDTH)),
-            counters=np.zeros(6, np.int64),
+            counters=np.zeros(7, np.int64),
             balance=np.zeros(5),
             power_before=np.zeros(5),
             motion_before=np.zeros((bodies, 6)),
             paths=np.zeros((groups, 2, WIDTH)),
             extremes=np.zeros(1),
             failure=np.zeros(2),
+            trace=np.zeros((traced, 1 + 13 * bodies)),
         )
 
 

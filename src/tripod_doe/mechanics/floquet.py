@@ -23,13 +23,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
+from threadpoolctl import threadpool_limits
 
 from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.motion import copy_vectors, evaluate
 from tripod_doe.mechanics.rotations import move
 
-__all__ = ["Growth", "fastest_growth"]
+__all__ = ["Growth", "departure_matrices", "fastest_growth"]
 
 FloatArray = NDArray[np.float64]
 
@@ -63,8 +64,8 @@ class Growth:
     frequency: float
 
 
-def fastest_growth(assembly: Assembly, states: Sequence[State], duration: float) -> Growth:
-    """How fast departures grow that grow fastest.
+def departure_matrices(assembly: Assembly, states: Sequence[State], duration: float) -> FloatArray:
+    """The matrices of the equation of departures, shape (state, 2 x dof, 2 x dof).
 
     Parameters
     ----------
@@ -75,14 +76,31 @@ def fastest_growth(assembly: Assembly, states: Sequence[State], duration: float)
     duration
         How long the motion takes.
     """
-    part = duration / len(states)
-    matrices = [_departure_matrix(assembly, state, 1 / part) for state in states]
+    return np.array([_departure_matrix(assembly, state, len(states) / duration) for state in states])
+
+
+def fastest_growth(matrices: FloatArray, duration: float) -> Growth:
+    """How fast departures grow that grow fastest.
+
+    Parameters
+    ----------
+    matrices
+        Of equal parts of a motion (`departure_matrices`).
+    duration
+        How long the motion takes.
+    """
+    with threadpool_limits(1, "blas"):  # small matrices: threads would wait for each other
+        return _growth(matrices.copy(), duration / len(matrices))
+
+
+def _growth(matrices: FloatArray, part: float) -> Growth:
+    """How fast departures grow through parts of a motion with these matrices, which are spoilt; each takes so long."""
     half = len(matrices[0]) // 2
-    stiffest = float(np.abs(matrices[0][half:, :half]).max()) ** 0.5
+    stiffest = float(np.abs(matrices[0, half:, :half]).max()) ** 0.5
+    matrices[:, :half, half:] *= stiffest  # so places count as speeds, and the exponential needs fewer squarings
+    matrices[:, half:, :half] /= stiffest
     carried, log_scale = np.eye(2 * half), 0.0
     for matrix in matrices:
-        matrix[:half, half:] *= stiffest  # so places count as speeds, and the exponential needs fewer squarings
-        matrix[half:, :half] /= stiffest
         moved, log_moved = _exponential(part * matrix)
         carried = moved @ carried
         exponent = math.frexp(float(np.abs(carried).max()))[1]
@@ -91,9 +109,9 @@ def fastest_growth(assembly: Assembly, states: Sequence[State], duration: float)
     log_factor = math.log(float(np.abs(np.linalg.eigvals(carried)).max())) + log_scale
     frequency = 0.0
     if log_factor > 0:
-        rates = np.concatenate([np.linalg.eigvals(matrix) for matrix in matrices])
+        rates = np.linalg.eigvals(matrices).ravel()
         frequency = abs(float(rates[rates.real.argmax()].imag))
-    return Growth(math.exp(min(log_factor, _LARGEST_LOG)), log_factor / duration, frequency)
+    return Growth(math.exp(min(log_factor, _LARGEST_LOG)), log_factor / (part * len(matrices)), frequency)
 
 
 def _exponential(matrix: FloatArray) -> tuple[FloatArray, float]:

@@ -12,12 +12,18 @@ from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints
 from tripod_doe.mechanics.lanes import load, select, store
 from tripod_doe.mechanics.motion import accelerate, generalized_forces, larger
-from tripod_doe.mechanics.tables import EVALUATIONS, STEPS, Tables, Work
+from tripod_doe.mechanics.tables import EVALUATIONS, STEPS, TRACED, Tables, Work
 
-__all__ = ["DIVERGED", "EVALUATION_LIMIT", "FINISHED", "RUNAWAY", "STEP_LIMIT", "Settings", "accept", "begin_watch"]
+__all__ = [
+    "DIVERGED", "EVALUATION_LIMIT", "FINISHED", "RUNAWAY", "STEP_LIMIT", "TRACE_FULL", "Settings", "accept",
+    "begin_watch",
+]  # fmt: skip
 
 FINISHED, DIVERGED, STEP_LIMIT, EVALUATION_LIMIT = 0, 1, 3, 4
 """How a stretch of a run ended; the integers are those of `results.Outcome`."""
+
+TRACE_FULL = -1
+"""A stretch has paused for its trace to be emptied, and goes on when it is called again."""
 
 RUNAWAY = 1e6
 """A speed this many times the scene's scale is no motion of the scene."""
@@ -114,6 +120,21 @@ def _follow_slips(contacts, touching, slip, before, step, paths):
 
 
 @kernel
+def _trace(work, positions, velocities, time):
+    """Keep a state; return whether there is no room for another one."""
+    row = work.trace[work.counters[TRACED]]
+    work.counters[TRACED] += 1
+    row[0] = time
+    places, speeds = 1, 1 + 7 * positions.shape[0]
+    for i in range(positions.shape[0]):
+        for d in range(7):
+            row[places + 7 * i + d] = positions[i, d]
+        for d in range(6):
+            row[speeds + 6 * i + d] = velocities[i, d]
+    return work.counters[TRACED] == work.trace.shape[0]
+
+
+@kernel
 def accept(tables, work, positions, velocities, clock, time, step, settings):
     """End a step that is accepted; the ledger and the slips must be those of its state.
 
@@ -149,4 +170,7 @@ def accept(tables, work, positions, velocities, clock, time, step, settings):
         evaluate_constraints(tables.rows, positions, velocities, time, work.phi, work.phi_t, work.gamma, work.jacobian)
         for k in range(tables.rows.size):
             work.extremes[0] = larger(work.extremes[0], abs(work.phi[k]))
-    return EVALUATION_LIMIT if work.counters[EVALUATIONS] > settings.budget else FINISHED
+    full = _trace(work, positions, velocities, time) if work.trace.shape[0] > 0 else False
+    if work.counters[EVALUATIONS] > settings.budget:
+        return EVALUATION_LIMIT
+    return TRACE_FULL if full else FINISHED

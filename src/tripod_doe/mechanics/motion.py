@@ -17,7 +17,7 @@ from tripod_doe.mechanics.tables import EVALUATIONS, FIRST, LINEARISATIONS, Slop
 
 __all__ = [
     "accelerate", "add_reaction_power", "constraint_rate", "copy_vectors", "evaluate", "generalized_forces", "larger",
-    "linearise", "linearise_elements", "project_positions", "project_velocities", "settle",
+    "linearise", "linearise_elements", "project", "project_positions", "project_velocities", "settle",
 ]  # fmt: skip
 
 _PROJECTION_SWEEPS = 4
@@ -231,9 +231,15 @@ def project_velocities(tables, work, positions, velocities, time):
 
 
 @kernel
-def settle(tables, work, positions, velocities, time, settings):
-    """Put a new state back onto its constraints if that is asked for, and evaluate it: forces, slips and ledger."""
+def project(tables, work, positions, velocities, time, settings):
+    """Put a new state back onto its constraints if that is asked for."""
     if settings.projection and tables.rows.size > 0:
         project_positions(tables, work, positions, velocities, time)
         project_velocities(tables, work, positions, velocities, time)
+
+
+@kernel
+def settle(tables, work, positions, velocities, time, settings):
+    """Put a new state back onto its constraints if that is asked for, and evaluate it: forces, slips and ledger."""
+    project(tables, work, positions, velocities, time, settings)
     evaluate(tables, work, positions, velocities, time, settings.baumgarte)

@@ -36,14 +36,21 @@ from tripod_doe.mechanics.halved_steps import Again, Ways, difference, error_ove
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.lanes import WIDTH
-from tripod_doe.mechanics.monitor import RUNAWAY, Settings, begin_watch
+from tripod_doe.mechanics.monitor import RUNAWAY, TRACE_FULL, Settings, begin_watch
 from tripod_doe.mechanics.tables import EVALUATIONS, FACTORISATIONS, STEPS, Work
+from tripod_doe.mechanics.trace import States, Trace
 from tripod_doe.quantities import number
 from tripod_doe.simulator import Outcome
 
 __all__ = ["Limits", "Run", "method_named", "run"]
 
 FloatArray = NDArray[np.float64]
+
+_TRACED = 1000
+"""Steps after which a trace is emptied: the pause costs what a few steps cost."""
+
+_ROUNDING = 1e-9
+"""Share of a stretch that sums of its steps may leave at its end."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +103,8 @@ class Run:
     outcome, detail
         How it ended, and if not well then why, when and at which body.
     times, positions, velocities
-        Samples, shapes (sample,), (sample, body, 7), (sample, body, 6), from the start on.
+        Samples, shapes (sample,), (sample, body, 7), (sample, body, 6), from the start on; or the states after all
+        steps, where those were asked for.
     work
         Time integrals of the power put in and of that lost by sliding, spinning, rolling and damping.
     energy_residual, reversals, disagreement, penetration, drift
@@ -163,6 +171,7 @@ def run(
     settings: Settings | None = None,
     limits: Limits | None = None,
     start: State | None = None,
+    every_step: bool = False,
 ) -> Run:
     """Simulate a scene from its start, or from another state.
 
@@ -184,6 +193,9 @@ def run(
         What may be called finished.
     start
         State to go on from, at its own time; that of the scene unless given.
+    every_step
+        Whether the states after all steps are wanted in place of samples. A method that controls its steps cuts them at
+        samples, which are few then: they serve the energy balance alone.
 
     Raises
     ------
@@ -200,10 +212,11 @@ def run(
         raise InputError(f"method {method}: needs a step")
     each = duration / samples
     count = samples * (max(math.ceil(each / step * (1 - 1e-9)), 1) if equal_steps and step else 1000)
-    motion = _begin(assembly, start, limits)
+    motion = _begin(assembly, start, limits, _TRACED if every_step else 0)
     memory, passage = motion.memory, motion.passage
     stretches, stopped = _follow(motion, chosen, duration, count, samples, settings, limits)
-    checks = _inspect(assembly, passage, limits)
+    states = motion.trace.states() if every_step else (passage.times, passage.positions, passage.velocities)
+    checks = _inspect(assembly, states, passage, limits)
     whole, again = memory.counters[STEPS] <= limits.few, []
     if stopped is not None:
         checks.fail(stopped, _stopped(assembly, memory, stopped, motion.state.time))
@@ -216,8 +229,8 @@ def run(
     reversals = _reversals(assembly, memory, limits, motion.state.time, checks)
     outcome, detail = checks.failure or (Outcome.FINISHED, "")
     return Run(
-        assembly, outcome, detail, passage.times, passage.positions, passage.velocities, memory.balance.copy(), energy,
-        reversals, disagreement, checks.penetration, float(memory.extremes[0]), int(memory.counters[STEPS]),
+        assembly, outcome, detail, *states, memory.balance.copy(), energy, reversals, disagreement,
+        checks.penetration, float(memory.extremes[0]), int(memory.counters[STEPS]),
         int(memory.counters[EVALUATIONS]), int(memory.counters[FACTORISATIONS]),
         sum(piece.evaluations for piece in again), motion.state.time - motion.begin,
     )  # fmt: skip
@@ -225,22 +238,23 @@ def run(
 
 @dataclass(frozen=True)
 class _Motion:
-    """A scene on its way: its state, the memory of its kernels, and its samples since the time `begin`."""
+    """A scene on its way: its state, the memory of its kernels, and its samples and trace since the time `begin`."""
 
     assembly: Assembly
     memory: Work
     state: State
     passage: Passage
+    trace: Trace
     begin: float
 
 
-def _begin(assembly: Assembly, start: State | None, limits: Limits) -> _Motion:
+def _begin(assembly: Assembly, start: State | None, limits: Limits, traced: int) -> _Motion:
     """Set out from a state, or from the start of the scene, which is checked."""
-    state, memory = start.copy() if start else assembly.initial_state(), assembly.work()
+    state, memory = start.copy() if start else assembly.initial_state(), assembly.work(traced)
     begin_watch(assembly.tables, memory, state.positions, state.velocities, state.time)
     if start is None:
         _check_start(assembly, memory, state, limits)
-    return _Motion(assembly, memory, state, Passage(memory, state), state.time)
+    return _Motion(assembly, memory, state, Passage(memory, state), Trace(memory, state), state.time)
 
 
 def _follow(
@@ -255,9 +269,7 @@ def _follow(
         for stop, is_sample in stops:
             before = state.copy() if (done, stop) in windows else None
             end = motion.begin + duration * stop / count
-            status = method.integrate(
-                motion.assembly.tables, memory, state.positions, state.velocities, clock, end, stop - done, settings
-            )
+            status = _advance(motion, method, clock, end, stop - done, settings)
             state.time = float(clock[0])
             if status != Outcome.FINISHED:
                 return stretches, Outcome(int(status))
@@ -267,6 +279,18 @@ def _follow(
             if is_sample:
                 motion.passage.note(memory, state)
     return stretches, None
+
+
+def _advance(motion: _Motion, method: Method, clock: FloatArray, end: float, steps: int, settings: Settings) -> int:
+    """Integrate up to a time, in so many steps or in as many as the method needs; pauses empty the trace."""
+    state, memory, begin = motion.state, motion.memory, float(clock[0])
+    last, status = int(memory.counters[STEPS]) + steps, TRACE_FULL
+    while status == TRACE_FULL and end - clock[0] > _ROUNDING * (end - begin):
+        left = max(last - int(memory.counters[STEPS]), 1)
+        tables, positions, velocities = motion.assembly.tables, state.positions, state.velocities
+        status = int(method.integrate(tables, memory, positions, velocities, clock, end, left, settings))
+        motion.trace.take()
+    return int(Outcome.FINISHED) if status == TRACE_FULL else status
 
 
 def _stops(count: int, samples: int, limits: Limits) -> tuple[list[tuple[int, bool]], set[tuple[int, int]]]:
@@ -321,16 +345,17 @@ def _contact_sizes(assembly: Assembly) -> FloatArray:
     return sizes
 
 
-def _inspect(assembly: Assembly, passage: Passage, limits: Limits) -> _Checks:
-    """Penetration and drift at the samples."""
-    checks, tables, positions = _Checks(), assembly.tables, passage.positions[1:]
+def _inspect(assembly: Assembly, states: States, passage: Passage, limits: Limits) -> _Checks:
+    """Penetration in all states, and drift up to the samples."""
+    checks, tables, (times, positions, velocities) = _Checks(), assembly.tables, states
+    positions, velocities = (np.ascontiguousarray(each[1:]) for each in (positions, velocities))
     for deepest, share, depth, body, state in (
         largest_penetration(tables.contacts, _contact_sizes(assembly), positions),
-        bearing_compression(tables.bearings, positions, passage.velocities[1:]),
+        bearing_compression(tables.bearings, positions, velocities),
     ):
         checks.penetration = max(checks.penetration, float(deepest))
         if share > limits.penetration:
-            at = f"at t = {passage.states[1 + state].time:.6g}, body {assembly.names[int(body)]}"
+            at = f"at t = {times[1 + state]:.6g}, body {assembly.names[int(body)]}"
             checks.fail(Outcome.INACCURATE, f"a penetration of {number(depth)} is outside the contact law {at}")
     drifts = passage.drifts[1:]
     drifted = np.flatnonzero(~(drifts <= limits.drift * assembly.scene.length_scale))

@@ -13,7 +13,7 @@ from tripod_doe.mechanics.by_reference import ByReference
 __all__ = [
     "BODY", "CONSTRAINT_ROW", "CONTACT", "DISTANCE", "EVALUATIONS", "FACTORISATIONS", "FIRST", "IN_PLANE", "ITERATIONS",
     "LEDGER", "LINEARISATIONS", "LOAD_ZONE_NODES", "NEEDLE_BEARING", "PERPENDICULAR", "REJECTED", "SPRING", "STEPS",
-    "Pattern", "Slopes", "Tables", "Work",
+    "TRACED", "Pattern", "Slopes", "Tables", "Work",
 ]  # fmt: skip
 
 FloatArray = NDArray[np.float64]
@@ -133,9 +133,9 @@ CONSTRAINT_ROW = np.dtype(
     align=True,
 )
 
-EVALUATIONS, LINEARISATIONS, FACTORISATIONS, STEPS, REJECTED, ITERATIONS = range(6)
-"""Entries of `Work.counters`: force evaluations, linearisations, factorisations, accepted and rejected steps, and
-iterations of implicit stages."""
+EVALUATIONS, LINEARISATIONS, FACTORISATIONS, STEPS, REJECTED, ITERATIONS, TRACED = range(7)
+"""Entries of `Work.counters`: force evaluations, linearisations, factorisations, accepted and rejected steps,
+iterations of implicit stages, and states in `Work.trace`."""
 
 FIRST = np.int64(0)
 """The first row or pivot of a range. numba gives a plain 0 a type of its own, and compiles the kernel once more."""
@@ -253,7 +253,7 @@ class Work(ByReference):
     pair
         Scratch for one pair of bodies, shape (2, 6, 8).
     counters
-        Counted work: `EVALUATIONS` to `ITERATIONS`.
+        Counted work, and how full the trace is: `EVALUATIONS` to `TRACED`.
     balance, power_before
         Time integrals of ledger entries 1 to 5, and their values at the last accepted step.
     motion_before
@@ -264,6 +264,9 @@ class Work(ByReference):
         Largest constraint drift.
     failure
         Body and size of what made a run stop.
+    trace
+        States after the last steps: time, positions and velocities in a row, shape (state, 1 + 13 x bodies); without
+        rows none are kept.
     """
 
     force: FloatArray
@@ -298,3 +301,4 @@ class Work(ByReference):
     paths: FloatArray
     extremes: FloatArray
     failure: FloatArray
+    trace: FloatArray

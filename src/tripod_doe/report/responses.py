@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tripod_doe.quantities import level, with_unit
 from tripod_doe.report.model_choice import asked_orders
 from tripod_doe.simulator import Outcome
-from tripod_doe.study.cube import COST_VARIABLES, EXCLUDED, RECORD_ROLE, SWITCH_ROLE
+from tripod_doe.study.cube import COST_VARIABLES, EXCLUDED, RECORD_ROLE, RESPONSE_ROLE, SWITCH_ROLE
 
 __all__ = [
     "ORDINALS",
@@ -52,6 +52,8 @@ ORDINALS = (
 _CHECKS = ("energy_residual", "largest_penetration_um")  # of the numerics: shown among the settings
 _ERRORS = ("thrust_amplitude_error", "thrust_amplitude_scatter")
 _VISIBLE = 5e-3  # orders smaller than this part of the largest one are not worth a sentence
+_MOST_OWN = 6  # numbers of a function
+_UNITS = {"1": "", "degree": "deg", "mm s-1": "mm/s", "kg m-3": "kg/m3", "s mm-1": "s/mm", "s-1": "1/s"}
 _CLASSES = 10  # classes of a sampled factor
 _MOST_LEVELS = 40  # a factor with more values than this is a sampled one
 _REPETITION = "replicate"  # the factor that tells runs of one point apart
@@ -120,7 +122,7 @@ def spoken(name: str) -> str:
 
 def unit_text(unit: str) -> str:
     """A unit as text."""
-    return {"1": "", "degree": "deg", "mm s-1": "mm/s", "kg m-3": "kg/m3", "s mm-1": "s/mm"}.get(unit, unit)
+    return _UNITS.get(unit, unit)
 
 
 def listed(names: list[str]) -> str:
@@ -226,11 +228,12 @@ def numeric_factors(cube: xr.Dataset) -> list[str]:
 
 
 def responses(cube: xr.Dataset) -> list[Response]:
-    """The responses that sentences and figures show: orders of the thrust, or a function's own numbers.
+    """The responses that sentences and figures show: orders of the thrust with results of their own, or own numbers.
 
     Orders that are small against the largest one are left out, as are checks of the numerics, and orders for which no
     accuracy was asked where a pilot chose the models: from point to point they are those of different models.
     """
+    names = [str(name) for name in cube.data_vars]
     if "thrust_amplitude" in cube:
         amplitude = cube["thrust_amplitude"]
         largest = float(amplitude.max()) if amplitude.notnull().any() else 0.0
@@ -241,9 +244,13 @@ def responses(cube: xr.Dataset) -> list[Response]:
             if order == 3 or wanted is not None or float(values.max()) > _VISIBLE * largest:
                 error = _error_of_order(cube, order)
                 found.append(Response(f"thrust_amplitude_order_{order}", ORDINALS[order], "N", values, error))
-        return found
-    own = [str(name) for name in cube.data_vars if _is_own(cube, str(name)) and name not in _CHECKS]
-    return [Response(name, _own_label(cube, name), _own_unit(cube, name), cube[name]) for name in own[:6]]
+        return found + _own(cube, [name for name in names if cube[name].attrs.get("role") == RESPONSE_ROLE])
+    return _own(cube, [name for name in names if _is_own(cube, name) and name not in _CHECKS][:_MOST_OWN])
+
+
+def _own(cube: xr.Dataset, names: list[str]) -> list[Response]:
+    """Variables of one number a point as responses."""
+    return [Response(name, _own_label(cube, name), _own_unit(cube, name), cube[name]) for name in names]
 
 
 def _error_of_order(cube: xr.Dataset, order: int) -> float:

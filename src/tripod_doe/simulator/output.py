@@ -76,6 +76,8 @@ class Output:
         Whether some models cannot give it: their points hold NaN although they finished.
     on_request
         Whether it is computed only where a study names it among what it keeps.
+    response
+        Whether reports show it as a result of its own, beside the main ones of its simulator; a scalar.
     convention
         What its signs and phases mean; CF comment.
     """
@@ -88,6 +90,7 @@ class Output:
     angle: bool = False
     optional: bool = False
     on_request: bool = False
+    response: bool = False
     convention: str = ""
 
     @property

@@ -32,6 +32,7 @@ __all__ = [
     "COST_VARIABLES",
     "EXCLUDED",
     "RECORD_ROLE",
+    "RESPONSE_ROLE",
     "SWITCH_ROLE",
     "THIS_STUDY",
     "build_cube",
@@ -55,6 +56,9 @@ SWITCH_ROLE = "switch of the ablation"
 
 RECORD_ROLE = "record of the run"
 """Attribute ``role`` of variables that tell how a point was computed: they are no results."""
+
+RESPONSE_ROLE = "result of its own"
+"""Attribute ``role`` of outputs that reports show beside the main ones (`Output.response`)."""
 
 THIS_STUDY = "this study"
 """Source of a value that the study gives itself, in place of the paper or an assumption."""
@@ -196,6 +200,8 @@ def _variable(output: Output | None, dims: tuple[str, ...], data: NDArray[Any], 
             attrs["wraps_at"] = "+-180 degree"
         if output.convention:
             attrs["comment"] = output.convention
+        if output.response:
+            attrs["role"] = RESPONSE_ROLE
     return _shaped(points, dims, data, attrs)
 
 

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ValidationError
 from tripod_doe.analysis.sensitivity.method import CORRELATED
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.report.analyses import ANALYSES, Analysis
+from tripod_doe.simulator import Outcome
 from tripod_doe.study.definition import Study
 from tripod_doe.study.netcdf import stamp_history, write_dataset
 
@@ -121,7 +122,8 @@ def run_analyses(study: Study, cube: xr.Dataset, directory: Path) -> dict[str, s
         try:
             result = analysis.function({name: cube}, settings, study.folder)
         except InputError as error:
-            reasons[name] = str(error)
+            some = bool((cube["outcome"] == Outcome.FINISHED).any())
+            reasons[name] = str(error) if some else "no point finished: there is nothing to analyse"
             continue
         kept = {key: cube.attrs[key] for key in ("Conventions", "institution", "source", "references", "study_hash")}
         result = result.assign_attrs(kept | {"title": f"{cube.attrs['title']}: {name}"} | result.attrs)

@@ -18,7 +18,7 @@ from tripod_doe.mechanics.implicit import factorise_system, gather, solve_uncons
 from tripod_doe.mechanics.inertia import add_mass_product
 from tripod_doe.mechanics.lanes import clear, load, store
 from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, STEP_LIMIT, accept
-from tripod_doe.mechanics.motion import copy_vectors, evaluate, larger, linearise, settle
+from tripod_doe.mechanics.motion import accelerate, copy_vectors, evaluate, larger, linearise, project
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
 from tripod_doe.mechanics.tables import EVALUATIONS, REJECTED
 
@@ -51,10 +51,17 @@ _EMBEDDED = np.array([3.7810903145819369e-01, -9.6042292212423178e-02, 5.0e-01, 
 
 
 @kernel
-def _linearise(tables, work, positions, velocities):
-    """Matrices D and K apart: a step that is rejected is tried again with another sum of them."""
+def _set_out(tables, work, positions, velocities, time, settings):
+    """Take a state as the start of a step: forces and accelerations, and the matrices D and K.
+
+    The matrices stand apart: a step that is rejected is tried again with another sum of them.
+    """
     linearise(tables, work, positions, velocities, 0.0, 1.0, 0.0, work.dissipation)
     linearise(tables, work, positions, velocities, 0.0, 0.0, 1.0, work.stiffness)
+    accelerate(tables, work, positions, velocities, time, settings.baumgarte)
+    copy_vectors(positions, work.stages[_START])
+    copy_vectors(velocities, work.stages[_FIRST_VELOCITIES])
+    copy_vectors(work.acceleration, work.stages[_FIRST_ACCELERATIONS])
 
 
 @kernel
@@ -66,7 +73,7 @@ def _combine_blocks(work, reach):
 
 
 @kernel_part
-def _set_out(tables, work, stage, positions, velocities):
+def _place_stage(tables, work, stage, positions, velocities):
     """State at which a stage is evaluated, and the sums over the stages before it that its Jacobian multiplies."""
     start, first, shift = work.stages[_START], work.stages[_FIRST_VELOCITIES], work.stages[_SHIFT]
     mixed, mixed_speed = work.stages[_MIXED], work.stages[_MIXED_SPEED]
@@ -88,7 +95,7 @@ def _stage(tables, work, stage, time, step, settings, positions, velocities):
     """Compute one stage: its increments of displacement (`_SHIFTS`) and of velocity (`_SPEEDS`)."""
     shift, right, rows = work.stages[_SHIFT], work.stages[_RIGHT], work.stages[_ROWS]
     mixed, mixed_speed = work.stages[_MIXED], work.stages[_MIXED_SPEED]
-    _set_out(tables, work, stage, positions, velocities)
+    _place_stage(tables, work, stage, positions, velocities)
     if stage > 0:
         lag = step * (_A[stage, 0] + _A[stage, 1] + _A[stage, 2])
         evaluate(tables, work, positions, velocities, time + lag, settings.baumgarte)
@@ -150,11 +157,7 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
     equal = (end - begin) / count
     if clock[1] == 0.0:
         clock[1] = 1e-4 * (end - begin)
-    evaluate(tables, work, positions, velocities, begin, settings.baumgarte)
-    copy_vectors(positions, start)
-    copy_vectors(velocities, first)
-    copy_vectors(work.acceleration, work.stages[_FIRST_ACCELERATIONS])
-    _linearise(tables, work, positions, velocities)
+    _set_out(tables, work, positions, velocities, begin, settings)
     while taken < count if not settings.controlled else clock[0] < end:
         step = min(clock[1], end - clock[0]) if settings.controlled else equal
         _combine_blocks(work, step * _GAMMA)
@@ -180,12 +183,9 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         time = end if whole or (taken == count and not settings.controlled) else clock[0] + step
         if step >= clock[1] or growth < 1.0:  # a step cut short by `end` says nothing about the next one
             clock[1] = step * growth
-        settle(tables, work, positions, velocities, time, settings)
+        project(tables, work, positions, velocities, time, settings)
+        _set_out(tables, work, positions, velocities, time, settings)
         status = accept(tables, work, positions, velocities, clock, time, step, settings)
         if status != FINISHED:
             return status
-        copy_vectors(positions, start)
-        copy_vectors(velocities, first)
-        copy_vectors(work.acceleration, work.stages[_FIRST_ACCELERATIONS])
-        _linearise(tables, work, positions, velocities)
     return FINISHED

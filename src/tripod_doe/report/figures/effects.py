@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,7 @@ import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
-from tripod_doe.quantities import level, levels_apart, with_unit
+from tripod_doe.quantities import level, levels_apart, number, with_unit
 from tripod_doe.report.figures.chart import (
     COLOURS,
     LINES,
@@ -29,6 +29,7 @@ from tripod_doe.report.responses import (
     axis_label,
     factor_label,
     factor_names,
+    factor_text,
     factor_unit,
     main_effect,
     numeric_factors,
@@ -45,6 +46,7 @@ FloatArray = NDArray[np.float64]
 
 _MOST_LINES = 5
 _MOST_CELLS = (18, 8)  # rows and columns of a map whose cells still hold a readable number
+_MOST_MAPS = 4  # levels of a third factor
 _SHADES = ("#f4f7fb", "#9dbfdf", "#3f7fb8", "#0b3f73")  # of a map, from low to high
 
 
@@ -60,7 +62,7 @@ class ResponseCharts:
         """The map if there is one, else the chart whose first line rises the most."""
         first_lines = [chart.data.iloc[:, 1].dropna() for chart in self.charts]
         rises = [float(line.max() - line.min()) if len(line) else 0.0 for line in first_lines]
-        at = next((k for k, chart in enumerate(self.charts) if chart.name.endswith("-map")), int(np.argmax(rises)))
+        at = next((k for k, chart in enumerate(self.charts) if "-map" in chart.name), int(np.argmax(rises)))
         return self.charts[at]
 
 
@@ -84,9 +86,22 @@ def _grid_charts(response: Response, cube: xr.Dataset) -> list[Chart]:
     for name in numeric:
         others = [other for other in factors if other != name]
         charts.append(_line_chart(response, cube, name, others))
-    if len(factors) == 2 and len(numeric) == 2 and min(cube.sizes[name] for name in numeric) > 2:
-        charts.append(_map_chart(response, cube, numeric))
-    return charts
+    return charts + _maps(response, cube, factors, numeric)
+
+
+def _maps(response: Response, cube: xr.Dataset, factors: list[str], numeric: list[str]) -> list[Chart]:
+    """Maps over the two numeric factors of most levels, one for each level of a third factor with few."""
+    axes = sorted(numeric, key=lambda name: -cube.sizes[name])[:2]
+    others = [name for name in factors if name not in axes]
+    if len(axes) < 2 or cube.sizes[axes[1]] <= 2 or len(others) > 1:
+        return []
+    if not others:
+        return [_map_chart(response, cube, numeric)]
+    third, count = others[0], cube.sizes[others[0]]
+    if count > _MOST_MAPS:
+        return []
+    shown = [name for name in numeric if name in axes]
+    return [_map_chart(response, cube, shown, {third: place}) for place in range(count)]
 
 
 def _line_chart(response: Response, cube: xr.Dataset, factor: str, others: list[str]) -> Chart:
@@ -137,8 +152,22 @@ def _capital(response: Response) -> str:
     return response.label if response.label == response.key else response.label[0].upper() + response.label[1:]
 
 
-def _map_chart(response: Response, cube: xr.Dataset, factors: list[str]) -> Chart:
-    """Numbers in shaded cells, or labelled contours if there are too many cells to read."""
+def _map_chart(
+    response: Response, cube: xr.Dataset, factors: list[str], held: Mapping[str, int] | None = None
+) -> Chart:
+    """Numbers in shaded cells, or labelled contours if there are too many cells to read.
+
+    Parameters
+    ----------
+    factors
+        Those of the two axes.
+    held
+        Another factor, and the place of its level; all its maps have the same shades.
+    """
+    held, every = held or {}, response.values.values
+    shades = float(np.nanmin(every)), float(np.nanmax(every))
+    at = "".join(f", {factor_text(cube, name, cube[name].values[place].item())}" for name, place in held.items())
+    response, cube = replace(response, values=response.values.isel(held, drop=True)), cube.isel(held)
     across, up = sorted(factors, key=lambda name: cube.sizes[name])
     response = replace(response, values=response.values.sortby([across, up]))
     cube = cube.sortby([across, up])
@@ -147,7 +176,7 @@ def _map_chart(response: Response, cube: xr.Dataset, factors: list[str]) -> Char
     cells = rows <= _MOST_CELLS[0] and columns <= _MOST_CELLS[1]
     with drawing(3.7, max(3.0, 0.7 + 0.22 * rows) if cells else 3.2) as (figure, axes):
         if cells:
-            _draw_cells(axes, cube[across].values, cube[up].values, values)
+            _draw_cells(axes, cube[across].values, cube[up].values, values, shades)
         else:
             _draw_contours(axes, cube[across].values, cube[up].values, values)
         axes.set_xlabel(axis_label(cube, across))
@@ -158,21 +187,27 @@ def _map_chart(response: Response, cube: xr.Dataset, factors: list[str]) -> Char
     caption = (
         f"{_capital(response)}{f' ({unit})' if unit else ''} over {factor_label(cube, across)} and "
         f"{factor_label(cube, up)}{'; darker is larger' if cells else ' as labelled contours'}"
-        f"{'; empty cells have no result' if np.isnan(values).any() else ''}."
+        f"{'; empty cells have no result' if np.isnan(values).any() else ''}{at}."
     )
-    title = f"{_capital(response)} over {factor_label(cube, across)} and {factor_label(cube, up)}"
-    return Chart(f"{response.key}-map", title, caption, figure, data)
+    title = f"{_capital(response)} over {factor_label(cube, across)} and {factor_label(cube, up)}{at}"
+    name = "-".join([f"{response.key}-map", *(str(place + 1) for place in held.values())])
+    return Chart(name, title, caption, figure, data)
 
 
-def _draw_cells(axes: Axes, across: FloatArray, up: FloatArray, values: FloatArray) -> None:
-    low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    axes.imshow(np.ma.masked_invalid(values), cmap=_shades(), aspect="auto", origin="lower", interpolation="nearest")
+def _draw_cells(
+    axes: Axes, across: FloatArray, up: FloatArray, values: FloatArray, shades: tuple[float, float]
+) -> None:
+    low, high = shades
+    axes.imshow(
+        np.ma.masked_invalid(values), cmap=_shades(), vmin=low, vmax=high, aspect="auto", origin="lower",
+        interpolation="nearest",
+    )  # fmt: skip
     for row, column in np.ndindex(*values.shape):
         value = values[row, column]
         if np.isfinite(value):
             dark = (value - low) > 0.55 * (high - low)
             axes.text(
-                column, row, f"{value:#.3g}".rstrip("."), ha="center", va="center", fontsize=7.5,
+                column, row, _cell_text(float(value)), ha="center", va="center", fontsize=7.5,
                 color=ON_DARK if dark else ON_LIGHT,
             )  # fmt: skip
     axes.set_xticks(range(across.size), [level(float(v)) for v in across])
@@ -181,6 +216,11 @@ def _draw_cells(axes: Axes, across: FloatArray, up: FloatArray, values: FloatArr
     axes.tick_params(length=0)
     for spine in axes.spines.values():
         spine.set_visible(False)
+
+
+def _cell_text(value: float) -> str:
+    """A number of three digits, so that cells line up, but no power of ten."""
+    return f"{value:#.3g}".rstrip(".") if 1e-3 < abs(value) < 999.5 else number(value, 3)
 
 
 def _shades() -> Colormap:

@@ -1,0 +1,47 @@
+"""The states after every step of a run, taken out of the memory of its kernels whenever that is full.
+
+A sample ends a step of a method that controls its steps: where samples are as close as steps, every second step is cut
+short. What is wanted of a motion at all times is read at its own steps instead.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.mechanics.assembly import State
+from tripod_doe.mechanics.tables import TRACED, Work
+
+__all__ = ["States", "Trace"]
+
+FloatArray = NDArray[np.float64]
+States = tuple[FloatArray, FloatArray, FloatArray]
+"""Times, positions and velocities, shapes (state,), (state, body, 7), (state, body, 6)."""
+
+
+class Trace:
+    """All states of a run, the first of them included.
+
+    Parameters
+    ----------
+    memory
+        Memory of the run; without room for a trace nothing is taken from it.
+    state
+        Where it starts.
+    """
+
+    def __init__(self, memory: Work, state: State) -> None:
+        self._memory, self._bodies = memory, len(state.positions)
+        self._rows = [np.hstack([state.time, state.positions.ravel(), state.velocities.ravel()])[None]]
+
+    def take(self) -> None:
+        """Empty the memory."""
+        counters = self._memory.counters
+        self._rows.append(self._memory.trace[: counters[TRACED]].copy())
+        counters[TRACED] = 0
+
+    def states(self) -> States:
+        """All that was taken so far."""
+        rows = np.concatenate(self._rows)
+        times, positions, velocities = np.split(rows, [1, 1 + 7 * self._bodies], axis=1)
+        return times[:, 0], positions.reshape(-1, self._bodies, 7), velocities.reshape(-1, self._bodies, 6)
