@@ -30,9 +30,10 @@ MANY = 500
 
 
 def pytest_collection_finish(session):
-    """Two processes of a long session fill an empty compile cache side by side, each with other models first.
+    """Two of the processes of a long session fill an empty compile cache side by side, each with other models first.
 
-    Otherwise tests of both would compile the same kernels at the same time. From a full cache it takes two seconds.
+    Otherwise tests of both would compile the same kernels at the same time. From a full cache it takes two seconds. The
+    third process works while tests wait for processes, polls and disks.
     """
     from tripod_doe.joint.simulator import simulator
 

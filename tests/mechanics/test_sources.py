@@ -26,7 +26,7 @@ print(json.dumps([sum(copy_vectors.stats.cache_hits.values()), sum(copy_vectors.
 
 @pytest.fixture
 def package(tmp_path):
-    """A copy of the package's Python files."""
+    """A copy of the package's Python files; its hashes are `source_hashes`, wherever it stands."""
     folder = tmp_path / "tripod_doe"
     shutil.copytree(SOURCE, folder, ignore=shutil.ignore_patterns("__pycache__", "*.html", "*.css"))
     return folder
@@ -50,13 +50,13 @@ def test_the_hashes_are_those_of_the_sources():
 
 
 def test_words_do_not_count(package):
-    before = hash_sources(package)
+    before = source_hashes()
     reword(package)
     assert hash_sources(package) == before
 
 
 def test_code_of_a_kernel_counts_for_both(package):
-    before = hash_sources(package)
+    before = source_hashes()
     change(package / "mechanics" / "motion.py", "target[i, d] = source[i, d]", "target[i, d] = -source[i, d]")
     after = hash_sources(package)
     assert after.results != before.results
@@ -65,14 +65,14 @@ def test_code_of_a_kernel_counts_for_both(package):
 
 def test_a_constant_that_a_kernel_imports_counts_for_both(package):
     """numba compiles the value of a global in: the file that it comes from need not contain a kernel itself."""
-    before = hash_sources(package)
+    before = source_hashes()
     path = package / "mechanics" / "tables.py"
     path.write_text(path.read_text() + "\nNEW_CONSTANT = 3\n")
     assert hash_sources(package).kernels != before.kernels
 
 
 def test_code_around_the_kernels_counts_for_results_only(package):
-    before = hash_sources(package)
+    before = source_hashes()
     path = package / "joint" / "models.py"
     path.write_text(path.read_text() + "\nNEW_CONSTANT = 3\n")
     after = hash_sources(package)
@@ -81,7 +81,7 @@ def test_code_around_the_kernels_counts_for_results_only(package):
 
 
 def test_what_is_no_code_of_mechanics_or_joint_counts_for_nothing(package):
-    before = hash_sources(package)
+    before = source_hashes()
     (package / "joint" / "prices.toml").write_text("[rollers]")
     path = package / "report" / "page.py"
     path.write_text(path.read_text() + "\nNEW_CONSTANT = 3\n")

@@ -11,21 +11,12 @@ from distributed import Client
 
 from tripod_doe.study.definition import Study
 from tripod_doe.study.existing_scheduler import ExistingScheduler
-from tripod_doe.study.local_cluster import LocalWorkers
+from tripod_doe.study.local_cluster import QUIET, LocalWorkers
 from tripod_doe.study.on_dask import OnDask
 from tripod_doe.study.task import matching_simulator
 from tripod_doe.study.user_code import read_user_code
 
-__all__ = ["QUIET", "DaskWorkers"]
-
-QUIET = {
-    "distributed.scheduler.allowed-failures": 0,  # which block is to blame is found out here
-    "distributed.admin.tick.limit": "1h",
-    "distributed.worker.profile.enabled": False,
-    "distributed.worker.multiprocessing-method": "forkserver",
-    "distributed.comm.timeouts.connect": "30s",
-}
-"""Settings of Dask in every process of a study."""
+__all__ = ["DaskWorkers"]
 
 
 class DaskWorkers:

@@ -9,14 +9,25 @@ the end of the input ends them at once, as the process that wanted them is gone.
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import sys
+from multiprocessing import forkserver
 
 from tripod_doe.errors import TripodDoeError, option
 from tripod_doe.study.child_process import answers, start_child
 from tripod_doe.study.scenes import modules_of_scenes
 
-__all__ = ["LocalWorkers"]
+__all__ = ["QUIET", "LocalWorkers"]
+
+QUIET = {
+    "distributed.scheduler.allowed-failures": 0,  # which block is to blame is found out here
+    "distributed.admin.tick.limit": "1h",
+    "distributed.worker.profile.enabled": False,
+    "distributed.worker.multiprocessing-method": "forkserver",
+    "distributed.comm.timeouts.connect": "30s",
+}
+"""Settings of Dask in every process of a study."""
 
 
 class LocalWorkers:
@@ -57,28 +68,29 @@ class LocalWorkers:
 def _serve(count: int, modules: list[str]) -> None:
     """Start workers with these modules imported, say where they are, and keep them until they are to close."""
     stream = answers()
+    multiprocessing.set_forkserver_preload(
+        ["distributed.nanny", "distributed.worker", f"{__package__}.on_worker", *modules]
+    )
+    forkserver.ensure_running()  # it imports them beside the imports here: on two cores that halves the start
 
     import dask
     from distributed import LocalCluster
-    from distributed.utils import get_mp_context
 
-    from tripod_doe.study import task
-    from tripod_doe.study.dask_workers import QUIET
-
-    with dask.config.set(QUIET):
-        get_mp_context().set_forkserver_preload(["distributed.nanny", "distributed.worker", task.__name__, *modules])
-        with LocalCluster(
+    with (
+        dask.config.set(QUIET),
+        LocalCluster(
             n_workers=count,
             threads_per_worker=1,
             processes=True,
             dashboard_address="127.0.0.1:0",  # another run may have the default port
             silence_logs=50,
             memory_limit=0,
-        ) as cluster:
-            stream.write(f"{cluster.scheduler_address}\n")
-            stream.close()
-            if not sys.stdin.readline():
-                os._exit(1)
+        ) as cluster,
+    ):
+        stream.write(f"{cluster.scheduler_address}\n")
+        stream.close()
+        if not sys.stdin.readline():
+            os._exit(1)
 
 
 if __name__ == "__main__":
