@@ -14,7 +14,6 @@ import asyncio
 import os
 import random
 import signal
-import sqlite3
 import tempfile
 import time
 from pathlib import Path
@@ -25,6 +24,7 @@ import xarray as xr
 from service_load import LONG, Server, once
 
 import tripod_doe as td
+from tripod_doe.study.journal import Journal
 
 
 def processes_in(folder: Path) -> list[psutil.Process]:
@@ -54,10 +54,9 @@ def kill(what: str, server: Server, folder: Path) -> None:
 
 def committed(directory: Path) -> list[bytes]:
     """Fingerprints in a journal."""
-    journal = sqlite3.connect(f"file:{directory / 'journal.sqlite'}?mode=ro", uri=True)
-    keys = b"".join(row[0] for row in journal.execute("SELECT keys FROM block"))
-    journal.close()
-    return [keys[i : i + 16] for i in range(0, len(keys), 16)]
+    with Journal(directory, read_only=True) as journal:
+        keys = journal.keys()
+    return [key.tobytes() for key in keys]
 
 
 async def storm(folder: Path, kills: int, workers: str, study: str) -> dict[str, object]:

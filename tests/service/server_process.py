@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import signal
-import sqlite3
 import subprocess
 import sys
 import textwrap
@@ -14,6 +13,8 @@ import urllib.error
 import urllib.request
 
 import psutil
+
+from tripod_doe.study.journal import Journal
 
 LONG = """
     [study]
@@ -83,7 +84,6 @@ def runs_in(folder):
 
 def committed(directory):
     """Fingerprints in a journal, in the order of their commits."""
-    with sqlite3.connect(f"file:{directory / 'journal.sqlite'}?mode=ro", uri=True) as journal:
-        keys = b"".join(row[0] for row in journal.execute("SELECT keys FROM block ORDER BY id"))
-    journal.close()
-    return [keys[i : i + 16] for i in range(0, len(keys), 16)]
+    with Journal(directory, read_only=True) as journal:
+        keys = journal.keys()
+    return [key.tobytes() for key in keys]

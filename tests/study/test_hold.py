@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import socket
 import subprocess
+import time
 
+import psutil
 import pytest
 
 import tripod_doe as td
@@ -84,3 +87,59 @@ def test_run_takes_over_only_when_asked(tmp_path, monkeypatch, capsys, elsewhere
     assert td.open_cube(tmp_path).sizes["joint_angle_deg"] == 2
     with pytest.raises(td.StorageError):
         elsewhere.check()
+
+
+@pytest.fixture
+def without_locks(monkeypatch):
+    """As a network filesystem that grants every lock."""
+    monkeypatch.setattr(fcntl, "flock", lambda file, how: None)
+
+
+@pytest.mark.usefixtures("without_locks")
+def test_without_working_locks_a_holder_counts_as_long_as_it_is_not_known_to_be_gone(tmp_path):
+    hold = Hold(tmp_path)
+    with pytest.raises(td.InputError, match=f"process {os.getpid()}"):
+        Hold(tmp_path, take_over=True)
+    hold.release()
+    Hold(tmp_path).release()  # given back
+    said(tmp_path, {"host": "far.example", "process": 7})
+    with pytest.raises(td.InputError, match=r"process 7 on far\.example is writing here"):
+        Hold(tmp_path)
+    Hold(tmp_path, take_over=True).release()
+
+
+@pytest.mark.usefixtures("without_locks")
+def test_a_holder_that_slept_through_a_take_over_notices_before_it_writes(tmp_path):
+    """Nothing but the token tells: file, host and process are the same."""
+    sleeper = Hold(tmp_path)
+    said(tmp_path, {"host": socket.gethostname(), "process": 1, "since": 0.0, "token": "gone"})
+    successor = Hold(tmp_path)
+    with pytest.raises(td.StorageError, match="took this directory over"):
+        sleeper.check()
+    sleeper.release()
+    successor.check()
+    successor.release()
+
+
+def test_a_number_that_another_process_has_got_since_is_no_holder(tmp_path):
+    """Process 1 lives, and began after the holder had signed."""
+    said(tmp_path, {"host": socket.gethostname(), "process": 1, "since": 0.0})
+    Hold(tmp_path).release()
+
+
+def test_a_holder_that_was_killed_and_not_yet_reaped_is_gone(tmp_path):
+    child = subprocess.Popen(["true"])
+    while psutil.Process(child.pid).status() != psutil.STATUS_ZOMBIE:
+        time.sleep(0.01)
+    said(tmp_path, {"host": socket.gethostname(), "process": child.pid, "since": time.time()})
+    Hold(tmp_path).release()
+    child.wait()
+
+
+def test_a_lock_that_outlives_its_process_on_this_host_is_taken_over_at_once(tmp_path):
+    child = subprocess.Popen(["true"])
+    child.wait()
+    stale = Hold(tmp_path)
+    said(tmp_path, {"host": socket.gethostname(), "process": child.pid, "since": time.time()})
+    Hold(tmp_path).release()
+    stale.release()

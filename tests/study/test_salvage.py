@@ -33,9 +33,10 @@ def block(number):
 def whole(tmp_path_factory):
     folder = tmp_path_factory.mktemp("whole")
     with Journal(folder) as journal:
-        journal.remember("kernels", "abc")
+        journal.remember({"kernels": "abc"})
         for number in range(BLOCKS):
             journal.commit(block(number))
+        journal.note_shown()
     return folder
 
 

@@ -166,7 +166,7 @@ def test_a_study_whose_process_died_goes_on_with_worker_processes(write_study, t
     study = write_study(GRID)
     (tmp_path / "out").mkdir()
     with Journal(tmp_path / "out") as journal:
-        journal.remember("computing", "yes")  # as a process leaves it that dies in its work
+        journal.remember({"computing": "yes"})  # as a process leaves it that dies in its work
     assert run(study, tmp_path / "out").good
     assert set(td.open_cube(tmp_path / "out")["worker"].values.ravel()) == {"worker"}
     with ResultDirectory(tmp_path / "out") as directory, directory.computing() as died_before:

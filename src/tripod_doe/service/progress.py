@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tripod_doe.simulator import Outcome
-from tripod_doe.study.journal import Journal, journal_path
+from tripod_doe.study.journal import Journal, Mark, journal_path
 
 __all__ = ["PointCounts", "Progress"]
 
@@ -61,7 +61,7 @@ class Progress:
     def __init__(self, directory: Path, total: int, expected: Collection[str] = ()) -> None:
         self._directory, self._total = directory, total
         self._good = {"finished", *expected}
-        self._last = 0
+        self._mark = Mark()
         self._ends: dict[bytes, int] = {}
         self._counts: Counter[int] = Counter()
         self._cpu_seconds = 0.0
@@ -79,11 +79,14 @@ class Progress:
         return PointCounts(self._total, good, sum(outcomes.values()) - good, outcomes, self._cpu_seconds)
 
     def _add(self, journal: Journal) -> None:
-        for number, ends in journal.ends(self._last):
+        again, news, self._mark = journal.news(self._mark)
+        if again:
+            self._ends, self._counts, self._cpu_seconds = {}, Counter(), 0.0
+        for ends in news:
             for key, outcome in zip(ends.keys, ends.outcomes.tolist(), strict=True):
                 fingerprint = key.tobytes()
                 if (earlier := self._ends.get(fingerprint)) is not None:
                     self._counts[earlier] -= 1
                 self._ends[fingerprint] = outcome
                 self._counts[outcome] += 1
-            self._last, self._cpu_seconds = number, self._cpu_seconds + ends.cpu_seconds
+            self._cpu_seconds += ends.cpu_seconds

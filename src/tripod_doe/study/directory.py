@@ -1,7 +1,8 @@
 """The result directory of a study: held by one process, filled block by block, turned into cube and costs.
 
-``study.toml`` is the study whose results are here, ``journal.sqlite`` its finished blocks, ``cube.nc`` and ``cost.nc``
-what was made of them. Nothing else needs to be there to go on.
+``study.toml`` is the study whose results are here, ``journal.sqlite`` its finished blocks, with those of a run that has
+not ended, and of large studies, in the folder ``journal``; ``cube.nc`` and ``cost.nc`` are made of them. Nothing
+else needs to be there to go on.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from tripod_doe.quantities import size
 from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import Study, canonical, parse_study
 from tripod_doe.study.hold import Hold
-from tripod_doe.study.journal import FOLDER, SHOWN, FinishedBlock, Journal
+from tripod_doe.study.journal import FOLDER, FinishedBlock, Journal
 from tripod_doe.study.netcdf import stamp_history, write_dataset
 from tripod_doe.study.plan import cube_bytes
 from tripod_doe.study.salvage import salvage
@@ -78,6 +79,8 @@ class ResultDirectory:
             if lost := salvage(self.path):
                 print(f"tripod-doe: {lost}", file=sys.stderr)
             self._journal = Journal(self.path)
+            for lost in self._journal.lost:
+                print(f"tripod-doe: {lost}", file=sys.stderr)
         except BaseException:
             self._hold.release()
             raise
@@ -90,8 +93,10 @@ class ResultDirectory:
 
     def close(self) -> None:
         """Release the directory for other processes."""
-        self._journal.close()
-        self._hold.release()
+        try:
+            self._journal.close()
+        finally:
+            self._hold.release()
 
     def accept(self, asked: StudyPoints) -> None:
         """Make this the study of the directory.
@@ -143,8 +148,7 @@ class ResultDirectory:
 
     def adopt(self, study: Study) -> None:
         """Make this the study whose results are here."""
-        self._journal.remember(_KERNELS, study.simulator.source_hash)
-        self._journal.remember(FOLDER, str(study.folder.absolute()))
+        self._journal.remember({_KERNELS: study.simulator.source_hash, FOLDER: str(study.folder.absolute())})
         replace_text(self.path / "study.toml", study.text)
 
     def missing(self, asked: StudyPoints, retry_failed: bool = False) -> NDArray[np.int64]:
@@ -183,11 +187,11 @@ class ResultDirectory:
         So a point that takes down its process does not do so each time the study is run again.
         """
         died = self._journal.recall(_COMPUTING) == "yes"
-        self._journal.remember(_COMPUTING, "yes")
+        self._journal.remember({_COMPUTING: "yes"})
         try:
             yield died
         finally:
-            self._journal.remember(_COMPUTING, "no")
+            self._journal.remember({_COMPUTING: "no"})
 
     def read(self, asked: StudyPoints) -> xr.Dataset:
         """Cube and costs of some points from all finished blocks; nothing is written."""
@@ -213,7 +217,8 @@ class ResultDirectory:
         self._hold.check()
         write_dataset(stamp_history(cost, action), self.path / "cost.nc")
         write_dataset(stamp_history(cube, action), self.path / "cube.nc")
-        self._journal.remember(SHOWN, str(self._journal.last_block()))
+        self._hold.check()
+        self._journal.note_shown()
         return cube
 
     def _check_space(self, asked: StudyPoints) -> None:

@@ -1,7 +1,8 @@
 """Holding a result directory: one process writes there, and is told if another takes its place.
 
-The system gives the lock back when its process ends, however that ends. Only where a lock outlives its process, as on
-some network filesystems, has a person to say that the holder is dead.
+The system gives the lock back when its process ends, however that ends. Some network filesystems lock for one machine
+only, or for nobody: so the file also names its holder by host, process and a token of its own, and counts as long as
+nobody knows that process to be gone.
 """
 
 from __future__ import annotations
@@ -10,7 +11,9 @@ import contextlib
 import fcntl
 import json
 import os
+import secrets
 import socket
+import time
 from pathlib import Path
 from typing import Any
 
@@ -19,17 +22,20 @@ from tripod_doe.errors import InputError, StorageError, option
 __all__ = ["Hold"]
 
 _LOCK = ".lock"
+_SIGNING = 0.2  # seconds in which a process that has the lock names itself
+_CLOCK = 2.0  # seconds by which the start of a process is uncertain
 
 
 class Hold:
-    """A directory held for this process, whose host and number stand in its file ``.lock``.
+    """A directory held for this process, whose host, number and token stand in its file ``.lock``.
 
     Parameters
     ----------
     path
         The directory.
     take_over
-        Whether the lock of another process counts for nothing; refused where that process is alive on this host.
+        Whether a process of another host that is named there counts for nothing. One of this host counts as long as
+        it is alive.
 
     Raises
     ------
@@ -38,32 +44,44 @@ class Hold:
     """
 
     def __init__(self, path: Path, take_over: bool = False) -> None:
-        self._file = path / _LOCK
+        self._file, self._token = path / _LOCK, secrets.token_hex(8)
         try:
             self._lock = self._locked(take_over)
         except BlockingIOError as error:
             raise InputError(f"{path}: {_held(self._file)} or choose another {option('out')}") from error
         except OSError as error:
             raise InputError(f"{path}: cannot write here: {error.strerror}; choose another {option('out')}") from error
-        self._sign()
+        self._signed = self._sign()
 
     def _locked(self, take_over: bool) -> int:
         lock = os.open(self._file, os.O_CREAT | os.O_RDWR)
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(lock)
-            if not take_over or _alive(_holder(self._file)):
-                raise
-            self._file.unlink(missing_ok=True)  # a new file has a lock of its own; its former holder sees that
-            return self._locked(take_over=False)
-        return lock
+            holder = _holder(self._file)
+            if not holder or _gone(holder):
+                return lock
+        except BlockingIOError:  # also where the lock of a dead process stays
+            holder = _holder(self._file)
+        os.close(lock)
+        if _alive(holder) or not (take_over or self._stays_gone(holder)):
+            raise BlockingIOError
+        self._file.unlink(missing_ok=True)  # a new file has a lock of its own; its former holder sees that
+        return self._locked(take_over=False)
 
-    def _sign(self) -> None:
-        """Write host and process into the lock's file; without them on a full disk, the lock holds all the same."""
+    def _stays_gone(self, holder: dict[str, Any]) -> bool:
+        """Whether a holder is gone, and no other process is just about to write its own name."""
+        time.sleep(_SIGNING if _gone(holder) else 0.0)
+        return _gone(holder) and _holder(self._file) == holder
+
+    def _sign(self) -> bool:
+        """Write who holds into the lock's file; where a disk is full that fails, and the lock holds all the same."""
+        signature = {"host": socket.gethostname(), "process": os.getpid(), "since": time.time(), "token": self._token}
         with contextlib.suppress(OSError):
             os.ftruncate(self._lock, 0)
-            os.pwrite(self._lock, json.dumps({"host": socket.gethostname(), "process": os.getpid()}).encode(), 0)
+            os.pwrite(self._lock, json.dumps(signature).encode(), 0)
+            os.fsync(self._lock)
+            return True
+        return False
 
     def check(self) -> None:
         """Make sure that nobody has taken the directory over.
@@ -79,16 +97,19 @@ class Hold:
         except FileNotFoundError as error:
             lost = f"{self._file.name} was deleted, so another process may write here"
             raise StorageError(f"{place}: {lost}; this one stops") from error
-        if not same:
+        if not same or (self._signed and _holder(self._file).get("token") != self._token):
             raise StorageError(f"{place}: another process took this directory over; this one stops")
 
     def release(self) -> None:
         """Let other processes write."""
+        with contextlib.suppress(OSError, StorageError):
+            self.check()
+            os.ftruncate(self._lock, 0)
         os.close(self._lock)
 
 
 def _holder(file: Path) -> dict[str, Any]:
-    """Host and number of the process that holds a directory; empty where they are not known."""
+    """Host, number and token of the process that holds a directory; empty where they are not known."""
     try:
         found = json.loads(file.read_text())
     except (OSError, ValueError):
@@ -97,17 +118,25 @@ def _holder(file: Path) -> dict[str, Any]:
     return found if known else {}
 
 
+def _gone(holder: dict[str, Any]) -> bool:
+    """Whether a holder is known to have ended: a process of this host that is not there any more."""
+    return bool(holder) and holder["host"] == socket.gethostname() and not _alive(holder)
+
+
 def _alive(holder: dict[str, Any]) -> bool:
-    """Whether a holder is known to live: a process of this host."""
+    """Whether a holder is known to live: a process of this host, and no later one of the same number."""
     if not holder or holder["host"] != socket.gethostname():
         return False
+    import psutil  # only where a directory was not given back
+
     try:
-        os.kill(holder["process"], 0)
-    except ProcessLookupError:
+        process = psutil.Process(holder["process"])
+        began, ended = process.create_time(), process.status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
         return False
-    except PermissionError:  # somebody else's
+    except psutil.Error:  # somebody else's
         return True
-    return True
+    return not ended and bool(began <= holder.get("since", began) + _CLOCK)
 
 
 def _held(file: Path) -> str:

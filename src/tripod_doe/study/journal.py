@@ -1,101 +1,68 @@
-"""The journal: finished blocks in SQLite, committed one by one, so that a kill loses no finished point."""
+"""The journal of a result directory: finished blocks, stored so that a kill at any moment loses none of them.
+
+A run appends its blocks to a segment of its own in the folder ``journal``. When it ends, segments of moderate size are
+gathered in the archive ``journal.sqlite``, and the folder goes. Notes stand beside the segments until then.
+"""
 
 from __future__ import annotations
 
-import io
 import json
+import secrets
+import shutil
 import sqlite3
-import zipfile
-import zlib
+import threading
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import CubeError, StorageError, option
-from tripod_doe.simulator import WORK, BlockResult, Retries, Values
+from tripod_doe.quantities import count_of
+from tripod_doe.study.archive import Archive, row_of, without_log, write_archive
+from tripod_doe.study.block_record import (
+    FinishedBlock,
+    FinishedEnds,
+    decode,
+    decode_ends,
+    decode_keys,
+    encode,
+)
+from tripod_doe.study.segments import Segment, StoredSegment, segments_in
 
-__all__ = [
-    "BLOCK_COLUMNS",
-    "FOLDER",
-    "PILOT",
-    "SCHEMA",
-    "SHOWN",
-    "FinishedBlock",
-    "FinishedEnds",
-    "Journal",
-    "is_whole",
-    "journal_path",
-    "unreadable",
-]
+__all__ = ["FOLDER", "PILOT", "SHOWN", "FinishedBlock", "FinishedEnds", "Journal", "Mark", "journal_path", "unreadable"]
 
 PILOT = "pilot"
 """Stands for the worker of points that were run by the pilot of their study."""
 
 SHOWN, FOLDER = "shown", "folder"
-"""Notes: the newest block that the cube shows, and the folder of the study file."""
+"""Notes: the state of the journal that the cube shows, and the folder of the study file."""
 
-SCHEMA = """
-CREATE TABLE IF NOT EXISTS block (
-    id INTEGER PRIMARY KEY,
-    keys BLOB NOT NULL,          -- fingerprints of its points, 16 bytes each
-    payload BLOB NOT NULL,       -- the results, a npz archive
-    cpu_seconds REAL NOT NULL,
-    wall_seconds REAL NOT NULL,
-    worker TEXT NOT NULL
-);
-CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
-"""
-"""Tables of a journal."""
-
-BLOCK_COLUMNS = ("keys", "payload", "cpu_seconds", "wall_seconds", "worker")
-"""What is stored of a block."""
-
-_SELECT = f"SELECT {', '.join(BLOCK_COLUMNS)} FROM block"
+_ENDED = "ended"  # note: segments whose processes are gone, with the length that counts and the records lost
+_IN_ARCHIVE = "gathered"  # note: names of the segments that were gathered last
+_NOTES = "notes.json"
+_GATHERED = 32_000_000  # bytes up to which blocks are gathered in the archive
+_BATCH_BYTES, _BATCH_SECONDS = 32_000_000, 1.0  # of blocks that are made to outlive a power cut together
 
 
 @dataclass(frozen=True)
-class FinishedBlock:
-    """A block of points as it came back from a worker.
+class Mark:
+    """How far a reader has come.
 
     Attributes
     ----------
-    keys
-        Fingerprints of its points, shape (point,).
-    result
-        What was simulated.
-    cpu_seconds, wall_seconds
-        Of the whole block.
-    worker
-        Name of the process in which it ran; `PILOT` for what the study's pilot ran.
+    archived
+        Blocks in the archive.
+    lengths
+        Bytes that were read of each segment, by its name.
     """
 
-    keys: NDArray[np.void]
-    result: BlockResult
-    cpu_seconds: float
-    wall_seconds: float
-    worker: str
-
-
-@dataclass(frozen=True)
-class FinishedEnds:
-    """How the points of a block ended.
-
-    Attributes
-    ----------
-    keys, outcomes
-        Fingerprints and outcomes of its points, shape (point,).
-    cpu_seconds
-        Of the whole block.
-    """
-
-    keys: NDArray[np.void]
-    outcomes: NDArray[np.int8]
-    cpu_seconds: float
+    archived: int = 0
+    lengths: dict[str, int] = field(default_factory=dict)
 
 
 class Journal:
@@ -108,29 +75,98 @@ class Journal:
     read_only
         Open an existing journal without holding its directory, also while another process writes.
 
+    Attributes
+    ----------
+    lost
+        What is missing in segments of processes that are gone and was not told before, a sentence each.
+
     Raises
     ------
     CubeError
-        If the file is not a journal.
+        If the archive is damaged.
     """
 
     def __init__(self, directory: Path, read_only: bool = False) -> None:
-        self.path = journal_path(directory)
-        if read_only:
-            self._connection = sqlite3.connect(f"{self.path.absolute().as_uri()}?mode=ro", uri=True)
-            return
-        self._connection = sqlite3.connect(self.path)
+        self.path, self._folder = journal_path(directory), directory / "journal"
+        self._read_only, self._own, self._later = read_only, None, None
+        self._lock, self._synced_at, self._unsynced = threading.Lock(), -np.inf, 0
+        self._late_failure: OSError | None = None
+        self.lost: list[str] = []
         try:
-            self._connection.execute("PRAGMA journal_mode = WAL")
-            self._connection.execute("PRAGMA synchronous = FULL")
-            self._connection.executescript(SCHEMA)
+            if not read_only:
+                if not self.path.exists():
+                    write_archive(self.path, [], {})
+                without_log(self.path)
+            self._open()
         except sqlite3.DatabaseError as error:
-            self.close()
+            if read_only:
+                raise
             raise unreadable(self.path) from error
+        if not read_only:
+            self._end_segments_of_others()
+
+    _own: Segment | None
+    _later: threading.Timer | None
+
+    def _open(self) -> None:
+        """Look at what is there; segments before the archive, so that none is missed while they are gathered."""
+        while True:
+            try:
+                paths = segments_in(self._folder)
+                found = [StoredSegment(path, path.stat().st_size) for path in paths]
+            except FileNotFoundError:  # they have just been gathered
+                continue
+            break
+        self._archive = Archive(self.path)
+        archived = self._archive.notes()
+        self._notes = archived | self._notes_of_folder(archived.get(_IN_ARCHIVE))
+        in_archive, ended = set(json.loads(archived.get(_IN_ARCHIVE, "[]"))), self._ended()
+        self._segments = [segment for segment in found if segment.path.name not in in_archive]
+        for segment in self._segments:
+            segment.length = min(segment.length, ended.get(segment.path.name, (segment.length, 0))[0])
+        if not self._read_only:
+            for path in paths:  # left by a kill between the archive and the end of its segments
+                if path.name in in_archive:
+                    path.unlink()
+
+    def _notes_of_folder(self, in_archive: str | None) -> dict[str, str]:
+        """Notes beside the segments; none where they are those of segments that were gathered."""
+        try:
+            notes: dict[str, str] = json.loads((self._folder / _NOTES).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return {}
+        return notes if notes.get(_IN_ARCHIVE) == in_archive else {}
+
+    def _ended(self) -> dict[str, tuple[int, int]]:
+        return {name: (end, lost) for name, (end, lost) in json.loads(self._notes.get(_ENDED, "{}")).items()}
+
+    def _end_segments_of_others(self) -> None:
+        """Note where the segments of processes that are gone end: what one of them still appends does not count."""
+        before, ended = self._ended(), {}
+        for segment in self._segments:
+            for _ in segment.records():
+                pass
+            name = segment.path.name
+            ended[name] = segment.end, segment.lost
+            if segment.lost > before.get(name, (0, 0))[1]:
+                told = f"{count_of(segment.lost, 'block')} of this part of the journal cannot be read"
+                self.lost.append(f"{segment.path}: {told}; what is lost is computed again")
+            if segment.torn:
+                told = "its end cannot be read, a block that was not written whole, or damage"
+                self.lost.append(f"{segment.path}: {told}; what is lost is computed again")
+            segment.length = segment.end
+        if ended != before:
+            self.remember({_ENDED: json.dumps(ended)})
 
     def close(self) -> None:
-        """Close the file."""
-        self._connection.close()
+        """Close all files."""
+        try:
+            self.sync()
+        finally:
+            self._archive.close()
+            if self._own:
+                self._own.close()
+                self._own = None
 
     def __enter__(self) -> Journal:
         return self
@@ -138,124 +174,166 @@ class Journal:
     def __exit__(self, *exception: object) -> None:
         self.close()
 
-    def remember(self, key: str, value: str) -> None:
-        """Store a note that outlives the process."""
-        with self._writing():
-            self._connection.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (key, value))
+    def remember(self, notes: dict[str, str]) -> None:
+        """Store notes that outlive the process."""
+        if notes.items() <= self._notes.items():
+            return
+        self._notes |= notes
+        self._folder.mkdir(exist_ok=True)
+        replace_text(self._folder / _NOTES, json.dumps(self._notes))
 
     def recall(self, key: str) -> str | None:
         """Read a note, None where there is none."""
-        row = self._connection.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
-        return row[0] if row else None
+        return self._notes.get(key)
 
     def commit(self, block: FinishedBlock) -> None:
-        """Store a block durably; when this returns, no kill can lose it.
+        """Store a block; when this returns, no kill can lose it, and within a second no power cut.
 
         Raises
         ------
         StorageError
-            If the disk is full or fails.
+            If the disk is full or fails, also for an earlier block.
         """
-        with self._writing():
-            self._connection.execute(
-                f"INSERT INTO block ({', '.join(BLOCK_COLUMNS)}) VALUES (?, ?, ?, ?, ?)",
-                (block.keys.tobytes(), _pack(block), block.cpu_seconds, block.wall_seconds, block.worker),
-            )
-
-    @contextmanager
-    def _writing(self) -> Iterator[None]:
         try:
-            with self._connection:
-                yield
-        except sqlite3.Error as error:
-            raise StorageError(
-                f"{self.path}: cannot write ({error}); finished points are kept: free space, then run again"
-            ) from error
+            if self._own is None:
+                self._folder.mkdir(exist_ok=True)
+                self._own = Segment(self._folder, secrets.token_hex(4))
+            record = encode(block, self._own.count)
+            self._own.append(record)
+            self._unsynced += len(record)
+            if self._unsynced > _BATCH_BYTES or time.monotonic() > self._synced_at + _BATCH_SECONDS:
+                self._sync()
+            elif self._later is None:
+                self._later = threading.Timer(_BATCH_SECONDS, self._sync_late)
+                self._later.daemon = True
+                self._later.start()
+            if self._late_failure:
+                raise self._late_failure
+        except OSError as error:
+            raise self._cannot_write(error) from error
 
-    def last_block(self) -> int:
-        """Number of the newest block; 0 where there is none."""
-        return int(self._connection.execute("SELECT coalesce(max(id), 0) FROM block").fetchone()[0])
+    def sync(self) -> None:
+        """Make what was committed outlive a power cut.
+
+        Raises
+        ------
+        StorageError
+            If the disk fails.
+        """
+        try:
+            self._sync()
+        except OSError as error:
+            raise self._cannot_write(error) from error
+
+    def _sync(self) -> None:
+        with self._lock:
+            if self._later:
+                self._later.cancel()
+                self._later = None
+            if self._own and self._unsynced:
+                self._unsynced = 0
+                self._own.sync()
+                self._synced_at = time.monotonic()
+
+    def _sync_late(self) -> None:
+        try:
+            self._sync()
+        except OSError as error:
+            self._late_failure = error
+
+    def _cannot_write(self, error: OSError) -> StorageError:
+        reason = error.strerror or error
+        return StorageError(
+            f"{self._folder}: cannot write ({reason}); finished points are kept: free space, then run again"
+        )
+
+    def note_shown(self) -> None:
+        """Note that the cube shows all blocks, and gather them if they are of moderate size.
+
+        Raises
+        ------
+        StorageError
+            If the disk is full or fails; all blocks stay.
+        """
+        written = self._own.length if self._own else 0
+        if not (written or self._segments or self._folder.exists()):
+            if self._notes.get(SHOWN) != self.state():
+                self.remember({SHOWN: self.state()})
+            return
+        self.sync()
+        if written + sum(segment.length for segment in self._segments) + self._archive.size() > _GATHERED:
+            self.remember({SHOWN: self.state()})
+            return
+        self._gather()
+
+    def _gather(self) -> None:
+        """Put all blocks and notes into a new archive; then the folder can go."""
+        segments = self._all_segments()
+        rows = [*self._archive.rows(), *(row_of(record) for segment in segments for record in segment.records())]
+        names = [segment.path.name for segment in segments]
+        notes = {key: value for key, value in self._notes.items() if key != _ENDED}
+        notes |= {SHOWN: str(len(rows)), _IN_ARCHIVE: json.dumps(names)}
+        write_archive(self.path, rows, notes)
+        self._archive.close()
+        if self._own:
+            self._own.close()
+            self._own = None
+        with suppress(OSError):  # what stays there is known to be gathered
+            shutil.rmtree(self._folder)
+        self._open()
+
+    def _all_segments(self) -> list[StoredSegment]:
+        """The segments that count, with that of this process as far as it was written."""
+        own = [StoredSegment(self._own.path, self._own.length)] if self._own and self._own.length else []
+        return [*self._segments, *own]
+
+    def state(self) -> str:
+        """What the journal holds, as a word that differs after every commit; "0" where it holds nothing."""
+        lengths = [f"{segment.path.name}:{segment.length}" for segment in self._all_segments() if segment.length]
+        return " ".join([str(self._archive.count()), *lengths])
 
     def keys(self) -> NDArray[np.void]:
         """Fingerprints of all committed points, in order of their commits; one that was run again stands twice."""
-        rows = self._connection.execute("SELECT keys FROM block ORDER BY id")
-        return np.frombuffer(b"".join(row[0] for row in rows), dtype="V16")
-
-    def ends(self, after: int = 0) -> Iterator[tuple[int, FinishedEnds]]:
-        """How the points of the blocks after a given one ended, oldest first; their outputs are not read."""
-        rows = self._connection.execute(
-            "SELECT id, keys, payload, cpu_seconds FROM block WHERE id > ? ORDER BY id", (after,)
-        )
-        for number, keys, payload, cpu in rows:
-            with np.load(io.BytesIO(payload), allow_pickle=False) as archive:
-                yield number, FinishedEnds(np.frombuffer(keys, "V16"), archive["outcome"], cpu)
+        parts = [*self._archive.keys(), *(decode_keys(record) for record in self._records())]
+        return np.concatenate([np.array([], "V16"), *parts])
 
     def blocks(self) -> Iterator[FinishedBlock]:
         """All committed blocks, oldest first, one at a time."""
-        rows = self._connection.execute(f"{_SELECT} ORDER BY id")
-        for keys, payload, cpu, wall, worker in rows:
-            yield FinishedBlock(np.frombuffer(keys, "V16"), _unpack(payload), cpu, wall, worker)
+        yield from self._archive.blocks()
+        yield from map(decode, self._records())
+
+    def news(self, mark: Mark) -> tuple[bool, list[FinishedEnds], Mark]:
+        """How the points of the blocks behind a mark ended, oldest first.
+
+        Returns
+        -------
+        again : bool
+            Whether these are all blocks, as they were gathered since the mark was set.
+        ends : list of FinishedEnds
+            Of the blocks; their outputs are not read.
+        mark : Mark
+            For the next call.
+        """
+        archived = self._archive.count()
+        again = archived != mark.archived
+        ends = [*self._archive.ends()] if again else []
+        lengths = {}
+        for segment in self._all_segments():
+            name = segment.path.name
+            ends += map(decode_ends, segment.records(0 if again else mark.lengths.get(name, 0)))
+            lengths[name] = segment.end
+        return again, ends, Mark(archived, lengths)
+
+    def _records(self) -> Iterator[memoryview]:
+        for segment in self._all_segments():
+            yield from segment.records()
 
 
 def journal_path(directory: Path) -> Path:
-    """The journal's file in a result directory."""
+    """The archive of the journal in a result directory, by which the directory is known as one."""
     return directory / "journal.sqlite"
 
 
 def unreadable(path: Path) -> CubeError:
     """The error of a journal of which nothing can be read."""
     return CubeError(f"{path}: not a readable journal; move it elsewhere or choose another {option('out')}")
-
-
-def is_whole(keys: Any, payload: Any, cpu_seconds: Any, wall_seconds: Any, worker: Any) -> bool:
-    """Whether the stored columns of a block are as they were written, by the checksums in them."""
-    try:
-        with zipfile.ZipFile(io.BytesIO(payload)) as archive:
-            if archive.testzip() is not None:
-                return False
-            header = json.loads(np.lib.format.read_array(archive.open("header.npy"), allow_pickle=False).tobytes())
-        known = header.get("keys_crc32", zlib.crc32(keys)) == zlib.crc32(keys)
-    except (zipfile.BadZipFile, ValueError, KeyError, TypeError, EOFError, OSError, NotImplementedError):
-        return False
-    return known and isinstance(cpu_seconds, float) and isinstance(wall_seconds, float) and isinstance(worker, str)
-
-
-def _pack(block: FinishedBlock) -> bytes:
-    result = block.result
-    header: dict[str, Any] = {
-        "dims": {name: values.dims for name, values in result.outputs.items()}, "detail": result.detail,
-        "keys_crc32": zlib.crc32(block.keys.tobytes()),
-    }  # fmt: skip
-    arrays: dict[str, Any] = {f"output/{name}": values.data for name, values in result.outputs.items()}
-    arrays |= {f"coordinate/{name}": labels for name, labels in result.coordinates.items()}
-    arrays |= {name: getattr(result, name) for name in ("outcome", *WORK)}
-    arrays |= {f"settled/{name}": column for name, column in result.settled.items()}
-    if retries := result.retries:
-        header["first_detail"] = retries.first_detail
-        arrays |= {"attempt": retries.attempt, "first_outcome": retries.first_outcome}
-        arrays |= {f"used/{name}": column for name, column in retries.used.items()}
-    buffer = io.BytesIO()
-    np.savez(buffer, header=np.frombuffer(json.dumps(header).encode(), np.uint8), **arrays)
-    return buffer.getvalue()
-
-
-def _unpack(payload: bytes) -> BlockResult:
-    with np.load(io.BytesIO(payload), allow_pickle=False) as archive:
-        header = json.loads(archive["header"].tobytes())
-        outputs = {name: Values(tuple(dims), archive[f"output/{name}"]) for name, dims in header["dims"].items()}
-
-        def named(prefix: str) -> dict[str, NDArray[Any]]:
-            return {name.removeprefix(prefix): archive[name] for name in archive.files if name.startswith(prefix)}
-
-        retries = None
-        if "attempt" in archive:
-            first = archive["first_outcome"], header["first_detail"]
-            retries = Retries(archive["attempt"], *first, named("used/"))
-        return BlockResult(
-            outputs=outputs,
-            coordinates=named("coordinate/"),
-            detail=header["detail"],
-            settled=named("settled/"),
-            retries=retries,
-            **{name: archive[name] for name in ("outcome", *WORK)},
-        )

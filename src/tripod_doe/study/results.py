@@ -17,7 +17,7 @@ from tripod_doe.study.netcdf import read_dataset
 if TYPE_CHECKING:  # a query reads cubes without xarray
     import xarray as xr
 
-__all__ = ["cube_files", "cube_so_far", "is_shown", "open_cube"]
+__all__ = ["cube_files", "cube_so_far", "is_shown", "open_cube", "unshown_state"]
 
 
 def open_cube(path: str | Path) -> xr.Dataset:
@@ -69,15 +69,20 @@ def cube_files(path: Path) -> list[Path]:
 
 def is_shown(path: Path) -> bool:
     """Whether the cube of a result directory shows every block in its journal; true for what has no journal."""
+    return not unshown_state(path)
+
+
+def unshown_state(path: Path) -> str:
+    """The state of the journal of a result directory, as a word; empty where its cube shows every block in it."""
     if not (journal_path(path)).is_file():
-        return True
+        return ""
     try:
         with closing(Journal(path, read_only=True)) as journal:
-            last, shown = journal.last_block(), journal.recall(SHOWN)
+            state, shown = journal.state(), journal.recall(SHOWN)
     except sqlite3.Error:  # not ours to mend: a run says what is wrong with it
-        return True
+        return ""
     has_cube = (path / "cube.nc").exists()
-    return last == 0 or (has_cube and (shown is None or int(shown) == last))
+    return "" if state == "0" or (has_cube and shown in (None, state)) else state
 
 
 def cube_so_far(path: Path) -> xr.Dataset:

@@ -1,4 +1,4 @@
-"""What can still be read of a damaged journal, in a journal of its own, so that only what is lost is computed again."""
+"""What can still be read of a damaged archive, in a new one, so that only what is lost is computed again."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from tripod_doe.study.journal import BLOCK_COLUMNS, SCHEMA, is_whole, journal_path, unreadable
+from tripod_doe.study.archive import BLOCK_COLUMNS, is_whole, write_archive
+from tripod_doe.study.journal import journal_path, unreadable
 
 __all__ = ["salvage"]
 
@@ -17,7 +18,7 @@ _ALL = ", ".join(BLOCK_COLUMNS)
 
 
 def salvage(directory: Path) -> str:
-    """Replace a damaged journal by one with all blocks that can be read; the damaged file stays beside it.
+    """Replace a damaged archive by one with all blocks that can be read; the damaged file stays beside it.
 
     Parameters
     ----------
@@ -45,17 +46,11 @@ def salvage(directory: Path) -> str:
     whole = [row for row in rows if row is not None and is_whole(*row)]
     if not whole:
         raise unreadable(path)
-    fresh = path.with_name(f".{path.name}.new")
-    fresh.unlink(missing_ok=True)
-    with closing(sqlite3.connect(fresh)) as journal, journal:
-        journal.executescript(SCHEMA)
-        journal.executemany(f"INSERT INTO block ({_ALL}) VALUES ({', '.join('?' * len(BLOCK_COLUMNS))})", whole)
-        journal.executemany("INSERT INTO meta VALUES (?, ?)", notes)
     kept = _free_name(path)
     os.link(path, kept)
     for ending in ("-wal", "-shm"):  # what they held is in the rows; beside another journal they would damage it
         path.with_name(path.name + ending).unlink(missing_ok=True)
-    os.replace(fresh, path)
+    write_archive(path, whole, dict(notes))
     lost = len(rows) - len(whole)
     told = f"{len(whole):,} blocks can be read, {f'at least {lost:,} cannot' if lost else 'others may be lost'}"
     return (

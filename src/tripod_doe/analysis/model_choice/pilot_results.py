@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.simulator import Outcome
-from tripod_doe.study.journal import PILOT, FinishedBlock, Journal
+from tripod_doe.study.journal import PILOT, FinishedBlock, Journal, journal_path
 from tripod_doe.study.retry import untried
 from tripod_doe.study.study_points import StudyPoints
 
@@ -61,6 +61,6 @@ def pilot_results(asked: StudyPoints, missing: NDArray[np.int64], directory: Pat
 
 
 def _blocks(directory: Path) -> Iterator[FinishedBlock]:
-    if (directory / "journal.sqlite").exists():
-        with Journal(directory) as journal:
+    if journal_path(directory).exists():
+        with Journal(directory, read_only=True) as journal:
             yield from journal.blocks()

@@ -10,9 +10,8 @@ from pathlib import Path
 import xarray as xr
 
 from tripod_doe.errors import CubeError
-from tripod_doe.study.journal import journal_path
 from tripod_doe.study.netcdf import reading
-from tripod_doe.study.results import cube_files, cube_so_far, is_shown
+from tripod_doe.study.results import cube_files, cube_so_far, unshown_state
 
 __all__ = ["opened"]
 
@@ -34,12 +33,12 @@ def opened(path: str | Path) -> Iterator[xr.Dataset]:
         If no point has finished, or what is there is damaged.
     """
     place = Path(path)
-    shown = is_shown(place)
-    files = cube_files(place) if shown else _journal_files(place)
-    if not files[0].exists():
+    state = unshown_state(place)
+    files = [] if state else cube_files(place)
+    if not all(file.exists() for file in files):
         raise CubeError(f"{place.name}: no point has finished yet")
-    key = (str(place), *((file.name, file.stat().st_mtime_ns, file.stat().st_size) for file in files))
-    if not shown and key not in _kept:
+    key = (str(place), state, *((file.name, file.stat().st_mtime_ns, file.stat().st_size) for file in files))
+    if state and key not in _kept:
         _keep(key, cube_so_far(place))
     if key in _kept:
         _kept.move_to_end(key)
@@ -60,11 +59,6 @@ def _keep(key: tuple[object, ...], cube: xr.Dataset) -> None:
     _kept[key] = cube
     while len(_kept) > _MOST:
         _kept.popitem(last=False)
-
-
-def _journal_files(place: Path) -> list[Path]:
-    journal = journal_path(place)
-    return [file for file in (journal, journal.with_name(journal.name + "-wal")) if file.exists()]
 
 
 def _lazy(files: list[Path], stack: ExitStack) -> xr.Dataset:
