@@ -8,6 +8,7 @@ mark whose checksum holds.
 from __future__ import annotations
 
 import json
+import math
 import struct
 import zlib
 from collections.abc import Iterable, Mapping
@@ -139,23 +140,22 @@ def decode(record: Buffer) -> FinishedBlock:
 
 def decode_keys(record: Buffer) -> NDArray[np.void]:
     """Fingerprints of the points of a whole record."""
-    return _opened(record)[1]["keys"]
+    return _opened(record, 1)[1]["keys"]
 
 
 def decode_ends(record: Buffer) -> FinishedEnds:
     """How the points of a whole record ended."""
-    header, arrays = _opened(record)
+    header, arrays = _opened(record, 2)
     return FinishedEnds(arrays["keys"], arrays["outcome"], header["cpu_seconds"])
 
 
-def _opened(record: Buffer) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Header and arrays of a record."""
+def _opened(record: Buffer, first: int | None = None) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Header and arrays of a record, or the first ones: fingerprints, outcomes."""
     _, head, _, _ = _PREAMBLE.unpack_from(record, len(MARK))
     header: dict[str, Any] = json.loads(bytes(record[_START : _START + head]))
     arrays, at = {}, _START + head
-    for name, kind, shape in header["arrays"]:
-        dtype = np.dtype(kind)
-        count = int(np.prod(shape, dtype=np.int64))
+    for name, kind, shape in header["arrays"][:first]:
+        dtype, count = np.dtype(kind), math.prod(shape)
         arrays[name] = np.frombuffer(record, dtype, count, at).reshape(shape)
         at += -(-count * dtype.itemsize // _ALIGNED) * _ALIGNED
     return header, arrays

@@ -26,6 +26,7 @@ from tripod_doe.simulator import (
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import SAMPLE, Points, axis_levels
 from tripod_doe.study.journal import PILOT, FinishedBlock
+from tripod_doe.study.key_index import KeyIndex
 from tripod_doe.study.model_records import model_records
 
 __all__ = [
@@ -91,10 +92,9 @@ def build_cube(
     """
     table = _Table(points.count)
     allowed = np.flatnonzero(points.allowed)
-    by_key = allowed[np.argsort(keys[allowed], kind="stable")]
-    sorted_keys = keys[by_key]
+    index = KeyIndex(keys, allowed)
     for block in blocks:
-        table.fill(block, *_places(sorted_keys, by_key, block.keys))
+        table.fill(block, *index.places(block.keys))
     table.detail[~points.allowed] = "excluded by a constraint"
     used = _used_columns(study, table, points)
     models = model_records(study, points, used)
@@ -126,17 +126,6 @@ def build_cube(
     )
     _check_schema(study, cube)
     return cube, cost
-
-
-def _places(
-    sorted_keys: NDArray[np.void], positions: NDArray[np.int64], wanted: NDArray[np.void]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows of a block and the positions that they fill; a repeated point fills several, a strange one none."""
-    first = np.searchsorted(sorted_keys, wanted, side="left")
-    count = np.searchsorted(sorted_keys, wanted, side="right") - first
-    rows = np.repeat(np.arange(wanted.size), count)
-    within = np.arange(rows.size) - np.repeat(np.cumsum(count) - count, count)
-    return rows, positions[first[rows] + within]
 
 
 class _Table:

@@ -20,10 +20,12 @@ from numpy.typing import NDArray
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError, option
 from tripod_doe.quantities import size
+from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import Study, canonical, parse_study
 from tripod_doe.study.hold import Hold
 from tripod_doe.study.journal import FOLDER, FinishedBlock, Journal
+from tripod_doe.study.key_index import KeyIndex
 from tripod_doe.study.netcdf import stamp_history, write_dataset
 from tripod_doe.study.plan import cube_bytes
 from tripod_doe.study.salvage import salvage
@@ -136,7 +138,7 @@ class ResultDirectory:
             )
         old = canonical(parse_study(stored.read_text(encoding="utf-8"), str(stored), study.folder))
         new = canonical(study)
-        grew = bool(np.isin(done, keys).all())
+        grew = np.unique(KeyIndex(keys).places(done)[0]).size == done.size
         changed = sorted(key for key in old.keys() | new.keys() if old.get(key) != new.get(key))
         if grew and not any(key.startswith(("keep", "run")) for key in changed):
             return
@@ -163,11 +165,11 @@ class ResultDirectory:
         """
         if not retry_failed:
             return asked.without(self._journal.keys())
-        last: dict[bytes, int] = {}
+        last = np.full(asked.points.count, Outcome.NOT_RUN, np.int8)
         for block in self._journal.blocks():
-            last |= {key.tobytes(): int(o) for key, o in zip(block.keys, block.result.outcome, strict=True)}
-        good = [key for key, outcome in last.items() if outcome in asked.good_outcomes]
-        return asked.without(np.frombuffer(b"".join(good), dtype="V16"))
+            rows, at = asked.index.places(block.keys)
+            last[at] = block.result.outcome[rows]
+        return asked.undone(np.isin(last, list(asked.good_outcomes)))
 
     def commit(self, block: FinishedBlock) -> None:
         """Store a finished block; when this returns, no kill can lose it.

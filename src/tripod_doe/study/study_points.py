@@ -13,6 +13,7 @@ from tripod_doe.simulator import Outcome
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points, point_keys
 from tripod_doe.study.failures import Failure, common_failures
+from tripod_doe.study.key_index import KeyIndex
 from tripod_doe.study.task import Task, make_task
 
 if TYPE_CHECKING:  # for its name only
@@ -44,10 +45,16 @@ class StudyPoints:
         """Fingerprints of the points that no constraint excludes; a repeated point stands more than once."""
         return self.keys[self.points.allowed]
 
+    @cached_property
+    def index(self) -> KeyIndex:
+        """Where the fingerprints stand."""
+        return KeyIndex(self.keys)
+
     @property
     def different(self) -> int:
         """Number of points to compute: a repeated one counts once, an excluded one not at all."""
-        return int(np.unique(self.wanted_keys).size)
+        first = self.index.first_of_each()
+        return int(np.count_nonzero(self.points.allowed[first]))
 
     @property
     def good_outcomes(self) -> frozenset[int]:
@@ -57,9 +64,14 @@ class StudyPoints:
 
     def without(self, done: NDArray[np.void]) -> NDArray[np.int64]:
         """Indices of the points to compute, each different one once, without those whose fingerprints are done."""
-        _, first = np.unique(self.keys, return_index=True)
-        first = np.sort(first)
-        return first[self.points.allowed[first] & ~np.isin(self.keys[first], done)]
+        there = np.zeros(self.points.count, bool)
+        there[self.index.places(done)[1]] = True
+        return self.undone(there)
+
+    def undone(self, done: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Indices of the points to compute, each different one once, without those that are done, shape (point,)."""
+        first = self.index.first_of_each()
+        return first[self.points.allowed[first] & ~done[first]]
 
     def columns(self, chosen: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
         """All parameters of some points, each of shape (len(chosen),)."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from tripod_doe.study.designs.points import Column, Points
 
 __all__ = ["point_keys"]
 
-_CHUNK = 10_000  # points whose full parameter lists are held at once
+_CHUNK = 10_000  # points whose parameters are held at once
 
 
 def point_keys(study: Study, points: Points) -> NDArray[np.void]:
@@ -21,32 +22,42 @@ def point_keys(study: Study, points: Points) -> NDArray[np.void]:
 
     It does not depend on which parameters are factors, so that a study that grew finds its old points again.
     """
-    chunks = [
-        _fingerprints(study, {name: column[start : start + _CHUNK] for name, column in points.settings.items()}, count)
-        for start in range(0, points.count, _CHUNK)
-        for count in [min(_CHUNK, points.count - start)]
-    ]
-    return np.frombuffer(b"".join(chunks), dtype="V16")
+    fixed = study.simulator.columns(study.base, {name: column[:1] for name, column in points.settings.items()}, 1)
+    names = sorted(fixed)
+    shared = next((at for at, name in enumerate(names) if name in points.settings), len(names))
+    rest = names[shared:]
+    start = _digest_of_names(study, names)
+    start.update(_numbers(fixed, names[:shared], 1).tobytes())
+
+    def fingerprint(row: NDArray[np.float64]) -> bytes:
+        digest = start.copy()
+        digest.update(row)
+        done: bytes = digest.digest()
+        return done
+
+    keys = bytearray()
+    for first in range(0, points.count, _CHUNK):
+        count = min(_CHUNK, points.count - first)
+        varied = {name: column[first : first + count] for name, column in points.settings.items()}
+        keys += b"".join(map(fingerprint, _numbers({**fixed, **varied}, rest, count)))
+    return np.frombuffer(keys, dtype="V16")
 
 
-def _fingerprints(study: Study, columns: Mapping[str, Column], count: int) -> bytes:
-    """Fingerprints of some points, one after the other."""
-    full = study.simulator.columns(study.base, columns, count)
-    matrix = np.empty((count, len(full)))
-    for position, name in enumerate(sorted(full)):
-        column = full[name]
+def _digest_of_names(study: Study, names: Sequence[str]) -> Any:
+    """The beginning of all fingerprints: what the values belong to."""
+    named = [study.simulator.name, *names, *([study.demands.text] if study.demands else [])]
+    return hashlib.blake2b("\n".join(named).encode(), digest_size=16)
+
+
+def _numbers(columns: Mapping[str, Column], names: Sequence[str], count: int) -> NDArray[np.float64]:
+    """Some parameters of some points as numbers, shape (point, name); words by their digests."""
+    matrix = np.empty((count, len(names)))
+    for position, name in enumerate(names):
+        column = columns[name]
         if column.dtype == object:
             words, inverse = np.unique(column.astype(str), return_inverse=True)
             codes = [hashlib.blake2b(word.encode(), digest_size=8).digest() for word in words]
             matrix[:, position] = np.frombuffer(b"".join(codes))[inverse]
         else:
             matrix[:, position] = np.where(column == 0, 0.0, column)  # -0.0 is the same point as 0.0
-    named = [study.simulator.name, *sorted(full), *([study.demands.text] if study.demands else [])]
-    start = hashlib.blake2b("\n".join(named).encode(), digest_size=16)
-
-    def fingerprint(row: NDArray[np.float64]) -> bytes:
-        digest = start.copy()
-        digest.update(row.tobytes())
-        return digest.digest()
-
-    return b"".join(fingerprint(row) for row in matrix)
+    return matrix

@@ -1,0 +1,82 @@
+"""Fingerprints: what they are made of, and how points are found by them."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+import pytest
+
+from tripod_doe.study.definition import parse_study
+from tripod_doe.study.designs import make_points, point_keys
+from tripod_doe.study.key_index import KeyIndex
+
+STUDIES = {
+    "a grid with words": (
+        '[factors.model]\nvalues=["rollers", "equilibrium"]\n[factors.torque_n_m]\nlow=-50\nhigh=50\ncount=5\n'
+    ),
+    "a first and a last parameter": (
+        "[factors.accuracy]\nvalues=[0.01, 0.02]\n[factors.youngs_modulus_gpa]\nvalues=[200, 210]\n"
+    ),
+    "samples": '[factors.speed_rpm]\nlow=100\nhigh=2000\n[design]\nkind="halton"\nsamples=30\n',
+}
+
+
+def as_defined(study, points):
+    """Every fingerprint by itself: BLAKE2b of the names of all parameters and of their values."""
+    full = study.simulator.columns(study.base, points.settings, points.count)
+    named = "\n".join([study.simulator.name, *sorted(full), *([study.demands.text] if study.demands else [])])
+
+    def number(value):
+        if isinstance(value, float | int | np.number):
+            return np.float64(value + 0.0).tobytes()
+        return hashlib.blake2b(str(value).encode(), digest_size=8).digest()
+
+    return [
+        hashlib.blake2b(
+            named.encode() + b"".join(number(full[name][row]) for name in sorted(full)), digest_size=16
+        ).digest()
+        for row in range(points.count)
+    ]
+
+
+@pytest.mark.parametrize("text", STUDIES.values(), ids=STUDIES)
+def test_a_fingerprint_is_that_of_all_parameters_whichever_of_them_are_factors(text):
+    """Results of earlier versions are found by it, so it must never change."""
+    study = parse_study(f'[study]\nname = "k"\n{text}')
+    points = make_points(study)
+    assert [key.tobytes() for key in point_keys(study, points)] == as_defined(study, points)
+
+
+def keys_of(*numbers):
+    """Fingerprints, each of two 64-bit words."""
+    return np.array(numbers, np.uint64).view("V16").ravel()
+
+
+def test_points_are_found_also_where_half_a_fingerprint_is_shared_by_chance():
+    keys = keys_of((1, 5), (1, 4), (2, 1), (1, 5), (1, 4), (3, 3))
+    index = KeyIndex(keys)
+    assert index.first_of_each().tolist() == [0, 1, 2, 5]
+    rows, places = index.places(keys_of((1, 4), (9, 9), (1, 7), (2, 1)))
+    assert sorted(zip(rows.tolist(), places.tolist(), strict=True)) == [(0, 1), (0, 4), (3, 2)]
+    assert KeyIndex(keys, np.array([4, 5])).places(keys)[1].tolist() == [4, 4, 5]
+
+
+def test_many_points_are_found_as_by_a_dictionary():
+    rng = np.random.default_rng(1)
+    keys = keys_of(*rng.integers(0, 2**63, (400, 2)))[rng.integers(0, 400, 1000)]
+    expected = {}
+    for place, key in enumerate(keys):
+        expected.setdefault(key.tobytes(), place)
+    index = KeyIndex(keys)
+    assert index.first_of_each().tolist() == sorted(expected.values())
+    rows, places = index.places(keys)
+    assert (keys[rows] == keys[places]).all()
+    counts = np.unique(keys, return_counts=True)[1]
+    assert rows.size == (counts**2).sum()
+
+
+def test_no_points_are_found_among_none():
+    index = KeyIndex(np.array([], "V16"))
+    assert index.first_of_each().size == 0
+    assert index.places(keys_of((1, 2)))[0].size == 0
