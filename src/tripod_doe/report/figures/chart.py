@@ -121,6 +121,7 @@ class Chart:
 
         buffer, tooltips = io.StringIO(), mark_points(self.figure)
         with mpl.rc_context({**_STYLE, "svg.hashsalt": self.name}):
+            _lay_out(self.figure)
             self.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
         element, end, content = _inline(add_tooltips(buffer.getvalue(), tooltips)).partition(">")
         return f"{element}{end}<title>{escape(self.title)}</title>{content}"
@@ -128,6 +129,17 @@ class Chart:
     def csv(self) -> str:
         """The numbers as CSV, in full precision."""
         return self.data.to_csv(index=False)
+
+
+def _lay_out(figure: Figure) -> None:
+    """Place the axes as they will be printed: to find that out, `savefig` would draw the whole figure once more."""
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    FigureCanvasSVG(figure)
+    figure.set_dpi(72)  # that of SVG
+    if engine := figure.get_layout_engine():
+        engine.execute(figure)
+        figure.set_layout_engine(None)
 
 
 def _inline(svg: str) -> str:
