@@ -49,6 +49,18 @@ def test_a_sample_of_the_field_finishes(benchmark, name):
     assert field.moved(orders[~lifted], field.answers(name, columns, 0.1)[3][~lifted]).max() < 1e-3
 
 
+def test_a_field_goes_on_where_it_was_stopped(benchmark, tmp_path, monkeypatch):
+    field, record, solved = benchmark("field"), tmp_path / "field.jsonl", []
+    field.main(["equilibrium", "--count", "3", "--seed", "5", "--record", str(record)])
+    first, solve = record.read_text(), field._solved
+    monkeypatch.setattr(field, "_solved", lambda *point: solved.append(point) or solve(*point))
+    field.main(["equilibrium", "--count", "5", "--seed", "5", "--record", str(record)])
+    assert record.read_text().startswith(first)
+    assert len(solved) == 2
+    with pytest.raises(SystemExit, match="holds answers of"):
+        field.main(["equilibrium", "--count", "5", "--seed", "6", "--record", str(record)])
+
+
 @pytest.mark.slow
 def test_a_run_of_the_field_is_held_against_a_finer_one_a_balance_and_one_tolerance(benchmark, capsys):
     benchmark("field").main(
