@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 
@@ -29,12 +31,12 @@ class SupervisedCluster:
         self.file, self.away = folder / "scheduler.json", away
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
-            port = str(probe.getsockname()[1])
-        self.address = f"tcp://127.0.0.1:{port}"
+            self.port = probe.getsockname()[1]
+        self.address = f"tcp://127.0.0.1:{self.port}"
         self.processes: dict[str, subprocess.Popen] = {}
         self._ended = threading.Event()
         self._not_before: dict[str, float] = {}
-        self._commands = {"scheduler": ["scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard",
+        self._commands = {"scheduler": ["scheduler", "--host", "127.0.0.1", "--port", str(self.port), "--no-dashboard",
                                         "--scheduler-file", str(self.file)]}  # fmt: skip
         self._places: dict[str, str] = {}
         for number in range(workers):
@@ -88,3 +90,62 @@ class SupervisedCluster:
         for process in self.processes.values():
             process.kill()
             process.wait()
+
+
+class Proxy:
+    """A TCP proxy to a port of this machine, whose connections can be reset, or be kept open and carry nothing more.
+
+    Parameters
+    ----------
+    port
+        Where it leads.
+    """
+
+    def __init__(self, port: int) -> None:
+        self._target = port
+        self._pairs: list[tuple[socket.socket, socket.socket]] = []
+        self._dead: set[socket.socket] = set()
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.port = self._server.getsockname()[1]
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def reset(self) -> None:
+        """Reset all connections."""
+        for pair in self._pairs:
+            for end in pair:
+                end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+                with suppress(OSError):
+                    end.shutdown(socket.SHUT_RD)  # whoever waits for it holds it open
+                end.close()
+        self._pairs.clear()
+
+    def swallow(self) -> None:
+        """Let all connections that are open now carry nothing, for good; new ones work."""
+        for pair in self._pairs:
+            self._dead.update(pair)
+
+    def _accept(self) -> None:
+        with suppress(OSError):
+            while True:
+                near, _ = self._server.accept()
+                try:
+                    far = socket.create_connection(("127.0.0.1", self._target))
+                except OSError:
+                    near.close()
+                    continue
+                self._pairs.append((near, far))
+                for source, sink in ((near, far), (far, near)):
+                    threading.Thread(target=self._carry, args=(source, sink), daemon=True).start()
+
+    def _carry(self, source: socket.socket, sink: socket.socket) -> None:
+        with suppress(OSError):
+            while data := source.recv(65536):
+                if source not in self._dead:
+                    sink.sendall(data)
+            if source not in self._dead:
+                sink.shutdown(socket.SHUT_WR)
+
+    def close(self) -> None:
+        """End it."""
+        self.reset()
+        self._server.close()

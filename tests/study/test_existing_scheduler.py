@@ -18,13 +18,14 @@ from distributed import Client
 
 import tripod_doe as td
 from tripod_doe.errors import TripodDoeError
+from tripod_doe.study import on_dask
 from tripod_doe.study.existing_scheduler import ExistingScheduler
 from tripod_doe.study.scenes import load_simulator
 from tripod_doe.study.user_code import check_imported, placed, read_user_code
 from tripod_doe.workflow.run import run
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
-from supervised_cluster import SupervisedCluster
+from supervised_cluster import Proxy, SupervisedCluster
 
 FUNCTION = """
 import os, time
@@ -98,8 +99,8 @@ def test_a_scheduler_that_is_killed_and_comes_back_costs_the_blocks_at_work_only
     assert sum(case.started().values()) - 60 <= 4
     assert {name for name in np.unique(cube["worker"].values) if name} == {"worker 0", "late worker"}
     told = capsys.readouterr().err
-    assert "the scheduler is gone; waiting up to 60 s for it" in told
-    assert "the scheduler is back" in told
+    assert "the connection is lost; trying for 60 s to connect again" in told
+    assert "connected again" in told
 
 
 @pytest.mark.slow
@@ -158,6 +159,28 @@ def test_what_does_not_match_is_left_out_by_name_and_what_is_shipped_matches(cas
     np.testing.assert_array_equal(cube["y"], cube["x"] ** 3 + 7)
     assert told.count("worker old worker at tcp://127.0.0.1") == 1
     assert "is left out: it has no tripod-doe that can be used (ModuleNotFoundError: No module named" in told
+
+
+@pytest.mark.slow
+def test_a_connection_that_is_reset_or_carries_nothing_more_is_replaced(case, tmp_path, monkeypatch, capsys):
+    """Half-open: nobody closes it, the scheduler lives, and no answer ever comes."""
+    monkeypatch.setattr(on_dask, "_ANSWER", 0.5)
+    monkeypatch.setattr(on_dask, "_SILENCE", 2.0)
+    study = case(count=60)
+    with SupervisedCluster(tmp_path, workers=1) as cluster:
+        proxy = Proxy(cluster.port)
+        threads = [
+            meanwhile(proxy.reset, lambda: sum(case.started().values()) >= 5),
+            meanwhile(proxy.swallow, lambda: sum(case.started().values()) >= 25),
+        ]
+        run(study, tmp_path / "out", scheduler=f"tcp://127.0.0.1:{proxy.port}", progress=False)
+        for thread in threads:
+            thread.join()
+        proxy.close()
+    cube = td.open_cube(tmp_path / "out")
+    np.testing.assert_array_equal(cube["y"], cube["x"] ** 2)
+    assert max(case.started().values()) <= 3
+    assert capsys.readouterr().err.count("connected again") == 2
 
 
 def test_code_that_a_worker_does_not_see_is_copied_there(tmp_path, monkeypatch):

@@ -81,7 +81,7 @@ class ExistingScheduler:
         TripodDoeError
             If none has answered for so long.
         """
-        print(f"{self}: the scheduler is gone; waiting up to {duration(self.wait)} for it", file=sys.stderr)
+        print(f"{self}: the connection is lost; trying for {duration(self.wait)} to connect again", file=sys.stderr)
         until, pause = time.monotonic() + self.wait, _PAUSES[0]
         while True:
             try:
@@ -96,5 +96,5 @@ class ExistingScheduler:
                 time.sleep(min(pause, left))
                 pause = min(2 * pause, _PAUSES[1])
             else:
-                print(f"{self}: the scheduler is back", file=sys.stderr)
+                print(f"{self}: connected again", file=sys.stderr)
                 return client

@@ -17,6 +17,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
+from dask.typing import Key
 from distributed import Client, KilledWorker
 from distributed import Future as DaskFuture
 from distributed.client import ClosedClientError
@@ -36,6 +37,9 @@ DEATHS = 3
 
 _IN_FLIGHT = 2  # blocks per thread: one at work, one waiting, so that no worker waits for this process
 _LOOK = 1.0  # seconds after which workers are counted again, and room for more blocks is noticed
+_LOST = "scheduler-connection-lost"  # Dask's reason of a cancellation
+_NEWS = (None, "memory", "erred")  # states of a task (none: unknown) of which a scheduler tells at once
+_ANSWER, _SILENCE = 10.0, 60.0  # seconds for one answer of a scheduler, and without any until it counts as gone
 
 
 @dataclass(eq=False)
@@ -82,7 +86,8 @@ class OnDask:
         self._suspects: deque[_Block] = deque()
         self._alone: _Block | None = None
         self._finished: queue.SimpleQueue[DaskFuture] = queue.SimpleQueue()
-        self._threads, self._counted_at = 0, -np.inf
+        self._threads, self._counted_at, self._heard_at = 0, -np.inf, time.monotonic()
+        self._untold: dict[Key, float] = {}
         self._answered, self._left_out = False, set[str]()
 
     @property
@@ -93,12 +98,26 @@ class OnDask:
         return 1 if self._exclusive else _IN_FLIGHT * max(self._count_threads(), 1)
 
     def _count_threads(self) -> int:
-        """Threads of all workers, as they join and leave; those of the last count where the scheduler is gone."""
+        """Threads of all workers, as they join and leave; those of the last count where the scheduler is silent."""
         if time.monotonic() > self._counted_at + _LOOK and self._dask.status == "running":
-            with suppress(OSError, CancelledError):
-                self._threads = sum(self._dask.nthreads().values())
+            with suppress(OSError, CancelledError):  # a timeout is an OSError
+                self._threads = sum(self._dask.nthreads(callback_timeout=_ANSWER).values())
+                self._heard_at = time.monotonic()
             self._counted_at = time.monotonic()
         return self._threads
+
+    def _is_silent(self) -> bool:
+        """Whether a scheduler gives no answers, or no news of blocks, over a connection that nobody has closed."""
+        self._count_threads()
+        if self._dask.status != "running":
+            return False
+        states = {future.key: "processing" for future in self._at_work}
+        with suppress(OSError, CancelledError):
+            ask = self._dask.scheduler.get_task_status
+            states = self._dask.sync(ask, keys=list(states), callback_timeout=_ANSWER)
+        now = time.monotonic()
+        self._untold = {key: self._untold.get(key, now) for key, state in states.items() if state in _NEWS}
+        return now > self._heard_at + _SILENCE or now > min(self._untold.values(), default=now) + _ANSWER
 
     @property
     def busy(self) -> int:
@@ -123,16 +142,16 @@ class OnDask:
             else:
                 return
 
-    def _taken_back(self, blocks: list[_Block]) -> list[_Block]:
+    def _taken_back(self, blocks: list[_Block], gone: bool = True) -> list[_Block]:
         """All blocks that were at work on a scheduler and are to be sent to the one that takes its place."""
         unsent = [block for block in blocks if block not in self._at_work.values()]
         blocks = [*self._at_work.values(), *unsent]
         self._at_work.clear()
-        if self._dask.status == "running":  # it was soon back, or somebody cancelled all that was at work
-            print("the scheduler has dropped the blocks at work; they are sent again", file=sys.stderr)
-        else:
+        if gone:  # also where Dask has connected again: the scheduler may still forget what that client sends
             self._dask = self._replaced(self._dask)
-        self._counted_at = -np.inf
+        else:
+            print("somebody has cancelled the blocks at work; they are sent again", file=sys.stderr)
+        self._counted_at, self._heard_at = -np.inf, time.monotonic()
         return blocks
 
     def next_finished(self) -> tuple[NDArray[np.int64], Answer | Lost] | None:
@@ -149,6 +168,8 @@ class OnDask:
             try:
                 future = self._finished.get(timeout=_LOOK)
             except queue.Empty:
+                if self._is_silent():
+                    self._send(self._taken_back([]))
                 return None
             block = self._at_work.pop(future, None)
             if block is None:  # of a scheduler that is gone
@@ -161,11 +182,12 @@ class OnDask:
     def _answer(self, future: DaskFuture, block: _Block) -> Answer | Lost | None:
         """What a block gave; None where it runs again."""
         try:
-            answer = read_answer(future.result())
+            answer = read_answer(future.result(timeout=_SILENCE))
         except KilledWorker as error:
             return self._judge(block, error.allowed_failures + 1)
-        except (CancelledError, CommClosedError):  # the scheduler is gone, or just went with the answer
-            self._send(self._taken_back([block]))
+        except (CancelledError, CommClosedError, TimeoutError) as error:
+            by_somebody = getattr(error, "reason", _LOST) != _LOST and self._dask.status == "running"
+            self._send(self._taken_back([block], gone=not by_somebody))
             return None
         if isinstance(answer, Unfit):
             self._leave_out(answer)
