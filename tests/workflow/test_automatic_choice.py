@@ -247,7 +247,10 @@ def test_points_of_the_pilot_bring_their_own_counts(wave, tmp_path):
 def test_a_point_that_failed_in_the_pilot_is_run_by_the_study(wave):
     """The full model dies at x = 1, where nothing cheaper is enough; the study, not its pilot, has a retry that helps."""
     path = wave.folder / f"{wave.module}.py"
-    path.write_text(WAVE.replace("    time.sleep(slow)", "    if x == 1 and model >= 2 and not slow:\n        1 / 0"))
+    dying = "    if x == 1 and model >= 2 and not slow:\n        1 / 0"
+    text = "\n".join(dying if "time.sleep" in line else line for line in WAVE.splitlines())
+    assert dying in text
+    path.write_text(text)
     text = STUDY.replace("y = 0.03", "y = 0.0015") + "[run]\nretry = [{slow = 0.001}]\n"
     assert wave.run(text).good
     cube = td.open_cube(wave.folder / "out")
