@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+import psutil
 import pytest
 import xarray as xr
 
@@ -110,3 +113,21 @@ def test_without_any_finished_point_the_error_says_so(study, tmp_path):
         directory.accept(StudyPoints(read, make_points(read)))
     with pytest.raises(CubeError, match=r"no cube\.nc and no finished point"):
         td.open_cube(tmp_path / "out")
+
+
+def test_a_cube_can_be_opened_without_reading_it(study, tmp_path):
+    """Values as those in memory; the files are given back when it is closed."""
+    out = tmp_path / "out"
+    td.run(study, out, workers=0, progress=False)
+    whole = td.open_cube(out)
+    with td.open_cube(out, chunks={"friction_a": 2}) as cube:
+        assert cube["axial_drift_mm"].chunks == ((2, 2), (2,))
+        assert set(cube.variables) == set(whole.variables)
+        np.testing.assert_array_equal(cube["axial_drift_mm"][3], whole["axial_drift_mm"][3])
+        xr.testing.assert_identical(cube.load(), whole)
+    files = [Path(file.path).resolve() for file in psutil.Process().open_files()]
+    assert not [file for file in files if file.is_relative_to(out.resolve())]
+    with td.open_cube(out / "cube.nc", chunks="auto") as cube:
+        assert cube["axial_drift_mm"].chunks is not None
+    with pytest.raises(CubeError, match="there is no such file"):
+        td.open_cube(tmp_path / "none.nc", chunks="auto")

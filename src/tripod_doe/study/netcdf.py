@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,7 +16,7 @@ from tripod_doe.errors import CubeError, option
 if TYPE_CHECKING:  # a query reads cubes without xarray
     import xarray as xr
 
-__all__ = ["read_dataset", "reading", "stamp_history", "write_dataset"]
+__all__ = ["lazy_dataset", "read_dataset", "reading", "stamp_history", "write_dataset"]
 
 
 def stamp_history(dataset: xr.Dataset, action: str) -> xr.Dataset:
@@ -82,3 +82,17 @@ def read_dataset(path: Path) -> xr.Dataset:
 
     with reading(path), xr.open_dataset(path, engine="netcdf4", decode_timedelta=False) as stored:
         return stored.load()
+
+
+def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int]) -> xr.Dataset:
+    """A netCDF file whose variables are read when they are used; it is open until the dataset is closed.
+
+    Raises
+    ------
+    CubeError
+        If the file is missing or damaged.
+    """
+    import xarray as xr
+
+    with reading(path):
+        return xr.open_dataset(path, engine="netcdf4", decode_timedelta=False, chunks=chunks)

@@ -6,13 +6,14 @@ While a study runs, and after an interrupt, finished points stand only in the jo
 from __future__ import annotations
 
 import sqlite3
-from contextlib import closing
+from collections.abc import Mapping
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tripod_doe.errors import CubeError, option
 from tripod_doe.study.journal import FOLDER, SHOWN, Journal, journal_path
-from tripod_doe.study.netcdf import read_dataset
+from tripod_doe.study.netcdf import lazy_dataset, read_dataset
 
 if TYPE_CHECKING:  # a query reads cubes without xarray
     import xarray as xr
@@ -20,19 +21,23 @@ if TYPE_CHECKING:  # a query reads cubes without xarray
 __all__ = ["cube_files", "cube_so_far", "is_shown", "open_cube", "unshown_state"]
 
 
-def open_cube(path: str | Path) -> xr.Dataset:
+def open_cube(path: str | Path, chunks: int | str | Mapping[str, int] | None = None) -> xr.Dataset:
     """Open a result cube with its costs.
 
     Parameters
     ----------
     path
         A result directory, or a netCDF file.
+    chunks
+        Cells that are read at a time along each dimension, as in `xarray.open_dataset`, or "auto": for a cube larger
+        than the memory. None reads all of it at once.
 
     Returns
     -------
     xarray.Dataset
-        In memory. For a directory the variables of cost.nc are joined; where the study is running or was interrupted,
-        its finished points, the others flagged as not_run.
+        For a directory the variables of cost.nc are joined; where the study is running or was interrupted, its finished
+        points, the others flagged as not_run. In memory; with `chunks` it is read when it is used, from files that are
+        open until it is closed (``with td.open_cube(path, chunks="auto") as cube``).
 
     Raises
     ------
@@ -41,8 +46,14 @@ def open_cube(path: str | Path) -> xr.Dataset:
     """
     if not is_shown(Path(path)):
         return cube_so_far(Path(path))
-    cube, *others = (read_dataset(file) for file in cube_files(Path(path)))
-    return _joined(cube, *others)
+    files = cube_files(Path(path))
+    if chunks is None:
+        return _joined(*map(read_dataset, files))
+    with ExitStack() as opened:
+        parts = [opened.enter_context(lazy_dataset(file, chunks)) for file in files]
+        cube = _joined(*parts)
+        cube.set_close(opened.pop_all().close)
+    return cube
 
 
 def _joined(cube: xr.Dataset, *costs: xr.Dataset) -> xr.Dataset:
