@@ -63,32 +63,31 @@ def _rbd_fast(
 ) -> Answers:
     parts, count = table.parts(components), sample.rows.size
     orders = [np.argsort(column, kind="quicksort") for column in sample.ranks.T]
-    index = np.stack([_ordered_index(parts, order) for order in orders])
     halves = []
     for half in random_halves(count, settings.resamples, settings.seed):
         mask, place = np.zeros(count, bool), np.empty(count, np.int64)
         mask[half] = True
         place[half] = np.arange(half.size)
-        chosen = parts[:, half]
-        halves.append(np.stack([_ordered_index(chosen, place[order[mask[order]]]) for order in orders]))
+        halves.append(_ordered_indices(parts[:, half], [place[order[mask[order]]] for order in orders]))
+    index = _ordered_indices(parts, orders)
     return {"S1": index, "S1_conf": half_width(np.stack(halves), settings.confidence)}
 
 
-def _ordered_index(parts: FloatArray, order: NDArray[np.int64]) -> FloatArray:
-    """First-order index of the factor by which the points are ordered, its bias removed (Tissot and Prieur 2012).
+def _ordered_indices(parts: FloatArray, orders: list[NDArray[np.int64]]) -> FloatArray:
+    """First-order indices of the factors by which points are ordered, bias removed (Tissot and Prieur 2012).
 
-    The points go up along the factor by every second one and down by the others, so that the output is periodic
+    The points go up along a factor by every second one and down by the others, so that the output is periodic
     (Plischke 2010); its first harmonics are the factor's. Their power is taken by products with cosines and sines, that
-    of all harmonics as the variance (Parseval).
+    of all harmonics as the variance (Parseval). Shape (factor, component).
     """
-    count = order.size
-    places = np.concatenate([order[::2], order[1::2][::-1]])
-    angles = np.zeros(count)
-    angles[places] = 2 * np.pi * np.arange(count) / count
-    turns = angles * np.arange(1, _RBD_HARMONICS + 1)[:, None]
-    waves = np.concatenate([np.cos(turns), np.sin(turns)])
+    count = parts.shape[1]
+    turns = 2 * np.pi / count * np.arange(count)[:, None] * np.arange(1, _RBD_HARMONICS + 1)
+    waves = np.concatenate([np.cos(turns), np.sin(turns)], axis=1)
     centred = parts - parts.mean(axis=1, keepdims=True)
-    own = 2 / count**2 * ((waves @ centred) ** 2).sum(axis=(0, 1))
+    own, placed = np.empty((len(orders), parts.shape[2])), np.empty_like(waves)
+    for factor, order in enumerate(orders):
+        placed[np.concatenate([order[::2], order[1::2][::-1]])] = waves
+        own[factor] = 2 / count**2 * ((placed.T @ centred) ** 2).sum(axis=(0, 1))
     with np.errstate(invalid="ignore", divide="ignore"):
         index = own / (centred**2).mean(axis=1).sum(axis=0)
     share = 2 * _RBD_HARMONICS / count
