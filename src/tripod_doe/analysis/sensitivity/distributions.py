@@ -33,7 +33,7 @@ class PawnSettings(SensitivitySettings):
     """[analysis.NAME] of kind pawn."""
 
     resamples: int = Field(20, ge=10, description="random halves for the intervals")
-    slices: int = Field(10, ge=2, description="slices of a factor's range, of equally many points")
+    slices: int = Field(10, ge=2, le=1000, description="slices of a factor's range, of equally many points")
 
 
 class DeltaSettings(SensitivitySettings):
@@ -51,28 +51,48 @@ def _with_chance(sample: Sample, seed: int) -> FloatArray:
     return np.stack([*columns, np.random.default_rng(seed).random(sample.rows.size)], axis=1)
 
 
-def _slices(column: FloatArray, count: int) -> IntArray:
+def _slices(column: FloatArray, count: int) -> NDArray[np.int16]:
     """Which slice each point is in, -1 for the largest: SALib's slices are open above."""
     step = 1 / count
     edges = np.nanquantile(column, np.arange(0, 1 + step, step)[: count + 1])
     place = np.searchsorted(edges, column, side="right") - 1
-    return np.where(place >= count, -1, place)
+    return np.where(place >= count, -1, place).astype(np.int16)  # of few bits: sorted in linear time
 
 
-def _largest_gaps(slices: IntArray, count: int, order: IntArray, last: NDArray[np.bool_]) -> FloatArray:
+def _equal_values(ordered: FloatArray) -> tuple[IntArray, IntArray]:
+    """Places of the first and of the last of the values that equal each of some ordered ones, shape (point,) each."""
+    first = np.flatnonzero(np.append(True, np.diff(ordered) > 0))
+    many = np.diff(np.append(first, ordered.size))
+    return np.repeat(first, many), np.repeat(first + many - 1, many)
+
+
+def _largest_gaps(
+    slices: NDArray[np.int16], count: int, order: IntArray, equal: tuple[IntArray, IntArray]
+) -> FloatArray:
     """Kolmogorov-Smirnov distance of the output in each slice to that of all points, shape (slice,).
 
-    `order` sorts the output, and `last` marks the last of equal values.
+    `order` sorts the output, and `equal` has the first and last place of the values that equal each. The distance is
+    largest at or just before a value of the slice.
     """
-    ordered, size = slices[order], order.size
+    outside, *sizes = np.bincount(slices + 1, minlength=count + 1)
+    places = np.argsort(slices[order], kind="stable")[outside:]  # slice by slice, each in order
+    members = np.repeat(sizes, sizes)
+    starts = np.cumsum(sizes) - sizes
+    first, last = (each[places] for each in equal)
+    up_to, below = _counts(np.repeat(np.arange(count), sizes) * order.size + last, np.repeat(starts, sizes))
+    gap = np.maximum(np.abs(up_to / members - (last + 1) / order.size), np.abs(below / members - first / order.size))
+    filled = np.asarray(sizes) > 0
     gaps = np.full(count, np.nan)
-    every = np.arange(1, size + 1) / size
-    for at in range(count):
-        inside = ordered == at
-        if inside.any():
-            own = np.cumsum(inside) / inside.sum()
-            gaps[at] = np.abs(own - every)[last].max()
+    gaps[filled] = np.maximum.reduceat(gap, starts[filled])
     return gaps
+
+
+def _counts(keys: IntArray, starts: IntArray) -> tuple[IntArray, IntArray]:
+    """How many of a slice's ordered values are up to each, and how many are below it."""
+    if (np.diff(keys) > 0).all():
+        below = np.arange(keys.size) - starts
+        return below + 1, below
+    return np.searchsorted(keys, keys, side="right") - starts, np.searchsorted(keys, keys, side="left") - starts
 
 
 def _pawn_of(values: FloatArray, known: FloatArray, count: int) -> FloatArray:
@@ -81,9 +101,9 @@ def _pawn_of(values: FloatArray, known: FloatArray, count: int) -> FloatArray:
     found = np.empty((4, len(slices), values.shape[1]))
     for component, column in enumerate(values.T):
         order = np.argsort(column, kind="stable")
-        last = np.append(np.diff(column[order]) > 0, True)
+        equal = _equal_values(column[order])
         for at, each in enumerate(slices):
-            gaps = _largest_gaps(each, count, order, last)
+            gaps = _largest_gaps(each, count, order, equal)
             found[:, at, component] = np.nanmedian(gaps), np.nanmean(gaps), np.nanmax(gaps), np.nanmin(gaps)
     return found
 
