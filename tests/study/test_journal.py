@@ -261,6 +261,14 @@ def test_a_full_disk_ends_the_run_and_leaves_whole_blocks(tmp_path, monkeypatch)
     assert reopened(tmp_path) == [0, 2]
 
 
+def test_a_note_that_cannot_be_stored_is_told_as_such(tmp_path):
+    journal = Journal(tmp_path)
+    (tmp_path / "journal").write_text("no folder")
+    with pytest.raises(StorageError, match="cannot write this file"):
+        journal.remember({"computing": "yes"})
+    journal.close()
+
+
 def test_blocks_of_a_second_share_one_sync_and_none_waits_longer(tmp_path, monkeypatch):
     monkeypatch.setattr(journals, "_BATCH_SECONDS", 0.3)
     journal, synced, sync = Journal(tmp_path), [], os.fsync

@@ -179,7 +179,6 @@ class Journal:
         if notes.items() <= self._notes.items():
             return
         self._notes |= notes
-        self._folder.mkdir(exist_ok=True)
         replace_text(self._folder / _NOTES, json.dumps(self._notes))
 
     def recall(self, key: str) -> str | None:
