@@ -1,14 +1,14 @@
 """Records the errors of the models, by which every answer states them: src/tripod_doe/joint/model_errors.csv.
 
-    for study in rungs rungs_needles joint_angle speed_torque; do
+    for study in rungs_needles joint_angle speed_torque needles_field rungs; do
         tripod-doe run studies/$study.toml --out results/$study
     done
-    python benchmarks/model_error.py results/rungs results/rungs_needles results/joint_angle results/speed_torque
+    cd results && python ../benchmarks/model_error.py rungs_needles joint_angle speed_torque needles_field rungs
 
-Each row is an operating point: what differs from the reference joint, and the third order of the balances relative to
-that of the rollers, and of the rollers relative to that of the needles. A value is empty where one of the two did not
-finish (mostly since the joint vibrates), was not run, or where the model above has a numerical error of its own of more
-than 2 %, as far as its run reports.
+Each row is an operating point: what differs from the reference joint, and the third order of the models relative to
+that of the needles, or, where those were not run (`needles` is 0), to that of the rollers. The balances are run here,
+and so are the rollers at points of the needles. A value is empty where one of the two did not finish (mostly since the
+joint vibrates), or where the run of the finer model has a numerical error of more than 2 %, as far as it reports.
 """
 
 from __future__ import annotations
@@ -17,16 +17,20 @@ import json
 import sys
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import xarray as xr
 
 import tripod_doe as td
-from tripod_doe.joint.model_error import RECORDED, STEPS
+from tripod_doe.joint.model_error import COMPARED, FINEST, RECORDED
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.mechanics.sources import source_hashes
 from tripod_doe.simulator import Outcome
 
 SURE = 0.02
-"""Largest relative numerical error of a model that others are compared with."""
+"""Largest relative numerical error of a run that others are compared with."""
+BUDGET = 60_000
+"""Evaluations of a run of `rollers`, eight times a usual one: a joint that vibrates by itself would take hundreds."""
 POINT = [
     name
     for name, parameter in JOINT_PARAMETERS.items()
@@ -36,36 +40,44 @@ POINT = [
 
 
 def runs(cube: xr.Dataset) -> pd.DataFrame:
-    """All points that were run: what they set, and their third order with its numerical error, NaN if unfinished."""
-    points = cube[["outcome", "thrust_amplitude"]].sel(order=3, drop=True)
-    if "thrust_amplitude_error" in cube:
-        points["numerical"] = cube["thrust_amplitude_error"].sel(order=3, drop=True) / points["thrust_amplitude"]
+    """Points of a cube that were run with needles or rollers: what they set, and their third order, NaN if not sure."""
+    points = cube[["outcome", "thrust_amplitude", "thrust_amplitude_error"]].sel(order=3, drop=True)
     table = points.to_dataframe().reset_index()
-    table["finished"] = table["outcome"] == Outcome.FINISHED
-    fixed = json.loads(cube.attrs["fixed_parameters"])
-    for name, value in fixed.items():
+    for name, value in json.loads(cube.attrs["fixed_parameters"]).items():
         if name == "model" or (name in POINT and value != JOINT_PARAMETERS[name].default):
             table[name] = value
-    return table[table["outcome"] != Outcome.NOT_RUN].reset_index(drop=True)
+    table = table[table["model"].isin([FINEST, "rollers"]) & (table["outcome"] != Outcome.NOT_RUN)]
+    sure = (table["outcome"] == Outcome.FINISHED) & (
+        table["thrust_amplitude_error"] <= SURE * table["thrust_amplitude"]
+    )
+    table["reference"] = table["thrust_amplitude"].where(sure)
+    table["needles"] = (table["model"] == FINEST).astype(int)
+    return table.reset_index(drop=True)
+
+
+def third_order(model: str, point: dict[str, float]) -> float:
+    """Third order of a model, NaN where it does not finish."""
+    given = {"accuracy": 0.01, "evaluation_budget": BUDGET} if model == "rollers" else {}
+    result = td.simulate(**point, model=model, **given)
+    return float(result["thrust_amplitude"].sel(order=3)) if result.attrs["finished"] else np.nan
 
 
 def record(cubes: list[xr.Dataset]) -> pd.DataFrame:
-    """The table: every operating point with the errors of the models; of repeated runs the first counts."""
+    """The table: every operating point with the errors of the models; needles count first, and the first of them."""
     whole = pd.concat([runs(cube) for cube in cubes], ignore_index=True)
     given = [name for name in POINT if name in whole]
     for name in given:
         whole[name] = whole[name].fillna(JOINT_PARAMETERS[name].default)
-    found = {
-        str(model): rows.drop_duplicates(given).set_index(given) for model, rows in whole.groupby("model", sort=False)
-    }
-    table = pd.DataFrame(index=whole.set_index(given).index.unique())
-    for model, above in STEPS:
-        reference = found[above].reindex(table.index)
-        sure = reference["thrust_amplitude"].where(~(reference["numerical"] > SURE))
-        table[model] = found[model]["thrust_amplitude"].reindex(table.index) / sure - 1
-    for model in ("rollers", "needles"):
-        table[f"{model}_finished"] = found[model]["finished"].astype(float).reindex(table.index)
-    return table.reset_index()
+    whole = whole.sort_values("needles", ascending=False, kind="stable")
+    table = whole.drop_duplicates(given)[[*given, "needles", "reference"]].reset_index(drop=True)
+    for model in COMPARED:
+        asked = np.isfinite(table["reference"]) & ((table["needles"] == 1) | (model != "rollers"))
+        table[model] = [
+            third_order(model, row[given].to_dict()) / row["reference"] - 1 if asked[at] else np.nan
+            for at, row in table.iterrows()
+        ]
+        print(f"{model}: {table[model].notna().sum()} of {len(table)} points", flush=True)
+    return table.drop(columns="reference")
 
 
 def main(folders: list[Path]) -> None:
@@ -75,7 +87,7 @@ def main(folders: list[Path]) -> None:
         f"{cube.attrs['title']} (study {cube.attrs['study_hash']}, kernels {cube.attrs['kernel_source_hash']})"
         for cube in cubes
     )
-    head = f"# made by benchmarks/model_error.py from {sources}\n"
+    head = f"# made by benchmarks/model_error.py, kernels {source_hashes().kernels}, from {sources}\n"
     RECORDED.write_text(head + record(cubes).to_csv(index=False, float_format="%.6g"), encoding="utf-8")
 
 

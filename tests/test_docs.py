@@ -13,7 +13,7 @@ import pytest
 
 import tripod_doe as td
 from tripod_doe.cli.main import build_parser
-from tripod_doe.joint.model_error import RECORDED, STEPS
+from tripod_doe.joint.model_error import COMPARED, RECORDED
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.simulator import simulator as joint
 from tripod_doe.mechanics.integrators.registry import METHODS
@@ -114,7 +114,7 @@ def test_the_measured_errors_are_those_of_the_record():
     for angle, *cells in rows:
         low, high = (float(end) for end in re.findall(r"[\d.]+", angle))
         part = record[record["joint_angle_deg"].between(low, high, inclusive="left")]
-        for (model, _), cell in zip(STEPS, cells, strict=True):
+        for model, cell in zip(COMPARED, cells, strict=True):
             errors = 100 * part[model].abs().dropna()
             median, decile = (f"{float(f'{value:.2g}'):g}" for value in (errors.median(), errors.quantile(0.9)))
             assert cell == f"{median} ({decile}), {errors.size} points"

@@ -124,7 +124,7 @@ def test_compilation_of_other_ways_is_no_cost_of_the_first_point_that_needs_them
     monkeypatch.setattr(equilibrium, "settle_together", compiled_first)
     began = counted_time()[0]
     assert solve_kinetostatic(points(), 90).settled.all()
-    assert calls == [8, 90]
+    assert calls == [8, 90, 90]  # once more with the needles that follow
     assert counted_time()[0] - began < 0.4
 
 

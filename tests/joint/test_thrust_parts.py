@@ -44,7 +44,8 @@ def test_a_mechanism_without_friction_has_no_part(joint_assembly, joint_values, 
     assembly = joint_assembly(False, **given)
     parts = thrust_parts(assembly, *_moving(assembly), joint_values(**given))
     assert np.abs(parts[PARTS.index(off)]).max() == 0
-    assert np.abs(parts).max(axis=(1, 2)).astype(bool).sum() == len(PARTS) - 1
+    gone = 2 if off == "needle_sliding" else 1  # what does not slide passes no rolling resistance on
+    assert np.abs(parts).max(axis=(1, 2)).astype(bool).sum() == len(PARTS) - gone
 
 
 def test_the_remainder_is_the_inertia_of_the_rollers(joint_assembly, joint_values):

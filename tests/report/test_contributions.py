@@ -98,12 +98,12 @@ def test_the_note_says_that_all_thrust_passes_by_groove_sliding(parts):
 
 
 def test_closure_and_opponents_are_stated(parts):
-    third = parts[0]
+    third, second = parts
     below = {row[0]: row[1:] for row in share_rows(third)[2]}
     assert below["closure: 100 - sum"][0] == f"{third.closure[0]:.1f}"
     assert float(below["closure: 100 - sum"][2]) == 0
-    assert third.shares["share_off"][0, third.mechanisms.index("needle_sliding")] < 0
-    assert "needle sliding with -0.5 % opposes the sum" in contribution_findings(third)[0]
+    assert second.shares["share_shapley"][0, second.mechanisms.index("groove_rolling")] < 0
+    assert "needle rolling with -0.1 % and groove rolling with -0.1 % oppose the sum" in contribution_findings(second)[0]
 
 
 def test_the_csv_behind_the_chart_holds_the_shares(parts, read_table):

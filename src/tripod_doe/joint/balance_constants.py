@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from tripod_doe.mechanics.compilation import inlined_kernel
 
-__all__ = ["TRANSITIONS", "PointConstants", "flank", "point_constants_of"]
+__all__ = ["TILT", "TRANSITIONS", "YAW", "PointConstants", "flank", "point_constants_of"]
 
 
 class PointConstants(NamedTuple):
@@ -34,8 +34,8 @@ class PointConstants(NamedTuple):
         a_H over the cube root of N, mm / N^(1/3).
     roller_mass, roller_inertia, shaft_mass
         m_r and I_t of a roller, m_s of the shaft as felt at the spider, t and t mm2; zero in a massless joint.
-    play, tilt
-        rho in mm and R_s k_t of `kinetostatic`; zero if rollers neither swing nor tilt.
+    play, tilt, yaw
+        rho in mm, R_s k_t and k_y in rad/mm of `kinetostatic`; zero if rollers neither swing nor tilt nor yaw.
     lag
         Angle in rad by which the trunnions stay behind their grooves.
     pace
@@ -69,6 +69,7 @@ class PointConstants(NamedTuple):
     shaft_mass: float
     play: float
     tilt: float
+    yaw: float
     lag: float
     pace: float
     tolerance: float
@@ -76,6 +77,8 @@ class PointConstants(NamedTuple):
 
 TRANSITIONS = tuple(at for at, name in enumerate(PointConstants._fields) if name.endswith("_transition"))
 """Columns of the transition velocities."""
+TILT, YAW = (PointConstants._fields.index(name) for name in ("tilt", "yaw"))
+"""Columns of what changes with the motion that is found."""
 
 
 @inlined_kernel
@@ -84,7 +87,7 @@ def point_constants_of(row):
     return PointConstants(
         row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10], row[11], row[12],
         row[13], row[14], row[15], row[16], row[17], row[18], row[19], row[20], row[21], row[22], row[23], row[24],
-        row[25], row[26], row[27],
+        row[25], row[26], row[27], row[28],
     )  # fmt: skip
 
 

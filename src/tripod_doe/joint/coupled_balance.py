@@ -73,7 +73,8 @@ def _linearise_roller(row, skew, e, i, k, matrix, follows):
     e.root[0, i] = p.axis_factor * size ** (1.0 / 3.0)
     root = e.root[0, i] * (1.0 + (max(normal, 3e-3 * mean_load) - size) / (3.0 * size))
     contact = leaning_contact(p, m, lean)
-    added = added_motion(p, m, contact, cos_phi, root, past_tilt, past_spin)
+    given = e.needle_force[0, i], e.needle_moment[0, i], e.needle_swing[0, i], e.steering[0, i]
+    added = added_motion(p, m, contact, cos_phi, root, past_tilt, past_spin, given)
     g = groove_forces(p, m, skew, contact, slip, root, added, 1.0)
     across_1, across_2, about_shaft, _ = spider_wrench(p, m, g, cos_phi, sin_phi)
     _place(matrix, 2 * k, k, normal * g.moment / (mean_load * p.roller_radius))

@@ -44,16 +44,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint import contact
 from tripod_doe.joint.balance_account import Solution, account
-from tripod_doe.joint.balance_constants import PointConstants
+from tripod_doe.joint.balance_constants import TILT, YAW, PointConstants
 from tripod_doe.joint.coupled_balance import loads_at_rest, settle_together
 from tripod_doe.joint.free_rollers import settle_free
+from tripod_doe.joint.moving_needles import Followers
 from tripod_doe.joint.moving_relaxation import settle_moving
 from tripod_doe.joint.relaxation import settle_still
 from tripod_doe.joint.revolution import Memory, repeat_first, start
@@ -63,7 +64,7 @@ from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.first_compilation import first_compilation
 from tripod_doe.mechanics.lanes import WIDTH
 
-__all__ = ["Equilibrium", "point_constants", "solve_balance", "solve_equilibrium"]
+__all__ = ["Equilibrium", "load_zones", "point_constants", "solve_balance", "solve_equilibrium"]
 
 FloatArray = NDArray[np.float64]
 
@@ -96,6 +97,13 @@ class Equilibrium:
         Relaxation sweeps, and evaluations of all grooves' forces, shape (point,).
     settled
         Whether every balance was met within the tolerance, shape (point,).
+    needle_skew
+        Of the needle that carries the most, rad, shape (point, trunnion, cycles sample); None where needles never move.
+    needles_settled
+        Whether the balance settled with moving needles, shape (point,); where not, it is that of needles that keep
+        their skew.
+    upright
+        Whether the balance settled only with rollers that do not yaw on their needles, shape (point,).
     """
 
     groove_thrust: FloatArray
@@ -108,6 +116,9 @@ class Equilibrium:
     needle_penetration: FloatArray
     sweeps: NDArray[np.int64]
     settled: NDArray[np.bool_]
+    upright: NDArray[np.bool_]
+    needle_skew: FloatArray | None = None
+    needles_settled: NDArray[np.bool_] | None = None
 
 
 @kernel
@@ -115,6 +126,16 @@ def _load_zones(loads, clearances, stiffnesses, counts, kappa, penetration):
     """`contact.bearing_load_zone` for every point."""
     for i in range(loads.size):
         kappa[i], penetration[i] = contact.bearing_load_zone(loads[i], clearances[i], stiffnesses[i], counts[i])
+
+
+def load_zones(points: JointValues[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """`contact.bearing_load_zone` of straight needles for every point, each of shape (point,)."""
+    load = points.groove_load
+    kappa, penetration = np.empty_like(load), np.empty_like(load)
+    _load_zones(
+        load, points.bearing_radial_clearance, points.needle_stiffness, points.needle_count, kappa, penetration
+    )  # fmt: skip
+    return kappa, penetration
 
 
 def _groove_angles(samples: int) -> tuple[FloatArray, FloatArray]:
@@ -130,33 +151,31 @@ def _never_free(points: JointValues[FloatArray]) -> FloatArray:
     There nothing else may hold a roller's spin: the answer is the limit of little friction.
     """
     free = points.groove_sliding_friction == 0.0
-    return np.maximum(points.needle_rolling_friction, np.where(free, _LITTLE, 0.0))
+    return np.maximum(_passed_on(points), np.where(free, _LITTLE, 0.0))
 
 
-def point_constants(points: JointValues[FloatArray]) -> tuple[dict[str, FloatArray], FloatArray]:
+def _passed_on(points: JointValues[FloatArray]) -> FloatArray:
+    """Rolling friction that needles pass on: sliding friction makes them roll, else they stand and slide."""
+    passed: FloatArray = np.minimum(points.needle_rolling_friction, points.needle_sliding_friction)
+    return passed
+
+
+def point_constants(points: JointValues[FloatArray], kappa: FloatArray) -> dict[str, FloatArray]:
     """Columns of `PointConstants` for a massless joint whose rollers stay on their groove's axis.
 
     Parameters
     ----------
     points
         As for `solve_equilibrium`.
+    kappa
+        Sum of the needle loads over the bearing load, shape (point,).
 
     Returns
     -------
-    columns, penetration
-        Each of shape (point,); penetration is that of the most loaded needle into each of its partners, mm.
+    dict
+        Each of shape (point,).
     """
     theta = points.joint_angle
-    load = points.groove_load
-    kappa, penetration = np.empty_like(load), np.empty_like(load)
-    _load_zones(
-        load,
-        points.bearing_radial_clearance,
-        points.needle_stiffness,
-        points.needle_count,
-        kappa,
-        penetration,
-    )
     transition = transition_velocities(points)
     columns = {
         "torque": points.torque,
@@ -181,7 +200,7 @@ def point_constants(points: JointValues[FloatArray]) -> tuple[dict[str, FloatArr
         "axis_factor": points.groove_axis_factor,
         "tolerance": points.relative_tolerance,
     }
-    return {name: np.zeros_like(load) for name in PointConstants._fields} | columns, penetration
+    return {name: np.zeros_like(theta) for name in PointConstants._fields} | columns
 
 
 @cache
@@ -213,38 +232,82 @@ def solve_equilibrium(points: JointValues[FloatArray], samples: int) -> Equilibr
     -----
     Every point is computed by itself, so that its values do not depend on the block it is in.
     """
-    return solve_balance(points, *point_constants(points), samples)
+    kappa, penetration = load_zones(points)
+    return solve_balance(points, point_constants(points, kappa), penetration, samples)
+
+
+def _settle(
+    row: FloatArray, skews: FloatArray, cosines: FloatArray, sines: FloatArray, memory: Memory
+) -> tuple[bool, int, tuple[float, float]]:
+    """Settle a balance from its start: whether it did, iterations, and the normal forces' extremes without slip."""
+    p = PointConstants(*row)
+    start(row, skews, cosines, sines, memory)
+    settled, work = (settle_still if p.pace == 0.0 else settle_moving)(row, memory)
+    if settled:
+        return settled, work, (0.0, 0.0)
+    _compile_other_ways()
+    start(row, skews, cosines, sines, memory)
+    loads, mean_load = loads_at_rest(row, memory), abs(p.torque) / (3.0 * p.pitch_radius)
+    if loads.min() >= -p.groove_sliding:  # friction moves loads, but not by more
+        start(row, skews, cosines, sines, memory)
+        free = p.pace == 0.0 and p.groove_sliding == 0.0
+        settled, iterations = (settle_free if free else settle_together)(row, memory)
+        work += iterations
+    return settled, work, (loads.max() * mean_load, loads.min() * mean_load)
+
+
+def _settle_with_needles(row: FloatArray, memory: Memory, followers: Followers, i: int) -> int:
+    """Let the needles of point i follow its rollers, and settle the balance with what they do; iterations.
+
+    Where that does not settle, the balance stays as it was, with needles that keep their skew.
+    """
+    before, turns, tilt = memory.state.copy(), memory.turns.copy(), row[TILT]
+    followers.follow(row, memory, i)
+    if PointConstants(*row).groove_sliding == 0.0:  # nothing passes the grooves
+        memory.state[:], memory.turns[:], row[TILT] = before, turns, tilt
+        return 0
+    settled, work = settle_moving(row, memory)
+    if not settled:
+        _compile_other_ways()
+        settled, iterations = settle_together(row, memory)
+        work += iterations
+    if not settled:
+        memory.state[:], memory.turns[:], row[TILT] = before, turns, tilt
+        followers.keep(i)
+    return int(work)
 
 
 def solve_balance(
-    points: JointValues[FloatArray], columns: Mapping[str, FloatArray], penetration: FloatArray, samples: int
-) -> Equilibrium:
-    """Solve the balance of a block of points whose constants are known; parameters as there."""
+    points: JointValues[FloatArray], columns: Mapping[str, FloatArray], penetration: FloatArray, samples: int,
+    followers: Followers | None = None,
+) -> Equilibrium:  # fmt: skip
+    """Solve the balance of a block of points whose constants are known; parameters as there.
+
+    `followers` are the needles of a balance in which rollers tilt and needles may move.
+    """
     table = np.stack([columns[name] for name in PointConstants._fields], axis=1)
     skews = np.stack(points.initial_skews, axis=1)
     cosines, sines = _groove_angles(samples)
     memory, solution = Memory.for_samples(samples), Solution.of_nothing(table.shape[0], samples)
-    still, free = columns["pace"] == 0.0, columns["groove_sliding"] == 0.0
+    upright = np.zeros(table.shape[0], bool)
     for i in np.flatnonzero(columns["torque"] != 0.0).tolist():
-        start(table[i], skews[i], cosines, sines, memory)
-        solution.settled[i], solution.sweeps[i] = (settle_still if still[i] else settle_moving)(table[i], memory)
-        if not solution.settled[i]:
-            _compile_other_ways()
-            start(table[i], skews[i], cosines, sines, memory)
-            loads = loads_at_rest(table[i], memory)
-            solution.extremes[i] = loads.max() * points.groove_load[i], loads.min() * points.groove_load[i]
-            if loads.min() >= -points.groove_sliding_friction[i]:  # friction moves loads, but not by more
-                settle = settle_free if still[i] and free[i] else settle_together
-                start(table[i], skews[i], cosines, sines, memory)
-                solution.settled[i], iterations = settle(table[i], memory)
-                solution.sweeps[i] += iterations
+        settle = partial(_settle, skews=skews[i], cosines=cosines, sines=sines, memory=memory)
+        solution.settled[i], solution.sweeps[i], solution.extremes[i] = settle(table[i])
+        lifts_off = solution.extremes[i, 1] < -points.groove_sliding_friction[i] * points.groove_load[i]
+        yaws = columns["yaw"][i] * columns["groove_spinning"][i] > 0.0
+        if not (solution.settled[i] or lifts_off) and yaws:
+            table[i, YAW] = 0.0
+            solution.settled[i], iterations, solution.extremes[i] = settle(table[i])
+            solution.sweeps[i], upright[i] = solution.sweeps[i] + iterations, solution.settled[i]
+        if solution.settled[i] and followers is not None and followers.slide[i]:
+            solution.sweeps[i] += _settle_with_needles(table[i], memory, followers, i)
         if solution.settled[i]:
             account(table[i], memory, solution, i)
     solution.settled[columns["torque"] == 0.0] = True
-    solution.power[points.needle_rolling_friction == 0.0, 4] = 0.0  # what hardly resists takes no power
+    solution.power[_passed_on(points) == 0.0, 4] = 0.0  # what hardly resists takes no power
     thrust, parts = (sums.reshape(*sums.shape[:2], -1)[..., :samples] for sums in (solution.thrust, solution.parts))
     largest, smallest = solution.extremes.T
     return Equilibrium(
         thrust, parts, solution.power, solution.residual, solution.unexplained, largest, smallest, penetration,
-        solution.sweeps, solution.settled,
+        solution.sweeps, solution.settled, upright, *((followers.skews, followers.settled) if followers else ()),
     )  # fmt: skip

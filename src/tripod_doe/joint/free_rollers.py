@@ -20,7 +20,7 @@ from tripod_doe.joint.revolution import (
     store_wrench,
     sum_of,
 )
-from tripod_doe.joint.roller_balance import AddedMotion, groove_forces, leaning_contact
+from tripod_doe.joint.roller_balance import STILL, groove_forces, leaning_contact
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.lanes import load, select, spread, store
 from tripod_doe.mechanics.laws import hyperbolic_tangent
@@ -45,8 +45,7 @@ def _forces(p, m, skew, spin, root):
     tau_0, z_0 = arm * m.w_z, m.along_groove - arm * (contact.cos_a * m.w_r - contact.sin_a * m.w_t)
     rate = math.sqrt(tau_1 * tau_1 + z_1 * z_1)
     slip = (tau_0 * tau_1 + z_0 * z_1) / rate + spin * rate
-    still = AddedMotion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    return slip, lean, groove_forces(p, m, skew, contact, slip, root, still, 1.0)
+    return slip, lean, groove_forces(p, m, skew, contact, slip, root, STILL, 1.0)
 
 
 @kernel

@@ -19,20 +19,34 @@ path is a few swings long: at 5 deg this turns the phase of the third order by 2
 2 deg a third of it.
 
 Tilt. Loads off the middle of the needles tilt the roller about e_z: friction across the groove at the lever R_s, and
-the normal force at the lever r - r_m of its plunging. The needles, as lines of length l with the bearing's stiffness K
-along the load, hold against it with K l^2 / 12, so that with k_t = 12 N / (K l^2) the slip across the groove gets
+the normal force at the lever r - r_m of its plunging. A load at x from the middle of the needles tilts the roller by
+k_t x (`contact.tilted_bearing`: under light load a crown makes that ten times as much), so that the slip across the
+groove gets
 
     R_s k_t d(r - r_m + R_s f_t / N) / dt,
 
-where the friction f_t along the trunnion, needles included, is what the contact angle balances.
+where the friction f_t along the trunnion, needles included, is what the contact angle balances. k_t is that of the
+largest x of a revolution, at first e + R_s mu_s + r_p mu_n, then that of the motion; at most 0.35 l.
+The bore slides along its needles by r_p / R_s of that slip, too. Needles that move change x: their friction acts at
+their pitch circle, since a needle between two frictions tilts itself, and their middle moves along (`moving_needles`).
+
+Yaw. The spinning moment M_s turns the roller about its normal by y = k_y M_s / N, against its needles. So the axis
+about which it turns leaves the trunnion, and the trunnion's t_z becomes t_z - sigma t_tau y in all that the roller's
+spin does: a roller that is steered rolls another way. M_s is that of a roller that rolls upright, without slip, under
+the mean load, and yaws: of w_n + dy/dt. Crowned needles let rollers yaw by some per cent of the joint angle, straight
+ones by a thousandth.
 
 Lag. Trunnions stay behind their grooves by rho, the bearing's clearance and the needles' penetrations together, over
 R_p: all happens that much later in the rotation.
 
+Needles. They move on their own: a needle follows half of the roller's plunging until flange or retainer stops it, where
+it rubs, and its skew changes. `needle_motion` moves them along the balance's motion, and `moving_needles` adds what
+they then do to the balance, which is solved again.
+
 ds/dt and da/dt are backward differences of second order around the revolution (`moving_relaxation`, and
 `coupled_balance` where that does not settle). The balance of powers closes to about half a per cent of the friction
 power only, to 10 % with much friction or little motion: that the spider gives way a little to swinging and tilting
-rollers is left out, as is all else that the equilibrium leaves out; and the mass of the needles.
+rollers is left out, as is all else that the equilibrium leaves out but the motion of the needles; and their mass.
 """
 
 from __future__ import annotations
@@ -42,6 +56,9 @@ from numpy.typing import NDArray
 
 from tripod_doe.joint import contact
 from tripod_doe.joint.equilibrium import Equilibrium, point_constants, solve_balance
+from tripod_doe.joint.moving_needles import Followers
+from tripod_doe.joint.needle_constants import needle_constants
+from tripod_doe.joint.needle_motion import FARTHEST
 from tripod_doe.joint.roller_inertia import roller_inertia
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.compilation import kernel
@@ -52,31 +69,50 @@ FloatArray = NDArray[np.float64]
 
 
 @kernel
-def _bearing_stiffnesses(penetrations, clearances, stiffnesses, counts, out):
-    """`contact.bearing_stiffness` for every point."""
-    for i in range(out.size):
-        out[i] = contact.bearing_stiffness(penetrations[i], clearances[i], stiffnesses[i], counts[i])
+def _bearings(loads, offsets, clearances, stiffnesses, counts, lengths, spheres, crowns, out):
+    """`contact.tilted_bearing` for every point, shape (4, point)."""
+    for i in range(loads.size):
+        out[0, i], out[1, i], out[2, i], out[3, i] = contact.tilted_bearing(
+            loads[i], offsets[i], clearances[i], stiffnesses[i], counts[i], lengths[i], spheres[i], crowns[i]
+        )
 
 
-def _moving_constants(points: JointValues[FloatArray], penetration: FloatArray, samples: int) -> dict[str, FloatArray]:
+def _tilted_bearings(points: JointValues[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Sum of the needle loads over the bearing load, shift in mm, k_t and k_y in rad/mm, each of shape (point,)."""
+    eccentricity = points.pitch_radius * (1 / np.cos(points.joint_angle) - 1) / 2
+    swung = (
+        points.roller_radius * points.groove_sliding_friction + points.bearing_radius * points.needle_sliding_friction
+    )
+    farthest = FARTHEST * points.needle_length
+    offset = np.clip(eccentricity + swung, 0.01 * farthest, farthest)
+    bearing = np.empty((4, offset.size))
+    _bearings(
+        points.groove_load, offset, points.bearing_radial_clearance, points.needle_stiffness, points.needle_count,
+        points.needle_length, points.spheres_per_needle, points.needle_crown, bearing,
+    )  # fmt: skip
+    return bearing[0], bearing[1], bearing[2] / offset, bearing[3]
+
+
+def _moving_constants(
+    points: JointValues[FloatArray], shift: FloatArray, tilt: FloatArray, yaw: FloatArray, samples: int
+) -> dict[str, FloatArray]:
     """The columns of `PointConstants` that are zero in the equilibrium."""
-    radius, load, clearance = points.roller_radius, points.groove_load, points.bearing_radial_clearance
+    radius = points.roller_radius
     mass, polar, _ = roller_inertia(radius, points.roller_width, points.bore_radius, points.density)
-    stiffness = np.empty_like(load)
-    _bearing_stiffnesses(penetration, clearance, points.needle_stiffness, points.needle_count, stiffness)
-    play = points.groove_play + (load / points.groove_stiffness) ** (2 / 3)
+    play = points.groove_play + (points.groove_load / points.groove_stiffness) ** (2 / 3)
     return {
         "roller_mass": mass,
         "roller_inertia": polar,
         "shaft_mass": points.shaft_mass / 3,
         "play": play,
-        "tilt": 12 * radius * load / (stiffness * points.needle_length**2),
-        "lag": np.sign(points.torque) * (play + clearance + 2 * penetration) / points.pitch_radius,
+        "tilt": radius * tilt,
+        "yaw": yaw,
+        "lag": np.sign(points.torque) * (play + shift) / points.pitch_radius,
         "pace": points.speed * samples / (2 * np.pi),
     }
 
 
-def solve_kinetostatic(points: JointValues[FloatArray], samples: int) -> Equilibrium:
+def solve_kinetostatic(points: JointValues[FloatArray], samples: int, needles_move: bool = True) -> Equilibrium:
     """Solve the kinetostatic model for a block of points.
 
     Parameters
@@ -85,10 +121,18 @@ def solve_kinetostatic(points: JointValues[FloatArray], samples: int) -> Equilib
         As for `equilibrium.solve_equilibrium`.
     samples
         Samples of one revolution; they are its time steps, too: 90 cost 0.1 % of the third order, 360 a hundredth.
+    needles_move
+        Whether needles follow their rollers; if not, they keep their initial skew and never touch a stop, as in the
+        model `rollers`.
 
     Returns
     -------
     Equilibrium
+        Of the mean of the last two revolutions, over which the needles' skew still changes.
     """
-    columns, penetration = point_constants(points)
-    return solve_balance(points, columns | _moving_constants(points, penetration, samples), penetration, samples)
+    kappa, shift, tilt, yaw = _tilted_bearings(points)
+    columns = point_constants(points, kappa) | _moving_constants(points, shift, tilt, yaw, samples)
+    penetration = (shift - points.bearing_radial_clearance) / 2
+    skews = np.stack(points.initial_skews, axis=1)
+    followers = Followers.of(points, needle_constants(points), skews, samples, needles_move)
+    return solve_balance(points, columns, penetration, samples, followers)

@@ -1,10 +1,11 @@
 """The error of each model of the joint at any operating point, from errors that were measured at others.
 
-`model_errors.csv` holds the third order of each model relative to that of a model above it, at operating points that
-cover the field in which joints are used (`benchmarks/model_error.py` makes it from two studies). A point is compared
-with the measured ones that are most like it, by the ratios on which the errors depend: their median is the typical
-error, their 90th percentile its limit. The error against `needles` is the sum of those of the
-steps to it. Nothing is known outside of what was measured, and where a model has no answer at most of such points.
+`model_errors.csv` holds the third order of each model relative to that of `needles`, at operating points that cover the
+field in which joints are used (`benchmarks/model_error.py` makes it from five studies). Where needles were not run, it
+is relative to `rollers`, whose own typical error there is added. A point is compared with the measured ones that are
+most like it, by the ratios on which the errors depend: their median is the typical error, their 90th percentile its
+limit. Nothing is known outside of what was measured, and where one of the two models has no answer at most of such
+points.
 """
 
 from __future__ import annotations
@@ -22,22 +23,21 @@ from tripod_doe.joint.operating_ratios import RATIOS, operating_ratios
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.quantities import number
 
-__all__ = ["FINEST", "QUANTITY", "RECORDED", "STEPS", "known_errors"]
+__all__ = ["COMPARED", "FINEST", "QUANTITY", "RECORDED", "known_errors"]
 
 FloatArray = NDArray[np.float64]
 
 RECORDED = Path(__file__).with_name("model_errors.csv")
 """File of the measured errors."""
 
-STEPS = (("equilibrium", "rollers"), ("kinetostatic", "rollers"), ("rollers", "needles"))
-"""Models, and the one above that the error of each was measured against; `needles` are the end of the ladder."""
+COMPARED, FINEST = ("equilibrium", "kinetostatic", "rollers"), "needles"
+"""Models, and the one that the error of each was measured against: the end of the ladder."""
 
-QUANTITY, FINEST = "third order", "needles"
-"""What the errors are of, and the model that they are measured against in the end."""
+QUANTITY = "third order"
+"""What the errors are of."""
 
 _NEAREST = 10
 """Measured points that a point is compared with."""
-_CROWN = "needle_crown_um is above the 0 um of all compared points, and lets rollers tilt on their needles"
 _CHUNK = 1000
 """Points that are compared at once."""
 _NO_REFERENCE = "this is the finest model, which the others are compared with"
@@ -60,7 +60,7 @@ class _Measured:
     spread
         Standard deviations of the logarithms, shape (ratio,).
     errors
-        By model: relative error of its third order, shape (measured,); NaN where the model above has no answer, and
+        By model: relative error of its third order, shape (measured,); NaN where one of the two has no answer, and
         infinite where it was not asked.
     """
 
@@ -116,11 +116,14 @@ def _measured() -> _Measured:
     )
     values = np.stack(list(ratios.values()), axis=1)
     spread = np.log(values).std(axis=0)
-    errors = {}
-    for model, above in STEPS:
-        answered = table[f"{above}_finished"]  # NaN where it was not asked, or the model itself has no answer
-        errors[model] = np.where(np.isnan(answered), np.inf, np.where(answered == 1, np.abs(table[model]), np.nan))
-    return _Measured(tuple(ratios), values.min(axis=0), values.max(axis=0), np.log(values) / spread, spread, errors)
+    direct = table["needles"] == 1
+    errors = {model: np.abs(table[model]) for model in COMPARED}
+    errors["rollers"][~direct] = np.inf
+    measured = _Measured(tuple(ratios), values.min(axis=0), values.max(axis=0), np.log(values) / spread, spread, errors)
+    by_rollers = measured.near("rollers", measured.places[~direct])[0]
+    for model in COMPARED[:2]:
+        errors[model][~direct] += by_rollers
+    return measured
 
 
 def known_errors(model: str, points: Mapping[str, NDArray[Any]]) -> tuple[FloatArray, FloatArray, NDArray[np.object_]]:
@@ -140,27 +143,14 @@ def known_errors(model: str, points: Mapping[str, NDArray[Any]]) -> tuple[FloatA
     """
     count = len(points["torque_n_m"])
     expected, limit = np.full((2, count), np.nan)
-    if model not in dict(STEPS):
+    if model not in COMPARED:
         return expected, limit, np.full(count, _NO_REFERENCE if model == FINEST else _NOT_COMPARED, object)
     measured, ratios = _measured(), operating_ratios(points)
     values = np.stack([ratios[name] for name in measured.names], axis=1)
     inside = (values >= measured.low) & (values <= measured.high)
-    crowned = np.asarray(points["needle_crown_um"], float) > 0
-    within = inside.all(axis=1) & ~crowned
-    places = np.log(values[within]) / measured.spread
-    steps = [measured.near(step, places) for step in _steps_above(model)]
-    expected[within], limit[within] = (sum(found) for found in zip(*steps, strict=True))
+    within = inside.all(axis=1)
+    expected[within], limit[within] = measured.near(model, np.log(values[within]) / measured.spread)
     unknown = np.where(np.isnan(expected), _NO_ANSWER, "").astype(object)
     for ratio in range(len(measured.names))[::-1]:  # of several, the first is told
         unknown[~inside[:, ratio]] = measured.told(ratio)
-    unknown[crowned] = _CROWN
     return expected, limit, unknown
-
-
-def _steps_above(model: str) -> list[str]:
-    """Models from this one to the one below the finest."""
-    found, steps = [], dict(STEPS)
-    while model in steps:
-        found.append(model)
-        model = steps[model]
-    return found

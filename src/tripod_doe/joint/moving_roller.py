@@ -9,8 +9,12 @@ from tripod_doe.joint.balance_constants import flank
 from tripod_doe.joint.roller_balance import AddedMotion, groove_forces, leaning_contact
 from tripod_doe.mechanics.compilation import inlined_kernel
 from tripod_doe.mechanics.lanes import load
+from tripod_doe.mechanics.laws import hyperbolic_tangent
 
-__all__ = ["added_motion", "inertial_force", "moving_forces", "spider_load"]
+__all__ = ["added_motion", "inertial_force", "moving_forces", "spider_load", "upright_spin", "yawed"]
+
+_NEWTON = 60
+"""Iterations of a yaw, at most; four are usual."""
 
 
 @inlined_kernel
@@ -21,9 +25,10 @@ def inertial_force(p, cos_phi):
 
 
 @inlined_kernel
-def added_motion(p, m, contact, cos_phi, root, past_tilt, past_spin):
+def added_motion(p, m, contact, cos_phi, root, past_tilt, past_spin, given):
     """What mass and motion add; `past_tilt` and `past_spin` are the earlier samples' part of backward differences.
 
+    `given` is what does not change while the balance is solved: what moving needles add (`moving_needles`), and yaw.
     As its contact wanders round the groove the roller swings, and so slides on its trunnion, and tilts on it.
     """
     leaning = -flank(p) * p.pace * (1.5 * contact.sin_a + past_tilt) / contact.cos_a
@@ -31,13 +36,19 @@ def added_motion(p, m, contact, cos_phi, root, past_tilt, past_spin):
     radius = root / p.axis_factor
     load = radius * (radius * radius)
     outward, along_groove = inertial_force(p, cos_phi)
+    needle_force, needle_moment, needle_swing, steering = given
+    tilting = p.tilt * (p.roller_radius * leaning + m.along_trunnion) + needle_swing
     return AddedMotion(
         p.play * leaning / contact.t_tau,
-        reach * leaning + p.tilt * m.along_trunnion,
+        p.bearing_radius / p.roller_radius * tilting,
+        p.play * leaning + tilting,
         reach * p.pace / contact.steepness,
         p.roller_inertia * p.pace / load,
         past_spin,
         (outward * m.t_r + along_groove * m.t_z) / load,
+        needle_force,
+        needle_moment,
+        steering,
     )
 
 
@@ -45,8 +56,39 @@ def added_motion(p, m, contact, cos_phi, root, past_tilt, past_spin):
 def moving_forces(p, m, e, skew, newton):
     """Forces of a roller at eight samples, with what mass and motion add; slopes as for `groove_forces`."""
     root, contact = load(e.root, 0), leaning_contact(p, m, load(e.lean, 0))
-    added = added_motion(p, m, contact, load(e.cosine, 0), root, load(e.past_tilt, 0), load(e.past_spin, 0))
+    given = load(e.needle_force, 0), load(e.needle_moment, 0), load(e.needle_swing, 0), load(e.steering, 0)
+    added = added_motion(p, m, contact, load(e.cosine, 0), root, load(e.past_tilt, 0), load(e.past_spin, 0), given)
     return groove_forces(p, m, skew, contact, load(e.slip, 0), root, added, newton)
+
+
+@inlined_kernel
+def upright_spin(p, m):
+    """Angular velocity about its normal of a roller that rolls upright without slip, and the way its yaw steers it."""
+    upright = leaning_contact(p, m, 0.0)
+    w_tau = upright.cos_a * m.w_r - upright.sin_a * m.w_t
+    w_n = upright.sin_a * m.w_r + upright.cos_a * m.w_t
+    rolled = (flank(p) * m.along_groove / p.roller_radius - w_tau) / upright.t_tau
+    return w_n + rolled * upright.t_n, -flank(p) * upright.t_tau
+
+
+@inlined_kernel
+def yawed(p, before, most, w_n):
+    """Yaw a sample later, of a roller that turns in its groove by `w_n` besides; `most` is that of a full moment."""
+    low, high = -most, most
+    yaw = before
+    for _ in range(_NEWTON):
+        turning = hyperbolic_tangent((w_n + (yaw - before) * p.pace) / p.normal_spin_transition)
+        wrong = yaw + most * turning
+        if abs(wrong) <= 1e-9 * most:
+            break
+        if wrong > 0.0:
+            high = yaw
+        else:
+            low = yaw
+        yaw -= wrong / (1.0 + most * p.pace * (1.0 - turning * turning) / p.normal_spin_transition)
+        if not low < yaw < high:
+            yaw = 0.5 * (low + high)
+    return yaw
 
 
 @inlined_kernel

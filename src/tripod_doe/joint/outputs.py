@@ -21,6 +21,7 @@ __all__ = [
     "VIBRATION_OUTPUTS",
     "part_outputs",
     "rotation_angles",
+    "skew_outputs",
     "thrust_outputs",
 ]
 
@@ -162,3 +163,23 @@ def part_outputs(thrust_parts: FloatArray, keep: Collection[str]) -> dict[str, F
     """
     found = amplitude_and_phase(complex_amplitudes(thrust_parts).mean(axis=1))
     return {name: data for name, data in zip(PART_OUTPUTS, found, strict=True) if name in keep}
+
+
+def skew_outputs(skew: FloatArray, samples: int) -> dict[str, FloatArray]:
+    """Outputs of the skew of the most loaded needles.
+
+    Parameters
+    ----------
+    skew
+        In degrees, over all revolutions, shape (point, trunnion, cycles sample).
+    samples
+        Samples per revolution.
+
+    Returns
+    -------
+    dict of ndarray
+        Every output by name, its first axis the point.
+    """
+    by_cycle = skew.reshape(*skew.shape[:2], -1, samples)
+    summary = np.stack([by_cycle.mean(-1), by_cycle.min(-1), by_cycle.max(-1)], axis=-1)
+    return {"needle_skew_deg": skew[..., -2 * samples :], "needle_skew_summary_deg": summary}

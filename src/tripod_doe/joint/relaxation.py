@@ -18,7 +18,7 @@ from tripod_doe.joint.revolution import (
     store_wrench,
     sum_of,
 )
-from tripod_doe.joint.roller_balance import AddedMotion, groove_forces, leaning_contact
+from tripod_doe.joint.roller_balance import STILL, groove_forces, leaning_contact
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.lanes import load, spread, store
 
@@ -30,9 +30,7 @@ _SWEEPS = 30
 @inlined_kernel
 def _forces(p, m, skew, slip, lean, root):
     """Forces of a roller without mass that stays where it is between samples."""
-    return groove_forces(
-        p, m, skew, leaning_contact(p, m, lean), slip, root, AddedMotion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 1.0
-    )
+    return groove_forces(p, m, skew, leaning_contact(p, m, lean), slip, root, STILL, 1.0)
 
 
 @inlined_kernel

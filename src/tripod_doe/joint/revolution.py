@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tripod_doe.joint.balance_constants import point_constants_of
 from tripod_doe.joint.kinematics import ideal_motion
 from tripod_doe.joint.linear_lap import LinearLap
-from tripod_doe.joint.moving_roller import inertial_force, spider_load
+from tripod_doe.joint.moving_roller import inertial_force, spider_load, upright_spin, yawed
 from tripod_doe.joint.roller_balance import Skew, spider_wrench
 from tripod_doe.mechanics.by_reference import ByReference
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
@@ -42,6 +42,7 @@ EIGHT_SAMPLES = np.dtype([
         "past_tilt", "past_spin",                         # earlier samples' part of backward differences
         "tilt", "tilt_gain", "spin", "spin_gain",         # sin a and spin, and what the unknowns' changes add
         "slip_step", "slip_carry", "lean_step", "lean_carry",  # wanted changes, and what earlier ones add to them
+        "needle_force", "needle_moment", "needle_swing", "steering",  # what needles and yaw add (`AddedMotion`)
     )
 ])  # fmt: skip
 """Fields of eight samples of a groove; those from `load_1` on are used by the kinetostatic model."""
@@ -99,6 +100,19 @@ def skew_of(turns, k):
 
 
 @kernel
+def _steer(p, eights, samples, most):
+    """Note how the roller of a groove is steered by its yaw, whose largest is `most` rad."""
+    yaw = 0.0
+    for j in range(2 * samples):  # a lap to know what comes before the first sample
+        e, i = eights[(j % samples) // WIDTH], j % samples % WIDTH
+        w_n, way = upright_spin(p, motion_at(p, e.cosine[0, i], e.sine[0, i]))
+        yaw = yawed(p, yaw, most, w_n)
+        e.steering[0, i] = way * yaw
+    for j in range(samples, WIDTH * eights.size):
+        eights[j // WIDTH].steering[0, j % WIDTH] = eights[(j - samples) // WIDTH].steering[0, (j - samples) % WIDTH]
+
+
+@kernel
 def start(row, psi, cosines, sines, memory):
     """Start a point without slip and with even loads.
 
@@ -131,7 +145,9 @@ def start(row, psi, cosines, sines, memory):
             store(e.lean, 0, nothing)
             store(e.root, 0, root)
             store(e.normal, 0, normal)
-            across_1, across_2, about_shaft = spider_load(p, motion_at(p, cosine, sine), cosine, sine)
+            m = motion_at(p, cosine, sine)
+            store(e.steering, 0, nothing)
+            across_1, across_2, about_shaft = spider_load(p, m, cosine, sine)
             store(e.load_1, 0, across_1)
             store(e.load_2, 0, across_2)
             store(e.load_about, 0, about_shaft)
@@ -139,6 +155,11 @@ def start(row, psi, cosines, sines, memory):
             store(e.past_spin, 0, nothing)
             store(e.tilt, 0, nothing)
             store(e.spin, 0, nothing)
+            store(e.needle_force, 0, nothing)
+            store(e.needle_moment, 0, nothing)
+            store(e.needle_swing, 0, nothing)
+        if p.yaw > 0.0:
+            _steer(p, eights[k], memory.samples, p.yaw * p.groove_spinning * p.axis_factor * mean_load ** (1.0 / 3.0))
 
 
 @inlined_kernel

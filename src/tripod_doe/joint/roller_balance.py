@@ -13,6 +13,7 @@ from tripod_doe.mechanics.compilation import inlined_kernel
 from tripod_doe.mechanics.laws import hyperbolic_tangent
 
 __all__ = [
+    "STILL",
     "AddedMotion",
     "Contact",
     "GrooveForces",
@@ -53,6 +54,8 @@ class GrooveForces(NamedTuple):
         Derivative of sin_a for the force that the contact angle was made from.
     swing_gain
         Derivative of the trunnion force for those of earlier samples.
+    axis_z
+        Part of the roller's axis along the groove.
     """
 
     moment: float
@@ -78,6 +81,7 @@ class GrooveForces(NamedTuple):
     inertia_gain: float
     tilt_gain: float
     swing_gain: float
+    axis_z: float
 
 
 class Skew(NamedTuple):
@@ -112,8 +116,8 @@ class AddedMotion(NamedTuple):
 
     Attributes
     ----------
-    plunge
-        Velocity along the trunnion in mm/s.
+    plunge, rocking
+        Velocity along the trunnion in mm/s of the roller's centre, and of its bore besides, where the needles are.
     swing, swing_gain
         Slip across the groove in mm/s, and its derivative for the force that the contact angle was made from.
     inertia
@@ -122,14 +126,26 @@ class AddedMotion(NamedTuple):
         What earlier samples add to the backward difference of the spin, rad/s.
     trunnion_force
         Inertial force along the trunnion, over N.
+    needle_force, needle_moment
+        What needles that move by themselves add along and about the trunnion, over N; the moment in mm.
+    steering
+        What a yawed roller's axis has along the groove beyond its trunnion, rad.
     """
 
     plunge: float
+    rocking: float
     swing: float
     swing_gain: float
     inertia: float
     past_spin: float
     trunnion_force: float
+    needle_force: float
+    needle_moment: float
+    steering: float
+
+
+STILL = AddedMotion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""Of a roller without mass that stays where it is between samples."""
 
 
 @inlined_kernel
@@ -163,7 +179,8 @@ def groove_forces(p, m, skew, contact, slip, root, added, newton):
     # slip is linear in the roller's spin s: v = v_0 + s v_1
     tau_0 = arm * m.w_z + added.swing
     z_0 = m.along_groove - arm * (cos_a * m.w_r - sin_a * m.w_t) + added.plunge * m.t_z
-    tau_1, z_1 = arm * m.t_z, -arm * t_tau
+    axis_z = m.t_z + added.steering
+    tau_1, z_1 = arm * axis_z, -arm * t_tau
     rate = math.sqrt(tau_1 * tau_1 + z_1 * z_1)
     spin = (slip - (tau_0 * tau_1 + z_0 * z_1) / rate) / rate
     v_tau, v_z = tau_0 + spin * tau_1, z_0 + spin * z_1
@@ -175,22 +192,23 @@ def groove_forces(p, m, skew, contact, slip, root, added, newton):
     # relative angular velocity: rolling in the tangent plane, spinning about the normal
     w_tau = cos_a * m.w_r - sin_a * m.w_t + spin * t_tau
     w_n = sin_a * m.w_r + cos_a * m.w_t + spin * t_n
-    w_z = m.w_z + spin * m.t_z
+    w_z = m.w_z + spin * axis_z
     roll = math.sqrt(w_tau * w_tau + w_z * w_z + 1e-300)
     rolling = p.groove_rolling * p.rolling_lever * hyperbolic_tangent(roll / p.roll_transition) / roll
     spinning = p.groove_spinning * root * hyperbolic_tangent(w_n / p.normal_spin_transition)
     # needles: friction along their axes, rolling resistance about the trunnion
-    needle_slip = (m.along_trunnion + added.plunge) * skew.cosine - spin * p.needle_lever * skew.sine
+    plunge = m.along_trunnion + added.plunge + added.rocking
+    needle_slip = plunge * skew.cosine - spin * p.needle_lever * skew.sine
     needle_sliding = hyperbolic_tangent(0.5 * needle_slip / p.needle_transition)
     needle_rolling = hyperbolic_tangent(spin / p.spin_transition)
-    needle_moment = p.needle_sliding * p.needle_lever * skew.sine * needle_sliding
+    needle_moment = p.needle_sliding * p.needle_lever * skew.sine * needle_sliding + added.needle_moment
     bearing_moment = p.needle_rolling * p.bearing_radius * needle_rolling
-    along = w_tau * t_tau + w_z * m.t_z
+    along = w_tau * t_tau + w_z * axis_z
     moment = -drag * slip * rate - spinning * t_n - rolling * along + needle_moment - bearing_moment
     moment = moment - added.inertia * (1.5 * spin + added.past_spin)
     across = slip * rate / speed
     slope = -drag * rate * rate - newton * drag_slope * (across * across)
-    slope = slope - rolling * (t_tau * t_tau + m.t_z * m.t_z)
+    slope = slope - rolling * (t_tau * t_tau + axis_z * axis_z)
     slope = slope - p.needle_rolling * p.bearing_radius * (1.0 - needle_rolling * needle_rolling) / p.spin_transition
     needle_slope = 0.5 * p.needle_sliding * (1.0 - needle_sliding * needle_sliding) / p.needle_transition
     lever = p.needle_lever * skew.sine
@@ -200,7 +218,8 @@ def groove_forces(p, m, skew, contact, slip, root, added, newton):
     stiffness = drag + drag_slope * (share * share)
     gripping = (drag + newton * (stiffness - drag)) * (t_tau * t_tau + m.t_z * m.t_z)
     swing_gain = -(gripping + needle_slope * skew.cosine * skew.cosine) * added.swing_gain
-    along_trunnion = f_tau * t_tau + f_z * m.t_z - p.needle_sliding * skew.cosine * needle_sliding
+    needle_force = added.needle_force - p.needle_sliding * skew.cosine * needle_sliding
+    along_trunnion = f_tau * t_tau + f_z * m.t_z + needle_force
     return GrooveForces(
         moment,
         slope / rate,
@@ -216,7 +235,7 @@ def groove_forces(p, m, skew, contact, slip, root, added, newton):
         drag * speed * speed,
         spinning * w_n,
         rolling * roll * roll,
-        p.needle_sliding * needle_sliding * needle_slip,
+        -needle_force * plunge - needle_moment * spin,
         bearing_moment * spin,
         needle_moment,
         -bearing_moment,
@@ -225,6 +244,7 @@ def groove_forces(p, m, skew, contact, slip, root, added, newton):
         added.inertia,
         -flank(p) * cos_a / steepness,
         swing_gain,
+        axis_z,
     )
 
 
@@ -235,10 +255,10 @@ def thrust_of_each(p, m, g):
     t_tau = g.cos_a * m.t_r - g.sin_a * m.t_t
     t_n = g.sin_a * m.t_r + g.cos_a * m.t_t
     # the point of contact moves by (lever_tau, lever_z) while the roller turns on its trunnion at unit rate
-    lever_tau, lever_z = arm * m.t_z, -arm * t_tau
+    lever_tau, lever_z = arm * g.axis_z, -arm * t_tau
     gain = lever_z / (lever_tau * lever_tau + lever_z * lever_z)
     along = -gain * (g.friction_tau * lever_tau + g.friction_z * lever_z)
-    spinning, rolling = gain * g.moment_n * t_n, gain * (g.moment_tau * t_tau + g.moment_z * m.t_z)
+    spinning, rolling = gain * g.moment_n * t_n, gain * (g.moment_tau * t_tau + g.moment_z * g.axis_z)
     needle_sliding, needle_rolling = gain * g.needle_sliding_moment, gain * g.needle_rolling_moment
     rest = along - spinning - rolling - needle_sliding - needle_rolling
     return -g.friction_z - along, spinning, rolling, needle_sliding, needle_rolling, rest

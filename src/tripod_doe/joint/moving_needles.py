@@ -1,0 +1,228 @@
+"""The balance of `kinetostatic` and needles that follow its rollers: what their motion adds to the balance's own law.
+
+The balance treats the needles of a trunnion as one, at one skew and with equal slip on trunnion and bore.
+`needle_motion` moves every needle along the motion that the balance has found; what its forces differ by from that law
+is added to the balance at every sample, which is then solved again.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.joint.balance_constants import TILT, point_constants_of
+from tripod_doe.joint.contact import tilted_bearing
+from tripod_doe.joint.moving_roller import added_motion
+from tripod_doe.joint.needle_constants import needle_constants_of
+from tripod_doe.joint.needle_motion import FARTHEST, MOST_NEEDLES, NEEDLE, NEEDLE_CONTACT, follow_roller
+from tripod_doe.joint.revolution import Memory, motion_at
+from tripod_doe.joint.roller_balance import leaning_contact
+from tripod_doe.joint.values import JointValues
+from tripod_doe.mechanics import laws
+from tripod_doe.mechanics.by_reference import ByReference
+from tripod_doe.mechanics.compilation import kernel
+from tripod_doe.mechanics.lanes import WIDTH, load, store
+
+__all__ = ["Followers", "NeedleMemory"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class NeedleMemory(ByReference):
+    """What the kernels write while needles follow the rollers of a point.
+
+    Attributes
+    ----------
+    spins, plunges, loads, offsets
+        Motion of every roller, as `needle_motion.follow_roller` reads it, shape (3, eights, 8).
+    held
+        Force of needles that keep their skew along every trunnion, over N, shape (3, eights, 8).
+    needles, contacts
+        Records of the needles of one trunnion.
+    forces, moments, places
+        Of the needles of one trunnion, shape (sample,).
+    """
+
+    spins: FloatArray
+    plunges: FloatArray
+    loads: FloatArray
+    offsets: FloatArray
+    held: FloatArray
+    needles: NDArray[np.void]
+    contacts: NDArray[np.void]
+    forces: FloatArray
+    moments: FloatArray
+    places: FloatArray
+
+    @classmethod
+    def for_samples(cls, samples: int) -> NeedleMemory:
+        """Memory for so many samples a revolution."""
+        shape = (3, -(-samples // WIDTH), WIDTH)
+        return cls(
+            np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape),
+            np.zeros(MOST_NEEDLES, NEEDLE), np.zeros((MOST_NEEDLES, 2), NEEDLE_CONTACT),
+            np.zeros(samples), np.zeros(samples), np.zeros(samples),
+        )  # fmt: skip
+
+
+@kernel
+def _read_motions(row, memory, ring):
+    """Read the motion of every roller on its trunnion off the balance."""
+    p = point_constants_of(row)
+    eccentricity = 0.5 * p.pitch_radius * (1.0 - p.cos_theta) / p.cos_theta
+    for k in range(3):
+        cosine, sine = memory.turns[k, 0], memory.turns[k, 1]
+        for b in range(memory.eights.shape[1]):
+            e = memory.eights[k, b]
+            cos_phi, lean = load(e.cosine, 0), load(e.lean, 0)
+            m = motion_at(p, cos_phi, load(e.sine, 0))
+            contact = leaning_contact(p, m, lean)
+            past, given = (load(e.past_tilt, 0), load(e.past_spin, 0)), (0.0, 0.0, 0.0, load(e.steering, 0))
+            added = added_motion(p, m, contact, cos_phi, load(e.root, 0), *past, given)
+            spin, plunge = load(e.spin, 0), m.along_trunnion + added.plunge + added.rocking
+            slip = plunge * cosine - spin * p.needle_lever * sine
+            force = -p.needle_sliding * cosine * laws.hyperbolic_tangent(0.5 * slip / p.needle_transition)
+            off = m.distance - (p.pitch_radius + eccentricity)
+            store(ring.spins[k], b, spin)
+            store(ring.plunges[k], b, plunge)
+            store(ring.loads[k], b, load(e.normal, 0))
+            store(ring.held[k], b, force)
+            store(ring.offsets[k], b, off + p.roller_radius * lean - (p.roller_radius - p.bearing_radius) * force)
+
+
+@kernel
+def _tilt_of(row, needle_row, samples, ring):
+    """R_s k_t for the load's largest distance from the middle of the needles in the motions that were read."""
+    p, c = point_constants_of(row), needle_constants_of(needle_row)
+    farthest = 0.01 * c.length
+    for k in range(3):
+        for j in range(samples):
+            farthest = max(farthest, abs(ring.offsets[k, j // WIDTH, j % WIDTH]))
+    load = abs(p.torque) / (3.0 * p.pitch_radius)
+    farthest, crown = min(farthest, FARTHEST * c.length), 0.25 * c.drop * c.length * c.length
+    bearing = tilted_bearing(load, farthest, c.clearance, c.stiffness, c.needles, c.length, c.spheres, crown)
+    return p.roller_radius * bearing[2] / farthest
+
+
+@kernel
+def _add_forces(row, memory, ring, k, skew):
+    """Add to the balance what the needles of trunnion k do beyond its own law, which gets their mean skew."""
+    p, samples = point_constants_of(row), memory.samples
+    cosine, sine = math.cos(skew), math.sin(skew)
+    memory.turns[k, 0], memory.turns[k, 1] = cosine, sine
+    for j in range(WIDTH * memory.eights.shape[1]):
+        at = j if j < samples else j - samples
+        e, i = memory.eights[k, j // WIDTH], j % WIDTH
+        b, lane = at // WIDTH, at % WIDTH
+        slip = ring.plunges[k, b, lane] * cosine - ring.spins[k, b, lane] * p.needle_lever * sine
+        drag = p.needle_sliding * laws.hyperbolic_tangent(0.5 * slip / p.needle_transition)
+        e.needle_force[0, i] = ring.forces[at] + drag * cosine
+        e.needle_moment[0, i] = ring.moments[at] - drag * p.needle_lever * sine
+
+
+@kernel
+def _add_swing(row, memory, k, forces, places):
+    """Add the swing of roller k that the balance's own tilt misses.
+
+    Its needles' friction acts at their pitch circle, not at the groove, and their middle moves. `forces` and `places`
+    along the trunnion have the shape (sample,).
+    """
+    p, samples = point_constants_of(row), memory.samples
+    shorter = p.roller_radius - p.bearing_radius
+    for j in range(WIDTH * memory.eights.shape[1]):
+        at = j if j < samples else j - samples
+        before, after = at - 1 if at > 0 else samples - 1, at + 1 if at < samples - 1 else 0
+        nearer = shorter * (forces[after] - forces[before]) + places[after] - places[before]
+        memory.eights[k, j // WIDTH].needle_swing[0, j % WIDTH] = -0.5 * p.pace * p.tilt * nearer
+
+
+@kernel
+def _hold_needles(row, needle_row, memory, ring):
+    """Add to the balance what needles that keep their skew do beyond its own law; parameters as for `_move_needles`."""
+    samples = memory.samples
+    _read_motions(row, memory, ring)
+    row[TILT] = _tilt_of(row, needle_row, samples, ring)
+    ring.places[:] = 0.0
+    for k in range(3):
+        _add_swing(row, memory, k, ring.held[k].reshape(-1)[:samples], ring.places)
+
+
+@kernel
+def _move_needles(row, needle_row, skews, memory, ring, seen):
+    """Let the needles of all trunnions follow their rollers, and add what they do to the balance.
+
+    Parameters
+    ----------
+    row, needle_row
+        Of the tables of `PointConstants` and `NeedleConstants`; the tilt of the first becomes that of the motion.
+    skews
+        Of the needles at the start, rad, shape (3,).
+    memory
+        `Memory` with a balance that is settled.
+    ring
+        `NeedleMemory`.
+    seen
+        Receives the skew of the needle that carries the most, rad, over all revolutions, shape (3, cycles sample).
+    """
+    samples = memory.samples
+    _read_motions(row, memory, ring)
+    row[TILT] = _tilt_of(row, needle_row, samples, ring)
+    for k in range(3):
+        spins, plunges = ring.spins[k].reshape(-1)[:samples], ring.plunges[k].reshape(-1)[:samples]
+        loads, offsets = ring.loads[k].reshape(-1)[:samples], ring.offsets[k].reshape(-1)[:samples]
+        skew = follow_roller(
+            needle_row, skews[k], spins, plunges, loads, offsets, ring.needles, ring.contacts, ring.forces,
+            ring.moments, ring.places, seen[k],
+        )  # fmt: skip
+        _add_forces(row, memory, ring, k, skew)
+        _add_swing(row, memory, k, ring.forces, ring.places)
+
+
+@dataclass(frozen=True)
+class Followers:
+    """Needles of a block of points.
+
+    Attributes
+    ----------
+    slide
+        Whether the needles of a point slide, and the joint is bent and turns; shape (point,).
+    skews
+        Of the needle that carries the most, rad, over all revolutions, shape (point, trunnion, cycles sample).
+    settled
+        Whether the balance settled with moving needles, shape (point,).
+    """
+
+    slide: NDArray[np.bool_]
+    skews: FloatArray
+    settled: NDArray[np.bool_]
+    _table: FloatArray
+    _initial: FloatArray
+    _memory: NeedleMemory
+    _move: bool
+
+    @classmethod
+    def of(
+        cls, points: JointValues[FloatArray], table: FloatArray, skews: FloatArray, samples: int, move: bool
+    ) -> Followers:
+        """Needles at their initial skews, shape (point, trunnion), which they keep unless they may `move`.
+
+        `table` is from `needle_constants`.
+        """
+        slide = (points.needle_sliding_friction > 0) & (points.speed > 0) & (points.joint_angle > 0)
+        over_time = np.repeat(skews[:, :, None], int(points.cycles[0]) * samples, axis=2)
+        return cls(slide, over_time, np.ones(slide.size, bool), table, skews, NeedleMemory.for_samples(samples), move)
+
+    def follow(self, row: FloatArray, memory: Memory, i: int) -> None:
+        """Move the needles of point i along the balance that is settled, and add what they do to it."""
+        if self._move:
+            _move_needles(row, self._table[i], self._initial[i], memory, self._memory, self.skews[i])
+        else:
+            _hold_needles(row, self._table[i], memory, self._memory)
+
+    def keep(self, i: int) -> None:
+        """Let the needles of point i keep their skew."""
+        self.skews[i], self.settled[i] = self._initial[i, :, None], False
