@@ -103,7 +103,9 @@ def test_closure_and_opponents_are_stated(parts):
     assert below["closure: 100 - sum"][0] == f"{third.closure[0]:.1f}"
     assert float(below["closure: 100 - sum"][2]) == 0
     assert second.shares["share_shapley"][0, second.mechanisms.index("groove_rolling")] < 0
-    assert "needle rolling with -0.1 % and groove rolling with -0.1 % oppose the sum" in contribution_findings(second)[0]
+    assert (
+        "needle rolling with -0.1 % and groove rolling with -0.1 % oppose the sum" in contribution_findings(second)[0]
+    )
 
 
 def test_the_csv_behind_the_chart_holds_the_shares(parts, read_table):
