@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -14,6 +15,8 @@ from tripod_doe.service.runs import Run
 from tripod_doe.workflow.steps_file import STEPS
 
 __all__ = ["RunProgress"]
+
+_PACE = 0.5  # seconds between two counts: each goes to all who watch
 
 
 class RunProgress:
@@ -32,9 +35,15 @@ class RunProgress:
         self._kind, self._plan = run.kind, run.plan
         self._journals = _journals(run, directory)
         self._first: tuple[float, int] | None = None
+        self._read_at = -math.inf
+
+    def is_due(self) -> bool:
+        """Whether the points were not counted of late."""
+        return time.monotonic() > self._read_at + _PACE
 
     def read(self) -> tuple[PointCounts, tuple[Mapping[str, Any], ...]]:
         """Points, and the steps of a workflow, as they are now."""
+        self._read_at = time.monotonic()
         counts = _sum([journal.read() for journal in self._journals])
         if self._first is None:
             self._first = time.monotonic(), counts.total - counts.missing

@@ -315,6 +315,10 @@ class Supervisor:
             return
         alive = processes.is_held(directory)
         progress = self._progress.setdefault(run_id, RunProgress(run, directory))
+        if alive and not progress.is_due():
+            with self._lock:
+                self._hasten(run_id)
+            return
         counts, steps = progress.read()
         with self._lock:
             run = self._runs[run_id]
