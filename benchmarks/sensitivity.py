@@ -1,6 +1,6 @@
 """Sensitivity analyses: time and memory beside a loop over SALib, and how often intervals hold the analytic index.
 
-python benchmarks/sensitivity.py            time and memory of 100,000 rows and 60 outputs, minutes
+python benchmarks/sensitivity.py [NAME ...] time and memory of 100,000 rows and 60 outputs, of some analyses or all
 python benchmarks/sensitivity.py coverage   100 seeds of each method on Ishigami's function
 """
 
@@ -78,8 +78,8 @@ def measured(call: Callable[[], object]) -> tuple[float, float]:
     return seconds, peak
 
 
-def beside_salib() -> None:
-    """All analyses of about 100,000 rows and 60 outputs, and SALib's in a loop where it has the same."""
+def beside_salib(names: list[str]) -> None:
+    """Analyses (all, if none is named) of about 100,000 rows and 60 outputs, and SALib's in a loop where it has the same."""
     print(f"{'analysis':12} {'rows':>8}  {'ours: CPU s':>12} {'MB':>6}  {'SALib: CPU s':>12} {'MB':>6}")
     once = {"precision": 1.0}
     cases = {
@@ -100,7 +100,8 @@ def beside_salib() -> None:
         "shapley": ('kind = "latin-hypercube"\nsamples = 100000', s.shapley_effects, s.ShapleySettings(**once), None),
         "effects": ('kind = "rbd-fast"\nsamples = 100000', s.factorial_effects, s.EffectsSettings(**once), None),
     }  # fmt: skip
-    for name, (design, analyse, settings, theirs) in cases.items():
+    for name in names or cases:
+        design, analyse, settings, theirs = cases[name]
         cube, unit = cube_of(design, sixty, 5)
         seconds, peak = measured(partial(analyse, cube, settings))
         line = f"{name:12} {len(unit):8,}  {seconds:12.2f} {peak:6.0f}"
@@ -142,4 +143,4 @@ def coverage(seeds: int = 100) -> None:
 
 
 if __name__ == "__main__":
-    coverage() if "coverage" in sys.argv[1:] else beside_salib()
+    coverage() if "coverage" in sys.argv[1:] else beside_salib(sys.argv[1:])
