@@ -1,12 +1,14 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import xarray as xr
 
 from tripod_doe.report.analyses import findings_of
+from tripod_doe.report.effects import effects_on, find_effects
 from tripod_doe.report.figures.effects import effect_charts
 from tripod_doe.report.findings import find
 from tripod_doe.report.responses import factor_text, main_effect, responses
@@ -216,6 +218,16 @@ def test_a_factor_that_acts_by_interaction_alone_is_not_said_to_have_no_effect(m
     """The total index of x3 in the Ishigami function is 0.24, its mean effect zero."""
     (told,) = [s for s in find(make_cube(ISHIGAMI)) if "x3" in s.replace("(at x1", "").split(", x3")[0]]
     assert told.startswith("y has no single direction over x3")
+
+
+def test_changes_within_the_numerical_error_are_told_as_such(make_cube):
+    cube = make_cube(ISHIGAMI)
+    (response,) = responses(cube)
+    far, near = (replace(response, error=error) for error in (1e3, 1e-3))
+    (told,) = [s for s in find_effects(far, cube, effects_on(far, cube)[:1]) if "alone" in s]
+    assert told.startswith("In 256 pairs") and told.endswith("not beyond its numerical error.")
+    (told,) = [s for s in find_effects(near, cube, effects_on(near, cube)[:1]) if "alone" in s]
+    assert told.startswith("y has no single direction over x1")
 
 
 def sobol_result() -> xr.Dataset:

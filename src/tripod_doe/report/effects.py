@@ -302,10 +302,12 @@ class _Teller:
         held = f" ({self._held(effect)})" if effect.held else ""
         if not effect.numeric:
             return f"In {alone}{held}, {self.name} changes {most}."
+        if effect.rising == effect.falling == 0:
+            return f"In {alone}{held}, {self.name} changes {most}, not beyond its numerical error."
         if effect.falling == 0 or effect.rising == 0:
             verb, moved = ("increases", effect.rising) if effect.rising else ("decreases", effect.falling)
             every = f"In {'all ' if pairs > 1 else ''}{alone}" if moved == pairs else f"In {moved:,} of {alone}"
-            rest = "" if moved == pairs else ", and does not change in the others"
+            rest = "" if moved == pairs else ", and does not change beyond its numerical error in the others"
             return f"{every}{held}, {self.name} {verb} with {label}, {most}{rest}."
         return (
             f"{self.start} has no single direction over {label}: with a larger value, it increases in "
