@@ -225,7 +225,8 @@ def test_changes_within_the_numerical_error_are_told_as_such(make_cube):
     (response,) = responses(cube)
     far, near = (replace(response, error=error) for error in (1e3, 1e-3))
     (told,) = [s for s in find_effects(far, cube, effects_on(far, cube)[:1]) if "alone" in s]
-    assert told.startswith("In 256 pairs") and told.endswith("not beyond its numerical error.")
+    assert told.startswith("In 256 pairs")
+    assert told.endswith("not beyond its numerical error.")
     (told,) = [s for s in find_effects(near, cube, effects_on(near, cube)[:1]) if "alone" in s]
     assert told.startswith("y has no single direction over x1")
 
