@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -36,6 +37,7 @@ def settings(tmp_path):
 def start(settings, monkeypatch):
     """Start a supervisor whose runs do what a line of Python says."""
     started, children = [], []
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a child would ignore what this process ignores
 
     def start(program, given=settings):
         def start_run(directory, words):
@@ -60,6 +62,7 @@ def start(settings, monkeypatch):
     for child in children:
         child.kill()
         child.wait()
+    signal.signal(signal.SIGINT, before)
 
 
 def submit(supervisor, tmp_path, **options):
