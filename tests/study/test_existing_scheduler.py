@@ -230,3 +230,10 @@ def test_what_names_no_scheduler_is_refused(tmp_path):
         ExistingScheduler("tcp://a:1", tmp_path / "empty.json")
     with pytest.raises(td.InputError, match="no Dask scheduler answers there"):
         ExistingScheduler(file=tmp_path / "empty.json").connect()
+
+
+def test_a_command_that_was_told_to_wait_waits_at_the_start(tmp_path):
+    with pytest.raises(TripodDoeError, match="there is no such file"):
+        ExistingScheduler(file=tmp_path / "none.json").connect_first()
+    with pytest.raises(TripodDoeError, match="no Dask scheduler has answered for 0.2 s"):
+        ExistingScheduler(file=tmp_path / "none.json", wait=0.2).connect_first()

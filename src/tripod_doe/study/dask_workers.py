@@ -72,7 +72,7 @@ class DaskWorkers:
 
     def _connect(self, study: Study) -> Client:
         self._stack.enter_context(dask.config.set(QUIET))
-        client = self._scheduler.connect() if self._scheduler else self._own_workers()
+        client = self._scheduler.connect_first() if self._scheduler else self._own_workers()
         self._stack.callback(client.close)  # as a context manager it must be left by the thread that entered it
         if not self._scheduler:
             _import_simulator(client, study)

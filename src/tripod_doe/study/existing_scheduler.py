@@ -22,7 +22,7 @@ __all__ = ["USUAL_WAIT", "ExistingScheduler"]
 USUAL_WAIT = 60.0
 """Seconds for which a study waits for a scheduler that is gone, unless told otherwise."""
 
-_FIRST_WAIT = 5.0  # at the start a wrong address must be noticed soon
+_ATTEMPT = 5.0  # seconds for one
 _PAUSES = (0.5, 10.0)  # seconds between two attempts: the first, doubled up to the last
 
 
@@ -38,12 +38,13 @@ class ExistingScheduler:
         The file that ``dask scheduler --scheduler-file`` writes; read again whenever the scheduler was gone, since
         another one may have another address.
     wait
-        Seconds to wait for a scheduler that is gone.
+        Seconds to wait for a scheduler, at the start as well; None: for one that is gone the usual time, at the start
+        no time, so that a wrong address is noticed.
     """
 
     address: str | None = None
     file: Path | None = None
-    wait: float = USUAL_WAIT
+    wait: float | None = None
 
     def __post_init__(self) -> None:
         if self.address and self.file:
@@ -66,12 +67,24 @@ class ExistingScheduler:
             address = json.loads(self.file.read_text())["address"] if self.file else self.address
             place = urlsplit(str(address))
             # A client tries for much longer than it is told.
-            socket.create_connection((place.hostname, place.port), timeout=_FIRST_WAIT).close()
-            return Client(address, timeout=_FIRST_WAIT)
+            socket.create_connection((place.hostname, place.port), timeout=_ATTEMPT).close()
+            return Client(address, timeout=_ATTEMPT)
         except FileNotFoundError as error:
             raise InputError(f"{self}: there is no such file") from error
         except (OSError, ValueError, KeyError) as error:  # KeyError: a file that holds no address
             raise InputError(f"{self}: no Dask scheduler answers there") from error
+
+    def connect_first(self) -> Client:
+        """A client at the start.
+
+        Raises
+        ------
+        InputError
+            If none answers and no time to wait was given.
+        TripodDoeError
+            If none has answered for the given time.
+        """
+        return self.connect() if self.wait is None else self._connect_within(self.wait)
 
     def connect_again(self) -> Client:
         """A client of the scheduler, or of the one that takes its place, as soon as it is there.
@@ -81,20 +94,23 @@ class ExistingScheduler:
         TripodDoeError
             If none has answered for so long.
         """
-        print(f"{self}: the connection is lost; trying for {duration(self.wait)} to connect again", file=sys.stderr)
-        until, pause = time.monotonic() + self.wait, _PAUSES[0]
+        wait = USUAL_WAIT if self.wait is None else self.wait
+        print(f"{self}: the connection is lost; trying for {duration(wait)} to connect again", file=sys.stderr)
+        client = self._connect_within(wait)
+        print(f"{self}: connected again", file=sys.stderr)
+        return client
+
+    def _connect_within(self, seconds: float) -> Client:
+        until, pause = time.monotonic() + seconds, _PAUSES[0]
         while True:
             try:
-                client = self.connect()
+                return self.connect()
             except InputError as error:
                 left = until - time.monotonic()
                 if left <= 0:
                     raise TripodDoeError(
-                        f"{self}: no Dask scheduler has answered for {duration(self.wait)}; finished points are kept, "
+                        f"{self}: no Dask scheduler has answered for {duration(seconds)}; finished points are kept, "
                         "and the same command runs the others"
                     ) from error
                 time.sleep(min(pause, left))
                 pause = min(2 * pause, _PAUSES[1])
-            else:
-                print(f"{self}: connected again", file=sys.stderr)
-                return client

@@ -29,7 +29,7 @@ from tripod_doe.study.definition import Study, load_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.directory import ResultDirectory
 from tripod_doe.study.execution import Execution
-from tripod_doe.study.existing_scheduler import USUAL_WAIT, ExistingScheduler
+from tripod_doe.study.existing_scheduler import ExistingScheduler
 from tripod_doe.study.failures import Failure
 from tripod_doe.study.journal import PILOT
 from tripod_doe.study.study_points import StudyPoints
@@ -103,7 +103,7 @@ def run(
     progress: bool = True,
     oversubscribe: bool = False,
     scheduler_file: str | Path | None = None,
-    wait: float = USUAL_WAIT,
+    wait: float | None = None,
     take_over: bool = False,
 ) -> RunSummary:
     """Run the missing points of a study, then make cube, costs, analyses and report.
@@ -130,7 +130,7 @@ def run(
     scheduler_file
         File of the existing Dask scheduler, in place of its address.
     wait
-        Seconds to wait for that scheduler if it is lost during the run.
+        Seconds to wait for that scheduler, at the start as well; if omitted, 60 for one that is lost.
     take_over
         Take the place of a process that holds the directory and is known to be dead.
 
