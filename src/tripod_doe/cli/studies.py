@@ -47,7 +47,7 @@ def _add_run(parser: Parser, arguments: Sequence[str]) -> None:
         "--scheduler-file", metavar="FILE", type=Path, help="file of that scheduler, in place of its address"
     )
     parser.add_argument("--wait", metavar="TIME", type=_seconds,
-                        help="how long to wait for a scheduler, for instance 10min (default 1min for a lost one)")  # fmt: skip
+                        help="how long to wait for a scheduler: 30s, 2h (default 1min for a lost one)")  # fmt: skip
     parser.add_argument("--take-over", action="store_true",
                         help="take the place of a dead process that still holds the directory")  # fmt: skip
     parser.add_argument("--fail-fast", action="store_true", help="stop at the first point that fails unexpectedly")
