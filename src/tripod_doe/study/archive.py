@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.atomic_files import replace_file
 from tripod_doe.simulator import WORK, BlockResult, Retries, Values
-from tripod_doe.study.block_record import FinishedBlock, FinishedEnds, decode, decode_ends, end_of_record
+from tripod_doe.study.block_record import FinishedBlock, FinishedEnds, decode, decode_ends, decode_keys, end_of_record
 
 __all__ = ["BLOCK_COLUMNS", "Archive", "Row", "is_whole", "row_of", "without_log", "write_archive"]
 
@@ -162,7 +162,7 @@ def _is_npz(payload: bytes) -> bool:
 
 def _is_whole_record(keys: bytes, payload: bytes) -> bool:
     found = end_of_record(memoryview(payload), 0, len(payload))
-    return found is not None and row_of(memoryview(payload))[0] == keys
+    return found is not None and decode_keys(memoryview(payload)).tobytes() == keys
 
 
 def _is_whole_npz(keys: bytes, payload: bytes) -> bool:
