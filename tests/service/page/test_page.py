@@ -51,9 +51,15 @@ def test_a_run_appears_and_ends_without_reload_and_is_deleted_after_a_question(s
     page.evaluate("window.same = true")
     study = '[study]\nname = "Seen live"\n[factors.joint_angle_deg]\nvalues = [4, 8]\n'
     run_id = served.ask("POST", "/api/v1/runs", {"study": study})["id"]
+    explorer, refused = page.context.new_page(), []
+    explorer.on("response", lambda response: refused.append(response.url) if not response.ok else None)
+    explorer.goto(f"{served.address}/runs/{run_id}")
     row = page.locator(f"#run-{run_id}")
     row.locator(".state.finished").wait_for(timeout=180_000)  # a run steps back behind everything else on a machine
     assert "2 of 2" in row.inner_text()
+    explorer.wait_for_selector(DRAWN)
+    explorer.close()
+    assert not refused  # the explorer of a run without a point waits for one
     row.get_by_role("button", name="Delete").click()
     page.get_by_role("button", name="Keep it").click()
     assert row.is_visible()

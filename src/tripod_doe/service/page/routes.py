@@ -84,13 +84,13 @@ def explorer(run_id: str, request: Request, service: AnyService) -> HTMLResponse
 
 @router.get("/runs/{run_id}/view")
 def view(run_id: str, request: Request, service: AnyService) -> dict[str, str]:
-    """Controls, copies and title of a view."""
+    """Controls, copies and title of a view; only the words that say so where no point has finished yet."""
     run = service.runs.find(run_id)
     step = request.query_params.get("step")
-    found = answers.explore(service, run_id, _items(request), step)
+    found = answers.explore(service, run_id, _items(request), step) if _begun(run) else None
     values = _control_values(service, run, found)
     return {
-        "title": found["title"],
+        "title": found["title"] if found else "",
         "controls": part("controls.html", trouble="", **values),
         "exports": part("exports.html", explored=found),
     }
@@ -215,9 +215,14 @@ def _items(request: Request) -> list[tuple[str, str]]:
     return list(request.query_params.multi_items())
 
 
+def _begun(run: Run) -> bool:
+    """Whether any point of a run has been done."""
+    return run.counts.total > run.counts.missing
+
+
 def _explored(service: Service, run: Run, request: Request, step: str | None) -> tuple[dict[str, Any] | None, str]:
     """What the view can be changed to; or why there is nothing to see, in words."""
-    if run.counts.total == run.counts.missing:
+    if not _begun(run):
         return None, ""
     try:
         return answers.explore(service, run.id, _items(request), step), ""

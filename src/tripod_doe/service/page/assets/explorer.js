@@ -55,11 +55,14 @@ async function look(items, { remember = true } = {}) {
   asked = new AbortController();
   const query = new URLSearchParams(items).toString();
   try {
-    const [parts, figure] = await Promise.all([
-      askJson(`${page}/view?${query}`, { signal: asked.signal }),
-      askJson(`${api}/figure?${query}`, { signal: asked.signal }),
-    ]);
-    take(parts);
+    const parts = askJson(`${page}/view?${query}`, { signal: asked.signal });
+    if (!controls.elements.variable) {  // until a point has finished there is nothing to draw
+      take(await parts);
+      if (!controls.elements.variable) return;
+    }
+    const drawn = askJson(`${api}/figure?${query}`, { signal: asked.signal });
+    const [taken, figure] = await Promise.all([parts, drawn]);
+    take(taken);
     if (remember) history.pushState(null, "", `${page}?${withKept(items)}`);
     await main.draw(figure);
     if (document.getElementById("numbers").open) fillNumbers();
