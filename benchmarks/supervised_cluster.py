@@ -107,7 +107,8 @@ class Proxy:
         self._dead: set[socket.socket] = set()
         self._server = socket.create_server(("127.0.0.1", 0))
         self.port = self._server.getsockname()[1]
-        threading.Thread(target=self._accept, daemon=True).start()
+        self._accepting = threading.Thread(target=self._accept, daemon=True)
+        self._accepting.start()
 
     def reset(self) -> None:
         """Reset all connections."""
@@ -146,6 +147,8 @@ class Proxy:
                 sink.shutdown(socket.SHUT_WR)
 
     def close(self) -> None:
-        """End it."""
-        self.reset()
+        """End it: whoever still connects meets a closed port, and no connection is left open."""
+        self._server.shutdown(socket.SHUT_RDWR)
+        self._accepting.join()
         self._server.close()
+        self.reset()

@@ -30,8 +30,8 @@ def test_load(benchmark, tmp_path, capsys):
 
 
 def test_requests_made_from_the_description_meet_no_internal_error(benchmark):
-    tally = benchmark("service_cases").run_cases(120, 3)
-    assert tally.total() > 60  # at most so many single requests; the others in chains
+    tally = benchmark("service_cases").run_cases(60, 3)
+    assert tally.total() > 30  # at most so many single requests; the others in chains
     assert {"2", "4"} <= {route.rpartition(" ")[2][0] for route in tally}
 
 

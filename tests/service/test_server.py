@@ -116,7 +116,7 @@ def test_kills_lose_no_finished_point_and_run_none_twice(serve, tmp_path):
 
 @pytest.mark.slow
 def test_the_demonstration_is_finished_before_the_address_is_told(tmp_path):
-    server = Server(tmp_path / "demo", "--demo")
+    server = Server(tmp_path / "demo", "--demo", "--workers", "0")
     try:
         (run,) = server.ask("/runs")[1]
         assert run["state"] == "finished"
