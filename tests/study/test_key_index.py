@@ -24,7 +24,7 @@ STUDIES = {
 
 def as_defined(study, points):
     """Every fingerprint by itself: BLAKE2b of the names of all parameters and of their values."""
-    full = study.simulator.columns(study.base, points.settings, points.count)
+    full = study.simulator.columns(study.base, points.at(slice(None)), points.count)
     named = "\n".join([study.simulator.name, *sorted(full), *([study.demands.text] if study.demands else [])])
 
     def number(value):

@@ -38,8 +38,8 @@ QUANTITY = "third order"
 
 _NEAREST = 10
 """Measured points that a point is compared with."""
-_CHUNK = 1000
-"""Points that are compared at once."""
+_FEW = 500
+"""Points for which no tree is worth making."""
 _NO_REFERENCE = "this is the finest model, which the others are compared with"
 _NOT_COMPARED = "it was not compared with the others"
 _NO_ANSWER = "for most of the similar points one of the models did not finish"
@@ -84,16 +84,27 @@ class _Measured:
         NaN where most of those have no answer.
         """
         asked = ~np.isinf(self.errors[model])
-        known_places, known_errors = self.places[asked], self.errors[model][asked]
-        known_squares = np.square(known_places).sum(axis=1)
-        median, decile = np.empty(len(places)), np.empty(len(places))
-        for start in range(0, len(places), _CHUNK):
-            rows = slice(start, start + _CHUNK)
-            apart = known_squares - 2 * places[rows] @ known_places.T  # squares of distances, less those of the places
-            nearest = np.argpartition(apart, _NEAREST - 1, axis=1)[:, :_NEAREST]
-            found = np.sort(known_errors[nearest], axis=1)  # NaN last
-            median[rows], decile[rows] = _quantile(found, 0.5), _quantile(found, 0.9)
-        return median, decile
+        nearest = _nearest(self.places[asked], places)
+        found = np.sort(self.errors[model][asked][nearest], axis=1)  # NaN last
+        return _quantile(found, 0.5), _quantile(found, 0.9)
+
+
+def _nearest(known: FloatArray, places: FloatArray) -> NDArray[np.int64]:
+    """The known places nearest to some others, of equally near ones the first, shape (len(places), nearest).
+
+    Known places that are the same to the last bit are common: their points differ in what no ratio depends on.
+    """
+    if len(places) <= _FEW:
+        apart = np.square(places[:, None] - known).sum(axis=2)
+        return np.argsort(apart, axis=1, kind="stable")[:, :_NEAREST]
+    from scipy.spatial import KDTree  # the import takes as long as the search for 100,000 points
+
+    same = int(np.unique(known, axis=0, return_counts=True)[1].max())
+    apart, nearest = KDTree(known).query(places, min(_NEAREST + same, len(known)))
+    tied = np.flatnonzero(apart[:, _NEAREST - 1] == apart[:, _NEAREST]) if len(known) > _NEAREST else np.array([], int)
+    order = np.lexsort((nearest[tied], apart[tied]), axis=1)
+    nearest[tied] = np.take_along_axis(nearest[tied], order, axis=1)
+    return np.asarray(nearest[:, :_NEAREST])
 
 
 def _quantile(found: FloatArray, share: float) -> FloatArray:

@@ -61,7 +61,7 @@ from tripod_doe.report.what_if import WhatIfPage, what_if_pages
 from tripod_doe.simulator import NOTABLE_ERROR
 from tripod_doe.study.model_records import MODEL_ERROR
 from tripod_doe.study.netcdf import read_dataset
-from tripod_doe.study.results import is_shown, open_cube
+from tripod_doe.study.results import is_shown, opened_cube
 
 __all__ = ["make_page", "read_analyses", "write_report"]
 
@@ -104,11 +104,12 @@ def write_report(directory: Path, findings: Sequence[str] | None = None) -> Path
     if directory.is_file():
         raise InputError(f"{directory}: this is a file; a report is made of the result directory it lies in")
     complete = is_shown(directory)  # else the analyses there, if any, are of fewer points than the cube
-    cube = open_cube(directory)
     analyses = read_analyses(directory) if complete else {}
     files = [name for name in _FILES if complete and (directory / name).is_file()]
     files += [f"analysis/{name}.nc" for name in analyses]
-    return replace_text(directory / "report" / "index.html", make_page(cube, analyses, files, findings))
+    with opened_cube(directory) as cube:
+        page = make_page(cube, analyses, files, findings)
+    return replace_text(directory / "report" / "index.html", page)
 
 
 def read_analyses(directory: Path) -> dict[str, xr.Dataset]:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.quantities import number
 
-__all__ = ["NOTABLE_ERROR", "Departure", "ModelErrors", "ValidRange", "departure_texts", "model_error_texts"]
+__all__ = ["NOTABLE_ERROR", "Departure", "ModelErrors", "ModelSummary", "ValidRange"]
 
 FloatArray = NDArray[np.float64]
 
@@ -48,17 +48,6 @@ class ModelErrors:
     expected: FloatArray
     limit: FloatArray
     unknown: NDArray[np.object_]
-
-    @classmethod
-    def joined(cls, parts: Sequence[ModelErrors]) -> ModelErrors:
-        """The errors of several blocks of points, one after the other."""
-        return replace(
-            parts[0],
-            models=np.concatenate([part.models for part in parts]),
-            expected=np.concatenate([part.expected for part in parts]),
-            limit=np.concatenate([part.limit for part in parts]),
-            unknown=np.concatenate([part.unknown for part in parts]),
-        )
 
 
 @dataclass(frozen=True)
@@ -117,48 +106,84 @@ class Departure:
     outside: NDArray[np.bool_]
 
 
-def departure_texts(departures: Sequence[Departure], models: NDArray[np.object_]) -> list[str]:
-    """One sentence per range that points leave.
+@dataclass
+class _KnownErrors:
+    """Errors of one model at the points that were counted so far, as far as a sentence needs them."""
 
-    Parameters
-    ----------
-    departures
-        What points leave.
-    models
-        The model of every point, shape (point,).
-    """
-    told = []
-    for departure in departures:
-        outside, count = int(departure.outside.sum()), int((models == departure.model).sum())
-        if outside:
-            where = _share(outside, count) or (" here" if count == 1 else f" at all {count:,} points")
-            told.append(
-                f"Model {departure.model} is outside its range{where}: {departure.left.text}; {departure.left.reason}."
+    count: int = 0
+    known: int = 0
+    above: int = 0
+    expected: tuple[float, float] = (np.inf, -np.inf)
+    limit: tuple[float, float] = (np.inf, -np.inf)
+    reasons: Counter[str] = field(default_factory=Counter)
+
+    def add(self, errors: ModelErrors, own: NDArray[np.bool_]) -> None:
+        known = own & np.isfinite(errors.expected)
+        self.count += int(own.sum())
+        self.known += int(known.sum())
+        self.above += int((errors.expected[known] > NOTABLE_ERROR).sum())
+        self.expected = _widened(self.expected, errors.expected[known])
+        self.limit = _widened(self.limit, errors.limit[known])
+        self.reasons.update(errors.unknown[own & ~known].tolist())
+
+
+def _widened(ends: tuple[float, float], values: FloatArray) -> tuple[float, float]:
+    """Ends of a range that holds some values, too."""
+    low, high = ends
+    return float(values.min(initial=low)), float(values.max(initial=high))
+
+
+class ModelSummary:
+    """The models of many points, counted block by block: what sentences on them need, whatever the number of points."""
+
+    def __init__(self) -> None:
+        self._of = "", ""
+        self._errors: dict[str, _KnownErrors] = {}
+        self._outside: Counter[tuple[str, ValidRange]] = Counter()
+
+    def add(self, errors: ModelErrors, departures: Sequence[Departure]) -> None:
+        """Count some points: the errors known of their models, and the ranges that they leave."""
+        self._of = errors.quantity, errors.reference
+        for model in dict.fromkeys(errors.models):
+            self._errors.setdefault(model, _KnownErrors()).add(errors, errors.models == model)
+        for departure in departures:
+            self._outside[departure.model, departure.left] += int(departure.outside.sum())
+
+    @property
+    def models(self) -> list[str]:
+        """Names of the models, in the order in which they were first met."""
+        return list(self._errors)
+
+    @property
+    def error_texts(self) -> list[str]:
+        """One sentence per model: its name, the error that is known for such points, and its spread."""
+        return [f"Model {model}: {'; '.join(self._parts(known))}." for model, known in self._errors.items()]
+
+    def _parts(self, known: _KnownErrors) -> Iterator[str]:
+        """The sentence of one model, part by part."""
+        quantity, reference = self._of
+        if known.known:
+            yield (
+                f"typical error of the {quantity} {_percents(*known.expected)} against "
+                f"{reference} (90th percentile {_percents(*known.limit)}), from similar points"
             )
-    return told
+            if known.above:
+                share = _share(known.above, known.count)
+                yield f"above {_percents(NOTABLE_ERROR, NOTABLE_ERROR)}{share}: use a finer model"
+        if known.reasons:
+            share = _share(known.count - known.known, known.count)
+            yield f"error not known{share}: {_in_words(known.reasons.most_common())}"
 
-
-def model_error_texts(errors: ModelErrors) -> list[str]:
-    """One sentence per model of some points: its name, the error that is known for such points, and its spread."""
-    return [
-        f"Model {model}: {'; '.join(_parts(errors, errors.models == model))}." for model in dict.fromkeys(errors.models)
-    ]
-
-
-def _parts(errors: ModelErrors, own: NDArray[np.bool_]) -> Iterator[str]:
-    """The sentence of one model, part by part; `own` are its points."""
-    count, known = int(own.sum()), own & np.isfinite(errors.expected)
-    if known.any():
-        expected, limit = errors.expected[known], errors.limit[known]
-        yield (
-            f"typical error of the {errors.quantity} {_percents(expected.min(), expected.max())} against "
-            f"{errors.reference} (90th percentile {_percents(limit.min(), limit.max())}), from similar points"
-        )
-        if above := int((expected > NOTABLE_ERROR).sum()):
-            yield f"above {_percents(NOTABLE_ERROR, NOTABLE_ERROR)}{_share(above, count)}: use a finer model"
-    reasons = Counter(errors.unknown[own & ~known]).most_common()
-    if reasons:
-        yield f"error not known{_share(sum(some for _, some in reasons), count)}: {_in_words(reasons)}"
+    @property
+    def departure_texts(self) -> list[str]:
+        """One sentence per range that points leave."""
+        told = []
+        for (model, left), outside in self._outside.items():
+            count = self._errors[model].count
+            if outside:
+                where = _share(outside, count) or (" here" if count == 1 else f" at all {count:,} points")
+                told.append(f"Model {model} is outside its range{where}: {left.text}; {left.reason}.")
+        return told
 
 
 def _in_words(reasons: list[tuple[str, int]]) -> str:

@@ -14,7 +14,7 @@ from tripod_doe.errors import InputError
 from tripod_doe.simulator.block import BlockResult
 from tripod_doe.simulator.candidate import Candidate
 from tripod_doe.simulator.demand import Demands
-from tripod_doe.simulator.model_error import Departure, ModelErrors, departure_texts, model_error_texts
+from tripod_doe.simulator.model_error import Departure, ModelErrors, ModelSummary
 from tripod_doe.simulator.outcome import Outcome
 from tripod_doe.simulator.output import Dimension, Output
 from tripod_doe.simulator.parameter import Parameter, Value, is_set
@@ -320,7 +320,9 @@ def model_notes(simulator: Simulator, points: Mapping[str, NDArray[Any]]) -> lis
     errors = simulator.model_errors(points)
     if errors is None:
         return []
-    return [*model_error_texts(errors), *departure_texts(simulator.departures(points), errors.models)]
+    summary = ModelSummary()
+    summary.add(errors, simulator.departures(points))
+    return [*summary.error_texts, *summary.departure_texts]
 
 
 def _distance(values: Mapping[str, Value], others: Mapping[str, Value]) -> float:

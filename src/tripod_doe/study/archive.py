@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.atomic_files import replace_file
 from tripod_doe.simulator import WORK, BlockResult, Retries, Values
-from tripod_doe.study.block_record import FinishedBlock, FinishedEnds, decode, decode_ends, decode_keys, end_of_record
+from tripod_doe.study.block_record import FinishedBlock, FinishedEnds, decode, decode_ends, decode_keys, record_number
 
 __all__ = ["BLOCK_COLUMNS", "Archive", "Row", "is_whole", "row_of", "without_log", "write_archive"]
 
@@ -89,11 +89,15 @@ class Archive:
 
     def blocks(self) -> Iterator[FinishedBlock]:
         """All blocks, oldest first, one at a time."""
-        for keys, payload, cpu, wall, worker in self.rows():
-            if _is_npz(payload):
-                yield FinishedBlock(np.frombuffer(keys, "V16"), _from_npz(payload), cpu, wall, worker)
-            else:
-                yield decode(memoryview(payload))
+        yield from map(_block, self.rows())
+
+    def numbers(self) -> list[int]:
+        """Numbers of all blocks, the oldest first."""
+        return [number for (number,) in self._connection.execute("SELECT id FROM block ORDER BY id")]
+
+    def block(self, number: int) -> FinishedBlock:
+        """The block of a number."""
+        return _block(self._connection.execute(f"SELECT {_ALL} FROM block WHERE id = ?", (number,)).fetchone())
 
     def ends(self) -> Iterator[FinishedEnds]:
         """How the points of all blocks ended, oldest first; their outputs are not read."""
@@ -103,6 +107,13 @@ class Archive:
                     yield FinishedEnds(np.frombuffer(keys, "V16"), stored["outcome"], cpu)
             else:
                 yield decode_ends(memoryview(payload))
+
+
+def _block(row: Row) -> FinishedBlock:
+    keys, payload, cpu, wall, worker = row
+    if _is_npz(payload):
+        return FinishedBlock(np.frombuffer(keys, "V16"), _from_npz(payload), cpu, wall, worker)
+    return decode(memoryview(payload))
 
 
 def row_of(record: memoryview) -> Row:
@@ -161,8 +172,7 @@ def _is_npz(payload: bytes) -> bool:
 
 
 def _is_whole_record(keys: bytes, payload: bytes) -> bool:
-    found = end_of_record(memoryview(payload), 0, len(payload))
-    return found is not None and decode_keys(memoryview(payload)).tobytes() == keys
+    return record_number(payload) is not None and decode_keys(memoryview(payload)).tobytes() == keys
 
 
 def _is_whole_npz(keys: bytes, payload: bytes) -> bool:

@@ -20,13 +20,26 @@ from numpy.typing import NDArray
 
 from tripod_doe.simulator import WORK, BlockResult, Retries, Values
 
-__all__ = ["MARK", "FinishedBlock", "FinishedEnds", "decode", "decode_ends", "decode_keys", "encode", "end_of_record"]
+__all__ = [
+    "MARK",
+    "PREAMBLE",
+    "FinishedBlock",
+    "FinishedEnds",
+    "decode",
+    "decode_ends",
+    "decode_keys",
+    "encode",
+    "record_number",
+    "record_size",
+]
 
 MARK = b"\x93block\r\n"
 """Every record begins with it."""
 
 _PREAMBLE = struct.Struct("<QIQI")  # number, bytes of header and arrays, checksum
-_START = len(MARK) + _PREAMBLE.size  # a multiple of eight
+PREAMBLE = len(MARK) + _PREAMBLE.size
+"""Bytes of a record before its header, a multiple of eight."""
+
 _ALIGNED = 8
 
 Buffer = memoryview
@@ -104,15 +117,21 @@ def encode(block: FinishedBlock, number: int) -> bytes:
     return b"".join((MARK, _PREAMBLE.pack(number, len(head), len(body), checksum), head, body))
 
 
-def end_of_record(stored: Buffer, start: int, stop: int) -> tuple[int, int] | None:
-    """Where the record that starts somewhere ends, and its number; None where there is no whole record."""
-    if start + _START > stop or stored[start : start + len(MARK)] != MARK:
+def record_size(beginning: bytes | Buffer) -> int | None:
+    """Bytes of the record that begins with `PREAMBLE` bytes; None where no record does."""
+    if len(beginning) < PREAMBLE or beginning[: len(MARK)] != MARK:
         return None
-    number, head, body, checksum = _PREAMBLE.unpack_from(stored, start + len(MARK))
-    end = start + _START + head + body
-    if end > stop or _checksum(number, head, body, [stored[start + _START : end]]) != checksum:
+    _, head, body, _ = _PREAMBLE.unpack_from(beginning, len(MARK))
+    return int(PREAMBLE + head + body)
+
+
+def record_number(record: bytes | Buffer) -> int | None:
+    """The number of a record, None where it is not as it was written."""
+    if record_size(record[:PREAMBLE]) != len(record):
         return None
-    return end, number
+    number, head, body, checksum = _PREAMBLE.unpack_from(record, len(MARK))
+    whole = _checksum(number, head, body, [record[PREAMBLE:]]) == checksum
+    return int(number) if whole else None
 
 
 def decode(record: Buffer) -> FinishedBlock:
@@ -152,8 +171,8 @@ def decode_ends(record: Buffer) -> FinishedEnds:
 def _opened(record: Buffer, first: int | None = None) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Header and arrays of a record, or the first ones: fingerprints, outcomes."""
     _, head, _, _ = _PREAMBLE.unpack_from(record, len(MARK))
-    header: dict[str, Any] = json.loads(bytes(record[_START : _START + head]))
-    arrays, at = {}, _START + head
+    header: dict[str, Any] = json.loads(bytes(record[PREAMBLE : PREAMBLE + head]))
+    arrays, at = {}, PREAMBLE + head
     for name, kind, shape in header["arrays"][:first]:
         dtype, count = np.dtype(kind), math.prod(shape)
         arrays[name] = np.frombuffer(record, dtype, count, at).reshape(shape)

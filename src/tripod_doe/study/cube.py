@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
-import platform
 import re
-from collections.abc import Iterator, Mapping
-from importlib.metadata import version
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,13 +19,13 @@ from tripod_doe.simulator import (
     Outcome,
     Output,
     Parameter,
-    Value,
 )
 from tripod_doe.study.definition import Study
-from tripod_doe.study.designs import SAMPLE, Points, axis_levels
+from tripod_doe.study.designs import SAMPLE, Points
 from tripod_doe.study.journal import PILOT, FinishedBlock
 from tripod_doe.study.key_index import KeyIndex
-from tripod_doe.study.model_records import model_records
+from tripod_doe.study.model_records import ModelRecords
+from tripod_doe.study.provenance import cost_attributes, cube_attributes
 
 __all__ = [
     "COST_VARIABLES",
@@ -36,7 +34,11 @@ __all__ = [
     "RESPONSE_ROLE",
     "SWITCH_ROLE",
     "THIS_STUDY",
+    "PlacedBlock",
     "build_cube",
+    "cf_points",
+    "design_coordinates",
+    "part_of_cube",
 ]
 
 COST_VARIABLES = {
@@ -64,11 +66,13 @@ RESPONSE_ROLE = "result of its own"
 THIS_STUDY = "this study"
 """Source of a value that the study gives itself, in place of the paper or an assumption."""
 
+PlacedBlock = tuple[FinishedBlock, NDArray[np.int64], NDArray[np.int64]]
+"""A block, the rows of it that count, and where they stand among the points."""
+
 _USER_FUNCTION = "user function"
 _POINT_ATTRIBUTES = {"long_name": "number of the point in the design", "units": "1"}
 _LABELS = {"varied": "factor that is varied", SAMPLE: "sample that the point belongs to, the same in all models"}
 _UNKNOWN = -1  # flag of a point that has not run, or of a choice that its model does not have
-_PACKAGES = ("tripod-doe", "numpy", "scipy", "numba", "xarray", "netCDF4", "dask", "SALib", "pydoe")
 
 
 def build_cube(
@@ -90,15 +94,32 @@ def build_cube(
     cube, cost : xarray.Dataset
         A dimension a factor for a grid, else one dimension ``point``.
     """
+    index, models = KeyIndex(keys, np.flatnonzero(points.allowed)), ModelRecords(study)
+    cube, cost = part_of_cube(study, points, ((block, *index.places(block.keys)) for block in blocks), models)
+    return cube.assign_attrs(cube_attributes(study, points, models)), cost.assign_attrs(
+        cost_attributes(study, points, models)
+    )
+
+
+def part_of_cube(
+    study: Study, points: Points, results: Iterable[PlacedBlock], models: ModelRecords
+) -> tuple[xr.Dataset, xr.Dataset]:
+    """Cube and cost of some points, without attributes.
+
+    Parameters
+    ----------
+    study, points
+        The study and these points of it.
+    results
+        Finished blocks, the newest last, with the rows of theirs that count and the places of these among the points.
+    models
+        Where the models of the points are counted.
+    """
     table = _Table(points.count)
-    allowed = np.flatnonzero(points.allowed)
-    index = KeyIndex(keys, allowed)
-    for block in blocks:
-        table.fill(block, *index.places(block.keys))
+    for block, rows, at in results:
+        table.fill(block, rows, at)
     table.detail[~points.allowed] = "excluded by a constraint"
     used = _used_columns(study, table, points)
-    models = model_records(study, points, used)
-    attributes = _attributes(study, points) | (models.attributes if models else {})
     cube = xr.Dataset(
         {
             name: _variable(study.simulator.outputs.get(name), dims, data, points)
@@ -108,12 +129,11 @@ def build_cube(
         | _choice_variables(table, points)
         | {
             name: _shaped(points, (), values, {"long_name": meaning, "units": "1", "role": RECORD_ROLE})
-            for name, (values, meaning) in (models.columns if models else {}).items()
+            for name, (values, meaning) in models.of(points, used).items()
         }
         | _used_variables(study, used, points)
         | _retry_variables(study, table, points),
         coords=_coordinates(study, points, table.coordinates),
-        attrs=attributes,
     )
     cost = xr.Dataset(
         {
@@ -122,7 +142,6 @@ def build_cube(
         }
         | {"worker": _shaped(points, (), table.worker, {"long_name": "process that computed the point"})},
         coords=_coordinates(study, points, {}),
-        attrs=attributes | {"title": f"{study.file.study.name}: cost"},
     )
     _check_schema(study, cube)
     return cube, cost
@@ -199,7 +218,7 @@ def _outcome_variables(table: _Table, points: Points) -> dict[str, xr.Variable]:
         "outcome": _shaped(points, (), table.outcome, OUTCOME_ATTRIBUTES),
         "outcome_detail": _shaped(points, (), table.detail, DETAIL_ATTRIBUTES),
     }
-    if not points.allowed.all():
+    if points.has_excluded:
         meaning = "whether a constraint of the design excludes the point"
         variables[EXCLUDED] = _shaped(points, (), (~points.allowed).astype(np.int8), _yes_or_no(meaning))
     return variables
@@ -305,19 +324,28 @@ def _factor_attributes(parameter: Parameter) -> dict[str, Any]:
     return attrs
 
 
+def cf_points(points: Points) -> Points:
+    """The same points with numbers as CF has them, so that all parts of them have the same types."""
+    factors, labels = ({name: _cf_type(column) for name, column in columns.items()}
+                       for columns in (points.factors, points.labels))  # fmt: skip
+    return replace(points, factors=factors, labels=labels)
+
+
+def design_coordinates(study: Study, points: Points) -> dict[str, xr.Variable]:
+    """Coordinates of the points, without those of outputs."""
+    return _coordinates(study, points, {})
+
+
 def _coordinates(study: Study, points: Points, labels: Mapping[str, NDArray[Any]]) -> dict[str, xr.Variable]:
     coordinates: dict[str, xr.Variable] = {}
-    for name, column in points.columns.items():
+    for name, column in points.factors.items():
         attrs = _factor_attributes(study.simulator.parameters[name])
         if column.dtype == object:  # texts have no unit
             attrs.pop("units", None)
         if name in study.switches:
             attrs["role"] = SWITCH_ROLE
-        if points.dims == ("point",):
-            coordinates[name] = xr.Variable(("point",), _cf_type(column), attrs)
-        else:
-            coordinates[name] = xr.Variable((name,), _cf_type(axis_levels(study.factors[name])), attrs)
-    if points.dims == ("point",):
+        coordinates[name] = xr.Variable((name if points.is_grid else "point",), _cf_type(column), attrs)
+    if not points.is_grid:
         coordinates["point"] = xr.Variable(("point",), np.arange(points.count, dtype=np.int32), _POINT_ATTRIBUTES)
     for name, column in points.labels.items():
         meaning = _LABELS.get(name, "row of the sub-design")
@@ -332,48 +360,6 @@ def _cf_type(labels: NDArray[Any]) -> NDArray[Any]:
     if labels.dtype == np.int64:
         return labels.astype(np.int32 if np.abs(labels).max(initial=0) < 2**31 else np.float64)
     return labels.astype(np.int8) if labels.dtype == np.bool_ else labels
-
-
-def _fixed_parameters(study: Study, points: Points) -> dict[str, Value]:
-    """Values that all points share, without those that follow from a factor (spin friction from sliding)."""
-    samples = []
-    for at in [0, -1, *_first_of_each(points.chosen)]:
-        varied = {name: column[[at]].tolist()[0] for name, column in points.settings.items()}
-        samples.append(study.simulator.effective({**study.base, **varied}))
-    first = samples[0]
-    return {
-        name: value
-        for name, value in first.items()
-        if name not in points.settings and value is not None and all(other[name] == value for other in samples)
-    }
-
-
-def _first_of_each(columns: Mapping[str, NDArray[Any]]) -> list[int]:
-    """The first row of every combination of values."""
-    rows: dict[tuple[Any, ...], int] = {}
-    for at, values in enumerate(zip(*(column.tolist() for column in columns.values()), strict=True)):
-        rows.setdefault(values, at)
-    return list(rows.values())
-
-
-def _attributes(study: Study, points: Points) -> dict[str, Any]:
-    """Provenance: the same for the same study and installation, however it was run."""
-    return {
-        "Conventions": "CF-1.8",
-        "title": study.file.study.name,
-        "institution": "tripod_doe",
-        "source": f"tripod-doe {version('tripod-doe')}, simulator {study.simulator.name}",
-        "references": "Thrust force analysis of tripod constant velocity joint using multibody model",
-        "question": study.file.study.question,
-        "study": study.text,
-        "study_hash": study.hash,
-        "kernel_source_hash": study.simulator.source_hash,
-        **({"design_notes": "\n".join(points.notes)} if points.notes else {}),
-        "fixed_parameters": json.dumps(_fixed_parameters(study, points)),
-        "package_versions": json.dumps(
-            {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()}
-        ),
-    }
 
 
 def _check_schema(study: Study, cube: xr.Dataset) -> None:

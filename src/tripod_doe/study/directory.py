@@ -26,11 +26,12 @@ from tripod_doe.study.definition import Study, canonical, parse_study
 from tripod_doe.study.hold import Hold
 from tripod_doe.study.journal import FOLDER, FinishedBlock, Journal
 from tripod_doe.study.key_index import KeyIndex
-from tripod_doe.study.netcdf import stamp_history, write_dataset
 from tripod_doe.study.plan import cube_bytes
+from tripod_doe.study.results import opened_cube
 from tripod_doe.study.salvage import salvage
-from tripod_doe.study.size import check_memory
+from tripod_doe.study.stored_results import StoredResults
 from tripod_doe.study.study_points import StudyPoints
+from tripod_doe.study.written_cube import write_cube
 
 __all__ = ["ResultDirectory", "make_directory"]
 
@@ -201,7 +202,7 @@ class ResultDirectory:
         return cube.assign({name: cost[name] for name in cost.data_vars})
 
     def write_cube(self, asked: StudyPoints, action: str) -> xr.Dataset:
-        """Make cube and costs from all finished blocks, write them, and return the cube.
+        """Make cube and costs from all finished blocks, write them, and open them.
 
         Parameters
         ----------
@@ -215,18 +216,15 @@ class ResultDirectory:
         StorageError
             If they cannot be written; older ones stay.
         """
-        cube, cost = build_cube(asked.study, asked.points, asked.keys, self._journal.blocks())
-        self._hold.check()
-        write_dataset(stamp_history(cost, action), self.path / "cost.nc")
-        write_dataset(stamp_history(cube, action), self.path / "cube.nc")
+        results = StoredResults(asked, self._journal.places())
+        write_cube(asked, results, self.path, action, self._hold.check)
         self._hold.check()
         self._journal.note_shown()
-        return cube
+        return opened_cube(self.path)
 
     def _check_space(self, asked: StudyPoints) -> None:
-        """Refuse (InputError) to start where the cube will not fit into memory, or with the journal on the disk."""
+        """Refuse (InputError) to start where cube and journal will not fit on the disk."""
         cube = cube_bytes(asked.study, asked.points) or 0
-        check_memory(cube, "a cube of this study", "keep fewer outputs, or split the study")
         needed = _SPARE_BYTES + 2 * cube
         free = shutil.disk_usage(self.path).free
         if free < needed:

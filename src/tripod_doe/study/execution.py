@@ -109,7 +109,7 @@ class Execution:
         study = asked.study
         queue = BlockQueue(missing, study.file.run.block, _REMOTE_SECONDS if self._scheduler else _SECONDS)
         starts_here = self._starts_here(careful or study.file.study.function is not None)
-        study.simulator.prepare(asked.columns(missing))
+        study.simulator.prepare(asked.columns(asked.of_each_kind(missing)))
         if not starts_here:
             self._workers.start(study)
         with closing(ThisProcess(_PATIENCE)) as here:

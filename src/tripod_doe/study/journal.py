@@ -12,9 +12,10 @@ import shutil
 import sqlite3
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -301,6 +302,14 @@ class Journal:
         yield from self._archive.blocks()
         yield from map(decode, self._records())
 
+    def places(self) -> Iterator[Callable[[], FinishedBlock]]:
+        """All committed blocks, oldest first, each as a function that reads it, as often as it is called."""
+        for number in self._archive.numbers():
+            yield partial(self._archive.block, number)
+        for segment in self._all_segments():
+            for start, stop in segment.places():
+                yield partial(_read, segment, start, stop)
+
     def news(self, mark: Mark) -> tuple[bool, list[FinishedEnds], Mark]:
         """How the points of the blocks behind a mark ended, oldest first.
 
@@ -326,6 +335,10 @@ class Journal:
     def _records(self) -> Iterator[memoryview]:
         for segment in self._all_segments():
             yield from segment.records()
+
+
+def _read(segment: StoredSegment, start: int, stop: int) -> FinishedBlock:
+    return decode(segment.record(start, stop))
 
 
 def journal_path(directory: Path) -> Path:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.simulator import Departure, ModelErrors, ValidRange, departure_texts, model_error_texts
+from tripod_doe.simulator import ModelErrors, ModelSummary
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points
 
@@ -19,105 +18,100 @@ __all__ = ["MODEL_ERROR", "MODEL_ERROR_LIMIT", "ModelRecords", "model_records"]
 MODEL_ERROR, MODEL_ERROR_LIMIT = "model_error", "model_error_limit"
 """Variables of a cube: the error to expect of each point's model, and its limit."""
 
+Columns = dict[str, tuple[NDArray[np.float64], str]]
+
 _CHUNK = 20_000
 """Points whose parameters are held at once."""
 
 
-@dataclass(frozen=True)
 class ModelRecords:
-    """The models of all points that no constraint excludes.
+    """The models of the points of a study that no constraint excludes, gathered from part to part of the points.
 
-    Attributes
+    Parameters
     ----------
-    errors
-        Their models, and the errors known of them.
-    departures
-        What ranges the points leave.
-    missing_effects
-        Parameters that none of the models represents in full, each with what they leave out.
-    allowed
-        Which points of the study these are, shape (point,).
+    study
+        The study.
     """
 
-    errors: ModelErrors
-    departures: list[Departure]
-    missing_effects: Mapping[str, str]
-    allowed: NDArray[np.bool_]
+    def __init__(self, study: Study) -> None:
+        self._study, self._summary = study, ModelSummary()
+
+    def of(self, points: Points, used: Mapping[str, NDArray[Any]]) -> Columns:
+        """Count some points in, and say what errors are known of their models.
+
+        Parameters
+        ----------
+        points
+            The points.
+        used
+            What a pilot or retries changed of the parameters of each point; an empty word where they changed nothing.
+
+        Returns
+        -------
+        dict
+            Error and limit of every point, shape (point,) each, with their meanings; empty where none is known.
+        """
+        rows = np.flatnonzero(points.allowed)
+        if self._study.accuracy is not None and "model" not in used:
+            return {}
+        expected, limit = np.full((2, points.count), np.nan)
+        of = ""
+        for start in range(0, rows.size, _CHUNK):
+            chosen = rows[start : start + _CHUNK]
+            columns = self._parameters(points, used, chosen)
+            errors = self._study.simulator.model_errors(columns)
+            if errors is None:
+                return {}
+            self._summary.add(errors, self._study.simulator.departures(columns))
+            expected[chosen], limit[chosen] = errors.expected, errors.limit
+            of = _meaning(errors)
+        if not np.isfinite(expected).any():
+            return {}
+        return {
+            MODEL_ERROR: (expected, f"{of}: median of similar points"),
+            MODEL_ERROR_LIMIT: (limit, f"{of}: 90th percentile of similar points"),
+        }
+
+    def _parameters(
+        self, points: Points, used: Mapping[str, NDArray[Any]], rows: NDArray[np.int64]
+    ) -> dict[str, NDArray[Any]]:
+        """Every parameter of some points, with the model that each ran with in the end."""
+        columns = self._study.simulator.columns(self._study.base, points.at(rows), rows.size)
+        if "model" in used:
+            columns["model"] = np.where(used["model"][rows] == "", columns["model"], used["model"][rows])
+        return columns
 
     @property
     def told_errors(self) -> list[str]:
         """Sentences that name the models with their errors."""
-        return model_error_texts(self.errors)
+        return self._summary.error_texts
 
     @property
     def warnings(self) -> list[str]:
         """Sentences on the ranges that points leave."""
-        return departure_texts(self.departures, self.errors.models)
+        return self._summary.departure_texts
 
     @property
     def attributes(self) -> dict[str, str]:
-        """Attributes of a cube: models, notes and missing effects."""
+        """Attributes of a cube: models, notes and missing effects; none where nothing is known of the models."""
+        models = self._summary.models
+        if not models:
+            return {}
+        lacking = [self._study.simulator.missing_effects(model) for model in models]
+        missing = {name: reason for name, reason in lacking[0].items() if all(name in other for other in lacking)}
         return {
-            "models": ", ".join(dict.fromkeys(self.errors.models)),
+            "models": ", ".join(models),
             "model_notes": "\n".join([*self.told_errors, *self.warnings]),
-            "missing_effects": json.dumps(dict(self.missing_effects)),
+            "missing_effects": json.dumps(missing),
         }
 
-    @property
-    def columns(self) -> dict[str, tuple[NDArray[np.float64], str]]:
-        """Error and limit of every point, shape (point,) each, with their meanings; empty where none is known."""
-        found: dict[str, tuple[NDArray[np.float64], str]] = {}
-        if not np.isfinite(self.errors.expected).any():
-            return found
-        of = f"relative error of the {self.errors.quantity} by the model, against {self.errors.reference}"
-        for name, values, meaning in (
-            (MODEL_ERROR, self.errors.expected, f"{of}: median of similar points"),
-            (MODEL_ERROR_LIMIT, self.errors.limit, f"{of}: 90th percentile of similar points"),
-        ):
-            whole = np.full(self.allowed.size, np.nan)
-            whole[self.allowed] = values
-            found[name] = whole, meaning
-        return found
+
+def _meaning(errors: ModelErrors) -> str:
+    return f"relative error of the {errors.quantity} by the model, against {errors.reference}"
 
 
-def model_records(study: Study, points: Points, used: Mapping[str, NDArray[Any]]) -> ModelRecords | None:
-    """What is known of the models of all points; None where the simulator has one model only, or none is chosen yet.
-
-    Parameters
-    ----------
-    study, points
-        The study and its points.
-    used
-        What a pilot or retries changed of the parameters of each point; an empty word where they changed nothing.
-    """
-    rows = np.flatnonzero(points.allowed)
-    if not rows.size or (study.accuracy is not None and "model" not in used):
-        return None
-    known = []
-    outside: dict[tuple[str, ValidRange], NDArray[np.bool_]] = {}
-    for start in range(0, rows.size, _CHUNK):
-        chosen = slice(start, start + _CHUNK)
-        columns = _parameters(study, points, used, rows[chosen])
-        errors = study.simulator.model_errors(columns)
-        if errors is None:
-            return None
-        known.append(errors)
-        for departure in study.simulator.departures(columns):
-            left = outside.setdefault((departure.model, departure.left), np.zeros(rows.size, bool))
-            left[chosen] = departure.outside
-    errors = ModelErrors.joined(known)
-    lacking = [study.simulator.missing_effects(model) for model in dict.fromkeys(errors.models)]
-    missing = {name: reason for name, reason in lacking[0].items() if all(name in other for other in lacking)}
-    departures = [Departure(*kind, left) for kind, left in outside.items()]
-    return ModelRecords(errors, departures, missing, points.allowed)
-
-
-def _parameters(
-    study: Study, points: Points, used: Mapping[str, NDArray[Any]], rows: NDArray[np.int64]
-) -> dict[str, NDArray[Any]]:
-    """Every parameter of some points, with the model that each ran with in the end."""
-    varied = {name: column[rows] for name, column in points.settings.items()}
-    columns = study.simulator.columns(study.base, varied, rows.size)
-    if "model" in used:
-        columns["model"] = np.where(used["model"][rows] == "", columns["model"], used["model"][rows])
-    return columns
+def model_records(study: Study, points: Points) -> ModelRecords:
+    """What is known of the models of all points before any has run."""
+    records = ModelRecords(study)
+    records.of(points, {})
+    return records

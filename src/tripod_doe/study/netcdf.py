@@ -15,8 +15,9 @@ from tripod_doe.errors import CubeError, option
 
 if TYPE_CHECKING:  # a query reads cubes without xarray
     import xarray as xr
+    from xarray.backends import NetCDF4DataStore
 
-__all__ = ["lazy_dataset", "read_dataset", "reading", "stamp_history", "write_dataset"]
+__all__ = ["lazy_dataset", "opened_store", "read_dataset", "reading", "stamp_history", "write_dataset"]
 
 
 def stamp_history(dataset: xr.Dataset, action: str) -> xr.Dataset:
@@ -34,18 +35,31 @@ def write_dataset(dataset: xr.Dataset, path: Path) -> None:
     StorageError
         If it cannot be written; the old file stays.
     """
+    floats = [name for name, variable in dataset.variables.items() if variable.dtype.kind == "f"]
+    encoding = {name: {"_FillValue": np.nan if name in dataset.data_vars else None} for name in floats}
+    with opened_store(path) as store:
+        dataset.dump_to_store(store, encoding=encoding)
+
+
+@contextmanager
+def opened_store(path: Path) -> Iterator[NetCDF4DataStore]:
+    """Give a store for a netCDF file to write, which takes the place of an older one at the end of the block.
+
+    Raises
+    ------
+    StorageError
+        If it cannot be written; the old file stays.
+    """
     from xarray.backends import NetCDF4DataStore
     from xarray.backends.netCDF4_ import NETCDF4_PYTHON_LOCK
 
-    floats = [name for name, variable in dataset.variables.items() if variable.dtype.kind == "f"]
-    encoding = {name: {"_FillValue": np.nan if name in dataset.data_vars else None} for name in floats}
     with replace_file(path) as fresh:
         # as `to_netcdf` does, which would import dask.distributed to ask which lock it needs
         store = NetCDF4DataStore.open(  # type: ignore[no-untyped-call]
             fresh, mode="w", format="NETCDF4", lock=NETCDF4_PYTHON_LOCK
         )
         try:
-            dataset.dump_to_store(store, encoding=encoding)
+            yield store
         finally:
             store.close()
 
@@ -78,14 +92,19 @@ def read_dataset(path: Path) -> xr.Dataset:
     CubeError
         If the file is missing or damaged.
     """
-    import xarray as xr
-
-    with reading(path), xr.open_dataset(path, engine="netcdf4", decode_timedelta=False) as stored:
+    with lazy_dataset(path) as stored, reading(path):
         return stored.load()
 
 
-def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int]) -> xr.Dataset:
-    """A netCDF file whose variables are read when they are used; it is open until the dataset is closed.
+def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None) -> xr.Dataset:
+    """A netCDF file whose variables are read when they are used, each time anew; open until the dataset is closed.
+
+    Parameters
+    ----------
+    path
+        The file.
+    chunks
+        As in `xarray.open_dataset`; None leaves Dask out.
 
     Raises
     ------
@@ -94,5 +113,10 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int]) -> xr.Datase
     """
     import xarray as xr
 
+    from tripod_doe.study.text_tables import with_texts
+
     with reading(path):
-        return xr.open_dataset(path, engine="netcdf4", decode_timedelta=False, chunks=chunks)
+        stored = xr.open_dataset(path, engine="netcdf4", decode_timedelta=False, chunks=chunks, cache=False)
+        read = with_texts(stored)
+        read.set_close(stored.close)
+        return read

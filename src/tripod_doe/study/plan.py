@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from tripod_doe.quantities import duration, size
 from tripod_doe.study.definition import Study, load_study
-from tripod_doe.study.designs import Points, make_points, point_keys
+from tripod_doe.study.designs import Points, make_points
 from tripod_doe.study.failures import Failure, common_failures
 from tripod_doe.study.model_records import model_records
+from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.study.timing import time_points
 
 __all__ = ["RECORDED", "Plan", "cube_bytes", "plan"]
@@ -120,16 +121,14 @@ def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False)
     if not isinstance(study, Study):
         study = load_study(study)
     points = make_points(study)
-    keys = point_keys(study, points)
-    _, rows = np.unique(keys[points.allowed], return_index=True)
-    different = np.flatnonzero(points.allowed)[rows]
+    different = StudyPoints(study, points).different
     able, foreseen = _foreseen(study, points, different)
     timed, prices = 0, np.array([])
     if able.size and study.accuracy is None and (timing or recorded):
         seconds = time_points(study, _TIMING_SECONDS) if timing else []
         timed, prices = len(seconds), np.array(seconds) if seconds else _recorded_prices(study, points, able)
     hours, blocks = None, None
-    models = model_records(study, points, {})
+    models = model_records(study, points)
     if prices.size:
         total = able.size / 3600
         mean, (low, high) = prices.mean(), np.quantile(prices, (0.25, 0.75))
@@ -145,9 +144,9 @@ def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False)
         cube_bytes(study, points),
         timed,
         study.accuracy is not None,
-        (*study.warnings, *(models.warnings if models else ())),
+        (*study.warnings, *models.warnings),
         tuple(foreseen),
-        tuple(models.told_errors) if models else (),
+        tuple(models.told_errors),
         points.notes,
     )
 
@@ -165,8 +164,8 @@ def _foreseen(study: Study, points: Points, different: NDArray[np.int64]) -> tup
     ends: list[tuple[int, str]] = []
     for start in range(0, different.size, _CHUNK):
         chosen = different[start : start + _CHUNK]
-        varied = {name: column[chosen] for name, column in points.settings.items()}
-        for row, outcome, reason in study.simulator.foreseen(study.simulator.columns(study.base, varied, chosen.size)):
+        columns = study.simulator.columns(study.base, points.at(chosen), chosen.size)
+        for row, outcome, reason in study.simulator.foreseen(columns):
             fails[start + row] = True
             ends.append((outcome, reason))
     return different[~fails], common_failures(ends)
@@ -174,10 +173,8 @@ def _foreseen(study: Study, points: Points, different: NDArray[np.int64]) -> tup
 
 def _recorded_prices(study: Study, points: Points, able: NDArray[np.int64]) -> NDArray[np.float64]:
     """Recorded CPU seconds of points spread over the design; none where a point has no recorded price."""
-    prices = []
-    for row in able[np.unique(np.linspace(0, able.size - 1, _PRICED).astype(int))]:
-        varied = {name: column[[row]].tolist()[0] for name, column in points.settings.items()}
-        prices.append(study.simulator.recorded_price({**study.base, **varied}))
+    rows = able[np.unique(np.linspace(0, able.size - 1, _PRICED).astype(int))].tolist()
+    prices = [study.simulator.recorded_price({**study.base, **points.settings_of(row)}) for row in rows]
     return np.array([price for price in prices if price is not None] if None not in prices else [])
 
 
@@ -185,7 +182,6 @@ def cube_bytes(study: Study, points: Points) -> int | None:
     """Size of outcome and outputs in the cube, texts left out; a function's outputs are not known beforehand."""
     if not study.simulator.outputs:
         return None
-    first = {name: column[:1].tolist()[0] for name, column in points.columns.items()}
-    values = study.simulator.effective({**study.base, **first})  # lengths that differ between points are refused
+    values = study.simulator.effective({**study.base, **points.settings_of(0)})  # all points have the same lengths
     numbers = sum(math.prod(study.simulator.outputs[name].shape(values)) for name in study.keep)
     return points.count * (8 * numbers + 1)

@@ -18,7 +18,9 @@ from tripod_doe.study.netcdf import lazy_dataset, read_dataset
 if TYPE_CHECKING:  # a query reads cubes without xarray
     import xarray as xr
 
-__all__ = ["cube_files", "cube_so_far", "is_shown", "open_cube", "unshown_state"]
+__all__ = ["cube_files", "cube_so_far", "is_shown", "open_cube", "opened_cube", "unshown_state"]
+
+_READ_AT_ONCE = 100_000_000  # bytes of a cube that is read whole
 
 
 def open_cube(path: str | Path, chunks: int | str | Mapping[str, int] | None = None) -> xr.Dataset:
@@ -46,12 +48,28 @@ def open_cube(path: str | Path, chunks: int | str | Mapping[str, int] | None = N
     """
     if not is_shown(Path(path)):
         return cube_so_far(Path(path))
-    files = cube_files(Path(path))
     if chunks is None:
-        return _joined(*map(read_dataset, files))
+        return _joined(*map(read_dataset, cube_files(Path(path))))
+    return _lazily(Path(path), chunks)
+
+
+def opened_cube(path: str | Path) -> xr.Dataset:
+    """Open a cube as `open_cube` does, with the variables of a large one read when they are used, each time anew.
+
+    To be closed: ``with opened_cube(path) as cube``.
+    """
+    if not is_shown(Path(path)):
+        return cube_so_far(Path(path))
+    cube = _lazily(Path(path), None)
+    if cube.nbytes > _READ_AT_ONCE:
+        return cube
+    with cube:
+        return cube.load()
+
+
+def _lazily(path: Path, chunks: int | str | Mapping[str, int] | None) -> xr.Dataset:
     with ExitStack() as opened:
-        parts = [opened.enter_context(lazy_dataset(file, chunks)) for file in files]
-        cube = _joined(*parts)
+        cube = _joined(*(opened.enter_context(lazy_dataset(file, chunks)) for file in cube_files(path)))
         cube.set_close(opened.pop_all().close)
     return cube
 

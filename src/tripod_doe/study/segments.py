@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import mmap
 import os
+import weakref
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from tripod_doe.study.block_record import MARK, end_of_record
+from tripod_doe.study.block_record import MARK, PREAMBLE, record_number, record_size
 
 __all__ = ["Segment", "StoredSegment", "segments_in"]
 
 _ENDING = ".blocks"
+_WINDOW = 1 << 20  # bytes in which the next record is looked for behind damage
 
 
 class Segment:
@@ -92,11 +94,9 @@ class StoredSegment:
     end: int = 0
 
     def __post_init__(self) -> None:
-        with self.path.open("rb") as stream:
-            self.length = min(self.length, os.fstat(stream.fileno()).st_size)
-            self._stored: mmap.mmap | bytes = (
-                mmap.mmap(stream.fileno(), self.length, access=mmap.ACCESS_READ) if self.length else b""
-            )
+        self._file = os.open(self.path, os.O_RDONLY)  # it can be read even when its journal was gathered meanwhile
+        weakref.finalize(self, os.close, self._file)
+        self.length = min(self.length, os.fstat(self._file).st_size)
 
     @property
     def torn(self) -> bool:
@@ -105,19 +105,39 @@ class StoredSegment:
 
     def records(self, after: int = 0) -> Iterator[memoryview]:
         """All whole records from a place on, in the order in which they were appended."""
-        view = memoryview(self._stored)
+        for start, stop in self.places(after):
+            yield self.record(start, stop)
+
+    def places(self, after: int = 0) -> Iterator[tuple[int, int]]:
+        """Where all whole records from a place on begin and end."""
         at, expected = after, None if after else 0
         self.lost, self.end = 0, after
-        while 0 <= at < self.length:
-            found = end_of_record(view, at, self.length)
-            if found is None:
-                at = self._stored.find(MARK, at + 1)
+        while at < self.length:
+            size = record_size(os.pread(self._file, PREAMBLE, at))
+            number = record_number(self.record(at, at + size)) if size and at + size <= self.length else None
+            if size is None or number is None:
+                at = self._next_mark(at + 1)
                 continue
-            end, number = found
             self.lost += number - expected if expected is not None else 0
             expected = number + 1
-            yield view[at:end]
-            at = self.end = end
+            self.end = at + size
+            yield at, self.end
+            at = self.end
+
+    def record(self, start: int, stop: int) -> memoryview:
+        """Bytes of the file; they take memory only as long as somebody holds them or an array made of them."""
+        first = start - start % mmap.ALLOCATIONGRANULARITY
+        mapped = mmap.mmap(self._file, stop - first, access=mmap.ACCESS_READ, offset=first)
+        return memoryview(mapped)[start - first :]
+
+    def _next_mark(self, at: int) -> int:
+        """Where something looks like the beginning of a record; the end where nothing does."""
+        while at < self.length:
+            found = os.pread(self._file, _WINDOW, at).find(MARK)
+            if found >= 0:
+                return at + found
+            at += _WINDOW - len(MARK) + 1
+        return self.length
 
 
 def segments_in(folder: Path) -> list[Path]:

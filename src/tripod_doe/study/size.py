@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tripod_doe.errors import InputError
 
-__all__ = ["check_memory", "refuse_too_many_points"]
+__all__ = ["refuse_too_many_points"]
 
 _POINT_BYTES = 150  # fingerprint, constraint and order of a point, while they are made
 _FACTOR_BYTES = 24  # a value of a point, with the copies while it is made
@@ -26,24 +26,12 @@ def refuse_too_many_points(count: int, width: int) -> None:
     InputError
         With the number of points and what they need.
     """
-    check_memory(
-        count * (_POINT_BYTES + _FACTOR_BYTES * width),
-        f"a list of {count:,} points",
-        "use fewer levels or samples, or split the study",
-    )
-
-
-def check_memory(needed: int, what: str, remedy: str) -> None:
-    """Refuse what needs more bytes than there are free.
-
-    Raises
-    ------
-    InputError
-        With what is needed, what is free, and the remedy.
-    """
-    free = _free_memory()
+    needed, free = count * (_POINT_BYTES + _FACTOR_BYTES * width), _free_memory()
     if needed > free:
-        raise InputError(f"{what} needs about {needed / 1e9:,.3g} GB of memory, {free / 1e9:.3g} GB are free: {remedy}")
+        raise InputError(
+            f"a list of {count:,} points needs about {needed / 1e9:,.3g} GB of memory, {free / 1e9:.3g} GB are free: "
+            "use fewer levels or samples, or split the study"
+        )
 
 
 def _free_memory() -> int:

@@ -21,6 +21,8 @@ if TYPE_CHECKING:  # for its name only
 
 __all__ = ["StudyPoints"]
 
+_CHUNK = 100_000  # points whose settings are held at once
+
 
 @dataclass(frozen=True)
 class StudyPoints:
@@ -51,10 +53,10 @@ class StudyPoints:
         return KeyIndex(self.keys)
 
     @property
-    def different(self) -> int:
-        """Number of points to compute: a repeated one counts once, an excluded one not at all."""
+    def different(self) -> NDArray[np.int64]:
+        """Indices of the points to compute: of repeated ones the first, an excluded one not at all."""
         first = self.index.first_of_each()
-        return int(np.count_nonzero(self.points.allowed[first]))
+        return first[self.points.allowed[first]]
 
     @property
     def good_outcomes(self) -> frozenset[int]:
@@ -70,13 +72,24 @@ class StudyPoints:
 
     def undone(self, done: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Indices of the points to compute, each different one once, without those that are done, shape (point,)."""
-        first = self.index.first_of_each()
-        return first[self.points.allowed[first] & ~done[first]]
+        different = self.different
+        return different[~done[different]]
 
     def columns(self, chosen: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
         """All parameters of some points, each of shape (len(chosen),)."""
-        varied = {name: column[chosen] for name, column in self.points.settings.items()}
-        return self.study.simulator.columns(self.study.base, varied, chosen.size)
+        return self.study.simulator.columns(self.study.base, self.points.at(chosen), chosen.size)
+
+    def of_each_kind(self, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Of some points one for each combination of words (models, methods), which is all that a compiler looks at."""
+        found: dict[tuple[Any, ...], int] = {}
+        for start in range(0, chosen.size, _CHUNK):
+            rows = chosen[start : start + _CHUNK]
+            words = [column.tolist() for column in self.points.at(rows).values() if column.dtype == object]
+            if not words:
+                return chosen[:1]
+            for row, kind in zip(rows.tolist(), zip(*words, strict=True), strict=True):
+                found.setdefault(kind, row)
+        return np.array(list(found.values()), np.int64)
 
     def task(self, chosen: NDArray[np.int64]) -> Task:
         """The task that simulates some points."""

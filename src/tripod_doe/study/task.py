@@ -66,14 +66,13 @@ def run_task(task: Task) -> tuple[BlockResult, float, float]:
 def make_task(study: Study, points: Points, chosen: NDArray[np.int64]) -> Task:
     """The task that simulates the chosen points."""
     table = study.file.study
-    columns = {name: column[chosen] for name, column in points.settings.items()}
     return Task(
         table.scene,
         table.function,
         str(study.folder),
         study.simulator.source_hash,
         study.base,
-        columns,
+        points.at(chosen),
         chosen.size,
         study.keep,
         study.retry,

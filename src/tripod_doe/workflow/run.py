@@ -174,19 +174,20 @@ def run_on(
         missing = directory.missing(asked, retry_failed)
         computed = _compute(asked, missing, directory, execution, fail_fast, progress)
         check_interrupt()
-        cube = directory.write_cube(asked, f"tripod-doe run: {piloted + computed} points computed")
-    analyses = run_analyses(study, cube, directory.path)
-    findings, failures = find(cube), asked.failures(cube)
-    notes = str(cube.attrs.get("model_notes", "")).splitlines()
+        written = directory.write_cube(asked, f"tripod-doe run: {piloted + computed} points computed")
+    with written as cube:
+        analyses = run_analyses(study, cube, directory.path)
+        findings, failures = find(cube), asked.failures(cube)
+        notes = str(cube.attrs.get("model_notes", "")).splitlines()
     answers = [
         sentence for name, result in read_analyses(directory.path).items() for sentence in findings_of(name, result)
     ]
-    del cube  # the report reads its own; a large cube need not be in memory twice
+    del cube, written  # the report reads its own; a cube need not be in memory twice
     write_report(directory.path, findings)
     return RunSummary(
         directory.path,
         piloted + computed,
-        asked.different - missing.size - piloted,
+        asked.different.size - missing.size - piloted,
         execution.seconds if piloted + computed else 0.0,
         failures,
         bool(study.retry.changes),

@@ -21,7 +21,7 @@ from tripod_doe.study.designs.request import Family, Made, Request
 from tripod_doe.study.designs.sampled import SAMPLED
 from tripod_doe.study.file import DesignTable
 
-__all__ = ["FAMILIES", "count_part", "make_part"]
+__all__ = ["FAMILIES", "checked_request", "count_part", "make_part"]
 
 
 def _part(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> Request:
@@ -46,6 +46,17 @@ def make_part(study: Study, design: DesignTable, factors: Mapping[str, Factor]) 
     InputError
         If the design lacks what it needs, or is given what it cannot use.
     """
+    return FAMILIES[design.kind].make(checked_request(study, design, factors))
+
+
+def checked_request(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> Request:
+    """What one design is asked for, when it can use all that it is given.
+
+    Raises
+    ------
+    InputError
+        If it is given what it cannot use.
+    """
     request, family = _part(study, design, factors), FAMILIES[design.kind]
     if design.correlation and family.uncorrelated:
         raise InputError(f"correlation: a {design.kind} design takes independent factors: {family.uncorrelated}")
@@ -54,7 +65,7 @@ def make_part(study: Study, design: DesignTable, factors: Mapping[str, Factor]) 
         *able, last = [kind for kind, other in FAMILIES.items() if other.grouped]
         used = f"{', '.join(able)} and {last}"
         raise InputError(f"[factors.{grouped[0]}]: group is used by {used} designs, not by {design.kind}")
-    return family.make(request)
+    return request
 
 
 def count_part(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> int:

@@ -22,9 +22,9 @@ def point_keys(study: Study, points: Points) -> NDArray[np.void]:
 
     It does not depend on which parameters are factors, so that a study that grew finds its old points again.
     """
-    fixed = study.simulator.columns(study.base, {name: column[:1] for name, column in points.settings.items()}, 1)
-    names = sorted(fixed)
-    shared = next((at for at, name in enumerate(names) if name in points.settings), len(names))
+    fixed = study.simulator.columns(study.base, points.at(slice(0, 1)), 1)
+    names, varied = sorted(fixed), set(points.setting_names)
+    shared = next((at for at, name in enumerate(names) if name in varied), len(names))
     rest = names[shared:]
     start = _digest_of_names(study, names)
     start.update(_numbers(fixed, names[:shared], 1).tobytes())
@@ -38,8 +38,8 @@ def point_keys(study: Study, points: Points) -> NDArray[np.void]:
     keys = bytearray()
     for first in range(0, points.count, _CHUNK):
         count = min(_CHUNK, points.count - first)
-        varied = {name: column[first : first + count] for name, column in points.settings.items()}
-        keys += b"".join(map(fingerprint, _numbers({**fixed, **varied}, rest, count)))
+        columns = {**fixed, **points.at(slice(first, first + count))}
+        keys += b"".join(map(fingerprint, _numbers(columns, rest, count)))
     return np.frombuffer(keys, dtype="V16")
 
 

@@ -4,27 +4,38 @@ from __future__ import annotations
 
 import csv
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
 from tripod_doe.errors import InputError, closest, near_match
 from tripod_doe.simulator import Parameter, Value
-from tripod_doe.study.definition import Study
+from tripod_doe.study.definition import Factor, Study
+from tripod_doe.study.designs.points import Column, grid_values
 from tripod_doe.study.designs.request import Family, Made, Request, axis_levels, column_of, levels_of
 from tripod_doe.study.file import DesignTable
 
-__all__ = ["LISTED"]
+__all__ = ["LISTED", "grid_levels"]
 
 
 def _grid(request: Request) -> Made:
     """All combinations of the levels."""
-    factors = request.factors
-    levels = [axis_levels(factor) for factor in factors.values()]
-    for name, values in zip(factors, levels, strict=True):
+    return Made(grid_values(grid_levels(request.factors), slice(None)))
+
+
+def grid_levels(factors: Mapping[str, Factor]) -> dict[str, Column]:
+    """The levels of a grid along each of its dimensions.
+
+    Raises
+    ------
+    InputError
+        If a factor has the same level twice.
+    """
+    levels = {name: axis_levels(factor) for name, factor in factors.items()}
+    for name, values in levels.items():
         if len(set(values.tolist())) < len(values):
             raise InputError(f"[factors.{name}]: the same value occurs twice; a grid needs different values")
-    meshes = np.meshgrid(*levels, indexing="ij")
-    return Made({name: mesh.ravel() for name, mesh in zip(factors, meshes, strict=True)})
+    return levels
 
 
 def _zip(request: Request) -> Made:

@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
+from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition import Study
-from tripod_doe.study.designs.families import FAMILIES, count_part, make_part
+from tripod_doe.study.designs.families import FAMILIES, checked_request, count_part, make_part
+from tripod_doe.study.designs.listed import grid_levels
 from tripod_doe.study.designs.points import Points
 from tripod_doe.study.expressions import Expression
+from tripod_doe.study.file import DesignTable
 from tripod_doe.study.size import refuse_too_many_points
 
 __all__ = ["make_points", "point_count"]
+
+_CHUNK = 1_000_000
+"""Points whose factors are held at once to check constraints."""
 
 
 def point_count(study: Study) -> int:
@@ -30,25 +40,48 @@ def make_points(study: Study) -> Points:
     """
     design = study.file.design
     try:
-        refuse_too_many_points(point_count(study), len(study.factors))
-        made = make_part(study, design, study.factors)
-        columns, labels, names = made.columns, made.labels, list(made.columns)
-        count = len(columns[names[0]]) if names else 1
-        allowed = np.ones(count, bool)
-        for text in design.constraints:
-            allowed &= Expression(text, names)(columns)
-        study.simulator.check_lengths(columns, study.keep)
+        points = _grid(study) if design.kind == "grid" else _list(study, design)
+        study.simulator.check_lengths(points.factors, study.keep)
+        allowed = _allowed(points, design.constraints)
     except InputError as error:
         raise study.fail("[design]", error) from error
     if not allowed.any():
         raise study.fail("[design]", "constraints exclude every point; relax them")
-    if design.kind == "grid":
-        levels = tuple(len(factor.values or ()) for factor in study.factors.values())
-        return Points(columns, levels, tuple(names), allowed)
-    if not allowed.all():
-        if FAMILIES[design.kind].block(design, len(names)) > 1:
-            raise study.fail("[design]", f"a {design.kind} design cannot leave points out; choose ranges instead")
-        columns = {name: column[allowed] for name, column in columns.items()}
-        labels = {name: column[allowed] for name, column in labels.items()}
-        allowed = allowed[allowed]
-    return Points(columns, (allowed.size,), ("point",), allowed, labels, made.notes)
+    if points.is_grid or allowed.all():
+        return replace(points, allowed=allowed, has_excluded=not allowed.all())
+    if FAMILIES[design.kind].block(design, len(points.factors)) > 1:
+        raise study.fail("[design]", f"a {design.kind} design cannot leave points out; choose ranges instead")
+    return replace(
+        points,
+        factors={name: column[allowed] for name, column in points.factors.items()},
+        shape=(int(allowed.sum()),),
+        allowed=allowed[allowed],
+        labels={name: column[allowed] for name, column in points.labels.items()},
+    )
+
+
+def _grid(study: Study) -> Points:
+    """The cells of a grid, of which only the levels are held."""
+    refuse_too_many_points(point_count(study), 0)
+    levels = grid_levels(checked_request(study, study.file.design, study.factors).factors)
+    shape = tuple(column.size for column in levels.values())
+    return Points(levels, shape, tuple(levels), np.ones(math.prod(shape), bool))
+
+
+def _list(study: Study, design: DesignTable) -> Points:
+    """The points of any other design."""
+    refuse_too_many_points(point_count(study), len(study.factors))
+    made = make_part(study, design, study.factors)
+    count = len(next(iter(made.columns.values()))) if made.columns else 1
+    return Points(made.columns, (count,), ("point",), np.ones(count, bool), made.labels, made.notes)
+
+
+def _allowed(points: Points, constraints: Sequence[str]) -> NDArray[np.bool_]:
+    """Points that meet all constraints, shape (point,)."""
+    allowed = points.allowed.copy()
+    for text in constraints:
+        meets = Expression(text, list(points.factors))
+        for start in range(0, points.count, _CHUNK):
+            rows = slice(start, start + _CHUNK)
+            allowed[rows] &= meets(points.at(rows))
+    return allowed

@@ -1,17 +1,20 @@
-"""All points of a study, as columns of its factors."""
+"""All points of a study: of a list of points the columns of its factors, of a grid only the levels."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Column", "Points"]
+__all__ = ["Column", "Points", "grid_values"]
 
 Column = NDArray[Any]
 """Values of one factor or label, shape (point,)."""
+
+Rows = NDArray[np.integer[Any]] | slice
 
 
 @dataclass(frozen=True)
@@ -20,8 +23,8 @@ class Points:
 
     Attributes
     ----------
-    columns
-        Values of the factors, each of shape (point,).
+    factors
+        Values of the factors: for a grid the levels along each dimension, else those of every point.
     shape
         Lengths of the cube's dimensions: one a factor for a grid, else the number of points.
     dims
@@ -37,9 +40,11 @@ class Points:
     error_estimate, accuracy_met
         Estimated relative errors of such a choice by quantity, and whether they meet the accuracy that was asked for
         (1, 0, or -1 where nobody knows), each of shape (point,).
+    has_excluded
+        Whether a constraint leaves out any point of the whole design.
     """
 
-    columns: dict[str, Column]
+    factors: dict[str, Column]
     shape: tuple[int, ...]
     dims: tuple[str, ...]
     allowed: NDArray[np.bool_]
@@ -48,13 +53,61 @@ class Points:
     chosen: dict[str, Column] = field(default_factory=dict)
     error_estimate: dict[str, Column] = field(default_factory=dict)
     accuracy_met: Column | None = None
-
-    @property
-    def settings(self) -> dict[str, Column]:
-        """Everything that differs between points: factors, and what was chosen."""
-        return self.columns | self.chosen
+    has_excluded: bool = False
 
     @property
     def count(self) -> int:
         """Number of points, excluded cells of a grid included."""
         return int(self.allowed.size)
+
+    @property
+    def is_grid(self) -> bool:
+        """Whether the cube has a dimension for each factor."""
+        return self.dims != ("point",)
+
+    @property
+    def columns(self) -> dict[str, Column]:
+        """Values of the factors at all points, each of shape (point,)."""
+        return self._factors_at(slice(None))
+
+    @property
+    def setting_names(self) -> list[str]:
+        """Names of everything that differs between points: factors, and what was chosen."""
+        return list(self.factors | self.chosen)
+
+    def at(self, rows: Rows) -> dict[str, Column]:
+        """Everything that differs between points, at some of them, each of shape (rows,)."""
+        return self._factors_at(rows) | {name: column[rows] for name, column in self.chosen.items()}
+
+    def settings_of(self, row: int) -> dict[str, Any]:
+        """What differs between points, of one of them, as plain numbers and words."""
+        return {name: column.tolist()[0] for name, column in self.at(np.array([row % self.count])).items()}
+
+    def part(self, start: int, stop: int) -> Points:
+        """Some consecutive points, as a list of points."""
+        rows = slice(start, stop)
+        return replace(
+            self,
+            factors=self._factors_at(rows),
+            shape=(stop - start,),
+            dims=("point",),
+            allowed=self.allowed[rows],
+            labels={name: column[rows] for name, column in self.labels.items()},
+            chosen={name: column[rows] for name, column in self.chosen.items()},
+            error_estimate={name: column[rows] for name, column in self.error_estimate.items()},
+            accuracy_met=None if self.accuracy_met is None else self.accuracy_met[rows],
+        )
+
+    def _factors_at(self, rows: Rows) -> dict[str, Column]:
+        if self.is_grid:
+            return grid_values(self.factors, rows)
+        return {name: column[rows] for name, column in self.factors.items()}
+
+
+def grid_values(levels: Mapping[str, Column], rows: Rows) -> dict[str, Column]:
+    """Values of the factors at some cells of a grid, whose last factor changes fastest."""
+    shape = [column.size for column in levels.values()]
+    if isinstance(rows, slice):
+        rows = np.arange(*rows.indices(int(np.prod(shape))))
+    places: Iterator[NDArray[np.int64]] = iter(np.unravel_index(rows, shape))
+    return {name: column[place] for (name, column), place in zip(levels.items(), places, strict=True)}

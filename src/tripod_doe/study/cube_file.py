@@ -1,0 +1,167 @@
+"""Cubes written to netCDF files slab by slab, so that neither a cube nor all its results are ever in memory.
+
+Variables are stored in chunks that are parts of slabs, and compressed where that pays. Texts of points are stored as
+numbers of rows in a table of all different texts, which `text_tables` turns back.
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from xarray.backends import NetCDF4DataStore
+
+from tripod_doe.study.designs import Points
+from tripod_doe.study.netcdf import opened_store
+from tripod_doe.study.slabs import Slab, box
+from tripod_doe.study.text_tables import TEXT_TABLE, table_dimension
+
+__all__ = ["CubeFile", "cube_file"]
+
+_CHUNK_BYTES = 2_000_000
+_SAMPLE_BYTES = 64_000  # of the first slab, by which it is decided whether compression pays
+_PAYS = 0.7  # part of the bytes that are left where it does
+
+
+class CubeFile:
+    """A cube that is being written.
+
+    Parameters
+    ----------
+    store
+        xarray's store of the new file.
+    points
+        All points of the cube.
+    lengths
+        Of a slab along the dimensions of the cube.
+    levels
+        Coordinates along the dimensions of a grid; none for a list of points.
+    """
+
+    def __init__(
+        self, store: NetCDF4DataStore, points: Points, lengths: tuple[int, ...], levels: Mapping[str, xr.Variable]
+    ) -> None:
+        self._store, self._points, self._lengths, self._levels = store, points, lengths, levels
+        self._missing: dict[str, float | int] = {}  # of each variable along the points: its value where there is none
+        self._written: list[Slab] = []
+        self._texts: dict[str, dict[str, int]] = {}
+
+    def write(self, slab: Slab, part: xr.Dataset) -> None:
+        """Write the next slab.
+
+        Parameters
+        ----------
+        slab
+            Its place.
+        part
+            Its points, along ``point``; a variable that only other slabs have is missing there.
+        """
+        if self._points.is_grid:
+            part = part.drop_vars(["point", *self._points.factors])
+        else:
+            part = part.assign_coords(point=part["point"].copy(data=part["point"].values + np.int32(slab.start)))
+        coded = {name: self._coded(name, variable) for name, variable in part.variables.items()}
+        along = {name: variable for name, variable in coded.items() if variable.dims[:1] == ("point",)}
+        if new := [name for name in along if name not in self._missing]:
+            self._define(part, coded, new, slab)
+        for name, missing in self._missing.items():
+            target = self._store.ds.variables[name]
+            if name in along:
+                own = along[name].values
+                target[slab.place] = own.reshape(*(each.stop - each.start for each in slab.place), *own.shape[1:])
+            elif not isinstance(missing, float):
+                target[slab.place] = missing
+        self._written.append(slab)
+
+    def finish(self, attributes: Mapping[str, Any]) -> None:
+        """Write the tables of texts and the attributes of the cube."""
+        tables = {
+            f"{name}_text": xr.Variable(table_dimension(name), np.array(list(table), object),
+                                        {"long_name": f"texts to which the numbers of {name} refer"})
+            for name, table in self._texts.items()
+        }  # fmt: skip
+        xr.Dataset(tables, attrs=attributes).dump_to_store(self._store)
+
+    def _coded(self, name: Any, variable: xr.Variable) -> xr.Variable:
+        """A variable without texts along the points."""
+        if variable.dtype.kind not in "OU" or variable.dims != ("point",):
+            return variable
+        table = self._texts.setdefault(name, {"": 0})
+        texts = ["" if text is None else str(text) for text in variable.values.tolist()]
+        for text in dict.fromkeys(texts):
+            table.setdefault(text, len(table))
+        codes = np.array([table[text] for text in texts], np.int32)
+        return xr.Variable(variable.dims, codes, variable.attrs | {TEXT_TABLE: f"{name}_text"})
+
+    def _define(self, part: xr.Dataset, coded: Mapping[Any, xr.Variable], new: list[Any], slab: Slab) -> None:
+        """Add variables to the file; slabs before have no value of them."""
+        import dask.array
+
+        variables: dict[Any, xr.Variable] = {}
+        encoding: dict[Any, dict[str, Any]] = {name: {"_FillValue": None} for name in self._levels}
+        for name, variable in coded.items():
+            if variable.dims[:1] != ("point",):
+                variables[name] = variable
+                continue
+            dims, shape = (*self._points.dims, *variable.dims[1:]), (*self._points.shape, *variable.shape[1:])
+            # an array that is never computed: xarray defines its variable, and the slabs are its values
+            variables[name] = xr.Variable(
+                dims, dask.array.empty(shape, dtype=variable.dtype, chunks=-1), variable.attrs
+            )
+            encoding[name] = self._encoding(variable, shape, name in part.coords)
+        coords = xr.Coordinates({**self._levels, **{name: variables[name] for name in part.coords}}, indexes={})
+        added = xr.Dataset({name: variables[name] for name in new if name not in coords}, coords)
+        added.dump_to_store(self._store, encoding={name: encoding.get(name, {}) for name in added.variables})
+        for name in new:
+            self._missing[name] = _missing(coded[name])
+            if not isinstance(self._missing[name], float):
+                for earlier in self._written:
+                    self._store.ds.variables[name][earlier.place] = self._missing[name]
+
+    def _encoding(self, variable: xr.Variable, shape: tuple[int, ...], is_coordinate: bool) -> dict[str, Any]:
+        """How a variable is stored: its chunks, and compressed where a part of its values says that this pays."""
+        most = (*self._lengths, *variable.shape[1:])
+        encoding: dict[str, Any] = {
+            "chunksizes": tuple(map(min, box(shape, variable.dtype.itemsize, _CHUNK_BYTES), most))
+        }
+        if variable.dtype.kind == "f":
+            encoding["_FillValue"] = None if is_coordinate else np.nan
+        if _shrinks(variable.values):
+            encoding |= {"zlib": True, "complevel": 1, "shuffle": True}
+        return encoding
+
+
+def _missing(variable: xr.Variable) -> float | int:
+    """What stands for no value: NaN, the first flag, or the empty text."""
+    if variable.dtype.kind == "f":
+        return math.nan
+    return int(variable.attrs.get("flag_values", [0])[0])
+
+
+def _shrinks(values: NDArray[Any]) -> bool:
+    """Whether compression pays, with the bytes of a number sorted by their place in it as HDF5 does."""
+    sample = np.ascontiguousarray(values).ravel()[: _SAMPLE_BYTES // values.dtype.itemsize]
+    shuffled = sample.view(np.uint8).reshape(-1, values.dtype.itemsize).T.tobytes()
+    return len(zlib.compress(shuffled, 1)) < _PAYS * len(shuffled)
+
+
+@contextmanager
+def cube_file(
+    path: Path, points: Points, lengths: tuple[int, ...], levels: Mapping[str, xr.Variable]
+) -> Iterator[CubeFile]:
+    """Make a cube file that takes the place of an older one when it is whole.
+
+    Raises
+    ------
+    StorageError
+        If it cannot be written; the old file stays.
+    """
+    with opened_store(path) as store:
+        yield CubeFile(store, points, lengths, levels)

@@ -1,0 +1,146 @@
+"""Large cubes: written slab by slab, equal to those written as a whole, read when they are used."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
+
+import tripod_doe as td
+from tripod_doe.study import results, written_cube
+from tripod_doe.study.slabs import box, slabs
+
+pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+
+FUNCTION = """
+import numpy as np
+import xarray as xr
+
+
+def force(x, y=1.0, kind="soft"):
+    if x == 3:
+        raise ValueError(f"no force at {y}")
+    course = x * y * np.sin(np.arange(6))
+    answer = xr.Dataset({"peak": x * y, "course": ("place", course)}, coords={"place": [f"p{i}" for i in range(6)]})
+    return answer if x > 1 else answer[["peak"]]
+"""
+GRID = """
+[study]
+name = "grid"
+function = "force:force"
+[factors]
+x = {values = [0, 1, 2, 3, 4, 5, 6]}
+y = {values = [1, 2, 5]}
+kind = {values = ["soft", "hard"]}
+[design]
+kind = "grid"
+constraints = ["x + y < 10"]
+[run]
+block = 5
+expected_outcomes = ["error"]
+"""
+LIST = """
+[study]
+name = "list"
+function = "force:force"
+[factors]
+x = {distribution = "discrete", values = [0, 1, 2, 3, 4]}
+y = {low = 1, high = 5}
+kind = {distribution = "discrete", values = ["soft", "hard"]}
+[design]
+kind = "latin-hypercube"
+samples = 60
+[run]
+block = 7
+expected_outcomes = ["error"]
+"""
+
+
+@given(st.lists(st.integers(1, 9), min_size=1, max_size=4), st.integers(1, 50), st.integers(1, 5000))
+def test_slabs_are_the_points_in_order_and_no_larger_than_asked_for(shape, cell, most):
+    """Exact: every cell once, in the order of the points, and parts of a smaller size fit into those of a larger."""
+    lengths = box(shape, cell, most)
+    assert cell * math.prod(lengths) <= max(most, cell)
+    numbers, start = np.arange(math.prod(shape)).reshape(shape), 0
+    for slab in slabs(shape, lengths):
+        assert slab.start == start
+        assert numbers[slab.place].ravel().tolist() == list(range(slab.start, slab.stop))
+        start = slab.stop
+    assert start == numbers.size
+    for small, large, length in zip(box(shape, cell, max(most // 4, 1)), lengths, shape, strict=True):
+        assert large % small == 0 or large == length
+
+
+@pytest.fixture
+def run_in_slabs(tmp_path, monkeypatch):
+    """Run a study twice: its cube as a whole, and in slabs of so many bytes."""
+    (tmp_path / "force.py").write_text(FUNCTION)
+
+    def run(text, size):
+        (tmp_path / "study.toml").write_text(text)
+        td.run(tmp_path / "study.toml", tmp_path / "whole", workers=0, progress=False)
+        monkeypatch.setattr(written_cube, "_SLAB_BYTES", size)
+        td.run(tmp_path / "study.toml", tmp_path / "slabs", workers=0, progress=False)
+        return tmp_path / "whole", tmp_path / "slabs"
+
+    return run
+
+
+MEASURED = ["cpu_seconds", "wall_seconds"]
+
+
+def without_history(cube):
+    return cube.drop_vars(MEASURED).assign_attrs(history="")
+
+
+@pytest.mark.parametrize("text", [GRID, LIST], ids=["grid", "list"])
+def test_a_cube_in_slabs_is_the_one_that_is_written_as_a_whole(run_in_slabs, text):
+    """The same variables, values, types and attributes; the first slab lacks an output that later ones have."""
+    whole, parts = run_in_slabs(text, 2000)
+    expected, found = td.open_cube(whole), td.open_cube(parts)
+    xr.testing.assert_identical(without_history(expected), without_history(found))
+    numbers = {name: variable.dtype for name, variable in expected.variables.items() if variable.dtype.kind in "fi"}
+    assert {name: found[name].dtype for name in numbers} == numbers
+    with netCDF4.Dataset(parts / "cube.nc") as stored:
+        assert stored["course"].chunking() != "contiguous"
+        assert set(stored["outcome_detail_text"][:]) >= {"", "ValueError: no force at 1" if text == GRID else ""}
+        assert "_FillValue" not in stored["y"].ncattrs()
+    with netCDF4.Dataset(whole / "cube.nc") as stored:
+        assert stored["outcome_detail"].dtype is str  # a small one is as it ever was
+
+
+def test_texts_of_a_large_cube_are_read_when_they_are_used(run_in_slabs, monkeypatch):
+    whole, parts = run_in_slabs(LIST, 2000)
+    expected = td.open_cube(whole)
+    monkeypatch.setattr(results, "_READ_AT_ONCE", 0)
+    with results.opened_cube(parts) as cube:
+        assert not cube["outcome_detail"].variable._in_memory
+        assert str(cube["outcome_detail"][7].values) == str(expected["outcome_detail"][7].values)
+        assert cube["kind"].isel(point=[3, 1, 4]).values.tolist() == expected["kind"][[3, 1, 4]].values.tolist()
+    with td.open_cube(parts, chunks={"point": 16}) as cube:
+        assert cube["outcome_detail"].chunks is not None
+        xr.testing.assert_equal(cube["outcome_detail"].compute(), expected["outcome_detail"])
+
+
+@pytest.mark.slow
+def test_a_cube_in_slabs_conforms_to_cf(run_in_slabs, tmp_path):
+    """The checker's own verdict, CF 1.8."""
+    _, parts = run_in_slabs(GRID.replace('kind = {values = ["soft", "hard"]}', ""), 1000)
+    report = tmp_path / "report.json"
+    command = [
+        str(Path(sys.executable).with_name("compliance-checker")), "-t", "cf:1.8", "-c", "strict",
+        "-f", "json", "-o", str(report), str(parts / "cube.nc"),
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert report.exists(), done.stdout + done.stderr
+    checks = json.loads(report.read_text())["cf:1.8"]["high_priorities"]
+    assert not [check["msgs"] for check in checks if check["value"][0] < check["value"][1]]
