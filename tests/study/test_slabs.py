@@ -16,7 +16,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import tripod_doe as td
-from tripod_doe.study import results, written_cube
+from tripod_doe.study import query, results, written_cube
+from tripod_doe.study.arrays import opened_arrays
+from tripod_doe.study.query import records
 from tripod_doe.study.slabs import box, slabs
 
 pytestmark = pytest.mark.usefixtures("charts_not_drawn")
@@ -144,3 +146,19 @@ def test_a_cube_in_slabs_conforms_to_cf(run_in_slabs, tmp_path):
     assert report.exists(), done.stdout + done.stderr
     checks = json.loads(report.read_text())["cf:1.8"]["high_priorities"]
     assert not [check["msgs"] for check in checks if check["value"][0] < check["value"][1]]
+
+
+@pytest.mark.parametrize("asked", [{}, {"select": ["y=2:5"], "where": "x > 1 and outcome == 'finished'"}])
+def test_a_question_is_answered_slab_by_slab(run_in_slabs, monkeypatch, asked):
+    """The same records in the same order as from the whole, texts included."""
+    whole, parts = run_in_slabs(GRID, 2000)
+    with opened_arrays(whole) as cube:
+        expected = [records(cube, name, **asked) for name in ("course", "outcome_detail")]
+    monkeypatch.setattr(query, "_SLAB_CELLS", 10)
+    with opened_arrays(parts) as cube:
+        found = [records(cube, name, **asked) for name in ("course", "outcome_detail")]
+    for one, other in zip(expected, found, strict=True):
+        assert one.keys() == other.keys()
+        assert one["x"].size > 10
+        for name, column in one.items():
+            assert np.array_equal(column, other[name], equal_nan=column.dtype.kind == "f"), name

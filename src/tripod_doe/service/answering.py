@@ -92,9 +92,10 @@ def cube(path: str) -> Answer:
 def describe(path: str) -> Answer:
     """What a cube holds: dimensions, coordinates with their values, variables with units and flags, attributes."""
     from tripod_doe.service.descriptions import describe_cube
-    from tripod_doe.study.results import open_cube
+    from tripod_doe.study.results import opened_cube
 
-    return describe_cube(open_cube(path)), b""
+    with opened_cube(path) as cube:
+        return describe_cube(cube), b""
 
 
 def analyses(paths: dict[str, str]) -> Answer:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.study.netcdf import reading
+from tripod_doe.study.netcdf import TEXT_TABLE, reading
 from tripod_doe.study.results import cube_files, cube_so_far, is_shown
 
 if TYPE_CHECKING:
@@ -31,19 +31,32 @@ class Variable:
     dims
         Its dimensions.
     read
-        Gives its values, of one axis per dimension.
+        Gives its values in a box of cells, of one axis per dimension.
     words
         Meanings of its values where it is a flag, by value; empty for numbers and texts.
     """
 
     dims: tuple[str, ...]
-    read: Callable[[], NDArray[Any]]
+    read: Callable[[tuple[slice, ...]], NDArray[Any]]
     words: Mapping[int, str] = field(default_factory=dict)
 
     @cached_property
     def values(self) -> NDArray[Any]:
         """Its values, one axis per dimension."""
-        return self.read()
+        return self.read(tuple(slice(None) for _ in self.dims))
+
+    def at(self, rows: Mapping[str, NDArray[np.int64]]) -> NDArray[Any]:
+        """Its values at some positions along its dimensions; no more is read than the stretches that hold them."""
+        if "values" in vars(self):
+            taken, first = self.values, dict.fromkeys(rows, 0)
+        else:
+            first = {dim: int(own.min()) if own.size else 0 for dim, own in rows.items()}
+            last = {dim: int(own.max()) + 1 if own.size else 0 for dim, own in rows.items()}
+            taken = self.read(tuple(slice(first[dim], last[dim]) if dim in rows else slice(None) for dim in self.dims))
+        for axis, dim in enumerate(self.dims):
+            if dim in rows:
+                taken = np.take(taken, rows[dim] - first[dim], axis)
+        return taken
 
 
 @dataclass(frozen=True)
@@ -72,7 +85,10 @@ def cube_arrays(cube: xr.Dataset) -> CubeArrays:
     """The arrays of an open cube."""
 
     def variable(array: xr.DataArray) -> Variable:
-        return Variable(tuple(map(str, array.dims)), lambda: np.asarray(array.values), _words(array.attrs))
+        def read(place: tuple[slice, ...]) -> NDArray[Any]:
+            return np.asarray(array.variable[place].values)
+
+        return Variable(tuple(map(str, array.dims)), read, _words(array.attrs))
 
     return CubeArrays(
         {str(dim): int(size) for dim, size in cube.sizes.items()},
@@ -106,8 +122,10 @@ def opened_arrays(path: str | Path) -> Iterator[CubeArrays]:
                 stored.append(netCDF4.Dataset(file))
                 labels = _coordinate_names(stored[-1])
                 sizes |= {name: dimension.size for name, dimension in stored[-1].dimensions.items()}
-            for name, array in stored[-1].variables.items():
-                (coordinates if name in labels else variables)[name] = _stored_variable(array, file)
+            tables = {_text_table(array) for array in stored[-1].variables.values()}
+            for name in stored[-1].variables:
+                if name not in tables:
+                    (coordinates if name in labels else variables)[name] = _stored_variable(stored[-1], name, file)
         yield CubeArrays(sizes, coordinates, variables, _notes(stored[0].__dict__))
     finally:
         for dataset in stored:
@@ -125,11 +143,21 @@ def _coordinate_names(stored: netCDF4.Dataset) -> set[str]:
     return {*stored.dimensions, *named.split()}
 
 
-def _stored_variable(array: netCDF4.Variable[Any], file: Path) -> Variable:
-    def read() -> NDArray[Any]:
+def _text_table(array: netCDF4.Variable[Any]) -> str:
+    """Name of the table of texts to which the values of a variable refer; empty where they refer to none."""
+    return str(array.getncattr(TEXT_TABLE)) if TEXT_TABLE in array.ncattrs() else ""
+
+
+def _stored_variable(stored: netCDF4.Dataset, name: str, file: Path) -> Variable:
+    array = stored.variables[name]
+    table = _text_table(array)
+
+    def read(place: tuple[slice, ...]) -> NDArray[Any]:
         array.set_auto_mask(False)  # what is missing in a cube is NaN, or a flag of its own
         with reading(file):
-            values = np.asarray(array[...])
+            values = np.asarray(array[place or ...])
+            if table:
+                return np.asarray(stored.variables[table][...].astype(object)[values])
         is_switch = "dtype" in array.ncattrs() and array.getncattr("dtype") == "bool"  # xarray's way: netCDF has none
         return values.astype(bool) if is_switch else values
 

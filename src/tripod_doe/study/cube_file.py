@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 from xarray.backends import NetCDF4DataStore
 
 from tripod_doe.study.designs import Points
-from tripod_doe.study.netcdf import opened_store
+from tripod_doe.study.netcdf import TEXT_TABLE, opened_store
 from tripod_doe.study.slabs import Slab, box
-from tripod_doe.study.text_tables import TEXT_TABLE, table_dimension
 
 __all__ = ["CubeFile", "cube_file"]
 
@@ -83,7 +82,7 @@ class CubeFile:
     def finish(self, attributes: Mapping[str, Any]) -> None:
         """Write the tables of texts and the attributes of the cube."""
         tables = {
-            f"{name}_text": xr.Variable(table_dimension(name), np.array(list(table), object),
+            f"{name}_text": xr.Variable(f"{name}_row", np.array(list(table), object),
                                         {"long_name": f"texts to which the numbers of {name} refer"})
             for name, table in self._texts.items()
         }  # fmt: skip

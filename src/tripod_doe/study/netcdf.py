@@ -17,7 +17,10 @@ if TYPE_CHECKING:  # a query reads cubes without xarray
     import xarray as xr
     from xarray.backends import NetCDF4DataStore
 
-__all__ = ["lazy_dataset", "opened_store", "read_dataset", "reading", "stamp_history", "write_dataset"]
+__all__ = ["TEXT_TABLE", "lazy_dataset", "opened_store", "read_dataset", "reading", "stamp_history", "write_dataset"]
+
+TEXT_TABLE = "text_table"
+"""Attribute of a variable of numbers: the name of the variable with the texts to which they refer."""
 
 
 def stamp_history(dataset: xr.Dataset, action: str) -> xr.Dataset:

@@ -6,8 +6,8 @@ import csv
 import io
 import json
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.study.arrays import CubeArrays, Variable, cube_arrays
 from tripod_doe.study.expressions import Expression
-from tripod_doe.study.results import open_cube
+from tripod_doe.study.results import opened_cube
+from tripod_doe.study.slabs import box, slabs
 
 if TYPE_CHECKING:  # the command line answers without xarray
     import xarray as xr
@@ -36,6 +37,7 @@ __all__ = [
 ]
 
 _MATCH = 1e-9
+_SLAB_CELLS = 4_000_000  # cells of a variable that are looked at together
 
 Columns = dict[str, NDArray[Any]]
 Chosen = float | str | slice | Sequence[float | str]
@@ -141,7 +143,10 @@ def query(
     InputError
         If a name is unknown, with the nearest known one. An empty answer is no error.
     """
-    data = open_cube(cube) if isinstance(cube, str | Path) else cube
+    if isinstance(cube, str | Path):
+        with opened_cube(cube) as data:
+            return query(data, variable, select, nearest, where).load()
+    data = cube
     chosen = _choose(cube_arrays(data), variable, select, nearest)
     answer = data[list(chosen.variables)].isel(chosen.rows)
     answer = answer.drop_vars([name for name in answer.coords if name not in chosen.coordinates])
@@ -164,14 +169,8 @@ def records(
     dict
         The coordinates by name, the variable and the outcome; flags by their meanings.
     """
-    chosen = _choose(cube, variable, select, nearest)
-    cells = chosen.shape
-    kept = np.ones(cells, bool) if where is None else chosen.meeting(where)
-    dims = chosen.target.dims
-    columns = {dim: chosen.spread(Variable((dim,), partial(np.arange, cube.sizes[dim]))) for dim in dims}
-    columns |= {name: chosen.column(name) for name in chosen.coordinates if dims}
-    columns |= {name: chosen.column(name) for name in chosen.variables}
-    return {name: column[kept] for name, column in columns.items()}
+    parts = [part.columns(where) for part in _choose(cube, variable, select, nearest).parts()]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def cell_count(
@@ -216,12 +215,29 @@ class _Choice:
         """Number of chosen cells along each dimension of the variable."""
         return tuple(self.rows[dim].size if dim in self.rows else self.cube.sizes[dim] for dim in self.target.dims)
 
+    def parts(self) -> Iterator[_Choice]:
+        """The same cells in slabs, in their order, so that no more than one is in memory besides what is chosen."""
+        shape = self.shape
+        if math.prod(shape) <= _SLAB_CELLS:
+            yield self
+            return
+        for slab in slabs(shape, box(shape, 1, _SLAB_CELLS)):
+            places = zip(self.target.dims, slab.place, strict=True)
+            rows = {dim: self.rows.get(dim, np.arange(self.cube.sizes[dim]))[place] for dim, place in places}
+            yield replace(self, rows={**self.rows, **rows})
+
+    def columns(self, where: str | None) -> Columns:
+        """The chosen cells that meet a condition, as columns of equal length."""
+        kept = np.ones(self.shape, bool) if where is None else self.meeting(where)
+        dims = self.target.dims
+        columns = {dim: self.spread(Variable((dim,), partial(_positions, self.cube.sizes[dim]))) for dim in dims}
+        columns |= {name: self.column(name) for name in self.coordinates if dims}
+        columns |= {name: self.column(name) for name in self.variables}
+        return {name: column[kept] for name, column in columns.items()}
+
     def spread(self, other: Variable) -> NDArray[Any]:
         """Values of a variable at the chosen cells, over the dimensions of the one that is asked for."""
-        taken = other.values
-        for axis, dim in enumerate(other.dims):
-            if dim in self.rows:
-                taken = np.take(taken, self.rows[dim], axis)
+        taken = other.at({dim: self.rows[dim] for dim in other.dims if dim in self.rows})
         order = [other.dims.index(dim) for dim in self.target.dims if dim in other.dims]
         missing = tuple(axis for axis, dim in enumerate(self.target.dims) if dim not in other.dims)
         return np.broadcast_to(np.expand_dims(taken.transpose(order), missing), self.shape)
@@ -236,6 +252,10 @@ class _Choice:
         along = [name for name, other in self.cube.variables.items() if set(other.dims) <= set(self.target.dims)]
         expression = Expression(where, [*self.coordinates, *along])
         return expression({name: self.column(name) for name in {self.variable, *expression.used}})
+
+
+def _positions(count: int, place: tuple[slice, ...]) -> NDArray[np.int64]:
+    return np.arange(count)[place]
 
 
 def _choose(

@@ -10,15 +10,9 @@ from numpy.typing import NDArray
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
-__all__ = ["TEXT_TABLE", "table_dimension", "with_texts"]
+from tripod_doe.study.netcdf import TEXT_TABLE
 
-TEXT_TABLE = "text_table"
-"""Attribute of a variable of numbers: the name of the variable with the texts to which they refer."""
-
-
-def table_dimension(name: str) -> str:
-    """The dimension of the table of a variable."""
-    return f"{name}_row"
+__all__ = ["with_texts"]
 
 
 class _Texts(BackendArray):

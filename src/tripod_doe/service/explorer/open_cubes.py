@@ -10,7 +10,7 @@ from pathlib import Path
 import xarray as xr
 
 from tripod_doe.errors import CubeError
-from tripod_doe.study.netcdf import reading
+from tripod_doe.study.netcdf import lazy_dataset, reading
 from tripod_doe.study.results import cube_files, cube_so_far, unshown_state
 
 __all__ = ["opened"]
@@ -63,10 +63,7 @@ def _keep(key: tuple[object, ...], cube: xr.Dataset) -> None:
 
 def _lazy(files: list[Path], stack: ExitStack) -> xr.Dataset:
     """The variables of several files, read when they are used, as long as the stack is open."""
-    datasets = []
-    for file in files:
-        with reading(file):
-            datasets.append(stack.enter_context(xr.open_dataset(file, engine="netcdf4", decode_timedelta=False)))
+    datasets = [stack.enter_context(lazy_dataset(file)) for file in files]
     cube, *costs = datasets
     for cost in costs:
         cube = cube.assign({name: cost[name] for name in cost.data_vars})
