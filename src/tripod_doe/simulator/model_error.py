@@ -118,6 +118,7 @@ class _KnownErrors:
     reasons: Counter[str] = field(default_factory=Counter)
 
     def add(self, errors: ModelErrors, own: NDArray[np.bool_]) -> None:
+        """Count some points, of which `own` are those of the model."""
         known = own & np.isfinite(errors.expected)
         self.count += int(own.sum())
         self.known += int(known.sum())
