@@ -195,8 +195,8 @@ def tilted_bearing(load, offset, clearance, stiffness, needle_count, length, sph
     Each ring of spheres is a bearing of its own: at the station x along the needles the roller has moved by D + b x,
     and the clearance is c + 8 h x^2 / l^2 with the crown h, which a needle has towards both partners. D and the tilt b
     follow from the balance of forces and of moments. A ring that carries F holds against moving across its load by u
-    with F u / (D + b x), since the load zone turns with the shift. So a moment M about the load yaws the roller by
-    M / sum(x^2 F / (D + b x)).
+    with F u / (D + b x), since the load zone turns with the shift. So a moment M about the load yaws the roller about
+    the middle of that resistance, by M / (sum(x^2 F / (D + b x)) - the same about the middle).
 
     Parameters
     ----------
@@ -242,7 +242,8 @@ def tilted_bearing(load, offset, clearance, stiffness, needle_count, length, sph
 def _rings(load, shift, tilt, clearance, bend, stiffness, needle_count, length, spheres):
     """Rings of spheres that carry a load at a given tilt: shift, sum of loads, moment, its slope, resistance to yaw."""
     for _ in range(_NEWTON):
-        along, moment, total, slope, slope_1, slope_2, yawing = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        along, moment, total, slope, slope_1, slope_2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        across, across_1, across_2 = 0.0, 0.0, 0.0
         nearest = math.inf
         for i in range(int(spheres)):
             x = length * ((i + 0.5) / spheres - 0.5)
@@ -250,7 +251,8 @@ def _rings(load, shift, tilt, clearance, bend, stiffness, needle_count, length, 
             carried, pressed, rise = _needle_loads(shift + tilt * x, room, stiffness / spheres, needle_count)
             along, moment, total = along + carried, moment + carried * x, total + pressed
             slope, slope_1, slope_2 = slope + rise, slope_1 + rise * x, slope_2 + rise * x * x
-            yawing += carried * x * x / max(shift + tilt * x, 1e-9)
+            held = carried / max(shift + tilt * x, 1e-9)
+            across, across_1, across_2 = across + held, across_1 + held * x, across_2 + held * x * x
             nearest = min(nearest, room - tilt * x)
         if slope == 0.0:
             shift = nearest + 2.0 * (spheres * load / stiffness) ** 0.9
@@ -259,6 +261,7 @@ def _rings(load, shift, tilt, clearance, bend, stiffness, needle_count, length, 
         if abs(change) <= 1e-10 * abs(shift) or abs(load - along) <= 1e-10 * load:
             break
         shift = max(shift + change, nearest + 0.01 * (shift - nearest))
+    yawing = across_2 - across_1 * across_1 / max(across, 1e-300)
     return shift, total, moment, slope_2 - slope_1 * slope_1 / max(slope, 1e-300), yawing
 
 

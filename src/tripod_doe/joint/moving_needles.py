@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.joint.balance_constants import TILT, point_constants_of
+from tripod_doe.joint.balance_constants import TILT, flank, point_constants_of
 from tripod_doe.joint.contact import tilted_bearing
 from tripod_doe.joint.moving_roller import added_motion
 from tripod_doe.joint.needle_constants import needle_constants_of
@@ -49,6 +49,9 @@ class NeedleMemory(ByReference):
 
     spins: FloatArray
     plunges: FloatArray
+    centres: FloatArray
+    yaws: FloatArray
+    turns: FloatArray
     loads: FloatArray
     offsets: FloatArray
     held: FloatArray
@@ -63,7 +66,7 @@ class NeedleMemory(ByReference):
         """Memory for so many samples a revolution."""
         shape = (3, -(-samples // WIDTH), WIDTH)
         return cls(
-            np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape),
+            *(np.zeros(shape) for _ in range(8)),
             np.zeros(MOST_NEEDLES, NEEDLE), np.zeros((MOST_NEEDLES, 2), NEEDLE_CONTACT),
             np.zeros(samples), np.zeros(samples), np.zeros(samples),
         )  # fmt: skip
@@ -83,12 +86,16 @@ def _read_motions(row, memory, ring):
             contact = leaning_contact(p, m, lean)
             past, given = (load(e.past_tilt, 0), load(e.past_spin, 0)), (0.0, 0.0, 0.0, load(e.steering, 0))
             added = added_motion(p, m, contact, cos_phi, load(e.root, 0), *past, given)
-            spin, plunge = load(e.spin, 0), m.along_trunnion + added.plunge + added.rocking
+            spin, centre = load(e.spin, 0), m.along_trunnion + added.plunge
+            plunge = centre + added.rocking
             slip = plunge * cosine - spin * p.needle_lever * sine
             force = -p.needle_sliding * cosine * laws.hyperbolic_tangent(0.5 * slip / p.needle_transition)
             off = m.distance - (p.pitch_radius + eccentricity)
             store(ring.spins[k], b, spin)
             store(ring.plunges[k], b, plunge)
+            store(ring.centres[k], b, centre)
+            store(ring.turns[k], b, m.w_r * m.t_r + m.w_t * m.t_t + m.w_z * m.t_z)
+            store(ring.yaws[k], b, flank(p) * load(e.steering, 0))
             store(ring.loads[k], b, load(e.normal, 0))
             store(ring.held[k], b, force)
             store(ring.offsets[k], b, off + p.roller_radius * lean - (p.roller_radius - p.bearing_radius) * force)
@@ -171,11 +178,13 @@ def _move_needles(row, needle_row, skews, memory, ring, seen):
     samples = memory.samples
     _read_motions(row, memory, ring)
     row[TILT] = _tilt_of(row, needle_row, samples, ring)
+    tilt = row[TILT] / point_constants_of(row).roller_radius
     for k in range(3):
         spins, plunges = ring.spins[k].reshape(-1)[:samples], ring.plunges[k].reshape(-1)[:samples]
+        yaws, turns = ring.yaws[k].reshape(-1)[:samples], ring.turns[k].reshape(-1)[:samples]
         loads, offsets = ring.loads[k].reshape(-1)[:samples], ring.offsets[k].reshape(-1)[:samples]
         skew = follow_roller(
-            needle_row, skews[k], spins, plunges, loads, offsets, ring.needles, ring.contacts, ring.forces,
+            needle_row, skews[k], tilt, spins, turns, plunges, loads, offsets, yaws, ring.needles, ring.contacts, ring.forces,
             ring.moments, ring.places, seen[k],
         )  # fmt: skip
         _add_forces(row, memory, ring, k, skew)

@@ -74,6 +74,8 @@ _REFRESHED = 4
 """Steps for which the loads' distribution along a needle is kept."""
 _NEWTON = 60
 """Iterations of a bearing's balance, at most; two are usual."""
+_MOST_SLIP = 40.0
+"""Slip of a needle over its transition velocity, at most."""
 _HOLDS = 1e-6
 """Resistance to yaw over the largest that is possible, from which on a needle is taken to have any."""
 
@@ -188,19 +190,32 @@ def _press(c, needles, load, turned, shift):
 
 
 @inlined_kernel
-def _move(c, needle, contacts, spin, plunge, offset, duration):
+def _free_slip(c, total, slope):
+    """Slip of a free needle on the trunnion: `total` on both, in a gap that widens outward by minus `slope`."""
+    sum_, pushed = min(max(total / c.transition, -_MOST_SLIP), _MOST_SLIP), -min(max(slope / c.sliding, -1.0), 1.0)
+    spread = 0.5 * pushed * math.cosh(sum_)
+    root = math.sqrt(spread * spread + 1.0 - 0.25 * pushed * pushed)
+    more = math.log((spread + root) / (1.0 - 0.5 * pushed))
+    return 0.5 * (total + c.transition * more)
+
+
+@inlined_kernel
+def _move(c, needle, contacts, spin, plunge, offset, slope, duration):
     """Move a needle on by a step; its force along the trunnion on the roller, and its moment about it."""
     sine, cosine = math.sin(needle.skew), math.cos(needle.skew)
     turning, around = 0.5 * c.lever * spin * sine, 0.5 * c.bore_radius * spin
-    wanted = needle.place + 0.5 * plunge * duration
-    needle.place = min(max(wanted, -c.reach), c.reach)
+    total = plunge * cosine - 2.0 * turning
+    free = _free_slip(c, total, slope)
+    wanted = needle.place + (free + turning) / cosine * duration
+    reach = c.reach + 0.5 * c.length * (1.0 - cosine)
+    needle.place = min(max(wanted, -reach), reach)
     stopped = needle.place != wanted
-    side = 1.0 if plunge > 0.0 else -1.0
-    on_trunnion = -turning if stopped else 0.5 * plunge * cosine - turning
-    on_bore = plunge * cosine - 2.0 * turning - on_trunnion
+    side = 1.0 if wanted > 0.0 else -1.0
+    on_trunnion = -turning if stopped else free
+    on_bore = total - on_trunnion
     drag_t = c.sliding * laws.hyperbolic_tangent(on_trunnion / c.transition)
     drag_b = c.sliding * laws.hyperbolic_tangent(on_bore / c.transition)
-    stop = max(side * (drag_b - drag_t), 0.0) if stopped else 0.0
+    stop = max(side * (drag_b - drag_t - slope), 0.0) if stopped else 0.0
     rubbing = c.sliding * stop * laws.hyperbolic_tangent(around / c.transition)
     wedge = (contacts[0].variance - contacts[1].variance) / c.pitch_radius
     held = contacts[0].variance * laws.secant_slope(abs(on_trunnion), c.transition)
@@ -237,14 +252,16 @@ def _between(values, j, share):
 
 
 @kernel
-def _step(c, needles, contacts, motion, duration, refresh, zone):
+def _step(c, needles, contacts, motion, gap, duration, refresh, zone):
     """Move all needles that carry load on by a step: force and moment on the roller, mean skew and place.
 
-    `motion` is spin, plunging and place of the load; `zone` the nearest needle, and how many to either side carry load.
+    `motion` is spin, plunging of the roller's middle, and place of the load; `gap` the roller's tilt and yaw, and their
+    rates; `zone` how far needles have moved around, the nearest needle, and how many to either side carry load.
     Also returns the skew of the needle that carries the most.
     """
     spin, plunge, offset = motion
-    nearest, before, after = zone
+    tilt, yaw, tilting, yawing = gap
+    turned, nearest, before, after = zone
     force, moment, leaning, placed, carried, most = 0.0, 0.0, 0.0, 0.0, 0.0, nearest % int(c.needles)
     for at in range(nearest - before, nearest + after + 1):
         slot = at % int(c.needles)
@@ -255,14 +272,17 @@ def _step(c, needles, contacts, motion, duration, refresh, zone):
         carried += needle.load
         if refresh or needle.known == 0.0:
             _distribute(c, needle, contacts[slot], offset)
-        along, about = _move(c, needle, contacts[slot], spin, plunge, offset, duration)
+        angle = 2.0 * math.pi / c.needles * at + turned
+        cosine, sine = math.cos(angle), math.sin(angle)
+        bore = plunge - c.bore_radius * (tilting * (1.0 - cosine) - yawing * sine)
+        along, about = _move(c, needle, contacts[slot], spin, bore, offset, tilt * cosine + yaw * sine, duration)
         force, moment = force + along, moment + about
     carried = max(carried, 1e-300)
     return force, moment, leaning / carried, placed / carried, needles[most].skew
 
 
 @kernel
-def follow_roller(row, skew, spins, plunges, loads, offsets, needles, contacts, forces, moments, places, skews):
+def follow_roller(row, skew, tilt, spins, turns, plunges, loads, offsets, yaws, needles, contacts, forces, moments, places, skews):
     """Move the needles of one trunnion along a revolution of their roller, again and again.
 
     Parameters
@@ -297,6 +317,7 @@ def follow_roller(row, skew, spins, plunges, loads, offsets, needles, contacts, 
     cycles, parts = int(c.cycles), -(-_STEPS // samples)
     duration = 2.0 * math.pi / c.speed / (samples * parts)
     shift, turned, weighted = max(c.clearance, 0.0) + 2.0 * (loads[0] / c.stiffness) ** 0.9, 0.0, 0.0
+    tilted, yawed, place = tilt * offsets[0], yaws[0], 0.0
     for j in range(cycles * samples):
         sample = j % samples
         for part in range(parts):
@@ -305,12 +326,16 @@ def follow_roller(row, skew, spins, plunges, loads, offsets, needles, contacts, 
             shift, nearest, before, after = _press(c, needles, load, turned, shift)
             if j > 0 or part > 0:
                 _admit(c, needles, nearest, before, after)
-            motion = (spin, _between(plunges, sample, share), _between(offsets, sample, share))
+            offset, yaw = _between(offsets, sample, share), _between(yaws, sample, share)
+            lean = tilt * (offset - place)
+            gap = (lean, yaw, (lean - tilted) / duration, (yaw - yawed) / duration)
+            tilted, yawed = lean, yaw
+            motion = (spin, _between(plunges, sample, share), offset)
             refresh = (j * parts + part) % _REFRESHED == 0
             force, moment, mean, place, first = _step(
-                c, needles, contacts, motion, duration, refresh, (nearest, before, after)
+                c, needles, contacts, motion, gap, duration, refresh, (turned, nearest, before, after)
             )
-            turned += 0.5 * c.bore_radius / c.pitch_radius * spin * duration
+            turned += (0.5 * c.bore_radius / c.pitch_radius * spin + _between(turns, sample, share)) * duration
             if part > 0:
                 continue
             skews[j] = first
