@@ -37,7 +37,7 @@ class NeedleMemory(ByReference):
 
     Attributes
     ----------
-    spins, plunges, loads, offsets
+    spins, plunges, loads, offsets, yaws, turns
         Motion of every roller, as `needle_motion.follow_roller` reads it, shape (3, eights, 8).
     held
         Force of needles that keep their skew along every trunnion, over N, shape (3, eights, 8).
@@ -49,11 +49,10 @@ class NeedleMemory(ByReference):
 
     spins: FloatArray
     plunges: FloatArray
-    centres: FloatArray
-    yaws: FloatArray
-    turns: FloatArray
     loads: FloatArray
     offsets: FloatArray
+    yaws: FloatArray
+    turns: FloatArray
     held: FloatArray
     needles: NDArray[np.void]
     contacts: NDArray[np.void]
@@ -66,7 +65,7 @@ class NeedleMemory(ByReference):
         """Memory for so many samples a revolution."""
         shape = (3, -(-samples // WIDTH), WIDTH)
         return cls(
-            *(np.zeros(shape) for _ in range(8)),
+            *(np.zeros(shape) for _ in range(7)),
             np.zeros(MOST_NEEDLES, NEEDLE), np.zeros((MOST_NEEDLES, 2), NEEDLE_CONTACT),
             np.zeros(samples), np.zeros(samples), np.zeros(samples),
         )  # fmt: skip
@@ -86,14 +85,12 @@ def _read_motions(row, memory, ring):
             contact = leaning_contact(p, m, lean)
             past, given = (load(e.past_tilt, 0), load(e.past_spin, 0)), (0.0, 0.0, 0.0, load(e.steering, 0))
             added = added_motion(p, m, contact, cos_phi, load(e.root, 0), *past, given)
-            spin, centre = load(e.spin, 0), m.along_trunnion + added.plunge
-            plunge = centre + added.rocking
+            spin, plunge = load(e.spin, 0), m.along_trunnion + added.plunge + added.rocking
             slip = plunge * cosine - spin * p.needle_lever * sine
             force = -p.needle_sliding * cosine * laws.hyperbolic_tangent(0.5 * slip / p.needle_transition)
             off = m.distance - (p.pitch_radius + eccentricity)
             store(ring.spins[k], b, spin)
             store(ring.plunges[k], b, plunge)
-            store(ring.centres[k], b, centre)
             store(ring.turns[k], b, m.w_r * m.t_r + m.w_t * m.t_t + m.w_z * m.t_z)
             store(ring.yaws[k], b, flank(p) * load(e.steering, 0))
             store(ring.loads[k], b, load(e.normal, 0))

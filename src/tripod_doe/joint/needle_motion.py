@@ -4,17 +4,26 @@ A roller's motion on its trunnion hardly depends on what its needles do, so they
 s, the plunging w and the normal force N over a revolution. Frame: t is the trunnion's axis, outward, n the normal of
 the trunnion at a needle, tau = t x n. A needle skewed by psi has the axis e = cos psi t - sin psi tau. At the angle
 gamma from the load it is pressed by D cos gamma - c; D follows from the balance of all needles' loads f with N. As the
-roller turns, a needle rolls around by d gamma / dt = s r_b / (2 r_p), to and fro: the same few needles carry the load.
+roller turns, a needle rolls around the trunnion by s r_b / (2 r_p), and the trunnion of a bent joint rocks about its
+own axis by w_t against the load, once a revolution and mostly the other way: d gamma / dt = s r_b / (2 r_p) + w_t. To
+and fro: the same few needles carry the load.
 
 Axial place. It rolls freely across its axis, and slips along it on trunnion and bore by v_t + v_b = w cos psi - s r_e
-sin psi. A free needle slips on both alike, so that it moves by w / 2 along the trunnion: half of the plunging, which is
-2 e to both sides. Where it is stopped by flange or retainer it rolls on in place:
+sin psi. In an even gap a free needle slips on both alike, and moves by w / 2 along the trunnion: half of the plunging,
+which is 2 e to both sides. But a roller that tilts by b and yaws by a narrows the gap outward, by beta = b cos gamma +
+a sin gamma. The normal forces push the needle to the wider side by beta f, which friction must hold:
 
-    v_t = -s r_e sin(psi) / 2,    v_b = w cos psi + v_t,    R = mu_n f (tanh(v_b / v_sn) - tanh(v_t / v_sn)),
+    mu_n (tanh(v_t / v_sn) - tanh(v_b / v_sn)) = -beta.
 
-where R is the force of the stop. It goes on until the roller turns back. At the stop the end of the needle rubs, as the
-needle moves around the trunnion by s r_b / 2: S = mu_n R tanh(s r_b / (2 v_sn)) against that motion. Trunnion and bore
-bear half of S each. By virtual power the needle does to the roller, along and about the trunnion,
+Friction hardly grows with slip: 2 mrad, a twentieth of mu_n, take a needle with the roller by 0.6 of its motion. Where
+it is stopped by flange or retainer it rolls on in place:
+
+    v_t = -s r_e sin(psi) / 2,    v_b = w cos psi + v_t,    R = mu_n f (tanh(v_b / v_sn) - tanh(v_t / v_sn)) - beta f,
+
+where R is the force of the outer stop. It goes on until the roller turns back. At the stop the end of the needle rubs,
+as the needle moves around the trunnion by s r_b / 2: S = mu_n R tanh(s r_b / (2 v_sn)) against that motion. Trunnion
+and bore bear half of S each. A skewed needle is shorter along the trunnion, by l (1 - cos psi). By virtual power it does
+to the roller, along and about the trunnion,
 
     -mu_n f tanh(v_b / v_sn) cos psi,    mu_n f (r_e / 2) sin psi (tanh(v_t / v_sn) + tanh(v_b / v_sn)) - S r_b / 2.
 
@@ -34,7 +43,7 @@ A needle is held in its skew where it hardly slips along its axis, and yaws per 
 time enters, and none of it depends on the speed of the joint.
 
 A needle without load is thrown against its outer stop, and lies along its neighbour that carries load. Left out are
-forces between needles, the tilt of the roller, and the needles' inertia.
+forces between needles, and the needles' inertia.
 """
 
 from __future__ import annotations
@@ -75,7 +84,7 @@ _REFRESHED = 4
 _NEWTON = 60
 """Iterations of a bearing's balance, at most; two are usual."""
 _MOST_SLIP = 40.0
-"""Slip of a needle over its transition velocity, at most."""
+"""Slip of a needle over its transition velocity, where it is limited for the exponential's sake."""
 _HOLDS = 1e-6
 """Resistance to yaw over the largest that is possible, from which on a needle is taken to have any."""
 
@@ -191,12 +200,15 @@ def _press(c, needles, load, turned, shift):
 
 @inlined_kernel
 def _free_slip(c, total, slope):
-    """Slip of a free needle on the trunnion: `total` on both, in a gap that widens outward by minus `slope`."""
-    sum_, pushed = min(max(total / c.transition, -_MOST_SLIP), _MOST_SLIP), -min(max(slope / c.sliding, -1.0), 1.0)
-    spread = 0.5 * pushed * math.cosh(sum_)
-    root = math.sqrt(spread * spread + 1.0 - 0.25 * pushed * pushed)
-    more = math.log((spread + root) / (1.0 - 0.5 * pushed))
-    return 0.5 * (total + c.transition * more)
+    """Slip of a free needle on the trunnion: it slips by `total` on both, in a gap that narrows outward by `slope`.
+
+    tanh u - tanh v = 2 sinh(u - v) / (cosh(u + v) + cosh(u - v)), a quadratic equation for exp(u - v).
+    """
+    both = min(max(total / c.transition, -_MOST_SLIP), _MOST_SLIP)
+    held = -min(max(slope / c.sliding, -1.0), 1.0)
+    spread = 0.5 * held * math.cosh(both)
+    root = math.sqrt(spread * spread + 1.0 - 0.25 * held * held)
+    return 0.5 * (total + c.transition * math.log((spread + root) / (1.0 - 0.5 * held)))
 
 
 @inlined_kernel
@@ -255,7 +267,7 @@ def _between(values, j, share):
 def _step(c, needles, contacts, motion, gap, duration, refresh, zone):
     """Move all needles that carry load on by a step: force and moment on the roller, mean skew and place.
 
-    `motion` is spin, plunging of the roller's middle, and place of the load; `gap` the roller's tilt and yaw, and their
+    `motion` is spin, plunging of the bore at the load, and place of the load; `gap` the roller's tilt and yaw, and their
     rates; `zone` how far needles have moved around, the nearest needle, and how many to either side carry load.
     Also returns the skew of the needle that carries the most.
     """
@@ -291,9 +303,14 @@ def follow_roller(row, skew, tilt, spins, turns, plunges, loads, offsets, yaws, 
         Of the table of `NeedleConstants`.
     skew
         Of all needles at the start, rad.
-    spins, plunges, loads, offsets
-        Of the roller on its trunnion over one revolution: rad/s, mm/s outward, normal force in N, and the place of the
-        load along the needles, from their middle, in mm; shape (sample,).
+    tilt
+        Of the roller over the distance of its load from the middle of the needles, rad/mm.
+    spins, turns
+        Over one revolution, shape (sample,): of the roller on its trunnion, and of the trunnion about its axis against
+        the load, rad/s.
+    plunges, loads, offsets, yaws
+        Of the roller, likewise: bore along the trunnion in mm/s outward, normal force in N, place of the load along the
+        needles, from their middle, in mm, and yaw in rad, which narrows the gap outward at gamma = 90 deg.
     needles, contacts
         Memory for `MOST_NEEDLES` records of `NEEDLE`, and as many pairs of `NEEDLE_CONTACT`.
     forces, moments
