@@ -65,7 +65,8 @@ class NeedleMemory(ByReference):
         """Memory for so many samples a revolution."""
         shape = (3, -(-samples // WIDTH), WIDTH)
         return cls(
-            *(np.zeros(shape) for _ in range(7)),
+            np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape),
+            np.zeros(shape),
             np.zeros(MOST_NEEDLES, NEEDLE), np.zeros((MOST_NEEDLES, 2), NEEDLE_CONTACT),
             np.zeros(samples), np.zeros(samples), np.zeros(samples),
         )  # fmt: skip
@@ -181,8 +182,8 @@ def _move_needles(row, needle_row, skews, memory, ring, seen):
         yaws, turns = ring.yaws[k].reshape(-1)[:samples], ring.turns[k].reshape(-1)[:samples]
         loads, offsets = ring.loads[k].reshape(-1)[:samples], ring.offsets[k].reshape(-1)[:samples]
         skew = follow_roller(
-            needle_row, skews[k], tilt, spins, turns, plunges, loads, offsets, yaws, ring.needles, ring.contacts, ring.forces,
-            ring.moments, ring.places, seen[k],
+            needle_row, skews[k], tilt, spins, turns, plunges, loads, offsets, yaws, ring.needles, ring.contacts,
+            ring.forces, ring.moments, ring.places, seen[k],
         )  # fmt: skip
         _add_forces(row, memory, ring, k, skew)
         _add_swing(row, memory, k, ring.forces, ring.places)

@@ -22,8 +22,8 @@ it is stopped by flange or retainer it rolls on in place:
 
 where R is the force of the outer stop. It goes on until the roller turns back. At the stop the end of the needle rubs,
 as the needle moves around the trunnion by s r_b / 2: S = mu_n R tanh(s r_b / (2 v_sn)) against that motion. Trunnion
-and bore bear half of S each. A skewed needle is shorter along the trunnion, by l (1 - cos psi). By virtual power it does
-to the roller, along and about the trunnion,
+and bore bear half of S each. A skewed needle is shorter along the trunnion, by l (1 - cos psi). By virtual power it
+does to the roller, along and about the trunnion,
 
     -mu_n f tanh(v_b / v_sn) cos psi,    mu_n f (r_e / 2) sin psi (tanh(v_t / v_sn) + tanh(v_b / v_sn)) - S r_b / 2.
 
@@ -267,7 +267,7 @@ def _between(values, j, share):
 def _step(c, needles, contacts, motion, gap, duration, refresh, zone):
     """Move all needles that carry load on by a step: force and moment on the roller, mean skew and place.
 
-    `motion` is spin, plunging of the bore at the load, and place of the load; `gap` the roller's tilt and yaw, and their
+    `motion` is spin, plunging of the bore at the load, and place of the load; `gap` the roller's tilt and yaw and their
     rates; `zone` how far needles have moved around, the nearest needle, and how many to either side carry load.
     Also returns the skew of the needle that carries the most.
     """
@@ -294,7 +294,9 @@ def _step(c, needles, contacts, motion, gap, duration, refresh, zone):
 
 
 @kernel
-def follow_roller(row, skew, tilt, spins, turns, plunges, loads, offsets, yaws, needles, contacts, forces, moments, places, skews):
+def follow_roller(
+    row, skew, tilt, spins, turns, plunges, loads, offsets, yaws, needles, contacts, forces, moments, places, skews
+):
     """Move the needles of one trunnion along a revolution of their roller, again and again.
 
     Parameters
