@@ -43,7 +43,7 @@ def follow(point: dict[str, float], method: str, setting: float, revolutions: in
     joint = JointInTurns(assemble(build_joint(values, needles=False)), values, METHODS[method], 60, LIMITS, 10**9)
     begun = time.process_time()
     turns = joint.follow(revolutions, setting)[revolutions // 3 :]
-    mean, chance = mean_and_chance(np.array([turn.orders for turn in turns]))
+    mean, chance = mean_and_chance(np.array([turn.thirds for turn in turns]))
     third, unsure = float(abs(mean[3])), float(chance[3])
     print(f"  {method:20s} {setting:8.2g}  third order {third:8.3f} +- {unsure:.3f} N  above order 12 "
           f"{np.mean([turn.unrest for turn in turns]):7.2f} N  {joint.force_evaluations / revolutions:8.0f} evaluations, "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,11 +11,13 @@ import pytest
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.revolutions import JointInTurns, Revolution, StoppedError
 from tripod_doe.joint.vibrating_run import follow_vibration, mean_and_chance
+from tripod_doe.mechanics.assembly import State
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.run import Limits, run
 from tripod_doe.simulator import Outcome
 
 METHOD = METHODS["rosenbrock"]
+SMOOTH = State(0.5, np.zeros((1, 7)), np.zeros((1, 6)))
 
 
 class Turning:
@@ -22,9 +25,13 @@ class Turning:
 
     method, has_needles = METHOD, False
 
-    def __init__(self, joint_values, by_steps=0.0, by_chance=0.0, growing=0):
+    def __init__(self, joint_values, by_steps=0.0, by_chance=0.0, growing=0, uneven=0.0):
         self.values, self.by_steps, self.by_chance, self.growing = joint_values(), by_steps, by_chance, growing
+        self.uneven, self.begun = uneven, 0
         self.rng, self.turns, self.settings, self.taken_over = np.random.default_rng(3), 0, [], []
+
+    def begin(self, state, setting):
+        self.begun += 1
 
     def follow(self, count, setting):
         self.settings.append(setting)
@@ -35,10 +42,11 @@ class Turning:
 
     def _turn(self, setting):
         self.turns += 1
-        orders = np.zeros(ORDERS.size, complex)
-        orders[3] = 10 + self.by_steps * setting + self.by_chance * self.rng.normal()
-        unrest = 1.5 ** min(self.turns, self.growing)
-        return Revolution(np.zeros((3, 4)), orders, None, np.zeros(5), unrest, None, None, 0.0, 0.0)
+        thirds = np.zeros((3, ORDERS.size), complex)
+        thirds[:, 3] = 10 + self.by_steps * setting + self.by_chance * math.sqrt(3) * (self.rng.normal(size=(3, 2)) @ [1, 1j])
+        thirds[:, 3] += self.uneven * np.array([1, -2, 1])
+        unrests = np.full(3, 1.5 ** min(self.turns, self.growing))
+        return Revolution(np.zeros((3, 4)), thirds, None, np.zeros(5), unrests, None, None, 0.0, 0.0)
 
 
 def allowed(amplitudes):
@@ -57,6 +65,30 @@ def test_a_regular_vibration_is_followed_once_and_again_finer(joint_values):
     assert joint.taken_over == [1e-3]
 
 
+def test_a_vibration_that_builds_up_within_a_revolution_needs_two(joint_values):
+    """Regression: six revolutions were followed, which at 35 rpm took 70 s."""
+    joint = Turning(joint_values)
+    found = follow_vibration(joint, 4e-3, allowed, SMOOTH)
+    assert found.certain
+    assert (joint.begun, found.followed, found.revolutions, joint.settings) == (1, 2, 2, [4e-3, 1e-3])
+
+
+def test_one_revolution_tells_its_chance_by_thirds(joint_values):
+    """Exact: 0.6 N of 10 N by chance are 12 %, where 2 % is allowed."""
+    found = follow_vibration(Turning(joint_values, by_chance=0.6), 4e-3, allowed, SMOOTH)
+    assert found.certain
+    assert found.revolutions >= 36
+    assert abs(found.third - 10) < found.readings.amplitude_error[3] <= 0.02 * found.third
+
+
+def test_thirds_that_differ_alike_in_all_revolutions_are_no_chance(joint_values):
+    """Uneven skews: a revolution by itself cannot tell, a second one does."""
+    found = follow_vibration(Turning(joint_values, uneven=1.0), 4e-3, allowed, SMOOTH)
+    assert found.certain
+    assert found.followed <= 4
+    assert found.readings.amplitude_error[3] < 1e-9
+
+
 def test_growth_is_waited_for(joint_values):
     assert follow_vibration(Turning(joint_values, growing=9), 4e-3, allowed).followed > 18
 
@@ -65,7 +97,7 @@ def test_what_is_uneven_in_finer_steps_is_followed_on(joint_values):
     """Regression: certain orders of finer revolutions, which by chance grew, ended as not settled."""
     joint, unrest = Turning(joint_values), iter([1.0] * 4 + [1.0, 1.5, 2.0] + [1.5] * 100)
     turn = joint._turn
-    joint._turn = lambda setting: replace(turn(setting), unrest=next(unrest))
+    joint._turn = lambda setting: replace(turn(setting), unrests=np.full(3, next(unrest)))
     found = follow_vibration(joint, 4e-3, allowed)
     assert found.steady
     assert found.certain
@@ -97,12 +129,12 @@ def test_a_vibration_that_never_settles_says_so(joint_values):
 
 def test_revolutions_that_are_alike_tell_less():
     """Exact: of a process that keeps r of itself, n values are worth n (1 - r) / (1 + r)."""
-    rng, keeps, count = np.random.default_rng(1), 0.6, 4000
+    rng, keeps, count = np.random.default_rng(1), 0.6, 3999
     values = np.zeros((count, 13), complex)
     for k in range(1, count):
-        values[k] = keeps * values[k - 1] + rng.normal(size=13)
-    expected = 2 * values.std(0) * np.sqrt((1 + keeps) / (1 - keeps) / count)
-    assert mean_and_chance(values)[1] == pytest.approx(expected, rel=0.1)
+        values[k] = keeps * values[k - 1] + rng.normal(size=(13, 2)) @ [1, 1j]
+    expected = 2 * values.real.std(0) * np.sqrt((1 + keeps) / (1 - keeps) / count)
+    assert mean_and_chance(values.reshape(-1, 3, 13))[1][1:] == pytest.approx(expected[1:], rel=0.1)
 
 
 @pytest.fixture

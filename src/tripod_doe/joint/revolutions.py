@@ -33,7 +33,8 @@ _RATE = 2e4
 """Least samples per second: contact damping keeps the contacts, which could vibrate faster, from doing so."""
 
 _TAKING_OVER = 1 / 3
-"""Part of a revolution in which other steps take over: the motion repeats after it, but for skews that differ."""
+"""Part of a revolution in which other steps take over, at most: the motion repeats after it, but for skews that
+differ."""
 
 _BALANCED = 12
 """Samples of a revolution at which energies are balanced."""
@@ -62,14 +63,14 @@ class Revolution:
     ----------
     thrust
         At each groove, shape (groove, sample).
-    orders
-        Complex orders of their sum, shape (order,).
+    thirds
+        Complex orders of their sum, each third of the revolution by itself, shape (3, order).
     parts
         Part of each mechanism, shape (part, sample); None unless requested.
     power
         Mean power lost to each mechanism, shape (mechanism,).
-    unrest
-        Effective value of the thrust above the orders that are reported.
+    unrests
+        Effective value of the thrust above the orders that are reported, in each third, shape (3,).
     skew, skew_summary
         See `needle_skews`; None without needles.
     penetration, energy_residual
@@ -77,14 +78,25 @@ class Revolution:
     """
 
     thrust: FloatArray
-    orders: ComplexArray
+    thirds: ComplexArray
     parts: FloatArray | None
     power: FloatArray
-    unrest: float
+    unrests: FloatArray
     skew: FloatArray | None
     skew_summary: FloatArray | None
     penetration: float
     energy_residual: float
+
+    @property
+    def orders(self) -> ComplexArray:
+        """Complex orders of the thrust, shape (order,)."""
+        orders: ComplexArray = self.thirds.mean(0)
+        return orders
+
+    @property
+    def unrest(self) -> float:
+        """Effective value of the thrust above the orders that are reported."""
+        return float(np.sqrt((self.unrests**2).mean()))
 
 
 @dataclass
@@ -105,6 +117,8 @@ class JointInTurns:
         Force evaluations that are left.
     split
         Whether the thrust is split into the parts of the mechanisms.
+    taking_over
+        Part of a revolution in which other steps take over.
     state
         Where it has come to; None at its start.
     last_turn
@@ -122,6 +136,7 @@ class JointInTurns:
     limits: Limits
     budget: int
     split: bool = False
+    taking_over: float = _TAKING_OVER
     state: State | None = None
     last_turn: Run | None = None
     halved: int = 0
@@ -133,6 +148,21 @@ class JointInTurns:
     def has_needles(self) -> bool:
         """Whether needles are bodies."""
         return "needle 1.1" in self.assembly.names
+
+    def begin(self, state: State, setting: float) -> None:
+        """Go on from a state of another motion to the end of its revolution, by which this one has settled.
+
+        After that other steps take over in half of the time.
+
+        Raises
+        ------
+        StoppedError
+            See `follow`.
+        """
+        self.state = state
+        left = math.ceil(state.time / self._duration) * self._duration - state.time
+        self.taking_over = min(_TAKING_OVER, 0.5 * left / self._duration)
+        self._turn(setting, left)
 
     def follow(self, count: int, setting: float) -> list[Revolution]:
         """Follow so many revolutions with a tolerance or step.
@@ -158,7 +188,7 @@ class JointInTurns:
         if self.last_turn is None:
             return
         times, end = self.last_turn.times, float(self.last_turn.times[-1])
-        back = int(np.searchsorted(times, end - self._duration * _TAKING_OVER))
+        back = int(np.searchsorted(times, end - self._duration * self.taking_over))
         self.state = State(float(times[back]), self.last_turn.positions[back], self.last_turn.velocities[back])
         self._turn(setting, end - self.state.time)
 
@@ -198,7 +228,8 @@ class JointInTurns:
         Steps resolve the vibration, so that a cubic through what is read at them is as good as they are.
         """
         rate = max(_RATE, result.steps / self._duration)
-        angles = np.arange(self.samples * math.ceil(rate * self._duration / self.samples))
+        samples = math.lcm(3, self.samples)
+        angles = np.arange(samples * math.ceil(rate * self._duration / samples))
         times = result.times[0] + self._duration * angles / angles.size
         states = (result.times, result.positions, result.velocities)
 
@@ -213,13 +244,26 @@ class JointInTurns:
             skew, summary = needle_skews(self.assembly, result.positions[nearest], self.values, 1)
         parts = at_equal_distances(thrust_parts(self.assembly, *states, self.values).sum(1)) if self.split else None
         return Revolution(
-            resample(thrust, self.samples, axis=-1), complex_amplitudes(total),
-            None if parts is None else resample(parts, self.samples, axis=-1), power.mean(1), unrest(total),
+            resample(thrust, self.samples, axis=-1), _orders_of_thirds(total),
+            None if parts is None else resample(parts, self.samples, axis=-1), power.mean(1), _unrests(total, 3),
             skew, summary, result.penetration, result.energy_residual,
         )  # fmt: skip
 
 
 def unrest(thrust: FloatArray) -> float:
     """Effective value of a thrust above the orders that are reported, from its samples over one revolution."""
+    return float(_unrests(thrust, 1)[0])
+
+
+def _unrests(thrust: FloatArray, parts: int) -> FloatArray:
+    """The same in equal parts of the revolution, shape (part,)."""
     reported = np.fft.irfft(np.fft.rfft(thrust)[: ORDERS.size], thrust.size)
-    return float(np.sqrt(((thrust - reported) ** 2).mean()))
+    values: FloatArray = np.sqrt(((thrust - reported) ** 2).reshape(parts, -1).mean(1))
+    return values
+
+
+def _orders_of_thirds(thrust: FloatArray) -> ComplexArray:
+    """Complex orders of a thrust over one revolution, each third by itself: their mean is that of the revolution."""
+    thirds = np.zeros((3, 3, thrust.size // 3))
+    thirds[range(3), range(3)] = 3 * thrust.reshape(3, -1)
+    return complex_amplitudes(thirds.reshape(3, -1))

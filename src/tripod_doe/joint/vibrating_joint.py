@@ -130,10 +130,11 @@ class VibratingJoint:
             assemble(build_joint(self._values, needles)), self._values, method, self._samples, self._limits, budget,
             self._split,
         )  # fmt: skip
+        builds_up = None if needles else self._vibration.builds_up()
         self._joints.append(joint)
         with first_compilation(f"vibrating joints with {method.name}", seconds=30):
             run(joint.assembly, method.name, 1e-9, step=1e-9, limits=self._limits)
-        return follow_vibration(joint, setting, self._allowed)
+        return follow_vibration(joint, setting, self._allowed, builds_up)
 
     @property
     def _builds_up(self) -> bool:

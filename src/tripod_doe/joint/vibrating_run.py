@@ -1,9 +1,13 @@
 """A joint that vibrates by itself, followed until the mean orders of its thrust are certain.
 
 The vibration is not in step with the rotation: revolutions differ by chance, and an order is the mean over revolutions.
+With three trunnions thirds of a revolution are alike but for their skews: a revolution tells by its thirds what chance
+makes of it (`mean_and_chance`).
+
 The joint is followed from its start in steps that resolve the vibration. The beginning is dropped, and the joint is
-followed for longer until the vibration has stopped growing. As many revolutions, or two where chance hardly matters, go
-on in finer steps: what the two means differ by, beyond chance, tells the errors of both. The answer is the mean of all
+followed for longer until the vibration has stopped growing. Where the vibration builds up within a revolution, one that
+begins so long after the smooth motion is enough. As many revolutions, or few where chance hardly matters, go on in
+finer steps: what the two means differ by, beyond chance, tells the errors of both. The answer is the mean of all
 revolutions where steps hardly matter, and of those in finer steps where they do. Still finer steps follow, or more
 revolutions, whichever error is the larger, until the orders are as certain as they are asked to be.
 """
@@ -18,7 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint.joint_run import Readings
+from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.revolutions import JointInTurns, Revolution
+from tripod_doe.mechanics.assembly import State
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
 
@@ -35,8 +41,8 @@ _FIRST, _DROPPED, _MOST = 4, 1 / 3, 128
 """Revolutions that are followed at first, share of them that is dropped, and revolutions that are followed at most."""
 
 _FEWEST, _HARDLY = 2, 0.5
-"""Revolutions in finer steps that are followed at least, where chance makes no more than such a share of the allowed
-error: of two instead of three it makes a fifth more, which leaves room for the error of the steps."""
+"""Revolutions that an answer is made of at least, also in finer steps unless the vibration builds up in one of them;
+where chance makes more than such a share of the allowed error, as many as in the steps before."""
 
 _BY_CHANCE = 0.9
 """Share of the allowed error that chance makes up where more revolutions are aimed at."""
@@ -87,7 +93,7 @@ class FollowedVibration:
     setting
         Tolerance or step of the finest of them.
     third, scatter
-        Third order of the thrust, and its standard deviation between revolutions.
+        Third order of the thrust, and the standard deviation of that of a revolution.
     unrest
         Effective value of the thrust above the orders that are reported.
     steady
@@ -109,7 +115,9 @@ class FollowedVibration:
     readings: Readings
 
 
-def follow_vibration(joint: JointInTurns, setting: float, allowed: Allowed) -> FollowedVibration:
+def follow_vibration(
+    joint: JointInTurns, setting: float, allowed: Allowed, builds_up: State | None = None
+) -> FollowedVibration:
     """Follow a joint from its start until the mean orders of its thrust are certain.
 
     Parameters
@@ -120,24 +128,33 @@ def follow_vibration(joint: JointInTurns, setting: float, allowed: Allowed) -> F
         Tolerance or step to begin with.
     allowed
         Errors that orders of such amplitudes may have, infinite where any will do; shape (order,) each.
+    builds_up
+        A state of the smooth motion from which the vibration builds up before the revolution ends; without it the
+        joint is followed from its start.
 
     Raises
     ------
     StoppedError
         If the run stops on its way, or its budget is used up.
     """
+    first, fewest = max(_FIRST, int(joint.values.cycles)), _FEWEST
+    if builds_up:
+        joint.begin(builds_up, setting)
+        first = fewest = 1
     finer = _FINER if joint.method.controlled else _FINER ** (1 / joint.method.order)
-    passed = joint.follow(max(_FIRST, int(joint.values.cycles)), setting)
+    passed = joint.follow(first, setting)
     while not _tells_steps(kept := passed[round(_DROPPED * len(passed)) :], allowed) and len(passed) < _MOST:
         passed += joint.follow(min(len(kept), _MOST - len(passed)), setting)
     while True:
         setting /= finer
         joint.change_to(setting)
-        coarse, kept = kept, joint.follow(_in_finer_steps(kept, allowed), setting)
+        coarse, kept = kept, joint.follow(_in_finer_steps(kept, allowed, fewest), setting)
         found = _Compared.of(coarse, kept, allowed)
         while (left := _MOST - len(passed) - len(kept)) > 0:
             if not _is_steady(kept):
                 more = len(kept)
+            elif not found.pooled and len(kept) < _FEWEST:
+                more = _FEWEST - len(kept)
             elif found.wants_revolutions:
                 more = found.lacking(len(coarse), len(kept))
             else:
@@ -149,25 +166,32 @@ def follow_vibration(joint: JointInTurns, setting: float, allowed: Allowed) -> F
             return _followed(joint, passed, coarse, kept, setting, found)
 
 
-def mean_and_chance(orders: ComplexArray, *others: ComplexArray) -> tuple[ComplexArray, FloatArray]:
-    """Mean orders of revolutions that differ by chance, and twice the standard deviation of each mean.
+def mean_and_chance(thirds: ComplexArray, *others: ComplexArray) -> tuple[ComplexArray, FloatArray]:
+    """Mean orders of revolutions that differ by chance, and twice the standard deviation of the amplitude of each mean.
 
-    Revolutions that follow each other are alike: where neighbours correlate by r, n of them are worth n (1 - r) /
-    (1 + r) independent ones, as of a process that forgets at a constant rate. All orders tell r together.
+    A third of a revolution differs from the mean by what skews make of it, the same in every revolution, and by chance.
+    Thirds that follow each other are alike: where neighbours correlate by r, n of them are worth n (1 - r) / (1 + r)
+    independent ones, as of a process that forgets at a constant rate. All orders tell r together. Chance moves a
+    complex order any way, its amplitude by half of that variance.
 
     Parameters
     ----------
-    orders
-        Complex orders, shape (revolution, order), of two revolutions or more.
+    thirds
+        Complex orders of every third of revolutions that follow each other, shape (revolution, 3, order). Of a single
+        revolution, what skews make of its thirds counts as chance.
     others
         Those of other revolutions, about means of their own: few revolutions tell little of chance.
     """
-    apart = [group - group.mean(0) for group in (orders, *others)]
+    groups = (thirds, *others)
+    revolutions = sum(map(len, groups))
+    by_place = sum((group - group.mean((0, 1))).sum(0) for group in groups) / revolutions if revolutions > 1 else 0.0
+    apart = [(group - group.mean((0, 1)) - by_place).reshape(-1, group.shape[2]) for group in groups]
     squares = sum((np.abs(group) ** 2).sum(0) for group in apart)
     neighbours = sum(float((group[1:] * group[:-1].conj()).real.sum()) for group in apart)
     alike = min(max(neighbours / max(float(np.sum(squares)), _TINY), 0.0), _MOST_ALIKE)
-    variance = squares / sum(len(group) - 1 for group in apart)
-    return orders.mean(0), 2 * np.sqrt(variance / len(orders) * (1 + alike) / (1 - alike))
+    free = 3 * revolutions - len(groups) - (2 if revolutions > 1 else 0)
+    variance = squares / free * (1 + alike) / (1 - alike) * np.where(ORDERS > 0, 0.5, 1.0)
+    return thirds.mean((0, 1)), 2 * np.sqrt(variance / (3 * len(thirds)))
 
 
 @dataclass(frozen=True)
@@ -192,23 +216,25 @@ class _Compared:
 
     @classmethod
     def of(cls, coarse: Sequence[Revolution], fine: Sequence[Revolution], allowed: Allowed) -> _Compared:
-        """The mean of the finer revolutions or of both, whichever is the more certain.
+        """The mean of the finer revolutions or of both, whichever is the more certain; few finer ones only if need be.
 
         What the two means differ by beyond chance is three times the error of the finer steps, but no difference is
         known better than its standard deviation; the error of the coarser steps is four times as large.
         """
-        coarsely, finely = _orders(coarse), _orders(fine)
+        coarsely, finely = _thirds(coarse), _thirds(fine)
         (before, chance_before), (mean, chance) = mean_and_chance(coarsely, finely), mean_and_chance(finely, coarsely)
-        apart_by_chance = (chance**2 + chance_before**2) / 4
+        apart_by_chance = (chance**2 + chance_before**2) / 2  # both ways
         by_steps = np.sqrt(np.maximum(np.abs(mean - before) ** 2 - apart_by_chance, apart_by_chance)) / (_FINER - 1)
         share = len(coarse) / (len(coarse) + len(fine))
         both = share * before + (1 - share) * mean
-        found = [
-            cls(False, mean, by_steps, chance, allowed(np.abs(mean))),
-            cls(True, both, (1 + (_FINER - 1) * share) * by_steps,
-                np.hypot(share * chance_before, (1 - share) * chance), allowed(np.abs(both))),
-        ]  # fmt: skip
-        return min(found, key=lambda one: one.miss)
+        finer = cls(False, mean, by_steps, chance, allowed(np.abs(mean)))
+        pooled = cls(
+            True, both, (1 + (_FINER - 1) * share) * by_steps,
+            np.hypot(share * chance_before, (1 - share) * chance), allowed(np.abs(both)),
+        )  # fmt: skip
+        if pooled.certain and len(fine) < _FEWEST:
+            return pooled
+        return min(finer, pooled, key=lambda one: one.miss)
 
     @property
     def error(self) -> FloatArray:
@@ -241,27 +267,30 @@ class _Compared:
 
 def _tells_steps(kept: Sequence[Revolution], allowed: Allowed) -> bool:
     """Whether a vibration has stopped growing, and its orders are known well enough to tell what finer steps change."""
-    mean, chance = mean_and_chance(_orders(kept))
+    mean, chance = mean_and_chance(_thirds(kept))
     return _is_steady(kept) and bool((chance <= _COARSELY * allowed(np.abs(mean))).all())
 
 
-def _in_finer_steps(kept: Sequence[Revolution], allowed: Allowed) -> int:
+def _in_finer_steps(kept: Sequence[Revolution], allowed: Allowed, fewest: int) -> int:
     """How many revolutions to follow in finer steps than these."""
-    mean, chance = mean_and_chance(_orders(kept))
-    return _FEWEST if (chance <= _HARDLY * allowed(np.abs(mean))).all() else len(kept)
+    mean, chance = mean_and_chance(_thirds(kept))
+    return fewest if (chance <= _HARDLY * allowed(np.abs(mean))).all() else len(kept)
 
 
 def _is_steady(kept: Sequence[Revolution]) -> bool:
-    """Whether a vibration is as large in the second half of revolutions as in the first, but for chance."""
-    sizes = np.array([each.unrest for each in kept])
+    """Whether a vibration is as large in the second half of revolutions as in the first, but for chance.
+
+    A single revolution is held against itself by its first and its last third.
+    """
+    sizes = np.concatenate([each.unrests for each in kept])
     half = sizes.size // 2
     first, second = sizes[:half], sizes[-half:]
     chance = 2 * math.sqrt(sum(part.var(ddof=1) / half for part in (first, second))) if half > 1 else 0.0
     return bool(abs(second.mean() - first.mean()) <= max(chance, _STEADY * sizes.mean()))
 
 
-def _orders(revolutions: Sequence[Revolution]) -> ComplexArray:
-    return np.array([each.orders for each in revolutions])
+def _thirds(revolutions: Sequence[Revolution]) -> ComplexArray:
+    return np.array([each.thirds for each in revolutions])
 
 
 def _followed(
@@ -281,7 +310,7 @@ def _followed(
         np.mean([each.power for each in kept], axis=0), found.error, skew, summary,
         max(each.penetration for each in passed), max((each.energy_residual for each in kept), key=abs),
     )  # fmt: skip
-    scatter = float(np.abs(_orders(kept)[:, 3]).std(ddof=1))
+    scatter = float(found.by_chance[3]) / 2 * math.sqrt(len(kept))
     steady = _is_steady(fine)
     return FollowedVibration(
         len(kept), len(passed), setting, float(abs(found.mean[3])), scatter,

@@ -57,11 +57,15 @@ class Growth:
         The same as a rate, 1/time: negative where all departures die out.
     frequency
         Angular frequency of the departure where it grows fastest; zero where none oscillates.
+    climb
+        What departures grow by in those parts of the motion in which some oscillating one does: a logarithm, more than
+        that of the factor where they die out in between.
     """
 
     factor: float
     rate: float
     frequency: float
+    climb: float = 0.0
 
 
 def departure_matrices(assembly: Assembly, states: Sequence[State], duration: float) -> FloatArray:
@@ -107,11 +111,13 @@ def _growth(matrices: FloatArray, part: float) -> Growth:
         carried = np.ldexp(carried, -exponent)  # at low speed departures outgrow the numbers within a revolution
         log_scale += log_moved + exponent * math.log(2)
     log_factor = math.log(float(np.abs(np.linalg.eigvals(carried)).max())) + log_scale
-    frequency = 0.0
+    frequency = climb = 0.0
     if log_factor > 0:
-        rates = np.linalg.eigvals(matrices).ravel()
-        frequency = abs(float(rates[rates.real.argmax()].imag))
-    return Growth(math.exp(min(log_factor, _LARGEST_LOG)), log_factor / (part * len(matrices)), frequency)
+        rates = np.linalg.eigvals(matrices)
+        frequency = abs(float(rates.flat[rates.real.argmax()].imag))
+        climb = part * float(np.where(rates.imag > 0, rates.real, 0.0).max(axis=1).sum())
+    rate = log_factor / (part * len(matrices))
+    return Growth(math.exp(min(log_factor, _LARGEST_LOG)), rate, frequency, climb)
 
 
 def _exponential(matrix: FloatArray) -> tuple[FloatArray, float]:
