@@ -16,10 +16,10 @@ import time
 
 import numpy as np
 
+from tripod_doe.joint.chance import mean_and_chance
 from tripod_doe.joint.multibody_scene import build_joint
 from tripod_doe.joint.parameters import point_values
 from tripod_doe.joint.revolutions import JointInTurns
-from tripod_doe.joint.vibrating_run import mean_and_chance
 from tripod_doe.joint.vibration import growing_vibration
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.integrators.registry import METHODS

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import tripod_doe as td
+from tripod_doe.joint.chance import mean_and_chance
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.readings import groove_thrust
 from tripod_doe.joint.revolutions import JointInTurns
-from tripod_doe.joint.vibrating_run import mean_and_chance
 from tripod_doe.joint.vibration import damping_against, growing_vibration
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.monitor import Settings

@@ -6,7 +6,8 @@ instead, for the numerical error (`numerical_error`).
 
 Halving steps cannot show what all affordable steps damp: many joints vibrate by themselves. So it is asked first
 whether a joint does (`vibration`). If so, runs by the models' own method are followed with the vibration, and others
-are compared with that (`vibrating_joint`).
+are compared with that (`vibrating_joint`). So are `rollers` that come to no result otherwise: some vibrate only after a
+kick, as their start is one.
 """
 
 from __future__ import annotations
@@ -37,10 +38,10 @@ from tripod_doe.joint.revolutions import unrest
 from tripod_doe.joint.thrust_parts import thrust_parts
 from tripod_doe.joint.values import JointValues
 from tripod_doe.joint.vibrating_joint import VibratingJoint
-from tripod_doe.joint.vibration import growing_vibration
+from tripod_doe.joint.vibration import Vibration, growing_vibration
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
 from tripod_doe.mechanics.first_compilation import first_compilation
-from tripod_doe.mechanics.floquet import departure_matrices
+from tripod_doe.mechanics.floquet import Growth, departure_matrices
 from tripod_doe.mechanics.linearisation import fastest_rates
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.rates import Rates
@@ -66,6 +67,9 @@ joint dissipates nothing, and its rounding cannot be related to nothing."""
 
 _DAMPS = "adaptive-euler"
 """The models' own method, which damps vibrations."""
+
+_DIES_OUT = Growth(1.0, 0.0, 0.0)
+"""Of departures from a motion that a kick may leave all the same, for one that lasts."""
 
 _RATE_STATES = 12
 """States of a third of a revolution at which a run is linearised."""
@@ -103,8 +107,7 @@ def run_joint(
     settles = math.isnan(values.step) and math.isnan(values.relative_tolerance)
     vibrating = None
     if found := growing_vibration(values):
-        allowed = partial(goal.allowed, values=values)
-        vibrating = VibratingJoint(values, found, samples, run_limits(values, 1, _DAMPS), allowed, split)
+        vibrating = _vibrating(values, found, samples, goal, split)
         if settles and method == _DAMPS and (answer := vibrating.answer(needles)):
             return _with_rates(answer, vibrating.last_turn, values) if rates else answer
     assembly = assemble(build_joint(values, needles))
@@ -125,12 +128,25 @@ def run_joint(
         if outcome == Outcome.FINISHED and vibrating:
             third = None if needles else float(abs(complex_amplitudes(thrust).mean(0)[3]))
             outcome, detail = vibrating.verdict(third, ERROR_LIMIT)
+        elif outcome == Outcome.INACCURATE and not (needles or found) and settles and method == _DAMPS:
+            third = float(abs(complex_amplitudes(thrust).mean(0)[3]))
+            kicked = _vibrating(values, Vibration(_DIES_OUT, third, unrest=0.0), samples, goal, split)
+            if (answer := kicked.answer(needles)) and answer.outcome == Outcome.FINISHED:
+                return _with_rates(answer, kicked.last_turn, values) if rates else answer
         done = JointRun(outcome, detail, readings, followed=float(result.times[-1]))
     return replace(
         done, setting=motion.setting, settled=settles,
         steps=sum(part.steps for part in motion.runs), solves=sum(part.solves for part in motion.runs),
         force_evaluations=sum(part.force_evaluations for part in motion.runs),
     )  # fmt: skip
+
+
+def _vibrating(
+    values: JointValues[float], vibration: Vibration, samples: int, goal: Goal, split: bool
+) -> VibratingJoint:
+    """A joint that vibrates, to be followed as accurately as a goal asks for."""
+    limits, allowed = run_limits(values, 1, _DAMPS), partial(goal.allowed, values=values)
+    return VibratingJoint(values, vibration, samples, limits, allowed, split)
 
 
 def _follow_to(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -85,12 +86,6 @@ class Pass:
     orders: ComplexArray
 
     @property
-    def scatter(self) -> FloatArray:
-        """Mean square difference of every order between two revolutions, shape (order,)."""
-        squares: FloatArray = 2 * self.orders.var(axis=0, ddof=1)
-        return squares
-
-    @property
     def evaluations_per_sample(self) -> float:
         """Force evaluations from one sample to the next."""
         return sum(part.force_evaluations for part in self.parts) / sum(part.times.size - 1 for part in self.parts)
@@ -125,7 +120,8 @@ class FollowedJoint:
         return int(self.values.evaluation_budget) - sum(part.force_evaluations for part in self.runs)
 
     @property
-    def _has_needles(self) -> bool:
+    def remembers(self) -> bool:
+        """Whether needles are bodies: their skew is what all steps before made of it."""
         return "needle 1.1" in self.assembly.names
 
     @property
@@ -167,7 +163,7 @@ class FollowedJoint:
         Needles are followed from the start again: their skew is what all steps before made of it (with steps of 0.5 deg
         in the dropped revolutions the second order of the reference joint is 12 % too small).
         """
-        lead = coarse.before if self._has_needles else min(self.samples // LEAD, coarse.before)
+        lead = coarse.before if self.remembers else min(self.samples // LEAD, coarse.before)
         start = _state(coarse.parts[0], coarse.before - lead)
         length = lead + len(coarse.orders) * self.samples
         return self._pass(setting, (self._follow(setting, length, start),), lead)
@@ -178,6 +174,11 @@ class FollowedJoint:
         part = self._follow(one.setting, more, _state(one.parts[-1], -1))
         return self._pass(one.setting, (*one.parts, part), one.before)
 
+    def last(self, one: Pass, revolutions: int) -> Pass:
+        """The same pass with the last revolutions sampled only."""
+        whole = _joined([(part, slice(1 if at else 0, None)) for at, part in enumerate(one.parts)])
+        return Pass(one.setting, (whole,), whole.times.size - 1 - revolutions * self.samples, one.orders[-revolutions:])
+
     def orders_of(self, motion: Motion) -> ComplexArray:
         """Complex orders of the thrust in the sampled revolutions of a motion, shape (revolution, order)."""
         return self._orders(motion.result, slice(-motion.sampled * self.samples - 1, -1))
@@ -186,15 +187,9 @@ class FollowedJoint:
         """All revolutions as one run: the sampled ones are those of the finest pass."""
         pieces = [(first.parts[0], slice(0, first.before - finest.before)), (finest.parts[0], slice(None))]
         pieces += [(part, slice(1, None)) for part in finest.parts[1:]]
-        worst = next((part for part in finest.parts if part.outcome != Outcome.FINISHED), finest.parts[-1])
-        times, positions, velocities = (
-            np.concatenate([getattr(part, name)[kept] for part, kept in pieces])
-            for name in ("times", "positions", "velocities")
-        )
         return replace(
-            worst, times=times, positions=positions, velocities=velocities,
-            penetration=max(part.penetration for part, _ in pieces),
-            energy_residual=max((part.energy_residual for part in finest.parts), key=abs),
+            _joined(pieces), energy_residual=max((part.energy_residual for part in finest.parts), key=abs),
+            outcome=(worst := _worst(finest.parts)).outcome, detail=worst.detail,
         )  # fmt: skip
 
     def _follow(self, setting: float, samples: int, start: State | None) -> Run:
@@ -221,3 +216,22 @@ class FollowedJoint:
 
 def _state(result: Run, sample: int) -> State:
     return State(float(result.times[sample]), result.positions[sample], result.velocities[sample])
+
+
+def _worst(parts: Sequence[Run]) -> Run:
+    """The first part that failed, or the last one."""
+    return next((part for part in parts if part.outcome != Outcome.FINISHED), parts[-1])
+
+
+def _joined(pieces: Sequence[tuple[Run, slice]]) -> Run:
+    """Runs, of each of which some samples are taken, as one; work is that of the last."""
+    worst = _worst([part for part, _ in pieces])
+    times, positions, velocities = (
+        np.concatenate([getattr(part, name)[kept] for part, kept in pieces])
+        for name in ("times", "positions", "velocities")
+    )
+    return replace(
+        worst, times=times, positions=positions, velocities=velocities,
+        penetration=max(part.penetration for part, _ in pieces),
+        energy_residual=max((part.energy_residual for part, _ in pieces), key=abs),
+    )  # fmt: skip

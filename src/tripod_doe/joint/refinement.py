@@ -6,8 +6,8 @@ finer one by the order of the method, and the next steps follow from that error.
 alone, and those that are dropped are run once (but with needles, which remember).
 
 Parts that rattle make revolutions differ by chance. Where that is the larger part of the error, both passes go on for
-more revolutions, and the orders are those of the mean. A pass that would cost far more than the first one is not begun:
-the run tells by how much it misses, and what that pass would cost.
+more revolutions, and the orders are those of the mean, but for first revolutions that still swing in. A pass that would
+cost far more than the first one is not begun: the run tells by how much it misses, and what that pass would cost.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.joint.chance import mean_and_chance, swung_in
 from tripod_doe.joint.goal import Goal
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.passes import FollowedJoint, Motion, Pass, StoppedError
@@ -48,10 +49,18 @@ known than to such a factor."""
 _AIM = 0.8
 """Share of the allowed error that the next pass aims at."""
 
+_UNSURE = 0.5
+"""Share of the error aimed at by chance above which steps are refined by the most: two passes then differ by chance,
+which counts for the less, the farther apart their steps are."""
+
 _MOST_LONGER = 4
 """Factor by which the number of sampled revolutions grows at once."""
 
-_DEAREST = 16
+_ALIKE, _LONGEST = 0.5, 32
+"""Difference of two revolutions over the allowed error up to which a motion counts as swung in, and revolutions in
+which it is waited for."""
+
+_DEAREST = 32
 """Force evaluations of a further pass over those of the first one above which it is not begun."""
 
 
@@ -67,29 +76,35 @@ class _Comparison:
         Error of every order by rattling, shape (order,).
     sizes, allowed
         What errors are relative to, and how large they may be (infinite where nothing is asked for), shape (order,).
+    swung_in
+        First revolutions of both passes that do not count.
     """
 
     by_steps: FloatArray
     by_chance: FloatArray
     sizes: FloatArray
     allowed: FloatArray
+    swung_in: int
 
     @classmethod
     def of(cls, coarse: Pass, fine: Pass, method_order: int, goal: Goal, values: JointValues[float]) -> _Comparison:
         """Errors of the finer of two passes.
 
-        A method of order p whose result changes by d from steps h to r h is still off by d r^p / (1 - r^p). Complex
-        amplitudes of two revolutions differ by s (root mean square): twice the standard deviation of the amplitude of
-        the mean of n revolutions is s / sqrt n, and that mean moves by s / sqrt (2 n), which is no error of the steps.
-        Chance moves all orders alike; one that moves more, as it does while a motion still grows, counts by itself.
-        What the coarser pass moves by chance is not taken off: steps that do not resolve the motion could hide in it.
+        A method of order p whose result changes by d from steps h to r h is still off by d r^p / (1 - r^p). Chance
+        moves all orders alike; one that moves more, as it does while a motion still grows, counts by itself. What the
+        finer pass moves by chance is no error of its steps. What the coarser pass moves by chance is not taken off:
+        steps that do not resolve the motion could hide in it.
         """
-        count, mean, alike = len(fine.orders), fine.orders.mean(0), fine.scatter[1:].mean()
-        change = np.abs(mean - coarse.orders.mean(0))
+        allowed = goal.allowed(np.abs(fine.orders.mean(0)), values)
+        asked = np.isfinite(allowed)
+        dropped = swung_in(fine.orders[:, asked] / allowed[asked])
+        mean, chance = mean_and_chance(fine.orders[dropped:, None])
+        alike = math.sqrt(float((chance[1:] ** 2).mean()))
+        change = np.abs(mean - coarse.orders[dropped:].mean(0))
         left = (fine.setting / coarse.setting) ** method_order
-        by_steps = np.sqrt(np.maximum(change**2 - alike / (2 * count), 0)) * left / (1 - left)
+        by_steps = np.sqrt(np.maximum(change**2 - alike**2 / 2, 0)) * left / (1 - left)
         sizes, allowed = (of(np.abs(mean), values) for of in (goal.sizes, goal.allowed))
-        return cls(by_steps, np.sqrt(np.maximum(fine.scatter, alike) / count), sizes, allowed)
+        return cls(by_steps, np.maximum(chance, alike), sizes, allowed, dropped)
 
     @property
     def error(self) -> FloatArray:
@@ -112,11 +127,11 @@ class _Comparison:
         order, sampled = self.worst, len(fine.orders)
         steps, chance, aim = self.by_steps[order], self.by_chance[order], _AIM * self.allowed[order]
         if chance > steps:
-            wanted = math.ceil(sampled * (chance / aim) ** 2)
+            wanted = self.swung_in + math.ceil((sampled - self.swung_in) * (chance / aim) ** 2)
             return min(max(wanted, sampled + 1), _MOST_LONGER * sampled), fine.setting
         if steps > _UNRESOLVED * self.sizes[order]:
             return sampled, fine.setting / 2
-        factor = (steps / aim) ** (1 / method_order)
+        factor = math.inf if chance > _UNSURE * aim else (steps / aim) ** (1 / method_order)
         return sampled, fine.setting / float(np.clip(factor, _LEAST_REFINED, _MOST_REFINED))
 
     def miss(self) -> str:
@@ -150,9 +165,9 @@ def refine(joint: FollowedJoint, goal: Goal, setting: float) -> Motion:
         Tolerance or step of the first pass.
     """
     order = 1 if joint.method.controlled else joint.method.order
-    setting, error, missed = joint.settled(setting), np.full(ORDERS.size, math.nan), ""
+    setting, error, missed, dropped = joint.settled(setting), np.full(ORDERS.size, math.nan), "", 0
     try:
-        first = finest = coarse = joint.first(setting)
+        first = finest = coarse = _once_swung_in(joint, joint.first(setting), goal)
     except StoppedError as stop:
         return Motion(stop.stopped, 0, setting, error, "", tuple(joint.runs))
     revolutions, setting = len(first.orders), joint.settled(first.setting / 2)
@@ -166,7 +181,7 @@ def refine(joint: FollowedJoint, goal: Goal, setting: float) -> Motion:
             missed = f"in finer steps the run ends as {stop.stopped.outcome.label}: {stop.stopped.detail}"
             break
         found = _Comparison.of(coarse, finest, order, goal, joint.values)
-        error = found.error
+        error, dropped = found.error, found.swung_in
         if found.settles:
             break
         revolutions, setting = found.next_pass(finest, order)
@@ -174,7 +189,26 @@ def refine(joint: FollowedJoint, goal: Goal, setting: float) -> Motion:
         if dear := _too_dear(joint, coarse, finest, revolutions, setting):
             missed = f"{found.miss()}; {dear}"
             break
-    return Motion(joint.motion(first, finest), len(finest.orders), finest.setting, error, missed, tuple(joint.runs))
+    sampled = len(finest.orders) - dropped
+    return Motion(joint.motion(first, finest), sampled, finest.setting, error, missed, tuple(joint.runs))
+
+
+def _once_swung_in(joint: FollowedJoint, first: Pass, goal: Goal) -> Pass:
+    """The first pass, gone on with until two revolutions are alike or differ by chance.
+
+    Some joints swing in slowly, those of small angles at high speed for twenty revolutions: coarse steps are cheap for
+    that. Needles are left alone: their skew changes in all revolutions.
+    """
+    if joint.remembers:
+        return first
+    while len(first.orders) < _LONGEST:
+        allowed = goal.allowed(np.abs(first.orders[-2:].mean(0)), joint.values)
+        apart = (np.abs(first.orders[-1] - first.orders[-2]) / allowed).max()
+        settling = swung_in(first.orders[:, np.isfinite(allowed)] / allowed[np.isfinite(allowed)])
+        if apart <= _ALIKE or (len(first.orders) > 2 and settling < len(first.orders) // 2):
+            break
+        first = joint.longer(first, 2 * len(first.orders))
+    return first if len(first.orders) == 2 else joint.last(first, 2)
 
 
 def _too_dear(joint: FollowedJoint, coarse: Pass, finest: Pass, revolutions: int, setting: float) -> str:

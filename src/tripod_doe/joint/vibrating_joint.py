@@ -160,17 +160,23 @@ class VibratingJoint:
         readings = replace(followed.readings, vibration=numbers)
         error = float(followed.readings.amplitude_error[3])
         note = (
-            f"{self._vibration.described} and followed by {method.name}: it moves the thrust by "
+            f"{self._vibration.described}; followed by {method.name}, it moves the thrust by "
             f"{followed.unrest:.3g} N above order 12 (effective value); the third order is {followed.third:.4g} "
             f"+- {error:.2g} N, the mean of {followed.revolutions} revolutions with a standard deviation of "
-            f"{followed.scatter:.2g} N, and {self._vibration.third:.4g} N without the vibration; "
+            f"{followed.scatter:.2g} N, and {self._vibration.third:.4g} N without the vibration"
         )
         if not followed.certain:
             reason = "has not settled" if not followed.steady else "is not as certain as required"
-            note = f"{note}after {followed.followed} revolutions it {reason}; "
-            return JointRun(Outcome.INACCURATE, f"{note}raise accuracy or contact damping", readings)
+            note = f"{note}; after {followed.followed} revolutions it {reason}"
+            return JointRun(Outcome.INACCURATE, f"{note}; raise accuracy or contact damping", readings)
+        return JointRun(Outcome.FINISHED, f"{note}; {self._end}", readings)
+
+    @property
+    def _end(self) -> str:
+        """What would end the vibration, in words."""
+        if not self._vibration.states:
+            return "a kick as that of the start keeps it up"
         damping = damping_against(self._values, self._vibration.states)
-        ends = "stronger contact damping was not found to end it"
         if damping:
-            ends = f"with contact_damping_s_per_mm = {damping:.2g} it would not start"
-        return JointRun(Outcome.FINISHED, note + ends, readings)
+            return f"with contact_damping_s_per_mm = {damping:.2g} it would not start"
+        return "stronger contact damping was not found to end it"

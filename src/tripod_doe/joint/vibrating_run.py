@@ -2,7 +2,7 @@
 
 The vibration is not in step with the rotation: revolutions differ by chance, and an order is the mean over revolutions.
 With three trunnions thirds of a revolution are alike but for their skews: a revolution tells by its thirds what chance
-makes of it (`mean_and_chance`).
+makes of it (`chance`).
 
 The joint is followed from its start in steps that resolve the vibration. The beginning is dropped, and the joint is
 followed for longer until the vibration has stopped growing. Where the vibration builds up within a revolution, one that
@@ -21,14 +21,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.joint.chance import mean_and_chance
 from tripod_doe.joint.joint_run import Readings
-from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.revolutions import JointInTurns, Revolution
 from tripod_doe.mechanics.assembly import State
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
 
-__all__ = ["FollowedVibration", "follow_vibration", "mean_and_chance", "undamped"]
+__all__ = ["FollowedVibration", "follow_vibration", "undamped"]
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -44,17 +44,15 @@ _FEWEST, _HARDLY = 2, 0.5
 """Revolutions that an answer is made of at least, also in finer steps unless the vibration builds up in one of them;
 where chance makes more than such a share of the allowed error, as many as in the steps before."""
 
-_BY_CHANCE = 0.9
-"""Share of the allowed error that chance makes up where more revolutions are aimed at."""
+_AIM = 0.95
+"""Share of the allowed error that is aimed at by more revolutions."""
 
-_COARSELY = 2.0
-"""Chance over the allowed error up to which a mean tells the error of its steps: that is a third of what it tells."""
+_COARSELY = 1.6
+"""Chance over the allowed error up to which a mean tells the error of its steps: that is a third of what it tells. With
+this, revolutions in coarse and in finer steps cost the least together."""
 
 _STEADY = 0.1
 """Relative change of the vibration between two halves of the revolutions that passes as none, if chance makes less."""
-
-_MOST_ALIKE, _TINY = 0.9, 1e-300
-"""Correlation of neighbouring revolutions that counts at most: where it is closer, the vibration is still growing."""
 
 
 def undamped(needles: bool, frequency: float) -> tuple[Method, float]:
@@ -143,8 +141,10 @@ def follow_vibration(
         first = fewest = 1
     finer = _FINER if joint.method.controlled else _FINER ** (1 / joint.method.order)
     passed = joint.follow(first, setting)
-    while not _tells_steps(kept := passed[round(_DROPPED * len(passed)) :], allowed) and len(passed) < _MOST:
-        passed += joint.follow(min(len(kept), _MOST - len(passed)), setting)
+    kept = passed[round(_DROPPED * first) :]
+    while (more := _to_tell_steps(kept, allowed)) and len(passed) < _MOST:
+        passed += joint.follow(min(more, _MOST - len(passed)), setting)
+        kept = passed[round(_DROPPED * len(passed)) :]
     while True:
         setting /= finer
         joint.change_to(setting)
@@ -164,34 +164,6 @@ def follow_vibration(
         passed += kept
         if found.certain or len(passed) >= _MOST:
             return _followed(joint, passed, coarse, kept, setting, found)
-
-
-def mean_and_chance(thirds: ComplexArray, *others: ComplexArray) -> tuple[ComplexArray, FloatArray]:
-    """Mean orders of revolutions that differ by chance, and twice the standard deviation of the amplitude of each mean.
-
-    A third of a revolution differs from the mean by what skews make of it, the same in every revolution, and by chance.
-    Thirds that follow each other are alike: where neighbours correlate by r, n of them are worth n (1 - r) / (1 + r)
-    independent ones, as of a process that forgets at a constant rate. All orders tell r together. Chance moves a
-    complex order any way, its amplitude by half of that variance.
-
-    Parameters
-    ----------
-    thirds
-        Complex orders of every third of revolutions that follow each other, shape (revolution, 3, order). Of a single
-        revolution, what skews make of its thirds counts as chance.
-    others
-        Those of other revolutions, about means of their own: few revolutions tell little of chance.
-    """
-    groups = (thirds, *others)
-    revolutions = sum(map(len, groups))
-    by_place = sum((group - group.mean((0, 1))).sum(0) for group in groups) / revolutions if revolutions > 1 else 0.0
-    apart = [(group - group.mean((0, 1)) - by_place).reshape(-1, group.shape[2]) for group in groups]
-    squares = sum((np.abs(group) ** 2).sum(0) for group in apart)
-    neighbours = sum(float((group[1:] * group[:-1].conj()).real.sum()) for group in apart)
-    alike = min(max(neighbours / max(float(np.sum(squares)), _TINY), 0.0), _MOST_ALIKE)
-    free = 3 * revolutions - len(groups) - (2 if revolutions > 1 else 0)
-    variance = squares / free * (1 + alike) / (1 - alike) * np.where(ORDERS > 0, 0.5, 1.0)
-    return thirds.mean((0, 1)), 2 * np.sqrt(variance / (3 * len(thirds)))
 
 
 @dataclass(frozen=True)
@@ -261,14 +233,22 @@ class _Compared:
     def lacking(self, coarse: int, fine: int) -> int:
         """How many finer revolutions to go on for after so many of both, at most as many again."""
         counted = fine + (coarse if self.pooled else 0)
-        excess = (float((self.by_chance / self.allowed).max()) / _BY_CHANCE) ** 2 - 1
-        return int(np.clip(math.ceil(counted * excess), 1, fine))
+        worst = int((self.error / self.allowed).argmax())
+        left = (_AIM * self.allowed[worst]) ** 2 - self.by_steps[worst] ** 2
+        excess = float(self.by_chance[worst] ** 2) / left - 1 if left > 0 else math.inf
+        return int(np.clip(math.ceil(counted * min(excess, 1e3)), 1, fine))
 
 
-def _tells_steps(kept: Sequence[Revolution], allowed: Allowed) -> bool:
-    """Whether a vibration has stopped growing, and its orders are known well enough to tell what finer steps change."""
+def _to_tell_steps(kept: Sequence[Revolution], allowed: Allowed) -> int:
+    """How many more revolutions, at most as many again, until orders are known well enough to tell what steps change.
+
+    None where the vibration has stopped growing, and they are.
+    """
     mean, chance = mean_and_chance(_thirds(kept))
-    return _is_steady(kept) and bool((chance <= _COARSELY * allowed(np.abs(mean))).all())
+    excess = float((chance / (_COARSELY * allowed(np.abs(mean)))).max()) ** 2
+    if not _is_steady(kept):
+        return len(kept)
+    return math.ceil(len(kept) * min(excess - 1, 1.0)) if excess > 1 else 0
 
 
 def _in_finer_steps(kept: Sequence[Revolution], allowed: Allowed, fewest: int) -> int:

@@ -106,6 +106,8 @@ class Vibration:
     @property
     def described(self) -> str:
         """Frequency and growth, in words."""
+        if self.growth.rate <= 0:
+            return "the motion does not repeat, though small departures from it die out"
         tenfold = duration(math.log(10) / self.growth.rate, 2)
         return f"self-excited vibration at about {self.hertz:.0f} Hz, growing tenfold in {tenfold}"
 

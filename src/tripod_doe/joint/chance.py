@@ -1,0 +1,72 @@
+"""What chance makes of the orders of a motion that does not repeat: it rattles, vibrates, or still swings in."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.joint.orders import ORDERS
+
+__all__ = ["mean_and_chance", "swung_in"]
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_IDLE = np.array([7, 8, 10, 11])
+"""High orders that trunnions in turn do not make: what there is of them is chance, which moves all orders alike."""
+
+_MOST_ALIKE, _TINY = 0.9, 1e-300
+"""Correlation of neighbouring parts that counts at most: where it is closer, the motion is still growing."""
+
+_FEW = 4
+"""Revolutions of which at least so many tell whether the first ones differ."""
+
+
+def mean_and_chance(parts: ComplexArray, *others: ComplexArray) -> tuple[ComplexArray, FloatArray]:
+    """Mean orders of revolutions that differ by chance, and twice the standard deviation of the amplitude of each mean.
+
+    A third of a revolution differs from the mean by what skews make of it, the same in every revolution, and by chance.
+    Parts that follow each other are alike: where neighbours correlate by r, n of them are worth n (1 - r) / (1 + r)
+    independent ones, as of a process that forgets at a constant rate. All orders tell r together. Chance moves a
+    complex order any way, its amplitude by half of that variance.
+
+    Parameters
+    ----------
+    parts
+        Complex orders of revolutions that follow each other, whole ones or every third by itself, shape (revolution, 1
+        or 3, order). Of a single revolution nobody knows what skews make of its thirds: orders that are but chance
+        (`_IDLE`) tell, if less.
+    others
+        Those of other revolutions, about means of their own: few revolutions tell little of chance.
+    """
+    groups, places = (parts, *others), parts.shape[1]
+    revolutions = sum(map(len, groups))
+    by_place = sum((group - group.mean((0, 1))).sum(0) for group in groups) / revolutions if revolutions > 1 else 0.0
+    apart = [(group - group.mean((0, 1)) - by_place).reshape(-1, group.shape[2]) for group in groups]
+    squares = sum((np.abs(group) ** 2).sum(0) for group in apart)
+    neighbours = sum(float((group[1:] * group[:-1].conj()).real.sum()) for group in apart)
+    alike = min(max(neighbours / max(float(np.sum(squares)), _TINY), 0.0), _MOST_ALIKE)
+    free = places * revolutions - len(groups) - (places - 1 if revolutions > 1 else 0)
+    variance = squares / free * (1 + alike) / (1 - alike) * np.where(ORDERS > 0, 0.5, 1.0)
+    if revolutions == 1:
+        variance = np.minimum(variance, 1.5 * (np.abs(parts.mean((0, 1))[_IDLE]) ** 2).mean())
+    return parts.mean((0, 1)), 2 * np.sqrt(variance / (places * len(parts)))
+
+
+def swung_in(orders: ComplexArray) -> int:
+    """Number of revolutions, up to half of them, that a motion still takes to swing in from its start.
+
+    The rule of the marginal standard error: without them the variance over the number of the rest is least. Source:
+    K. P. White, An effective truncation heuristic for bias reduction in simulation output, Simulation 69 (1997) 323.
+
+    Parameters
+    ----------
+    orders
+        Complex orders of revolutions that follow each other, each over the error that it may have, shape (revolution,
+        order).
+    """
+    count = len(orders)
+    if count < _FEW:
+        return 0
+    left = [orders[dropped:] for dropped in range(count // 2 + 1)]
+    return int(np.argmin([kept.var(axis=0).sum() / len(kept) for kept in left]))
