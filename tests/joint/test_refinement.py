@@ -85,6 +85,35 @@ def test_what_the_coarse_pass_moves_by_chance_hides_no_error():
     assert compared(coarse, sampled(1e-3, THIRD)).error[3] == pytest.approx(0.1 * THIRD, rel=1e-9)
 
 
+class SwingingIn:
+    """A joint without needles whose third order comes closer to 10 N by a tenth in every revolution."""
+
+    remembers, values = False, POINT
+
+    def __init__(self, left, noise=0.0):
+        self.left, self.noise, self.asked, self.rng = left, noise, [], np.random.default_rng(5)
+
+    def pass_of(self, revolutions):
+        self.asked.append(revolutions)
+        third = THIRD * (1 - self.left * 0.9 ** np.arange(revolutions) + self.noise * self.rng.normal(size=revolutions))
+        return sampled(1e-3, third, count=revolutions)
+
+    def longer(self, _, revolutions):
+        return self.pass_of(revolutions)
+
+    def last(self, one, revolutions):
+        return Pass(one.setting, (), 0, one.orders[-revolutions:])
+
+
+@pytest.mark.parametrize(("left", "noise", "asked"), [(0.0, 0.0, [2]), (0.4, 0.0, [2, 4, 8, 16]), (0.0, 0.3, [2, 4])])
+def test_a_slow_swing_is_waited_for_and_chance_is_not(left, noise, asked):
+    """Two percent is asked for, of which half counts as repeating: 0.04 * 0.9^n < 0.01 for n = 14."""
+    joint = SwingingIn(left, noise)
+    first = refinement._once_swung_in(joint, joint.pass_of(2), Goal({3: 0.02}))
+    assert joint.asked == asked
+    assert len(first.orders) == 2
+
+
 def test_small_orders_count_as_a_share_of_the_largest():
     sizes = Goal({2: 0.05}, floor=0.01).sizes(np.r_[0.0, 0.0, 1e-9, THIRD, np.zeros(9)], POINT)
     assert sizes[2] == pytest.approx(0.01 * THIRD)

@@ -94,3 +94,13 @@ def test_what_has_not_settled_is_no_result(vibrating):
     answer = joint.answer(needles=False)
     assert answer.outcome == Outcome.INACCURATE
     assert "after 11 revolutions it has not settled" in answer.detail
+
+
+def test_what_vibrates_only_after_a_kick_says_so(monkeypatch, joint_values):
+    kept_up = Vibration(Growth(1.0, 0.0, 0.0), third=10.0, unrest=0.0)
+    joint = VibratingJoint(joint_values(), kept_up, 30, Limits(), lambda a: 0.02 * a, split=False)
+    monkeypatch.setattr(VibratingJoint, "_followed", lambda self, needles: followed_to(9.5))
+    answer = joint.answer(needles=False)
+    assert answer.outcome == Outcome.FINISHED
+    assert answer.detail.startswith("the motion does not repeat, though small departures from it die out; followed by")
+    assert answer.detail.endswith("10 N without the vibration; a kick as that of the start keeps it up")

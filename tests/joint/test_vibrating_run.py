@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tripod_doe.joint.chance import mean_and_chance
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.revolutions import JointInTurns, Revolution, StoppedError
 from tripod_doe.joint.vibrating_run import follow_vibration
@@ -128,16 +127,6 @@ def test_a_vibration_that_never_settles_says_so(joint_values):
     found = follow_vibration(Turning(joint_values, growing=1000), 4e-3, allowed)
     assert not found.steady
     assert not found.certain
-
-
-def test_revolutions_that_are_alike_tell_less():
-    """Exact: of a process that keeps r of itself, n values are worth n (1 - r) / (1 + r)."""
-    rng, keeps, count = np.random.default_rng(1), 0.6, 3999
-    values = np.zeros((count, 13), complex)
-    for k in range(1, count):
-        values[k] = keeps * values[k - 1] + rng.normal(size=(13, 2)) @ [1, 1j]
-    expected = 2 * values.real.std(0) * np.sqrt((1 + keeps) / (1 - keeps) / count)
-    assert mean_and_chance(values.reshape(-1, 3, 13))[1][1:] == pytest.approx(expected[1:], rel=0.1)
 
 
 @pytest.fixture
