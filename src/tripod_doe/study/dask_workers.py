@@ -85,8 +85,9 @@ class DaskWorkers:
 
     def _replaced(self, lost: Client) -> Client:
         """A client in place of one whose scheduler is gone."""
-        with suppress(OSError, TimeoutError):
-            lost.close(timeout=1)
+        if lost.status != "connecting":  # by itself, which would leave a socket open; it is closed at the end
+            with suppress(OSError, TimeoutError):
+                lost.close(timeout=1)
         client = self._scheduler.connect_again() if self._scheduler else self._own_workers()
         self._stack.callback(client.close)
         self._client = Future()
