@@ -5,7 +5,15 @@ import pytest
 
 from tripod_doe.joint.kinetostatic import solve_kinetostatic
 from tripod_doe.joint.needle_constants import NeedleConstants, needle_constants
-from tripod_doe.joint.needle_motion import MOST_NEEDLES, NEEDLE, NEEDLE_CONTACT, _free_slip, follow_roller
+from tripod_doe.joint.needle_motion import (
+    MOST_NEEDLES,
+    NEEDLE,
+    NEEDLE_CONTACT,
+    NeedleForces,
+    RollerMotion,
+    _free_slip,
+    follow_roller,
+)
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.parameters import point_values
 
@@ -18,14 +26,15 @@ def followed(skew_deg=0.0, spin=18.0, plunge=41.0, offset=0.0, scale=1.0, tilt=0
     """Forces over the load, moments over it, skews in degrees and mean skew along a roller's typical motion."""
     values = point_values({"cycles": 4, **given})
     needles, contacts = np.zeros(MOST_NEEDLES, NEEDLE), np.zeros((MOST_NEEDLES, 2), NEEDLE_CONTACT)
-    (forces, moments, places), skews = np.zeros((3, SAMPLES)), np.zeros(int(values.cycles[0]) * SAMPLES)
-    turning = scale * spin * np.sin(PHI + 0.6), np.zeros(SAMPLES)
-    plunging = -scale * plunge * np.sin(2 * PHI), np.full(SAMPLES, LOAD), offset * np.cos(2 * PHI)
-    mean = follow_roller(
-        needle_constants(values)[0], np.radians(skew_deg), tilt, *turning, *plunging, np.full(SAMPLES, yaw), needles,
-        contacts, forces, moments, places, skews,
+    found, skews = NeedleForces(*np.zeros((3, SAMPLES))), np.zeros(int(values.cycles[0]) * SAMPLES)
+    roller = RollerMotion(
+        scale * spin * np.sin(PHI + 0.6), np.zeros(SAMPLES), -scale * plunge * np.sin(2 * PHI), np.full(SAMPLES, LOAD),
+        offset * np.cos(2 * PHI), np.full(SAMPLES, yaw),
     )  # fmt: skip
-    return forces, moments, np.degrees(skews), np.degrees(mean)
+    mean = follow_roller(
+        needle_constants(values)[0], np.radians(skew_deg), tilt, roller, needles, contacts, found, skews
+    )
+    return found.forces, found.moments, np.degrees(skews), np.degrees(mean)
 
 
 def test_a_free_straight_needle_slips_by_half_on_both_sides():

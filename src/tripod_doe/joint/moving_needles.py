@@ -17,7 +17,15 @@ from tripod_doe.joint.balance_constants import TILT, flank, point_constants_of
 from tripod_doe.joint.contact import tilted_bearing
 from tripod_doe.joint.moving_roller import added_motion
 from tripod_doe.joint.needle_constants import needle_constants_of
-from tripod_doe.joint.needle_motion import FARTHEST, MOST_NEEDLES, NEEDLE, NEEDLE_CONTACT, follow_roller
+from tripod_doe.joint.needle_motion import (
+    FARTHEST,
+    MOST_NEEDLES,
+    NEEDLE,
+    NEEDLE_CONTACT,
+    NeedleForces,
+    RollerMotion,
+    follow_roller,
+)
 from tripod_doe.joint.revolution import Memory, motion_at
 from tripod_doe.joint.roller_balance import leaning_contact
 from tripod_doe.joint.values import JointValues
@@ -38,7 +46,7 @@ class NeedleMemory(ByReference):
     Attributes
     ----------
     spins, plunges, loads, offsets, yaws, turns
-        Motion of every roller, as `needle_motion.follow_roller` reads it, shape (3, eights, 8).
+        As in `needle_motion.RollerMotion`, of every roller, shape (3, eights, 8).
     held
         Force of needles that keep their skew along every trunnion, over N, shape (3, eights, 8).
     needles, contacts
@@ -177,14 +185,14 @@ def _move_needles(row, needle_row, skews, memory, ring, seen):
     _read_motions(row, memory, ring)
     row[TILT] = _tilt_of(row, needle_row, samples, ring)
     tilt = row[TILT] / point_constants_of(row).roller_radius
+    found = NeedleForces(ring.forces, ring.moments, ring.places)
     for k in range(3):
-        spins, plunges = ring.spins[k].reshape(-1)[:samples], ring.plunges[k].reshape(-1)[:samples]
-        yaws, turns = ring.yaws[k].reshape(-1)[:samples], ring.turns[k].reshape(-1)[:samples]
-        loads, offsets = ring.loads[k].reshape(-1)[:samples], ring.offsets[k].reshape(-1)[:samples]
-        skew = follow_roller(
-            needle_row, skews[k], tilt, spins, turns, plunges, loads, offsets, yaws, ring.needles, ring.contacts,
-            ring.forces, ring.moments, ring.places, seen[k],
+        roller = RollerMotion(
+            ring.spins[k].reshape(-1)[:samples], ring.turns[k].reshape(-1)[:samples],
+            ring.plunges[k].reshape(-1)[:samples], ring.loads[k].reshape(-1)[:samples],
+            ring.offsets[k].reshape(-1)[:samples], ring.yaws[k].reshape(-1)[:samples],
         )  # fmt: skip
+        skew = follow_roller(needle_row, skews[k], tilt, roller, ring.needles, ring.contacts, found, seen[k])
         _add_forces(row, memory, ring, k, skew)
         _add_swing(row, memory, k, ring.forces, ring.places)
 

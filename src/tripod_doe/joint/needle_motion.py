@@ -49,14 +49,18 @@ forces between needles, and the needles' inertia.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tripod_doe.joint.needle_constants import needle_constants_of
 from tripod_doe.mechanics import laws
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 
-__all__ = ["FARTHEST", "MOST_NEEDLES", "NEEDLE", "NEEDLE_CONTACT", "follow_roller"]
+__all__ = ["FARTHEST", "MOST_NEEDLES", "NEEDLE", "NEEDLE_CONTACT", "NeedleForces", "RollerMotion", "follow_roller"]
+
+FloatArray = NDArray[np.float64]
 
 MOST_NEEDLES = 100
 """Of a trunnion."""
@@ -293,10 +297,49 @@ def _step(c, needles, contacts, motion, gap, duration, refresh, zone):
     return force, moment, leaning / carried, placed / carried, needles[most].skew
 
 
+class RollerMotion(NamedTuple):
+    """A roller over one revolution; arrays of shape (sample,).
+
+    Attributes
+    ----------
+    spins, turns
+        Of the roller on its trunnion, and of the trunnion about its axis against the load, rad/s.
+    plunges
+        Of the bore along the trunnion, outward, mm/s.
+    loads
+        Normal force, N.
+    offsets
+        Place of the load along the needles, from their middle, mm.
+    yaws
+        Which narrow the gap outward at gamma = 90 deg, rad.
+    """
+
+    spins: FloatArray
+    turns: FloatArray
+    plunges: FloatArray
+    loads: FloatArray
+    offsets: FloatArray
+    yaws: FloatArray
+
+
+class NeedleForces(NamedTuple):
+    """What the needles of a trunnion do, the mean of the last two revolutions; arrays of shape (sample,).
+
+    Attributes
+    ----------
+    forces, moments
+        Of their sliding friction on the roller along and about its trunnion, over N, in 1 and mm.
+    places
+        Where they are along the trunnion, mm.
+    """
+
+    forces: FloatArray
+    moments: FloatArray
+    places: FloatArray
+
+
 @kernel
-def follow_roller(
-    row, skew, tilt, spins, turns, plunges, loads, offsets, yaws, needles, contacts, forces, moments, places, skews
-):
+def follow_roller(row, skew, tilt, roller, needles, contacts, found, skews):
     """Move the needles of one trunnion along a revolution of their roller, again and again.
 
     Parameters
@@ -307,19 +350,12 @@ def follow_roller(
         Of all needles at the start, rad.
     tilt
         Of the roller over the distance of its load from the middle of the needles, rad/mm.
-    spins, turns
-        Over one revolution, shape (sample,): of the roller on its trunnion, and of the trunnion about its axis against
-        the load, rad/s.
-    plunges, loads, offsets, yaws
-        Of the roller, likewise: bore along the trunnion in mm/s outward, normal force in N, place of the load along the
-        needles, from their middle, in mm, and yaw in rad, which narrows the gap outward at gamma = 90 deg.
+    roller
+        `RollerMotion`.
     needles, contacts
         Memory for `MOST_NEEDLES` records of `NEEDLE`, and as many pairs of `NEEDLE_CONTACT`.
-    forces, moments
-        Receive what the needles' sliding friction does to the roller along and about its trunnion, over N, the mean of
-        the last two revolutions, in 1 and mm; shape (sample,).
-    places
-        Receives where the needles are along the trunnion, likewise, in mm.
+    found
+        `NeedleForces`, which receives what the needles do.
     skews
         Receives the skew of the needle that carries the most, over all revolutions, shape (cycles sample,).
 
@@ -328,6 +364,8 @@ def follow_roller(
     float
         Mean skew over the last two revolutions, weighted with the loads.
     """
+    spins, turns, plunges, loads, offsets, yaws = roller  # once: each look into a tuple counts references
+    forces, moments, places = found
     c, samples = needle_constants_of(row), spins.size
     for j in range(int(c.needles)):
         needles[j].place, needles[j].skew, needles[j].known = 0.0, skew, 0.0
