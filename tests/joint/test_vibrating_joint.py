@@ -67,6 +67,7 @@ def test_what_comes_to_nothing_is_no_vibration(vibrating):
     joint, _ = vibrating(followed_to(10.0, unrest=0.11))
     assert joint.answer(needles=False) is None
     assert joint.verdict(10.0, 0.05) == (Outcome.FINISHED, "")
+    assert joint.answer(needles=False, anyhow=True).outcome == Outcome.FINISHED
 
 
 @pytest.mark.parametrize(("lumped", "asked"), [(9.85, [False]), (9.0, [False, True])])

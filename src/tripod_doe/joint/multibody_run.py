@@ -128,10 +128,11 @@ def run_joint(
         if outcome == Outcome.FINISHED and vibrating:
             third = None if needles else float(abs(complex_amplitudes(thrust).mean(0)[3]))
             outcome, detail = vibrating.verdict(third, ERROR_LIMIT)
-        elif outcome == Outcome.INACCURATE and not (needles or found) and settles and method == _DAMPS:
+        elif outcome == Outcome.INACCURATE and not needles and settles and method == _DAMPS:
             third = float(abs(complex_amplitudes(thrust).mean(0)[3]))
-            kicked = _vibrating(values, Vibration(_DIES_OUT, third, unrest=0.0), samples, goal, split)
-            if (answer := kicked.answer(needles)) and answer.outcome == Outcome.FINISHED:
+            kicked = vibrating or _vibrating(values, Vibration(_DIES_OUT, third, unrest=0.0), samples, goal, split)
+            answer = kicked.answer(needles, anyhow=True)
+            if answer and answer.outcome == Outcome.FINISHED:
                 return _with_rates(answer, kicked.last_turn, values) if rates else answer
         done = JointRun(outcome, detail, readings, followed=float(result.times[-1]))
     return replace(

@@ -63,18 +63,20 @@ class VibratingJoint:
         self._values, self._vibration, self._samples, self._limits = values, vibration, samples, limits
         self._allowed, self._split, self._joints = allowed, split, list[JointInTurns]()
 
-    def answer(self, needles: bool) -> JointRun | None:
-        """Follow the joint with its vibration.
+    def answer(self, needles: bool, anyhow: bool = False) -> JointRun | None:
+        """Follow the joint with its vibration; `anyhow` if that is the only answer that there is.
 
         Returns
         -------
         JointRun or None
-            None where the vibration comes to nothing, or with needles changes the third order by no more than the
-            error that is allowed.
+            None where the vibration comes to nothing, if there may be another answer, or with needles changes the
+            third order by no more than the error that is allowed.
         """
         try:
             lumped = self._lumped
-            if not self._builds_up or (needles and self._change(self._vibration.third) <= self._allowed_of_third):
+            if not (self._builds_up or anyhow) or (
+                needles and self._change(self._vibration.third) <= self._allowed_of_third
+            ):
                 return None
             followed = self._followed(needles=True) if needles else lumped
         except StoppedError as stop:
@@ -174,7 +176,7 @@ class VibratingJoint:
     @property
     def _end(self) -> str:
         """What would end the vibration, in words."""
-        if not self._vibration.states:
+        if self._vibration.growth.rate <= 0:
             return "a kick as that of the start keeps it up"
         damping = damping_against(self._values, self._vibration.states)
         if damping:
