@@ -24,6 +24,7 @@ from tripod_doe.report.responses import (
     waiting,
     with_all_on,
 )
+from tripod_doe.report.shown_part import shown_part, told_part
 from tripod_doe.simulator import Outcome
 
 __all__ = ["find"]
@@ -47,30 +48,31 @@ def find(cube: xr.Dataset) -> list[str]:
         The most important first.
     """
     good, total = int(finished(cube).sum()), int(asked(cube).sum())
+    part = shown_part(cube)
     if good == 0:
-        return _unfinished(cube, good, total)
-    sentences, shown = [], with_all_on(cube)
+        return _unfinished(cube, part, good, total)
+    sentences, shown = [], with_all_on(part)
     if bool(finished(shown).any()):
         every_order = "thrust_amplitude" in cube and asked_orders(cube) is None
         sentences = [_dominant_order(shown)] if every_order else []
-        sentences += _responses(shown) + _missing_effects(shown)
+        sentences += _responses(shown) + _missing_effects(shown) + told_part(part)
     if "attempt" in cube and (changed := int(((cube["attempt"] > 0) & finished(cube)).sum())):
         sentences.append(f"{changed:,} of {total:,} points finished only after a retry.")
     if "accuracy_met" in cube:
         sentences.append(_chosen(cube))
-    unfinished = _unfinished(cube, good, total)
+    unfinished = _unfinished(cube, part, good, total)
     return (unfinished + sentences if good < total / 2 else sentences + unfinished) + _notes(cube)
 
 
-def _unfinished(cube: xr.Dataset, good: int, total: int) -> list[str]:
-    """How many points failed, with the reasons and the region, and how many are not computed yet."""
+def _unfinished(cube: xr.Dataset, part: xr.Dataset, good: int, total: int) -> list[str]:
+    """How many points failed, with the reasons and the region (that of a part), and how many are not computed yet."""
     left = int(waiting(cube).sum())
     failed, told = total - good - left, []
     if failed:
         none = failed == total
         start = f"None of {total:,} points finished" if none else f"{failed:,} of {total:,} points did not finish"
         told.append(f"{start}: {_reasons(cube)}.")
-        if region := failing_region_of(cube):
+        if region := failing_region_of(part):
             told.append(f"Most of them are close together: points fail {region.text}.")
     if left:
         told.append(f"{left:,} of {total:,} points {'is' if left == 1 else 'are'} not computed yet.")

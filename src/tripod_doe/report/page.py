@@ -48,6 +48,7 @@ from tripod_doe.report.responses import (
     with_all_on,
 )
 from tripod_doe.report.sensitivity import sensitivity_parts
+from tripod_doe.report.shown_part import shown_part
 from tripod_doe.report.tables import (
     cost_rows,
     factor_rows,
@@ -136,10 +137,11 @@ def make_page(
     findings
         What `find` says of the cube, where that is known already.
     """
-    shown = with_all_on(cube)
+    part = shown_part(cube)
+    shown = with_all_on(part)
     said = [sentence for name, result in analyses.items() for sentence in findings_of(name, result)]
     sentences, more = answer_first(_in_order(cube, find(cube) if findings is None else findings, said))
-    picture, content = _content(cube, shown, analyses)
+    picture, content = _content(cube, part, shown, analyses)
     lost, left = int((asked(cube) & ~finished(cube)).sum() - waiting(cube).sum()), int(waiting(cube).sum())
     silent = [
         name
@@ -170,7 +172,7 @@ def make_page(
         what_ifs=questions,
         sections=_sections(filled | _ALWAYS, questions),
         silent=silent,
-        ablation=shown is not cube,
+        ablation=shown is not part,
         outcomes=outcome_counts(cube),
         factor_heads=[(spoken(name), factor_unit(cube, name)) for name in factor_names(cube)],
         numerics=numerics_rows(cube),
@@ -194,13 +196,16 @@ def _sections(filled: Collection[str], questions: Sequence[WhatIfPage]) -> dict[
 
 
 def _content(
-    cube: xr.Dataset, shown: xr.Dataset, analyses: Mapping[str, xr.Dataset]
+    cube: xr.Dataset, part: xr.Dataset, shown: xr.Dataset, analyses: Mapping[str, xr.Dataset]
 ) -> tuple[Chart | None, dict[str, Any]]:
-    """The picture at the top of the page, and what fills each of its sections: charts without that one, and rows."""
+    """The picture at the top of the page, and what fills each of its sections: charts without that one, and rows.
+
+    Rows are of the whole cube, charts of the part whose points are shown, those on the joint with all switches on.
+    """
     parts = contributions(analyses)
     shares = [[] if part.missing else contribution_charts(part) for part in parts]
     effects = effect_charts(shown)
-    charts = _charts(cube, shown, analyses)
+    charts = _charts(part, shown, analyses)
     picture = picture_first([charts["models"], charts["borders"], *shares, charts["sensitivity"], charts["loci"],
                              [group.strongest for group in effects], *charts.values()])  # fmt: skip
     return picture, {name: _without(picture, group) for name, group in charts.items()} | {

@@ -11,6 +11,7 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from markupsafe import Markup, escape
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import duration, level, number
 from tripod_doe.report.responses import asked, factor_names, factor_unit, finished, unit_text, waiting
+from tripod_doe.report.shown_part import largest_magnitude
 from tripod_doe.simulator import OUTCOME_MEANINGS, Outcome, Parameter
 from tripod_doe.study.cube import THIS_STUDY
 from tripod_doe.study.journal import PILOT
@@ -88,17 +90,19 @@ def outcome_counts(cube: xr.Dataset) -> list[OutcomeCount]:
 def failed_points(cube: xr.Dataset, most: int = 50) -> list[FailedPoint]:
     """The first points that failed; those that are not computed yet are none of them."""
     failed = np.flatnonzero((asked(cube) & ~finished(cube) & ~waiting(cube)).values.ravel())[:most]
-    factors = {name: xr.broadcast(cube["outcome"], cube[name])[1].values.ravel() for name in factor_names(cube)}
+    sizes = cube["outcome"].sizes
+    places = dict(zip(sizes, np.unravel_index(failed, tuple(sizes.values())), strict=True))
+    factors = [cube[name].values[places[cube[name].dims[0]]] for name in factor_names(cube)]
     outcome = cube["outcome"].values.ravel()
     detail = cube["outcome_detail"].values.ravel() if "outcome_detail" in cube else np.full(outcome.size, "")
     return [
         FailedPoint(
             int(at),
-            [_text(column[at]) for column in factors.values()],
+            [_text(column[row]) for column in factors],
             Outcome(int(outcome[at])).label,
             str(detail[at]),
         )
-        for at in failed
+        for row, at in enumerate(failed)
     ]
 
 
@@ -123,7 +127,7 @@ def cost_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
     if cpu > 0:
         rows.append(("Points per CPU second", number(count / cpu), "one core, inside the blocks"))
     if "worker" in cube:
-        rows.extend(_worker_rows(cube["worker"].values[run].astype(str), wall))
+        rows.extend(_worker_rows(cube["worker"].values[run].astype(object), wall))
     for name, label in (("steps", "Steps"), ("force_evaluations", "Force evaluations"), ("solves", "Solves")):
         if name in cube:
             total = float(cube[name].sum())
@@ -133,11 +137,11 @@ def cost_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
     return rows
 
 
-def _worker_rows(worker: NDArray[np.str_], wall: NDArray[np.float64]) -> list[tuple[str, str, str]]:
+def _worker_rows(worker: NDArray[np.object_], wall: NDArray[np.float64]) -> list[tuple[str, str, str]]:
     """Who computed the points, and how fast: those that the pilot ran before are listed separately."""
     rows, here = [], worker != PILOT
     if here.any():
-        names, which = np.unique(worker[here], return_inverse=True)
+        which, names = pd.factorize(worker[here], sort=True)
         busiest = float(np.bincount(which, wall[here]).max())
         rows.append(("Workers", f"{names.size}", ", ".join(names[:12]) + (", ..." if names.size > 12 else "")))
         rows.append(("Wall-clock time", duration(busiest), "of the busiest worker, inside its blocks"))
@@ -153,10 +157,9 @@ def numerics_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
     """Numerical checks stored in the cube: (check, largest value, meaning)."""
     rows = []
     for name in ("energy_residual", "thrust_amplitude_scatter", "largest_penetration_um"):
-        if name in cube and bool(cube[name].notnull().any()):
+        if name in cube and np.isfinite(largest := largest_magnitude(cube[name])):
             attrs = cube[name].attrs
             unit = unit_text(str(attrs.get("units", "1")))
-            largest = float(np.abs(cube[name]).max())
             rows.append(
                 (
                     name.replace("_um", "").replace("_", " "),

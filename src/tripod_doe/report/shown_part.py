@@ -1,0 +1,96 @@
+"""What sentences and figures on a cube are made of: all its points, or of a very large one a part that is told."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.study.slabs import box, slabs
+
+__all__ = ["MOST_POINTS", "largest_magnitude", "shown_part", "told_part"]
+
+MOST_POINTS = 1_000_000
+"""Points up to which sentences and figures are made of all of them."""
+
+_LONG = 40  # numbers of a point above which a variable is a course, of which only single points are shown
+_SLAB_BYTES = 32_000_000
+_PART_OF = "part_of"  # attribute of a part: number of points of the whole
+
+
+def shown_part(cube: xr.Dataset) -> xr.Dataset:
+    """The points that sentences and figures are made of, read from the file once.
+
+    Up to `MOST_POINTS` all; else of a grid every so many levels along its longest dimensions, of a list points that are
+    drawn at random with a fixed seed, in their order. Courses over the rotation angle stay in the file until a point
+    of them is asked for.
+    """
+    count = math.prod(cube["outcome"].shape)
+    short = [name for name, variable in cube.variables.items() if _numbers_of_a_point(cube, variable) <= _LONG]
+    if count <= MOST_POINTS:
+        for name in short:
+            cube.variables[name].load()
+        return cube
+    rows = _rows(cube)
+    read = {name: _read(cube.variables[name], rows) for name in short}
+    part = cube.isel(rows).assign({name: read[name] for name in short if name in cube.data_vars})
+    part = part.assign_coords({name: read[name] for name in short if name in cube.coords})
+    return part.assign_attrs({_PART_OF: count})
+
+
+def told_part(part: xr.Dataset) -> list[str]:
+    """A sentence that says what a part is of the whole; none where it is the whole."""
+    if _PART_OF not in part.attrs:
+        return []
+    of = f"{math.prod(part['outcome'].shape):,} of the {part.attrs[_PART_OF]:,} points"
+    how = "drawn at random with a fixed seed" if part["outcome"].dims == ("point",) else "every so many levels"
+    return [f"Sentences and figures on the points are made of {of} ({how}); counts, costs and analyses, of all."]
+
+
+def largest_magnitude(values: xr.DataArray) -> float:
+    """The largest magnitude of a variable, read in slabs; NaN where it has no number."""
+    largest = np.nan
+    for slab in slabs(values.shape, box(values.shape, values.dtype.itemsize, _SLAB_BYTES)):
+        part = np.abs(values.variable[slab.place].values)
+        largest = np.fmax(largest, np.fmax.reduce(part, axis=None, initial=np.nan))
+    return float(largest)
+
+
+def _numbers_of_a_point(cube: xr.Dataset, variable: xr.Variable) -> int:
+    design = cube["outcome"].dims
+    return math.prod(size for dim, size in variable.sizes.items() if dim not in design)
+
+
+def _rows(cube: xr.Dataset) -> dict[str, NDArray[np.int64]]:
+    """Positions along the dimensions of the design that are shown."""
+    sizes = {str(dim): size for dim, size in cube["outcome"].sizes.items()}
+    if list(sizes) == ["point"]:
+        random = np.random.default_rng(0)
+        return {"point": np.sort(random.choice(sizes["point"], MOST_POINTS, replace=False))}
+    shown = dict(sizes)
+    while math.prod(shown.values()) > MOST_POINTS:
+        longest = max(shown, key=lambda dim: shown[dim])
+        shown[longest] = -(-shown[longest] // 2)
+    return {
+        dim: np.unique(np.linspace(0, size - 1, shown[dim]).round().astype(np.int64))
+        for dim, size in sizes.items()
+        if shown[dim] < size
+    }
+
+
+def _read(variable: xr.Variable, rows: dict[str, NDArray[np.int64]]) -> xr.Variable:
+    """Some positions of a variable, read in slabs: a file gives stretches faster than single positions."""
+    if not rows.keys() & set(variable.dims):
+        return variable.load()
+    chosen = [rows.get(str(dim), np.arange(size)) for dim, size in variable.sizes.items()]
+    found = np.empty([own.size for own in chosen], variable.dtype)
+    for slab in slabs(variable.shape, box(variable.shape, variable.dtype.itemsize, _SLAB_BYTES)):
+        inside, target = [], []
+        for own, place in zip(chosen, slab.place, strict=True):
+            first, last = np.searchsorted(own, (place.start, place.stop))
+            target.append(slice(int(first), int(last)))
+            inside.append(own[first:last] - place.start)
+        found[tuple(target)] = variable[slab.place].values[np.ix_(*inside)]
+    return xr.Variable(variable.dims, found, variable.attrs)
