@@ -6,13 +6,16 @@ import warnings
 
 import numpy as np
 import pytest
+import xarray as xr
 from published import ANGLE, CASES, ISHIGAMI, cube_of, ishigami, linear_interaction
 from SALib.analyze import delta, dgsm, fast, morris, pawn, rbd_fast, sobol
 from scipy.stats import norm
 
 from tripod_doe.analysis import sensitivity as s
+from tripod_doe.analysis.sensitivity import outputs
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
+from tripod_doe.study import slab_reading
 
 PROBLEM = {"num_vars": 3, "names": ["a", "b", "c"], "bounds": [[0, 1]] * 3}
 
@@ -155,6 +158,27 @@ def test_a_waveform_beside_other_outputs_has_indices_at_each_angle():
     assert found["thrust_ST"].dims == ("factor", "rotation_deg")
     assert found["ST"].dims == ("factor",)
     assert found["thrust_ST"].isel(rotation_deg=0).values == pytest.approx([0, 1, 0], abs=0.2)
+
+
+def test_a_course_that_is_read_in_parts_has_the_same_indices(monkeypatch, tmp_path):
+    """Components do not know of each other; from a file that is read when it is used, with failed points."""
+
+    def wave(x):
+        return x[:, :1] * np.sin(np.arange(8)) + x[:, 1:2] * np.cos(np.arange(8))
+
+    cube = cube_of('kind = "saltelli"\nsamples = 64', wave).rename(y="thrust", k="rotation_deg")
+    cube["thrust"][[17, 90]] = np.nan
+    cube["outcome"][[17, 90]] = Outcome.DIVERGED
+    cube["other"] = cube["thrust"].max("rotation_deg")
+    expected = s.sobol_indices(cube)
+    cube.to_netcdf(tmp_path / "cube.nc")
+    monkeypatch.setattr(outputs, "_MOST_NUMBERS", 1500)
+    monkeypatch.setattr(slab_reading, "_SLAB_BYTES", 4000)
+    with xr.open_dataset(tmp_path / "cube.nc", cache=False) as stored:
+        assert len(list(outputs.in_parts(stored, "thrust", 512))) == 4
+        found = s.sobol_indices(stored)
+    xr.testing.assert_allclose(found, expected, rtol=1e-12)
+    assert found.attrs == expected.attrs
 
 
 def test_convergence_says_how_many_more():

@@ -9,8 +9,10 @@ import xarray as xr
 from tripod_doe.report import shown_part as parts
 from tripod_doe.report.findings import find
 from tripod_doe.report.page import make_page
-from tripod_doe.report.shown_part import largest_magnitude, shown_part, told_part
+from tripod_doe.report.shown_part import shown_part, told_part
 from tripod_doe.report.tables import failed_points
+from tripod_doe.study import slab_reading
+from tripod_doe.study.slab_reading import all_finite, largest_magnitude
 
 pytestmark = pytest.mark.usefixtures("charts_not_drawn")
 
@@ -19,7 +21,7 @@ pytestmark = pytest.mark.usefixtures("charts_not_drawn")
 def few(monkeypatch):
     """Parts and slabs small enough for small cubes to have several."""
     monkeypatch.setattr(parts, "MOST_POINTS", 40)
-    monkeypatch.setattr(parts, "_SLAB_BYTES", 300)
+    monkeypatch.setattr(slab_reading, "_SLAB_BYTES", 300)
 
 
 def listed(count=200):
@@ -87,5 +89,7 @@ def test_failed_points_and_the_largest_number_are_those_of_all_points(few):
     cube = listed()
     assert [point.position for point in failed_points(cube, most=50)] == list(range(0, 200, 20))
     assert failed_points(cube, most=3)[2].inputs == ["0.201005"]
-    assert largest_magnitude(-cube["y"]) == float(cube["y"].max())
-    assert np.isnan(largest_magnitude(cube["y"] * np.nan))
+    y = cube["y"].variable
+    assert largest_magnitude(-y) == float(y.max())
+    assert np.isnan(largest_magnitude(y * np.nan))
+    assert all_finite(y * cube["course"].variable).tolist() == (cube["outcome"].values == 0).tolist()

@@ -55,7 +55,7 @@ def learnt(samples, wiggle=0.0):
         attrs={"study": text},
     )
     sample = read_sample(cube, SurrogateSettings(), SURROGATE_DESIGNS, ["thrust_amplitude"])
-    tables = read_outputs(cube, ["thrust_amplitude"], sample.rows)
+    tables = list(read_outputs(cube, ["thrust_amplitude"], sample.rows))
     result = what_if(sample, tables, cube, seed=0).assign_attrs(analysis_kind="surrogate")
     return cube, what_if_pages({"surrogate": result})[0]
 

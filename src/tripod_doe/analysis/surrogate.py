@@ -20,6 +20,7 @@ from tripod_doe.analysis.sensitivity.distributions import SAMPLED_DESIGNS
 from tripod_doe.analysis.sensitivity.outputs import (
     OutputTable,
     chosen_outputs,
+    is_course,
     output_attributes,
     read_outputs,
     stacked,
@@ -164,9 +165,10 @@ def surrogate(cube: xr.Dataset, settings: SurrogateSettings | None = None) -> xr
     sample = read_sample(cube, settings, SURROGATE_DESIGNS, names)
     if sample.rows.size < _FEWEST:
         raise InputError(f"a surrogate needs at least {_FEWEST} points, {sample.rows.size} finished")
-    tables = [table for table in read_outputs(cube, names, sample.rows) if not table.is_waveform]
+    names = [name for name in names if not is_course(cube, name)]
+    tables = list(read_outputs(cube, names, sample.rows))
     parts = [_of_output(sample, table, settings) for table in tables]
-    result = stacked(parts, tables)
+    result = stacked(parts, names)
     if any(table.varies.any() for table in tables):
         result = result.merge(what_if(sample, tables, cube, settings.seed), combine_attrs="no_conflicts")
     for name, meaning in _MEANINGS.items():
@@ -177,4 +179,6 @@ def surrogate(cube: xr.Dataset, settings: SurrogateSettings | None = None) -> xr
     )  # fmt: skip
     for label in result.coords:
         result[label].attrs.setdefault("long_name", str(label).replace("_", " "))
-    return result.assign_attrs(**output_attributes(tables), points_used=sample.rows.size, points_dropped=sample.dropped)
+    return result.assign_attrs(
+        **output_attributes(cube, names), points_used=sample.rows.size, points_dropped=sample.dropped
+    )

@@ -19,6 +19,7 @@ from tripod_doe.analysis.sensitivity.distributions import SAMPLED_DESIGNS
 from tripod_doe.analysis.sensitivity.outputs import (
     OutputTable,
     chosen_outputs,
+    is_course,
     output_attributes,
     read_outputs,
     stacked,
@@ -189,10 +190,11 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
     default = "outputs" not in settings.model_fields_set and "thrust_amplitude" not in cube
     names = chosen_outputs(cube, [] if default else settings.outputs)
     sample = read_sample(cube, settings, SAMPLED_DESIGNS, names)
-    tables = [table for table in read_outputs(cube, names, sample.rows) if not table.is_waveform]
+    names = [name for name in names if not is_course(cube, name)]
+    tables = list(read_outputs(cube, names, sample.rows))
     _check_limits(settings.limits, tables)
     parts = [_of_output(sample, table, settings) for table in tables]
-    result = stacked(parts, tables)
+    result = stacked(parts, names)
     result = result.assign_coords(probability=settings.probabilities, factor=list(sample.tables))
     pure = ("exceedance", "gain")
     for name in result.data_vars:
@@ -202,6 +204,6 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
         result[label].attrs.setdefault("long_name", str(label).replace("_", " "))
     region = {"failing_region": sample.region.text} if sample.region else {}
     return result.assign_attrs(
-        **output_attributes(tables), points_used=sample.rows.size, points_dropped=sample.dropped,
+        **output_attributes(cube, names), points_used=sample.rows.size, points_dropped=sample.dropped,
         confidence_level=settings.confidence, **region,
     )  # fmt: skip

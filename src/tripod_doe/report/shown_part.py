@@ -8,15 +8,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from tripod_doe.study.slabs import box, slabs
+from tripod_doe.study.slab_reading import read_positions
 
-__all__ = ["MOST_POINTS", "largest_magnitude", "shown_part", "told_part"]
+__all__ = ["MOST_POINTS", "shown_part", "told_part"]
 
 MOST_POINTS = 1_000_000
 """Points up to which sentences and figures are made of all of them."""
 
 _LONG = 40  # numbers of a point above which a variable is a course, of which only single points are shown
-_SLAB_BYTES = 32_000_000
 _PART_OF = "part_of"  # attribute of a part: number of points of the whole
 
 
@@ -34,7 +33,10 @@ def shown_part(cube: xr.Dataset) -> xr.Dataset:
             cube.variables[name].load()
         return cube
     rows = _rows(cube)
-    read = {name: _read(cube.variables[name], rows) for name in short}
+    read = {}
+    for name in short:
+        variable = cube.variables[name]
+        read[name] = xr.Variable(variable.dims, read_positions(variable, rows), variable.attrs)
     part = cube.isel(rows).assign({name: read[name] for name in short if name in cube.data_vars})
     part = part.assign_coords({name: read[name] for name in short if name in cube.coords})
     return part.assign_attrs({_PART_OF: count})
@@ -47,15 +49,6 @@ def told_part(part: xr.Dataset) -> list[str]:
     of = f"{math.prod(part['outcome'].shape):,} of the {part.attrs[_PART_OF]:,} points"
     how = "drawn at random with a fixed seed" if part["outcome"].dims == ("point",) else "every so many levels"
     return [f"Sentences and figures on the points are made of {of} ({how}); counts, costs and analyses, of all."]
-
-
-def largest_magnitude(values: xr.DataArray) -> float:
-    """The largest magnitude of a variable, read in slabs; NaN where it has no number."""
-    largest = np.nan
-    for slab in slabs(values.shape, box(values.shape, values.dtype.itemsize, _SLAB_BYTES)):
-        part = np.abs(values.variable[slab.place].values)
-        largest = np.fmax(largest, np.fmax.reduce(part, axis=None, initial=np.nan))
-    return float(largest)
 
 
 def _numbers_of_a_point(cube: xr.Dataset, variable: xr.Variable) -> int:
@@ -78,19 +71,3 @@ def _rows(cube: xr.Dataset) -> dict[str, NDArray[np.int64]]:
         for dim, size in sizes.items()
         if shown[dim] < size
     }
-
-
-def _read(variable: xr.Variable, rows: dict[str, NDArray[np.int64]]) -> xr.Variable:
-    """Some positions of a variable, read in slabs: a file gives stretches faster than single positions."""
-    if not rows.keys() & set(variable.dims):
-        return variable.load()
-    chosen = [rows.get(str(dim), np.arange(size)) for dim, size in variable.sizes.items()]
-    found = np.empty([own.size for own in chosen], variable.dtype)
-    for slab in slabs(variable.shape, box(variable.shape, variable.dtype.itemsize, _SLAB_BYTES)):
-        inside, target = [], []
-        for own, place in zip(chosen, slab.place, strict=True):
-            first, last = np.searchsorted(own, (place.start, place.stop))
-            target.append(slice(int(first), int(last)))
-            inside.append(own[first:last] - place.start)
-        found[tuple(target)] = variable[slab.place].values[np.ix_(*inside)]
-    return xr.Variable(variable.dims, found, variable.attrs)

@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import duration, level, number
 from tripod_doe.report.responses import asked, factor_names, factor_unit, finished, unit_text, waiting
-from tripod_doe.report.shown_part import largest_magnitude
 from tripod_doe.simulator import OUTCOME_MEANINGS, Outcome, Parameter
 from tripod_doe.study.cube import THIS_STUDY
 from tripod_doe.study.journal import PILOT
 from tripod_doe.study.scenes import load_simulator
+from tripod_doe.study.slab_reading import largest_magnitude
 
 __all__ = [
     "FailedPoint",
@@ -157,7 +157,7 @@ def numerics_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
     """Numerical checks stored in the cube: (check, largest value, meaning)."""
     rows = []
     for name in ("energy_residual", "thrust_amplitude_scatter", "largest_penetration_um"):
-        if name in cube and np.isfinite(largest := largest_magnitude(cube[name])):
+        if name in cube and np.isfinite(largest := largest_magnitude(cube[name].variable)):
             attrs = cube[name].attrs
             unit = unit_text(str(attrs.get("units", "1")))
             rows.append(

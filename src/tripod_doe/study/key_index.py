@@ -41,9 +41,15 @@ class KeyIndex:
 
     def places(self, wanted: NDArray[np.void]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Rows of some fingerprints and the indices where they stand; a strange one stands nowhere."""
+        if not self._head.size:
+            return (np.array([], np.int64),) * 2
         head, tail = _halves(wanted)
-        first = np.searchsorted(self._head, head, side="left")
-        count = np.searchsorted(self._head, head, side="right") - first
+        ascending = np.argsort(head)  # neighbours are searched for one after the other: the cache holds their way
+        first, last = np.empty(head.size, np.int64), self._head.size - 1
+        first[ascending] = np.searchsorted(self._head, head[ascending], side="left")
+        count = (self._head[np.minimum(first, last)] == head).astype(np.int64)
+        several = np.flatnonzero(count & (first < last) & (self._head[np.minimum(first + 1, last)] == head))
+        count[several] = np.searchsorted(self._head, head[several], side="right") - first[several]
         rows = np.repeat(np.arange(head.size), count)
         within = np.arange(rows.size) - np.repeat(np.cumsum(count) - count, count)
         places = self._order[first[rows] + within]

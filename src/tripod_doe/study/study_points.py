@@ -52,7 +52,7 @@ class StudyPoints:
         """Where the fingerprints stand."""
         return KeyIndex(self.keys)
 
-    @property
+    @cached_property
     def different(self) -> NDArray[np.int64]:
         """Indices of the points to compute: of repeated ones the first, an excluded one not at all."""
         first = self.index.first_of_each()

@@ -200,7 +200,7 @@ def multifidelity(cube: xr.Dataset, settings: MultifidelitySettings | None = Non
     names = outputs_of_all(cube, settings.outputs)
     ladder = read_ladder(cube, settings, names)
     tables = read_outputs(cube, names, np.arange(cube.sizes["point"]))
-    result = stacked([_of_output(ladder, table, settings) for table in tables], tables)
+    result = stacked([_of_output(ladder, table, settings) for table in tables], names)
     models = [*ladder.rungs, *ladder.aside]
     result = result.assign(
         samples=("model", np.array([rung.count for rung in models], np.int32)),
@@ -209,11 +209,11 @@ def multifidelity(cube: xr.Dataset, settings: MultifidelitySettings | None = Non
     labels: dict[str, list[object]] = {"probability": [*settings.probabilities], "factor": [*ladder.factors]}
     labels["model"] = [rung.model for rung in models]
     result = result.assign_coords({dim: values for dim, values in labels.items() if dim in result.dims})
-    return _described(result, ladder, tables, settings)
+    return _described(result, ladder, output_attributes(cube, names), settings)
 
 
 def _described(
-    result: xr.Dataset, ladder: Ladder, tables: list[OutputTable], settings: MultifidelitySettings
+    result: xr.Dataset, ladder: Ladder, outputs: dict[str, str], settings: MultifidelitySettings
 ) -> xr.Dataset:
     """Meanings, units, and what was used."""
     without_unit = ("S1", "ST", "gain", "variance_gain", "correlation", "samples")
@@ -228,7 +228,7 @@ def _described(
     region = {"failing_region": ladder.region.text} if ladder.region else {}
     answered = {"answered_for": "the rest" if ladder.rest else "all"} if ladder.region else {}
     return result.assign_attrs(
-        **output_attributes(tables), truth=ladder.truth.model, samples_dropped=ladder.lost, block_size=ladder.block,
+        **outputs, truth=ladder.truth.model, samples_dropped=ladder.lost, block_size=ladder.block,
         points_used=used, points_dropped=ladder.lost * ladder.block, confidence_level=settings.confidence,
         **region, **answered,
     )  # fmt: skip

@@ -90,7 +90,7 @@ def find_split(pilot: xr.Dataset, simulator: Simulator) -> Split:
     names = outputs_of_all(pilot, [])
     ladder = read_ladder(pilot, settings, names)
     rungs = (ladder.truth, *ladder.aside)
-    tables = read_outputs(pilot, names, np.arange(pilot.sizes["point"]))
+    tables = list(read_outputs(pilot, names, np.arange(pilot.sizes["point"])))
     explained = dict(zip((rung.model for rung in rungs), _explained(ladder, rungs, tables), strict=True))
     prices = {rung.model: _price(pilot, simulator, ladder.design, rung) for rung in rungs}
     truth, asked, ran = ladder.truth.model, int(ladder.design.samples or 0), pilot_samples(ladder.design)

@@ -20,6 +20,7 @@ from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.sensitivity.outputs import (
     OutputTable,
     chosen_outputs,
+    is_course,
     output_attributes,
     read_outputs,
     stacked,
@@ -219,9 +220,9 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
     names = chosen_outputs(cube, settings.outputs)
     sample = read_sample(cube, settings, EFFECT_DESIGNS, names)
     terms = _terms(sample, settings)
-    tables = [table for table in read_outputs(cube, names, sample.rows) if not table.is_waveform or len(names) == 1]
-    parts = [_of_output(terms, table, settings.confidence) for table in tables]
-    result = stacked(parts, tables)
+    names = [name for name in names if not is_course(cube, name) or len(names) == 1]
+    parts = [_of_output(terms, table, settings.confidence) for table in read_outputs(cube, names, sample.rows)]
+    result = stacked(parts, names)
     result = result.assign_coords(term=np.array(terms.names, dtype=object))
     for name in result.data_vars:
         result[name].attrs = {"long_name": _MEANINGS[str(name)]} | ({"units": "1"} if name in _PURE else {})
@@ -229,7 +230,7 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
         result[label].attrs.setdefault("long_name", str(label).replace("_", " "))
     region = {"failing_region": sample.region.text} if sample.region else {}
     return result.assign_attrs(
-        **output_attributes(tables), aliases=json.dumps(terms.aliases),
+        **output_attributes(cube, names), aliases=json.dumps(terms.aliases),
         degrees_of_freedom=sample.rows.size - len(terms.names) - 1, points_used=sample.rows.size,
         points_dropped=sample.dropped, confidence_level=settings.confidence, **region,
     )  # fmt: skip

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from tripod_doe.analysis.sensitivity.outputs import (
     OutputTable,
     chosen_outputs,
+    in_parts,
+    is_course,
     output_attributes,
     read_outputs,
     stacked,
@@ -109,18 +111,31 @@ def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr
     sample = read_sample(cube, settings, method.designs, names)
     if method.independent and sample.design.correlation:
         raise InputError(CORRELATED)
-    tables = read_outputs(cube, names, sample.rows)
-    waveforms = [table for table in tables if table.is_waveform and len(tables) > 1]
-    plain = [table for table in tables if table not in waveforms]
-    result = stacked([_analyse(method, sample, table, settings) for table in plain], plain) if plain else xr.Dataset()
-    for table in waveforms:
-        own = _analyse(method, sample, table, settings)
-        result = result.merge({f"{table.name}_{key}": own[key] for key in own.data_vars}, compat="override")
-    return _described(result, method, sample, tables, settings)
+    courses = [name for name in names if is_course(cube, name) and len(names) > 1]
+    plain = [name for name in names if name not in courses]
+    result = (
+        stacked([_analyse(method, sample, cube, name, settings) for name in plain], plain) if plain else xr.Dataset()
+    )
+    for name in courses:
+        own = _analyse(method, sample, cube, name, settings)
+        result = result.merge({f"{name}_{key}": own[key] for key in own.data_vars}, compat="override")
+    return _described(result, method, sample, output_attributes(cube, names), settings)
 
 
-def _analyse(method: Method, sample: Sample, table: OutputTable, settings: SensitivitySettings) -> xr.Dataset:
-    """One output: answers for each of its components, their judgement, and their convergence."""
+def _analyse(method: Method, sample: Sample, cube: xr.Dataset, name: str, settings: SensitivitySettings) -> xr.Dataset:
+    """One output, read as far as it fits into memory."""
+    parts = [
+        _of_table(method, sample, table, settings)
+        for part in in_parts(cube, name, sample.rows.size)
+        for table in read_outputs(part, [name], sample.rows)
+    ]
+    if len(parts) == 1:
+        return parts[0]
+    return xr.concat(parts, cube[name].dims[-1], data_vars="minimal", coords="minimal", compat="equals")
+
+
+def _of_table(method: Method, sample: Sample, table: OutputTable, settings: SensitivitySettings) -> xr.Dataset:
+    """One output, or a part of it: answers for each of its components, their judgement, and their convergence."""
     answers = _estimate(method, sample, table, settings)
     size = answers.pop("size", None)
     result = _labelled(method, table, answers)
@@ -200,7 +215,7 @@ def _labelled(method: Method, table: OutputTable, answers: Answers) -> xr.Datase
 
 
 def _described(
-    result: xr.Dataset, method: Method, sample: Sample, tables: list[OutputTable], settings: SensitivitySettings
+    result: xr.Dataset, method: Method, sample: Sample, outputs: dict[str, str], settings: SensitivitySettings
 ) -> xr.Dataset:
     """Labels, meanings, flags, and what was used."""
     labels = {"factor": sample.factors} | ({"factor_2": sample.factors} if "factor_2" in result.dims else {})
@@ -219,7 +234,7 @@ def _described(
     region = sample.region.text if sample.region else ""
     told = {"failing_region": region, "answered_for": "the rest" if sample.rest else "all"} if region else {}
     return result.assign_attrs(
-        **output_attributes(tables), groups_used=sample.blocks,
+        **outputs, groups_used=sample.blocks,
         groups_dropped=math.ceil(sample.dropped / sample.block), block_size=sample.block,
         points_used=sample.rows.size, points_dropped=sample.dropped, confidence_level=settings.confidence,
         precision=settings.precision, **told,

@@ -8,6 +8,7 @@ and others 2014); where values count, as its difference from the circular mean.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -17,14 +18,16 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.cube import COST_VARIABLES, RECORD_ROLE
+from tripod_doe.study.slab_reading import read_positions
 
-__all__ = ["OutputTable", "chosen_outputs", "output_attributes", "read_outputs", "stacked"]
+__all__ = ["OutputTable", "chosen_outputs", "in_parts", "is_course", "output_attributes", "read_outputs", "stacked"]
 
 FloatArray = NDArray[np.float64]
 
 _CONSTANT = 1e-9  # spread below which an output does not vary, over its largest magnitude
 _WAVEFORM = "rotation_deg"
 _CHUNK = 5_000_000  # numbers that are worked on together
+_MOST_NUMBERS = 40_000_000  # of an output that are read together
 
 
 @dataclass(frozen=True)
@@ -127,8 +130,8 @@ def chosen_outputs(cube: xr.Dataset, asked: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(asked)) or outputs
 
 
-def read_outputs(cube: xr.Dataset, names: Iterable[str], rows: NDArray[np.int64]) -> list[OutputTable]:
-    """Outputs as tables.
+def read_outputs(cube: xr.Dataset, names: Iterable[str], rows: NDArray[np.int64]) -> Iterator[OutputTable]:
+    """Outputs as tables, each read when it is its turn.
 
     Parameters
     ----------
@@ -139,19 +142,35 @@ def read_outputs(cube: xr.Dataset, names: Iterable[str], rows: NDArray[np.int64]
     rows
         Points to take, at which the outputs are finite.
     """
-    return [_table(cube, name, rows) for name in names]
+    for name in names:
+        yield _table(cube, name, rows)
+
+
+def is_course(cube: xr.Dataset, name: str) -> bool:
+    """Whether an output is a course over the rotation angle."""
+    return _WAVEFORM in cube[name].dims
+
+
+def in_parts(cube: xr.Dataset, name: str, points: int) -> Iterator[xr.Dataset]:
+    """A cube with parts of an output along its last dimension, so that a course of many points fits into memory."""
+    variable = cube[name]
+    last, length = str(variable.dims[-1]), variable.shape[-1]
+    numbers = points * math.prod(variable.shape[1:])
+    width = max(length * _MOST_NUMBERS // max(numbers, 1), 1)
+    for start in range(0, length, width) if variable.ndim > 1 else [0]:
+        yield cube.isel({last: slice(start, start + width)}) if width < length and variable.ndim > 1 else cube
 
 
 def _table(cube: xr.Dataset, name: str, rows: NDArray[np.int64]) -> OutputTable:
     variable = cube[name].isel(point=rows)
-    values = variable.values.astype(float).reshape(rows.size, -1)
+    values = read_positions(cube[name].variable, {"point": rows}).astype(float).reshape(rows.size, -1)
     wraps = "wraps_at" in variable.attrs
     centre = np.zeros(values.shape[1])
     if wraps:
         values, centre = _around_mean(values)
     error = np.zeros(values.shape[1])
     if f"{name}_error" in cube and cube[f"{name}_error"].dims == variable.dims:
-        told = cube[f"{name}_error"].isel(point=rows).values.astype(float).reshape(rows.size, -1)
+        told = read_positions(cube[f"{name}_error"].variable, {"point": rows}).astype(float).reshape(rows.size, -1)
         known = np.isfinite(told)
         error = np.where(known, told, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
     return OutputTable(name, variable, values, centre, wraps, error)
@@ -165,15 +184,15 @@ def _around_mean(degrees: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.degrees(np.angle(turns / mean)), np.degrees(np.angle(mean))
 
 
-def stacked(parts: Sequence[xr.Dataset], tables: Sequence[OutputTable]) -> xr.Dataset:
+def stacked(parts: Sequence[xr.Dataset], names: Sequence[str]) -> xr.Dataset:
     """The answers of several outputs along ``output``; those of one as they are."""
     if len(parts) == 1:
         return parts[0]
-    outputs = xr.DataArray(np.array([table.name for table in tables], dtype=object), dims="output", name="output")
+    outputs = xr.DataArray(np.array(names, dtype=object), dims="output", name="output")
     return xr.concat(parts, outputs, join="outer", coords="minimal", compat="equals")
 
 
-def output_attributes(tables: Iterable[OutputTable]) -> dict[str, str]:
+def output_attributes(cube: xr.Dataset, names: Iterable[str]) -> dict[str, str]:
     """Attributes of a result: the outputs that were analysed, and their units by name."""
-    units = {table.name: str(table.variable.attrs.get("units", "1")) for table in tables}
+    units = {name: str(cube[name].attrs.get("units", "1")) for name in names}
     return {"outputs": ", ".join(units), "output_units": json.dumps(units)}

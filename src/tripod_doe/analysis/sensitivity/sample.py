@@ -18,6 +18,7 @@ from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import EXCLUDED
 from tripod_doe.study.designs import FAMILIES, factor_groups, unit_sample
 from tripod_doe.study.file import DesignTable, FactorTable, parse_file
+from tripod_doe.study.slab_reading import all_finite
 
 __all__ = ["Sample", "flat_points", "read_sample", "refuse_holes", "usable_points"]
 
@@ -153,7 +154,7 @@ def usable_points(cube: xr.Dataset, outputs: Sequence[str]) -> NDArray[np.bool_]
     """
     usable = np.asarray(cube["outcome"].values == Outcome.FINISHED)
     for name in outputs:
-        given = np.isfinite(cube[name].values.reshape(usable.size, -1)).all(axis=1)
+        given = all_finite(cube[name].variable)
         if given.any():  # an output that no point gives takes nothing away from the others
             usable = usable & given
     return usable
