@@ -16,7 +16,7 @@ def _evaluate(x, out):
         out[3, i] = laws.contact_force(3.0, 1.5, x[i])
         out[4, i] = laws.contact_force(3.0, 10 / 9, x[i])
         out[5, i] = laws.contact_energy(laws.contact_force(3.0, 10 / 9, x[i]), 10 / 9, x[i])
-        out[6, i] = laws.spinning_moment(0.01, x[i])
+        out[6, i] = x[i] * laws.spinning_lever(0.01, x[i])
         out[7, i] = laws.rolling_moment(0.002, x[i], 16.0)
         out[8, i] = laws.damping_factor(-1.0, x[i])
 

@@ -34,12 +34,13 @@ def _read_grooves(tables, work, positions, velocities, thrust, powers):
         Receive axial forces on the grooves, shape (groove, sample), and powers lost by mechanism, shape (5, sample).
     """
     force, ledger, first = work.force, work.ledger, tables.contacts.size - thrust.shape[0]
+    slopes = Slopes(1.0, 0.0, 0.0, False)
     for s in range(positions.shape[0]):
         clear(ledger)
         for k in range(thrust.shape[0]):
             clear(force)
             at = first + k
-            add_contacts(tables, work, at, at + 1, positions[s], velocities[s], Slopes(1.0, 0.0, 0.0), work.matrix)
+            add_contacts(tables, work, at, at + 1, positions[s], velocities[s], slopes, work.matrix)
             thrust[k, s] = force[0, 2]
         powers[0, s], powers[1, s], powers[2, s] = ledger[2], ledger[3], ledger[4]
 
@@ -48,9 +49,10 @@ def _read_grooves(tables, work, positions, velocities, thrust, powers):
 def _read_needles(tables, grooves, work, positions, velocities, powers):
     """The powers lost between trunnions and rollers, the last two of shape (5, sample)."""
     force, ledger, first = work.force, work.ledger, tables.contacts.size - grooves
+    slopes = Slopes(1.0, 0.0, 0.0, False)
     for s in range(positions.shape[0]):
         clear(ledger)
-        add_contacts(tables, work, FIRST, first, positions[s], velocities[s], Slopes(1.0, 0.0, 0.0), work.matrix)
+        add_contacts(tables, work, FIRST, first, positions[s], velocities[s], slopes, work.matrix)
         bearing_forces(tables.bearings, positions[s], velocities[s], force, ledger)
         powers[3, s], powers[4, s] = ledger[2], ledger[4]
 

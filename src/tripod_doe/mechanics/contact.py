@@ -54,17 +54,27 @@ def _load(contact, spheres, motion):
     factor = laws.damping_factor(contact.damping, motion.rate)
     normal = elastic * factor
     slip_speed = math.sqrt(motion.slip_t * motion.slip_t + motion.slip_b * motion.slip_b)
-    roll_speed = math.sqrt(motion.roll_t * motion.roll_t + motion.roll_b * motion.roll_b)
-    resistance = laws.rolling_moment(contact.rolling, 1.0, contact.lever)
-    brake = laws.spinning_moment(contact.spinning, normal) / max(normal, 1e-300)
+    roll, spin, roll_speed = _resistances(contact, normal, motion)
     return _Load(
         elastic, normal, contact.exponent * stiffness * factor,
         select(factor > 0.0, contact.damping * elastic, 0.0),
         contact.sliding * laws.secant_slope(slip_speed, contact.sliding_transition),
-        resistance * laws.secant_slope(roll_speed, contact.rolling_transition),
-        brake * laws.secant_slope(abs(motion.spin), contact.spinning_transition),
-        slip_speed, roll_speed,
+        roll, spin, slip_speed, roll_speed,
     )  # fmt: skip
+
+
+@inlined_kernel
+def _resistances(contact, normal, motion):
+    """Secant slopes of rolling and spinning friction per unit of normal force, which most rows have none of."""
+    roll = spin = speed = 0.0 * normal
+    if contact.rolling > 0.0:
+        speed = math.sqrt(motion.roll_t * motion.roll_t + motion.roll_b * motion.roll_b)
+        resistance = laws.rolling_moment(contact.rolling, 1.0, contact.lever)
+        roll = resistance * laws.secant_slope(speed, contact.rolling_transition)
+    if contact.spinning > 0.0:
+        lever = laws.spinning_lever(contact.spinning, normal)
+        spin = lever * laws.secant_slope(abs(motion.spin), contact.spinning_transition)
+    return roll, spin, speed
 
 
 @inlined_kernel
@@ -78,13 +88,15 @@ def _forces(spheres, motion, acting):
 
 
 @inlined_kernel
-def _powers(contact, spheres, motion, acting):
-    """Entries of the ledger, summed over the spheres."""
+def _add_powers(contact, spheres, motion, acting, powers):
+    """Add the spheres' entries of the ledger to six lanes."""
     n, m = acting.normal, motion
-    return row_of_sums(
-        laws.contact_energy(acting.elastic, contact.exponent, spheres.depth), 0.0 * n,
-        n * acting.slide * (m.slip_t * m.slip_t + m.slip_b * m.slip_b), n * acting.spin * m.spin * m.spin,
-        n * acting.roll * (m.roll_t * m.roll_t + m.roll_b * m.roll_b), (n - acting.elastic) * m.rate,
+    return (
+        powers[0] + laws.contact_energy(acting.elastic, contact.exponent, spheres.depth), powers[1],
+        powers[2] + n * acting.slide * (m.slip_t * m.slip_t + m.slip_b * m.slip_b),
+        powers[3] + n * acting.spin * m.spin * m.spin,
+        powers[4] + n * acting.roll * (m.roll_t * m.roll_t + m.roll_b * m.roll_b),
+        powers[5] + (n - acting.elastic) * m.rate,
     )  # fmt: skip
 
 
@@ -124,7 +136,7 @@ def add_contacts(tables, work, first, last, positions, velocities, slopes, matri
     contacts, touching, slips = tables.contacts, work.touching, work.slip
     linear, block = slopes.by_velocity != 0.0 or slopes.by_position != 0.0, work.pair[0]
     nothing = row(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    powers = nothing
+    powers = nothing, nothing, nothing, nothing, nothing, nothing
     for i in range(first, last):
         contact = contacts[i]
         place = place_row(contact, positions)
@@ -147,17 +159,21 @@ def add_contacts(tables, work, first, last, positions, velocities, slopes, matri
             acting = _load(contact, spheres, motion)
             _store_slips(spheres, motion, slips[contact.first + group])
             total = total + row_of_sums(*_forces(spheres, motion, acting))
-            powers = powers + _powers(contact, spheres, motion, acting)
+            powers = _add_powers(contact, spheres, motion, acting, powers)
             if linear:
-                falling = falling + row_of_sums(*add_derivatives(contact, spheres, motion, acting, slopes, block))
+                fall = add_derivatives(contact, spheres, motion, acting, slopes, block)
+                if slopes.drift:
+                    falling = falling + row_of_sums(*fall)
         _apply(work.force, positions, contact, place.centre, total)
         if linear:
-            _apply(work.drift, positions, contact, place.centre, falling)
+            if slopes.drift:
+                _apply(work.drift, positions, contact, place.centre, falling)
             arm_a = subtract(place.centre, load_vector(positions[contact.body_a], 0))
             arm_b = subtract(place.centre, load_vector(positions[contact.body_b], 0))
             add_pair(matrix, contact.pair, block, arm_a, arm_b)
+    sums = row_of_sums(*powers)
     for entry in range(work.ledger.size):
-        work.ledger[entry] += pick(powers, entry)
+        work.ledger[entry] += pick(sums, entry)
 
 
 @inlined_kernel

@@ -12,18 +12,20 @@ __all__ = ["add_derivatives"]
 
 
 @inlined_kernel
-def _slopes(coefficient, secant, speed, transition, x, y):
+def _slopes(coefficient, secant, chord, speed, transition, x, y):
     """Symmetric slopes of a friction law by two components x, y: its chord across them, along them `_slope`."""
-    across = coefficient * laws.secant_slope(speed, transition)
-    extra = (_slope(coefficient, secant, speed, transition) - across) / max(speed * speed, 1e-300)
-    return across + extra * x * x, extra * x * y, across + extra * y * y
+    if secant >= 1.0:
+        return chord, 0.0 * chord, chord
+    extra = (_slope(coefficient, secant, chord, speed, transition) - chord) / max(speed * speed, 1e-300)
+    return chord + extra * x * x, extra * x * y, chord + extra * y * y
 
 
 @inlined_kernel
-def _slope(coefficient, secant, speed, transition):
-    """Slope of a friction law along the motion: the tangent, but not below a share of the secant."""
-    chord = laws.secant_slope(speed, transition)
-    return coefficient * max(laws.tangent_slope(speed, transition), secant * chord)
+def _slope(coefficient, secant, chord, speed, transition):
+    """Slope of a friction law along the motion: the tangent, but not below a share of the chord, which is steeper."""
+    if secant >= 1.0:
+        return chord
+    return max(coefficient * laws.tangent_slope(speed, transition), secant * chord)
 
 
 @inlined_kernel
@@ -31,6 +33,27 @@ def _twist(spheres, d, twists):
     """Row d of the change of moment by change of angular velocity that friction against turning gives."""
     of_t, of_b = scale(spheres.tangent[d], twists[0]), scale(spheres.binormal[d], twists[1])
     return add(add(of_t, of_b), scale(spheres.normal[d], twists[2]))
+
+
+@inlined_kernel
+def _twists(contact, s, m, acting, secant, damped):
+    """Change of moment by change of angular velocity that rolling and spinning friction give, three rows."""
+    nothing = 0.0 * damped
+    if contact.rolling == 0.0 and contact.spinning == 0.0:
+        still = (nothing, nothing, nothing)
+        return still, still, still
+    resistance = laws.rolling_moment(contact.rolling, 1.0, contact.lever)
+    tt, tb, bb = _slopes(
+        resistance, secant, acting.roll, acting.roll_speed, contact.rolling_transition, m.roll_t, m.roll_b
+    )
+    lever = laws.spinning_lever(contact.spinning, acting.normal)
+    nn = damped * _slope(lever, secant, acting.spin, abs(m.spin), contact.spinning_transition)
+    tt, tb, bb = damped * tt, damped * tb, damped * bb
+    twists = (
+        add(scale(tt, s.tangent), scale(tb, s.binormal)), add(scale(tb, s.tangent), scale(bb, s.binormal)),
+        scale(nn, s.normal),
+    )  # fmt: skip
+    return _twist(s, 0, twists), _twist(s, 1, twists), _twist(s, 2, twists)
 
 
 @inlined_kernel
@@ -60,7 +83,7 @@ def add_derivatives(contact, spheres, motion, acting, slopes, block):
     motion along the two tangents.
     """
     s, m, n = spheres, motion, acting.normal
-    secant, by_velocity, by_position = slopes
+    secant, by_velocity, by_position = slopes.secant, slopes.by_velocity, slopes.by_position
     # a change dN of the normal force changes the whole wrench by dN times `pull`
     pull = wrench_of(
         s, 1.0, -acting.slide * m.slip_t, -acting.slide * m.slip_b,
@@ -70,9 +93,11 @@ def add_derivatives(contact, spheres, motion, acting, slopes, block):
     across = six(s.tangent, subtract(turned, scale(s.radius, s.binormal)))
     along = six(s.binormal, add(shifted, scale(s.radius, s.tangent)))
     # the normal turns as the sphere moves around a cylinder
-    bend = n * contact.sign / s.distance
+    bend = n * s.curvature
     drop, swing = -acting.by_depth * m.rate, -bend * m.swing
-    tt, tb, bb = _slopes(contact.sliding, secant, acting.slip_speed, contact.sliding_transition, m.slip_t, m.slip_b)
+    tt, tb, bb = _slopes(
+        contact.sliding, secant, acting.slide, acting.slip_speed, contact.sliding_transition, m.slip_t, m.slip_b
+    )
     damped = by_velocity * n
     tt, tb, bb = damped * tt, damped * tb, damped * bb
     x, y = _mix(tt, across, tb, along), _mix(tb, across, bb, along)
@@ -80,21 +105,12 @@ def add_derivatives(contact, spheres, motion, acting, slopes, block):
     x = _mix(1.0, x, curl, six(s.tangent, turned))
     press = by_velocity * acting.by_rate + by_position * acting.by_depth
     z = six(scale(press, s.normal), scale(press, inward))
-    resistance = laws.rolling_moment(contact.rolling, 1.0, contact.lever)
-    tt, tb, bb = _slopes(resistance, secant, acting.roll_speed, contact.rolling_transition, m.roll_t, m.roll_b)
-    tt, tb, bb = damped * tt, damped * tb, damped * bb
-    nn = by_velocity * _slope(
-        laws.spinning_moment(contact.spinning, n), secant, abs(m.spin), contact.spinning_transition
-    )
-    twist_t = add(scale(tt, s.tangent), scale(tb, s.binormal))
-    twist_b = add(scale(tb, s.tangent), scale(bb, s.binormal))
-    twist_n = scale(nn, s.normal)
     still = (0.0, 0.0, 0.0)
     store(block, 0, load(block, 0) + _sums(across[0], along[0], pull[0], x, y, z, still))
     store(block, 1, load(block, 1) + _sums(across[1], along[1], pull[1], x, y, z, still))
     store(block, 2, load(block, 2) + _sums(across[2], along[2], pull[2], x, y, z, still))
-    twists = (twist_t, twist_b, twist_n)
-    store(block, 3, load(block, 3) + _sums(across[3], along[3], pull[3], x, y, z, _twist(s, 0, twists)))
-    store(block, 4, load(block, 4) + _sums(across[4], along[4], pull[4], x, y, z, _twist(s, 1, twists)))
-    store(block, 5, load(block, 5) + _sums(across[5], along[5], pull[5], x, y, z, _twist(s, 2, twists)))
+    twists = _twists(contact, s, m, acting, secant, damped)
+    store(block, 3, load(block, 3) + _sums(across[3], along[3], pull[3], x, y, z, twists[0]))
+    store(block, 4, load(block, 4) + _sums(across[4], along[4], pull[4], x, y, z, twists[1]))
+    store(block, 5, load(block, 5) + _sums(across[5], along[5], pull[5], x, y, z, twists[2]))
     return _mix(drop, pull, swing, across)

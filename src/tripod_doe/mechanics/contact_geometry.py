@@ -38,12 +38,11 @@ class _Row(NamedTuple):
 
 
 class _Spheres(NamedTuple):
-    """Up to eight spheres of a row: penetration (0 without contact), radius, place along the row, and directions."""
+    """Up to eight spheres of a row: penetration (0 without contact), radius, how the normal turns, and directions."""
 
     depth: Any
     radius: Any
-    station: Any
-    distance: Any
+    curvature: Any
     normal: Any
     tangent: Any
     binormal: Any
@@ -108,20 +107,21 @@ def relative_motion(contact, place, positions, velocities):
 def place_spheres(contact, place, group):
     """Geometry of one group of eight spheres."""
     number = ramp(float(WIDTH * group))
-    share = (number + 0.5) / contact.count - 0.5
+    share = (number - 0.5 * (contact.count - 1)) * (1.0 / contact.count)
     radius = contact.radius - 4.0 * contact.crown * share * share
     station = contact.length * share
     outward = add(place.toward, scale(station, place.drift))
     distance = math.sqrt(dot(outward, outward) + 1e-300)
+    closeness = 1.0 / distance
     if contact.sign == 0.0:
         height, facing = place.height + station * place.lean, 1.0
     else:
         height, facing = contact.sign * (distance - contact.surface_radius), contact.sign
     depth = select(number < contact.count, max(radius - height, 0.0), 0.0)
-    normal = scale(facing / distance, outward)
+    normal = scale(facing * closeness, outward)
     tangent = cross(place.binormal, normal)
     return _Spheres(
-        depth, radius, station, distance, normal, tangent, place.binormal, scale(station, place.axis)
+        depth, radius, contact.sign * closeness, normal, tangent, place.binormal, scale(station, place.axis)
     )  # fmt: skip
 
 

@@ -29,7 +29,7 @@ from tripod_doe.mechanics.inertia import (
 from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.motion import add_reaction_power, copy_vectors, larger, linearise_elements
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
-from tripod_doe.mechanics.tables import FACTORISATIONS, FIRST, ITERATIONS
+from tripod_doe.mechanics.tables import FACTORISATIONS, FIRST, ITERATIONS, Slopes
 
 __all__ = [
     "Stage", "factorise_multipliers", "factorise_system", "gather", "largest_correction", "lock_blocks", "mask",
@@ -253,9 +253,8 @@ def _factorise_stage(tables, work, stage, share, positions, velocities):
     bool
         False if the matrix is singular.
     """
-    linearise_elements(
-        tables, work, positions, velocities, share, stage.factor, stage.factor * stage.reach, work.matrix
-    )
+    slopes = Slopes(share, stage.factor, stage.factor * stage.reach, False)
+    linearise_elements(tables, work, positions, velocities, slopes, work.matrix)
     if stage.before.size > 0:
         add_inertia_forces(tables, work, positions, velocities)
         add_inertia_matrices(tables, positions, velocities, stage.factor, work.matrix)

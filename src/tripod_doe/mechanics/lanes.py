@@ -93,7 +93,7 @@ def define(function: Any, count: int, result: Any, make: Any, own: Lanes = LANES
 
 
 def _pairwise(name: str) -> Any:
-    return lambda builder, a, b: getattr(builder, name)(a, b)
+    return lambda builder, a, b: getattr(builder, name)(a, b, flags=("contract",))
 
 
 def _comparison(sign: str) -> Any:

@@ -13,7 +13,7 @@ from tripod_doe.mechanics.lanes import root_guess, select
 
 __all__ = [
     "contact_energy", "contact_force", "contact_secant", "damping_factor", "hyperbolic_tangent", "relative_tangent",
-    "rolling_moment", "root", "secant_slope", "spinning_moment", "tangent_slope",
+    "rolling_moment", "root", "secant_slope", "spinning_lever", "tangent_slope",
 ]  # fmt: skip
 
 _BITS_OF_ONE = (1023.0 - 0.045) * 2.0**52
@@ -92,7 +92,7 @@ def contact_force(stiffness, exponent, penetration):
 @inlined_kernel
 def contact_energy(elastic_force, exponent, penetration):
     """Energy stored in a contact: the integral of Eq. 2, f_n delta / (m + 1)."""
-    return elastic_force * penetration / (exponent + 1.0)
+    return elastic_force * penetration * (1.0 / (exponent + 1.0))
 
 
 @inlined_kernel
@@ -120,9 +120,9 @@ def tangent_slope(magnitude, transition):
 
 
 @inlined_kernel
-def spinning_moment(coefficient, normal_force):
-    """Largest spinning moment, Eq. 7: coefficient (3/8 mu_s a / f_n^(1/3)) times f_n^(4/3)."""
-    return coefficient * normal_force * root(normal_force, 3) if coefficient > 0.0 else 0.0 * normal_force
+def spinning_lever(coefficient, normal_force):
+    """Largest spinning moment over the normal force, Eq. 7: coefficient (3/8 mu_s a / f_n^(1/3)) times f_n^(1/3)."""
+    return coefficient * root(normal_force, 3) if coefficient > 0.0 else 0.0 * normal_force
 
 
 @inlined_kernel

@@ -57,7 +57,7 @@ def generalized_forces(tables, work, positions, velocities):
     Energies are those in axes at rest. The power of locked velocities is that of the reaction -Q which keeps them.
     """
     work.counters[EVALUATIONS] += 1
-    _add_elements(tables, work, positions, velocities, Slopes(1.0, 0.0, 0.0), work.matrix)
+    _add_elements(tables, work, positions, velocities, Slopes(1.0, 0.0, 0.0, False), work.matrix)
     add_inertia_forces(tables, work, positions, velocities)
 
 
@@ -74,19 +74,19 @@ def linearise(tables, work, positions, velocities, secant, by_velocity, by_posit
     matrix
         Receives the sum, shape (block, 6, 8); `work.drift` receives K times the velocities.
     """
-    linearise_elements(tables, work, positions, velocities, secant, by_velocity, by_position, matrix)
+    linearise_elements(tables, work, positions, velocities, Slopes(secant, by_velocity, by_position, True), matrix)
     add_inertia_forces(tables, work, positions, velocities)
     add_inertia_matrices(tables, positions, velocities, by_velocity, matrix)
 
 
 @kernel_part
-def linearise_elements(tables, work, positions, velocities, secant, by_velocity, by_position, matrix):
+def linearise_elements(tables, work, positions, velocities, slopes, matrix):
     """As `linearise`, but without inertia forces: for methods that follow momenta instead of accelerations."""
     work.counters[EVALUATIONS] += 1
     work.counters[LINEARISATIONS] += 1
     clear(matrix)
     clear(work.drift)
-    _add_elements(tables, work, positions, velocities, Slopes(secant, by_velocity, by_position), matrix)
+    _add_elements(tables, work, positions, velocities, slopes, matrix)
 
 
 @kernel_part

@@ -154,11 +154,14 @@ class Slopes(NamedTuple):
         not less than this share of the secant.
     by_velocity, by_position
         Factors of D = -dQ/dv and K = -dQ/dq in the block matrix.
+    drift
+        Whether K times the velocities is wanted, too.
     """
 
     secant: float
     by_velocity: float
     by_position: float
+    drift: bool
 
 
 @dataclass(frozen=True, eq=False)
