@@ -33,6 +33,8 @@ __all__ = ["Assembly", "State", "assemble"]
 
 FloatArray = NDArray[np.float64]
 _AXES = np.eye(3)
+_CACHE_LINE = 64
+"""Bytes that a processor reads at once."""
 
 
 @dataclass
@@ -131,8 +133,8 @@ class Assembly:
 def _aligned_zeros(shape: int | tuple[int, ...], dtype: type = np.float64) -> NDArray[Any]:
     """Zeros whose rows of lanes begin with a line of the processor's cache: a row that lies in two costs two reads."""
     size = int(np.prod(shape)) * np.dtype(dtype).itemsize
-    memory = np.zeros(size + CACHE_LINE, np.uint8)
-    start = -memory.ctypes.data % CACHE_LINE
+    memory = np.zeros(size + _CACHE_LINE, np.uint8)
+    start = -memory.ctypes.data % _CACHE_LINE
     return memory[start : start + size].view(dtype).reshape(shape)
 
 
