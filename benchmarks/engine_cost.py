@@ -18,7 +18,7 @@ import time
 
 import numpy as np
 
-from tripod_doe.mechanics.assembly import Assembly, assemble
+from tripod_doe.mechanics.assembly import Assembly, State, assemble
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.contact import add_contacts
 from tripod_doe.mechanics.implicit import factorise_system, gather, solve_system
@@ -91,9 +91,9 @@ def _repeat(repetitions, part, tables, work, positions, velocities, clock, setti
             accept(tables, work, positions, velocities, clock, 0.0, 1e-6, settings)
 
 
-def part_costs(assembly: Assembly) -> list[float]:
-    """Microseconds of each part of a step: a part is what is added to the one before."""
-    state, work = assembly.initial_state(), assembly.work()
+def part_costs(assembly: Assembly, state: State | None = None) -> list[float]:
+    """Microseconds of each part of a step, at the start or in another state; a part is what comes to the one before."""
+    state, work = state.copy() if state else assembly.initial_state(), assembly.work()
     costs = []
     for part in range(len(PARTS)):
         arguments = (part, assembly.tables, work, state.positions, state.velocities, np.zeros(3), Settings())

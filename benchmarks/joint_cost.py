@@ -3,13 +3,15 @@
     python benchmarks/joint_cost.py             # 2 minutes; parts and runs, then the prices of the candidates
     python benchmarks/joint_cost.py --record    # a minute; the prices only, into joint/prices.toml: on a quiet machine
 
-Parts are microseconds a step at the start of the reference joint. Runs are those of `tripod-doe simulate --model
+Parts are microseconds a step, at the start of the reference joint, where few contacts touch, and after a quarter of a
+revolution, where three quarters do. Runs are those of `tripod-doe simulate --model
 needles` at skews of (0.4, -0.4, 0.4) deg and a tolerance of 1e-3, with their error estimates. Prices are
 CPU microseconds a force evaluation of every candidate that model = "auto" may choose, the least of three runs.
 """
 
 from __future__ import annotations
 
+import math
 import sys
 
 import numpy as np
@@ -21,7 +23,9 @@ from tripod_doe.joint.candidates import PRICES
 from tripod_doe.joint.multibody_scene import build_joint
 from tripod_doe.joint.parameters import point_values
 from tripod_doe.joint.simulator import simulator
-from tripod_doe.mechanics.assembly import assemble
+from tripod_doe.mechanics.assembly import Assembly, State, assemble
+from tripod_doe.mechanics.monitor import Settings
+from tripod_doe.mechanics.run import Limits, run
 from tripod_doe.simulator import Candidate
 from tripod_doe.study.task import Task, run_task
 
@@ -50,11 +54,22 @@ def candidate_prices(record: bool) -> None:
         PRICES.write_text(tomlkit.dumps(prices))
 
 
+def later(assembly: Assembly, speed: float) -> State:
+    """The state after a quarter of a revolution."""
+    way = run(
+        assembly, "adaptive-euler", math.pi / 2 / speed, settings=Settings(tolerance=2e-3), limits=Limits(windows=0)
+    )
+    return State(float(way.times[-1]), way.positions[-1], way.velocities[-1])
+
+
 def main() -> None:
     print(f"{'us a step':12s}" + "".join(f"{name:>13s}" for name in PARTS))
     for needles in (9, 18, 27):
-        costs = part_costs(assemble(build_joint(point_values({"needle_count": needles}).point(0), needles=True)))
-        print(f"{needles:3d} needles " + "".join(f"{cost:13.1f}" for cost in costs), flush=True)
+        values = point_values({"needle_count": needles}).point(0)
+        assembly = assemble(build_joint(values, needles=True))
+        for state in (assembly.initial_state(), later(assembly, values.speed)):
+            costs = part_costs(assembly, state)
+            print(f"{needles:3d} needles " + "".join(f"{cost:13.1f}" for cost in costs), flush=True)
     cases = [{"needle_count": n} for n in (9, 18, 27)] + [{"spheres_per_needle": s} for s in (3, 5, 7, 11)]
     for case in cases:
         result = td.simulate(model="needles", relative_tolerance=1e-3, **SKEW, **case)

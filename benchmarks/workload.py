@@ -3,7 +3,7 @@
     PYTHONPATH=TREE/src python benchmarks/workload.py NAME COUNT
 
 It uses only what every commit since the kinetostatic model has, so that it also runs older commits: studies as text,
-and their blocks as tasks.
+and their blocks as tasks. `accurate-needles` and `accurate-rollers` run the point of number COUNT (full_model.py).
 """
 
 from __future__ import annotations
@@ -33,6 +33,20 @@ BASES = {
     "study": {"model": "equilibrium", "samples_per_revolution": 30},
 }  # fmt: skip
 """Numerics coarser than anybody would study with: what is compared is the price of the same work."""
+POINTS = (
+    {"initial_skew_1_deg": 0.4, "initial_skew_2_deg": -0.4, "initial_skew_3_deg": 0.4},
+    {"joint_angle_deg": 12, "torque_n_m": 150, "speed_rpm": 900, "groove_sliding_friction": 0.08,
+     "initial_skew_1_deg": 1, "initial_skew_2_deg": -0.5},
+    {"joint_angle_deg": 7, "torque_n_m": 250, "speed_rpm": 400, "groove_sliding_friction": 0.04,
+     "needle_sliding_friction": 0.05, "initial_skew_1_deg": -0.3, "initial_skew_2_deg": 0.3, "initial_skew_3_deg": 0.6},
+    {"joint_angle_deg": 15, "torque_n_m": 40, "speed_rpm": 1000, "groove_sliding_friction": 0.06,
+     "needle_sliding_friction": 0.02, "initial_skew_1_deg": 0.2, "initial_skew_3_deg": -0.5},
+    {"joint_angle_deg": 18, "torque_n_m": 100, "speed_rpm": 60, "initial_skew_1_deg": 0.6, "initial_skew_2_deg": -0.3,
+     "initial_skew_3_deg": 0.2},
+)  # fmt: skip
+"""Points of full_model.py."""
+ACCURACY = {3: 0.005, 2: 0.03}
+"""What is asked of the orders of the thrust there."""
 
 
 def study_text(name: str, count: int) -> str:
@@ -53,6 +67,21 @@ def solve_block(name: str, count: int) -> dict[str, object]:
     counted = {key: int(np.sum(getattr(result, key))) for key in ("steps", "force_evaluations", "solves")}
     finished = int(np.sum(np.asarray(result.outcome) == 0))
     return {"cpu_seconds": float(cpu), "counted": {"points": count, "finished": finished} | counted}
+
+
+def solve_accurately(model: str, number: int) -> dict[str, object]:
+    """Price, counted work and orders of one point, refined to an accuracy of its orders."""
+    from tripod_doe.joint.goal import Goal
+    from tripod_doe.joint.multibody_run import run_joint
+    from tripod_doe.joint.orders import complex_amplitudes
+    from tripod_doe.joint.parameters import point_values
+
+    values, worked = point_values(POINTS[number]).point(0), time.process_time()
+    run = run_joint(values, model == "needles", "adaptive-euler", 360, goal=Goal(ACCURACY))
+    orders = abs(complex_amplitudes(run.readings.groove_thrust.sum(1)).mean(0))[2:4]
+    counted = {"steps": run.steps, "force_evaluations": run.force_evaluations, "solves": run.solves}
+    return {"cpu_seconds": time.process_time() - worked, "counted": counted, "orders": orders.tolist(),
+            "tolerance": run.setting, "detail": f"{run.outcome.label} {run.detail}"}  # fmt: skip
 
 
 def run_study(count: int) -> dict[str, object]:
@@ -76,7 +105,11 @@ def _cpu_seconds() -> float:
 def main() -> None:
     name, count = sys.argv[1], int(sys.argv[2])
     answer = (lambda: run_study(count)) if name == "study" else (lambda: solve_block(name, count))
-    answer()  # compiles, or loads machine code
+    if name.startswith("accurate-"):
+        solve_block("needles", 1)
+        answer = lambda: solve_accurately(name.removeprefix("accurate-"), count)  # noqa: E731
+    else:
+        answer()  # compiles, or loads machine code
     print(json.dumps("ready"), flush=True)
     for _ in sys.stdin:
         print(json.dumps(answer()), flush=True)

@@ -89,6 +89,14 @@ def test_recorded_work_is_that_of_today(benchmark):
         assert regression.differences(counted, recorded[name]) == []
 
 
+@pytest.mark.slow
+def test_a_point_is_refined_to_the_accuracy_of_both_orders(benchmark, capsys):
+    found = benchmark("workload").solve_accurately("rollers", 0)
+    assert benchmark("full_model").tell(0, [[found, found]]) == 1
+    assert "finished" in capsys.readouterr().out
+    assert found["orders"][1] == pytest.approx(14.17, rel=0.01)
+
+
 def test_regression_names_what_was_counted_otherwise(benchmark):
     found = benchmark("regression").differences({"steps": 8, "points": 1}, {"steps": 7, "points": 1})
     assert found == ["steps 8, recorded 7"]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tripod_doe.joint.orders import ORDERS, amplitude_and_phase, complex_amplitudes, rms
+from tripod_doe.joint.orders import ORDERS, ahead, amplitude_and_phase, complex_amplitudes, rms
 
 
 @given(
@@ -26,6 +26,17 @@ def test_known_orders_come_back(amplitudes, phases, samples):
     assert np.abs(turned).max() < 1e-6
     assert (phase > -180).all()
     assert (phase <= 180).all()
+
+
+@pytest.mark.parametrize("samples", [30, 97])
+def test_a_signal_an_angle_ahead_is_its_definition_there(samples):
+    """Exact: f(phi + angle) evaluated, for two revolutions at once."""
+    phi, angle = 2 * np.pi * np.arange(samples) / samples, 0.013
+
+    def signals(phi):
+        return np.stack([1.5 + np.cos(3 * phi + 0.4), np.sin(12 * phi) - 2 * np.cos(phi)])
+
+    assert ahead(signals(phi), angle) == pytest.approx(signals(phi + angle), abs=1e-12)
 
 
 def test_effective_value_is_the_signals_own():

@@ -30,7 +30,7 @@ from tripod_doe.joint.numerical_error import (
     judge,
     miss_of_given,
 )
-from tripod_doe.joint.orders import ORDERS, complex_amplitudes
+from tripod_doe.joint.orders import ORDERS, ahead, complex_amplitudes
 from tripod_doe.joint.passes import FollowedJoint, Motion
 from tripod_doe.joint.readings import groove_readings, groove_thrust, needle_skews
 from tripod_doe.joint.refinement import first_tolerance, refine
@@ -166,13 +166,16 @@ def _follow_given(assembly: Assembly, values: JointValues[float], method: str, s
     settings = settings._replace(tolerance=setting) if controlled else settings
     result, again = follow(assembly, values, method, samples, None if controlled else setting, settings)
     if again is None:
-        return Motion(result, 0, setting, np.full(ORDERS.size, math.nan), "", (result,))
-    states = slice(-2 * samples - 1, None)
+        return Motion(result, 0, setting, 0.0, np.full(ORDERS.size, math.nan), "", (result,))
+    joint = FollowedJoint(assembly, values, method_named(method), samples, run_limits(values, 1, method))
+    states, lag = slice(-2 * samples - 1, -1), joint.lag(setting)
     thrust = groove_thrust(assembly, result.positions[states], result.velocities[states]).sum(0)
+    thrust = ahead(thrust.reshape(2, samples), lag)
     finer = finer_thrust(assembly, again, samples).sum(0)
-    error = amplitude_error(thrust, finer, samples, method_named(method))
-    missed = miss_of_given(result, again, thrust[:-1].reshape(2, samples), error, values)
-    return Motion(result, 2, setting, error, missed, (result, again))
+    finer = ahead(finer, joint.lag(setting / 2)) if finer.size == samples else finer
+    error = amplitude_error(thrust.ravel(), finer, samples, method_named(method))
+    missed = miss_of_given(result, again, thrust, error, values)
+    return Motion(result, 2, setting, lag, error, missed, (result, again))
 
 
 def follow(
@@ -242,7 +245,8 @@ def _read(assembly: Assembly, motion: Motion, values: JointValues[float], sample
         skew = skew[:, -2 * samples :]
     parts = thrust_parts(assembly, times, positions, velocities, values).sum(1) if split else None
     return Readings(
-        _by_revolution(thrust[:, last], count), None if parts is None else _by_revolution(parts[:, last], count),
+        ahead(_by_revolution(thrust[:, last], count), motion.lag),
+        None if parts is None else ahead(_by_revolution(parts[:, last], count), motion.lag),
         powers[:, last].mean(1), motion.error, skew, summary, result.penetration, result.energy_residual,
     )  # fmt: skip
 

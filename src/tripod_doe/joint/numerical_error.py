@@ -40,7 +40,7 @@ with another method's step, which is no error of the run. It was seen to ring fo
 
 def finer_thrust(assembly: Assembly, again: Run, samples: int) -> FloatArray:
     """Axial force at each groove in the last revolution run again, at the run's samples, shape (groove, sample)."""
-    return groove_thrust(assembly, *(x[2 + 2 * (samples // LEAD) :: 2] for x in (again.positions, again.velocities)))
+    return groove_thrust(assembly, *(x[2 * (samples // LEAD) : -1 : 2] for x in (again.positions, again.velocities)))
 
 
 def amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, method: Method) -> FloatArray:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ORDERS", "amplitude_and_phase", "complex_amplitudes", "rms"]
+__all__ = ["ORDERS", "ahead", "amplitude_and_phase", "complex_amplitudes", "rms"]
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -32,6 +32,22 @@ def complex_amplitudes(signal: FloatArray) -> ComplexArray:
     spectrum: ComplexArray = np.fft.rfft(signal)[..., : ORDERS.size] / signal.shape[-1]
     spectrum[..., 1:] *= 2
     return spectrum
+
+
+def ahead(signal: FloatArray, angle: float) -> FloatArray:
+    """A signal f(phi) over a whole revolution as f(phi + angle), exact for all orders that its samples resolve.
+
+    Parameters
+    ----------
+    signal
+        Shape (..., samples of one revolution).
+    angle
+        In rad.
+    """
+    count = signal.shape[-1]
+    spectrum = np.fft.rfft(signal)
+    turned: FloatArray = np.fft.irfft(spectrum * np.exp(1j * angle * np.arange(spectrum.shape[-1])), count)
+    return turned
 
 
 def amplitude_and_phase(complex_amplitude: ComplexArray) -> tuple[FloatArray, FloatArray]:

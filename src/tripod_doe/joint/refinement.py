@@ -34,9 +34,9 @@ _RESOLVED = ((60, 8.7e-3), (550, 4.4e-3), (1500, 2.9e-3), (math.inf, 1.7e-3))
 a roller on its orbit. Measured with `rollers` at 45 points of the field (benchmarks/accuracy.py) that do not vibrate:
 the third order is off by more than a tenth at 5 of them with these tolerances, at 24 of 37 with the next larger."""
 
-_LAG = 2.3
-"""Error of the third order that the second pass leaves over the tolerance of the first one, at most of these points:
-steps lag, and higher orders by more."""
+_LEFT = 1.4
+"""Error of the third order that the second pass leaves over the tolerance of the first one, at most of these points;
+higher orders are off by more."""
 
 _UNRESOLVED = 0.1
 """Error over the size of an order above which steps do not resolve the motion: the order of the method then tells
@@ -149,7 +149,7 @@ def first_tolerance(values: JointValues[float], goal: Goal) -> float:
     )
     ratio = values.groove_load / (mass * values.pitch_radius * values.speed**2)
     resolved = next(tolerance for limit, tolerance in _RESOLVED if ratio <= limit)
-    return min(resolved, *(3 / max(order, 3) * _AIM * share / _LAG for order, share in goal.orders.items()))
+    return min(resolved, *(3 / max(order, 3) * _AIM * share / _LEFT for order, share in goal.orders.items()))
 
 
 def refine(joint: FollowedJoint, goal: Goal, setting: float) -> Motion:
@@ -169,7 +169,7 @@ def refine(joint: FollowedJoint, goal: Goal, setting: float) -> Motion:
     try:
         first = finest = coarse = _once_swung_in(joint, joint.first(setting), goal)
     except StoppedError as stop:
-        return Motion(stop.stopped, 0, setting, error, "", tuple(joint.runs))
+        return Motion(stop.stopped, 0, setting, 0.0, error, "", tuple(joint.runs))
     revolutions, setting = len(first.orders), joint.settled(first.setting / 2)
     while True:
         try:
@@ -189,8 +189,8 @@ def refine(joint: FollowedJoint, goal: Goal, setting: float) -> Motion:
         if dear := _too_dear(joint, coarse, finest, revolutions, setting):
             missed = f"{found.miss()}; {dear}"
             break
-    sampled = len(finest.orders) - dropped
-    return Motion(joint.motion(first, finest), sampled, finest.setting, error, missed, tuple(joint.runs))
+    sampled, lag, whole = len(finest.orders) - dropped, joint.lag(finest.setting), joint.motion(first, finest)
+    return Motion(whole, sampled, finest.setting, lag, error, missed, tuple(joint.runs))
 
 
 def _once_swung_in(joint: FollowedJoint, first: Pass, goal: Goal) -> Pass:

@@ -102,7 +102,8 @@ class TrunnionSimulator(SceneSimulator):
         if again is None:
             return result
         thrust = groove_readings(assembly, result.positions, result.velocities)[0][0]
-        error = amplitude_error(thrust, finer_thrust(assembly, again, _SAMPLES)[0], _SAMPLES, method_named(method))
+        finer = finer_thrust(assembly, again, _SAMPLES)[0]
+        error = amplitude_error(thrust[:-1], finer, _SAMPLES, method_named(method))
         missed = miss_of_given(result, again, _last_two(thrust), error, inside)
         outcome, detail = judge(result, _last_two(thrust), missed, inside)
         return replace(result, outcome=outcome, detail=detail, check_evaluations=again.force_evaluations)

@@ -28,8 +28,8 @@ from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.constraints import evaluate_constraints
 from tripod_doe.mechanics.inertia import add_inertia_matrices, add_mass_blocks
 from tripod_doe.mechanics.motion import linearise_elements
-from tripod_doe.mechanics.tables import Slopes
 from tripod_doe.mechanics.rates import Rates
+from tripod_doe.mechanics.tables import Slopes
 
 __all__ = ["Matrices", "fastest_rates", "linear_matrices", "rates_at"]
 
