@@ -1,4 +1,4 @@
-"""What does a run of the full model cost, for the third order to 0.5 % and the second to 3 %, beside an older commit?
+"""What does a run of the full model cost, with the third order asked for to 0.5 %, beside an older commit?
 
     python benchmarks/full_model.py [--against COMMIT] [--model needles|rollers] [--rounds 1]
 

@@ -90,7 +90,7 @@ def test_recorded_work_is_that_of_today(benchmark):
 
 
 @pytest.mark.slow
-def test_a_point_is_refined_to_the_accuracy_of_both_orders(benchmark, capsys):
+def test_a_point_is_refined_and_its_orders_told(benchmark, capsys):
     found = benchmark("workload").solve_accurately("rollers", 0)
     assert benchmark("full_model").tell(0, [[found, found]]) == 1
     assert "finished" in capsys.readouterr().out

@@ -34,9 +34,10 @@ _RESOLVED = ((60, 8.7e-3), (550, 4.4e-3), (1500, 2.9e-3), (math.inf, 1.7e-3))
 a roller on its orbit. Measured with `rollers` at 45 points of the field (benchmarks/accuracy.py) that do not vibrate:
 the third order is off by more than a tenth at 5 of them with these tolerances, at 24 of 37 with the next larger."""
 
-_LEFT = 1.4
-"""Error of the third order that the second pass leaves over the tolerance of the first one, at most of these points;
-higher orders are off by more."""
+_LEFT = 1.35
+"""Error of the third order that the second pass leaves over the tolerance of the first one, at half of 14 points of the
+field (`rollers`); higher orders are off by more. Where it leaves more a third pass follows, which costs what finer ones
+from the start would."""
 
 _UNRESOLVED = 0.1
 """Error over the size of an order above which steps do not resolve the motion: the order of the method then tells
