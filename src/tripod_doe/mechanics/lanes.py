@@ -1,9 +1,8 @@
 """Eight numbers at a time: a value type of kernels that is one AVX-512 register, or whatever the machine has instead.
 
 Arithmetic on lanes reads like that on floats, and floats mix with it, so that laws and vector formulas are written
-once for both. It follows IEEE 754, but for products that are added to something, which are not rounded before: half of
-the instructions of a product of blocks. The compiler's own vectorisation of loops over eight was tried: it is three to
-five times slower on products of blocks.
+once for both. It follows IEEE 754, without contraction (which gains nothing), so that what is symmetric cancels. The
+compiler's own vectorisation of loops over eight was tried: it is three to five times slower on products of blocks.
 """
 
 from __future__ import annotations
@@ -94,7 +93,7 @@ def define(function: Any, count: int, result: Any, make: Any, own: Lanes = LANES
 
 
 def _pairwise(name: str) -> Any:
-    return lambda builder, a, b: getattr(builder, name)(a, b, flags=("contract",))
+    return lambda builder, a, b: getattr(builder, name)(a, b)
 
 
 def _comparison(sign: str) -> Any:
