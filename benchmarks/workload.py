@@ -41,7 +41,7 @@ POINTS = (
      "needle_sliding_friction": 0.05, "initial_skew_1_deg": -0.3, "initial_skew_2_deg": 0.3, "initial_skew_3_deg": 0.6},
     {"joint_angle_deg": 15, "torque_n_m": 40, "speed_rpm": 1000, "groove_sliding_friction": 0.06,
      "needle_sliding_friction": 0.02, "initial_skew_1_deg": 0.2, "initial_skew_3_deg": -0.5},
-    {"joint_angle_deg": 18, "torque_n_m": 100, "speed_rpm": 60, "initial_skew_1_deg": 0.6, "initial_skew_2_deg": -0.3,
+    {"joint_angle_deg": 18, "torque_n_m": 100, "speed_rpm": 200, "initial_skew_1_deg": 0.6, "initial_skew_2_deg": -0.3,
      "initial_skew_3_deg": 0.2},
 )  # fmt: skip
 """Points of full_model.py."""
