@@ -27,6 +27,7 @@ def test_the_old_file_stays_until_the_new_one_is_whole(tmp_path):
     with pytest.raises(td.StorageError, match=r"file\.txt: cannot write this file: No space left"):
         fill_the_disk()
     assert path.read_text() == "old"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["file.txt"]  # what was written does not fill the disk
 
 
 def test_a_file_that_cannot_be_made_is_an_error(tmp_path):

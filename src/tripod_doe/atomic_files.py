@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from tripod_doe.errors import StorageError
@@ -37,6 +37,8 @@ def replace_file(path: Path) -> Iterator[Path]:
             os.fsync(stream.fileno())
         os.replace(fresh, path)
     except (OSError, RuntimeError) as error:  # netCDF4 reports a full disk as a RuntimeError
+        with suppress(OSError):
+            fresh.unlink()  # a full disk must not stay full of what is of no use
         reason = getattr(error, "strerror", None) or error
         raise StorageError(
             f"{path}: cannot write this file: {reason}; nothing that was finished is lost: free space, then run again"
