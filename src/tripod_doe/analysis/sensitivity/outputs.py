@@ -27,7 +27,7 @@ FloatArray = NDArray[np.float64]
 _CONSTANT = 1e-9  # spread below which an output does not vary, over its largest magnitude
 _WAVEFORM = "rotation_deg"
 _CHUNK = 5_000_000  # numbers that are worked on together
-_MOST_NUMBERS = 40_000_000  # of an output that are read together
+_MOST_NUMBERS = 10_000_000  # of an output that are read together
 
 
 @dataclass(frozen=True)
@@ -163,14 +163,14 @@ def in_parts(cube: xr.Dataset, name: str, points: int) -> Iterator[xr.Dataset]:
 
 def _table(cube: xr.Dataset, name: str, rows: NDArray[np.int64]) -> OutputTable:
     variable = cube[name].isel(point=rows)
-    values = read_positions(cube[name].variable, {"point": rows}).astype(float).reshape(rows.size, -1)
+    values = read_positions(cube[name].variable, {"point": rows}).astype(float, copy=False).reshape(rows.size, -1)
     wraps = "wraps_at" in variable.attrs
     centre = np.zeros(values.shape[1])
     if wraps:
         values, centre = _around_mean(values)
     error = np.zeros(values.shape[1])
     if f"{name}_error" in cube and cube[f"{name}_error"].dims == variable.dims:
-        told = read_positions(cube[f"{name}_error"].variable, {"point": rows}).astype(float).reshape(rows.size, -1)
+        told = read_positions(cube[f"{name}_error"].variable, {"point": rows}).astype(float, copy=False).reshape(rows.size, -1)
         known = np.isfinite(told)
         error = np.where(known, told, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
     return OutputTable(name, variable, values, centre, wraps, error)
