@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import random
+import resource
 import shutil
 import time
 from contextlib import contextmanager
@@ -298,3 +299,18 @@ def test_a_disk_that_fails_later_is_told_at_the_next_block(tmp_path, monkeypatch
     with pytest.raises(StorageError, match="Input/output error"):
         journal.commit(block(2))
     journal.close()
+
+
+def test_a_journal_of_many_blocks_keeps_none_of_them_open(tmp_path):
+    """Regression: what was read of each block kept it mapped, and with it an open file."""
+    open_files = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with Journal(tmp_path) as journal:
+        for number in range(300):
+            journal.commit(block(number))
+        resource.setrlimit(resource.RLIMIT_NOFILE, (200, open_files[1]))
+        try:
+            assert journal.keys().size == 600
+            assert len(journal.news(Mark())[1]) == 300
+            assert sum(read().keys.size for read in journal.places()) == 600
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, open_files)

@@ -158,14 +158,14 @@ def decode(record: Buffer) -> FinishedBlock:
 
 
 def decode_keys(record: Buffer) -> NDArray[np.void]:
-    """Fingerprints of the points of a whole record."""
-    return _opened(record, 1)[1]["keys"]
+    """Fingerprints of the points of a whole record; a copy, which does not keep the record in memory."""
+    return _opened(record, 1)[1]["keys"].copy()
 
 
 def decode_ends(record: Buffer) -> FinishedEnds:
-    """How the points of a whole record ended."""
+    """How the points of a whole record ended; copies, which do not keep the record in memory."""
     header, arrays = _opened(record, 2)
-    return FinishedEnds(arrays["keys"], arrays["outcome"], header["cpu_seconds"])
+    return FinishedEnds(arrays["keys"].copy(), arrays["outcome"].copy(), header["cpu_seconds"])
 
 
 def _opened(record: Buffer, first: int | None = None) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
