@@ -105,13 +105,19 @@ class SwingingIn:
         return Pass(one.setting, (), 0, one.orders[-revolutions:])
 
 
-@pytest.mark.parametrize(("left", "noise", "asked"), [(0.0, 0.0, [2]), (0.3, 0.0, [2, 4, 8, 16]), (0.0, 0.3, [2, 4])])
-def test_a_slow_swing_is_waited_for_and_chance_is_not(left, noise, asked):
-    """Two percent is asked for, of which half counts as repeating: 0.03 * 0.9^n < 0.009 for n = 14."""
+@pytest.mark.parametrize(
+    ("left", "noise", "asked", "swings"),
+    [(0.0, 0.0, [2], False), (0.04, 0.0, [2, 4, 8, 16], False), (0.0, 0.3, [2, 4], False), (1.0, 0.0, [2, 4, 8], True)],
+)
+def test_a_slow_swing_is_waited_for_and_chance_is_not(left, noise, asked, swings, monkeypatch):
+    """A swing of 4 % that loses a tenth in every revolution: 0.04 * 0.9^n is at
+    most half of the 2 % that are asked for in the sixteenth, not in the eighth."""
+    monkeypatch.setattr(refinement, "_LONGEST", 8 if swings else 128)
     joint = SwingingIn(left, noise)
-    first = refinement._once_swung_in(joint, joint.pass_of(2), Goal({3: 0.02}))
+    first, told = refinement._once_swung_in(joint, joint.pass_of(2), Goal({3: 0.02}))
     assert joint.asked == asked
     assert len(first.orders) == 2
+    assert bool(told) == swings
 
 
 def test_small_orders_count_as_a_share_of_the_largest():

@@ -128,7 +128,7 @@ def run_joint(
         if outcome == Outcome.FINISHED and vibrating:
             third = None if needles else float(abs(complex_amplitudes(thrust).mean(0)[3]))
             outcome, detail = vibrating.verdict(third, ERROR_LIMIT)
-        elif outcome == Outcome.INACCURATE and not needles and settles and method == _DAMPS:
+        elif outcome == Outcome.INACCURATE and settles and method == _DAMPS and not (needles or motion.swings):
             third = float(abs(complex_amplitudes(thrust).mean(0)[3]))
             kicked = vibrating or _vibrating(values, Vibration(_DIES_OUT, third, unrest=0.0), samples, goal, split)
             answer = kicked.answer(needles, anyhow=True)

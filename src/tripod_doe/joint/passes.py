@@ -54,6 +54,8 @@ class Motion:
         By how much the error misses what is asked for, and what would mend it; empty where it does not.
     runs
         All runs, for the work that they took.
+    swings
+        Whether it still swings in.
     """
 
     result: Run
@@ -63,6 +65,7 @@ class Motion:
     error: FloatArray
     missed: str
     runs: tuple[Run, ...]
+    swings: bool = False
 
 
 @dataclass(frozen=True)

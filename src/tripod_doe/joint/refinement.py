@@ -57,9 +57,9 @@ which counts for the less, the farther apart their steps are."""
 _MOST_LONGER = 4
 """Factor by which the number of sampled revolutions grows at once."""
 
-_ALIKE, _LONGEST = 0.5, 32
-"""Difference of two revolutions over the allowed error up to which a motion counts as swung in, and revolutions in
-which it is waited for."""
+_ALIKE, _LEFT, _LONGEST = 0.05, 0.5, 128
+"""Difference of two revolutions, and what is left of a swing that falls, over the allowed error up to which a motion
+counts as swung in; and revolutions in which it is waited for."""
 
 _DEAREST = 32
 """Force evaluations of a further pass over those of the first one above which it is not begun."""
@@ -168,7 +168,8 @@ def refine(joint: FollowedJoint, goal: Goal, setting: float) -> Motion:
     order = 1 if joint.method.controlled else joint.method.order
     setting, error, missed, dropped = joint.settled(setting), np.full(ORDERS.size, math.nan), "", 0
     try:
-        first = finest = coarse = _once_swung_in(joint, joint.first(setting), goal)
+        first, swings = _once_swung_in(joint, joint.first(setting), goal)
+        finest = coarse = first
     except StoppedError as stop:
         return Motion(stop.stopped, 0, setting, 0.0, error, "", tuple(joint.runs))
     revolutions, setting = len(first.orders), joint.settled(first.setting / 2)
@@ -191,25 +192,36 @@ def refine(joint: FollowedJoint, goal: Goal, setting: float) -> Motion:
             missed = f"{found.miss()}; {dear}"
             break
     sampled, lag, whole = len(finest.orders) - dropped, joint.lag(finest.setting), joint.motion(first, finest)
-    return Motion(whole, sampled, finest.setting, lag, error, missed, tuple(joint.runs))
+    return Motion(
+        whole, sampled, finest.setting, lag, error, swings or missed, tuple(joint.runs), swings=bool(swings)
+    )  # fmt: skip
 
 
-def _once_swung_in(joint: FollowedJoint, first: Pass, goal: Goal) -> Pass:
-    """The first pass, gone on with until two revolutions are alike or differ by chance.
+def _once_swung_in(joint: FollowedJoint, first: Pass, goal: Goal) -> tuple[Pass, str]:
+    """The first pass, gone on with until revolutions are alike or differ by chance; or that it still swings in.
 
-    Some joints swing in slowly, those of small angles at high speed for twenty revolutions: coarse steps are cheap for
-    that. Needles are left alone: their skew changes in all revolutions.
+    Some joints swing in slowly, those of small angles at high speed for a hundred revolutions: coarse steps are cheap
+    for that. What is left of a swing follows from how its steps from one revolution to the next fall. Needles are left
+    alone: their skew changes in all revolutions.
     """
-    if joint.remembers:
-        return first
-    while len(first.orders) < _LONGEST:
-        allowed = goal.allowed(np.abs(first.orders[-2:].mean(0)), joint.values)
-        apart = (np.abs(first.orders[-1] - first.orders[-2]) / allowed).max()
-        settling = swung_in(first.orders[:, np.isfinite(allowed)] / allowed[np.isfinite(allowed)])
-        if apart <= _ALIKE or (len(first.orders) > 2 and settling < len(first.orders) // 2):
+    while not joint.remembers:
+        count, allowed = len(first.orders), goal.allowed(np.abs(first.orders[-2:].mean(0)), joint.values)
+        asked = np.isfinite(allowed)
+        scaled = first.orders[:, asked] / allowed[asked]
+        apart = np.abs(np.diff(scaled, axis=0)).max(axis=1)
+        if apart[-1] <= _ALIKE or (count > 2 and (_left_of_swing(apart) <= _LEFT or swung_in(scaled) < count // 2)):
             break
-        first = joint.longer(first, 2 * len(first.orders))
-    return first if len(first.orders) == 2 else joint.last(first, 2)
+        if count >= _LONGEST:
+            return joint.last(first, 2), f"after {count} revolutions the joint still swings in; raise cycles"
+        first = joint.longer(first, 2 * count)
+    return first if len(first.orders) == 2 else joint.last(first, 2), ""
+
+
+def _left_of_swing(apart: FloatArray) -> float:
+    """Sum of all further steps of a swing whose steps were these, shape (step,), if they go on to fall as they did."""
+    half = len(apart) // 2
+    falls = float(apart[-1] / max(apart[half], 1e-300)) ** (1 / max(len(apart) - 1 - half, 1))
+    return float(apart[-1]) * falls / (1 - falls) if falls < 1 else math.inf
 
 
 def _too_dear(joint: FollowedJoint, coarse: Pass, finest: Pass, revolutions: int, setting: float) -> str:
