@@ -11,13 +11,11 @@ import pytest
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.revolutions import JointInTurns, Revolution, StoppedError
 from tripod_doe.joint.vibrating_run import follow_vibration
-from tripod_doe.mechanics.assembly import State
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.run import Limits, run
 from tripod_doe.simulator import Outcome
 
 METHOD = METHODS["rosenbrock"]
-SMOOTH = State(0.5, np.zeros((1, 7)), np.zeros((1, 6)))
 
 
 class Turning:
@@ -27,11 +25,8 @@ class Turning:
 
     def __init__(self, joint_values, by_steps=0.0, by_chance=0.0, growing=0, uneven=0.0):
         self.values, self.by_steps, self.by_chance, self.growing = joint_values(), by_steps, by_chance, growing
-        self.uneven, self.begun = uneven, 0
+        self.uneven = uneven
         self.rng, self.turns, self.settings, self.taken_over = np.random.default_rng(3), 0, [], []
-
-    def begin(self, state, setting):
-        self.begun += 1
 
     def follow(self, count, setting):
         self.settings.append(setting)
@@ -70,14 +65,14 @@ def test_a_regular_vibration_is_followed_once_and_again_finer(joint_values):
 def test_a_vibration_that_builds_up_within_a_revolution_needs_two(joint_values):
     """Regression: six revolutions were followed, which at 35 rpm took 70 s."""
     joint = Turning(joint_values)
-    found = follow_vibration(joint, 4e-3, allowed, SMOOTH)
+    found = follow_vibration(joint, 4e-3, allowed, builds_up=True)
     assert found.certain
-    assert (joint.begun, found.followed, found.revolutions, joint.settings) == (1, 2, 2, [4e-3, 1e-3])
+    assert (joint.turns, found.revolutions, joint.settings) == (3, 2, [4e-3, 4e-3, 1e-3])
 
 
 def test_one_revolution_tells_its_chance_by_thirds(joint_values):
     """Exact: 0.6 N of 10 N by chance are 12 %, where 2 % is allowed."""
-    found = follow_vibration(Turning(joint_values, by_chance=0.6), 4e-3, allowed, SMOOTH)
+    found = follow_vibration(Turning(joint_values, by_chance=0.6), 4e-3, allowed, builds_up=True)
     assert found.certain
     assert found.revolutions >= 36
     assert abs(found.third - 10) < found.readings.amplitude_error[3] <= 0.02 * found.third
@@ -85,7 +80,7 @@ def test_one_revolution_tells_its_chance_by_thirds(joint_values):
 
 def test_thirds_that_differ_alike_in_all_revolutions_are_no_chance(joint_values):
     """Uneven skews: a revolution by itself cannot tell, a second one does."""
-    found = follow_vibration(Turning(joint_values, uneven=1.0), 4e-3, allowed, SMOOTH)
+    found = follow_vibration(Turning(joint_values, uneven=1.0), 4e-3, allowed, builds_up=True)
     assert found.certain
     assert found.followed <= 4
     assert found.readings.amplitude_error[3] < 1e-9

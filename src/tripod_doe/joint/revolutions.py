@@ -33,8 +33,7 @@ _RATE = 2e4
 """Least samples per second: contact damping keeps the contacts, which could vibrate faster, from doing so."""
 
 _TAKING_OVER = 1 / 3
-"""Part of a revolution in which other steps take over, at most: the motion repeats after it, but for skews that
-differ."""
+"""Part of a revolution in which other steps take over: the motion repeats after it, but for skews that differ."""
 
 _BALANCED = 12
 """Samples of a revolution at which energies are balanced."""
@@ -117,8 +116,6 @@ class JointInTurns:
         Force evaluations that are left.
     split
         Whether the thrust is split into the parts of the mechanisms.
-    taking_over
-        Part of a revolution in which other steps take over.
     state
         Where it has come to; None at its start.
     last_turn
@@ -136,7 +133,6 @@ class JointInTurns:
     limits: Limits
     budget: int
     split: bool = False
-    taking_over: float = _TAKING_OVER
     state: State | None = None
     last_turn: Run | None = None
     halved: int = 0
@@ -148,21 +144,6 @@ class JointInTurns:
     def has_needles(self) -> bool:
         """Whether needles are bodies."""
         return "needle 1.1" in self.assembly.names
-
-    def begin(self, state: State, setting: float) -> None:
-        """Go on from a state of another motion to the end of its revolution, by which this one has settled.
-
-        After that other steps take over in half of the time.
-
-        Raises
-        ------
-        StoppedError
-            See `follow`.
-        """
-        self.state = state
-        left = math.ceil(state.time / self._duration) * self._duration - state.time
-        self.taking_over = min(_TAKING_OVER, 0.5 * left / self._duration)
-        self._turn(setting, left)
 
     def follow(self, count: int, setting: float) -> list[Revolution]:
         """Follow so many revolutions with a tolerance or step.
@@ -188,7 +169,7 @@ class JointInTurns:
         if self.last_turn is None:
             return
         times, end = self.last_turn.times, float(self.last_turn.times[-1])
-        back = int(np.searchsorted(times, end - self._duration * self.taking_over))
+        back = int(np.searchsorted(times, end - self._duration * _TAKING_OVER))
         self.state = State(float(times[back]), self.last_turn.positions[back], self.last_turn.velocities[back])
         self._turn(setting, end - self.state.time)
 

@@ -132,7 +132,7 @@ class VibratingJoint:
             assemble(build_joint(self._values, needles)), self._values, method, self._samples, self._limits, budget,
             self._split,
         )  # fmt: skip
-        builds_up = None if needles else self._vibration.builds_up()
+        builds_up = self._vibration.builds_up and not needles
         self._joints.append(joint)
         with first_compilation(f"vibrating joints with {method.name}", seconds=30):
             run(joint.assembly, method.name, 1e-9, step=1e-9, limits=self._limits)

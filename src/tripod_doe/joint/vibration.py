@@ -74,9 +74,8 @@ of states show as 0.93 to 1.07."""
 _FAST = 12
 """Order above which a departure is a vibration: slower ones would be seen in the orders of the thrust."""
 
-_BUILT_UP, _LEAST_SHARE = math.log(1e6), 1 / 3
-"""Logarithm of the growth by which a vibration has built up from the errors of a smooth motion, and the least share of
-a revolution for that: vibrations come and go as often as grooves pass."""
+_BUILT_UP = math.log(1e6)
+"""Logarithm of the growth in a revolution by which a vibration forgets how it began."""
 
 _STRONGER, _LEAST_DAMPING = (2.0, 4.0, 8.0, 16.0, 32.0), 1e-4
 """Factors of contact damping that are tried against a vibration, and the damping in s/mm that counts at least."""
@@ -111,13 +110,10 @@ class Vibration:
         tenfold = duration(math.log(10) / self.growth.rate, 2)
         return f"self-excited vibration at about {self.hertz:.0f} Hz, growing tenfold in {tenfold}"
 
-    def builds_up(self) -> State | None:
-        """A state of the smooth motion before the end of its revolution, by which the vibration has built up.
-
-        None where that takes longer than a revolution.
-        """
-        share = max(_BUILT_UP / max(self.growth.climb, 1.0), _LEAST_SHARE)
-        return self.states[-math.ceil(share * len(self.states))] if self.states and share <= 1 else None
+    @property
+    def builds_up(self) -> bool:
+        """Whether it builds up within a revolution."""
+        return self.growth.climb >= _BUILT_UP
 
     @property
     def hertz(self) -> float:
