@@ -167,10 +167,12 @@ def test_a_pass_that_is_too_dear_is_told_and_not_begun(simulated, monkeypatch):
     assert told.endswith(" more force evaluations")
 
 
-def test_a_budget_bounds_all_passes():
-    spent = td.simulate(model="rollers", samples_per_revolution=60, **SLOW, evaluation_budget=8000)
-    assert int(spent["outcome"]) == Outcome.INACCURATE
-    assert spent.attrs["cost"]["force_evaluations"] <= 8000
+@pytest.mark.parametrize(("budget", "outcome"), [(8_000, Outcome.EVALUATION_LIMIT), (16_000, Outcome.INACCURATE)])
+def test_a_budget_bounds_all_passes(budget, outcome):
+    """It is used up while the joint swings in, or in finer steps; a run ends behind the evaluation that exceeds it."""
+    spent = td.simulate(model="rollers", samples_per_revolution=60, **SLOW, evaluation_budget=budget)
+    assert int(spent["outcome"]) == outcome
+    assert spent.attrs["cost"]["force_evaluations"] <= budget + 1
 
 
 def test_a_given_tolerance_switches_it_off(simulated):

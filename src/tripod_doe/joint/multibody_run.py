@@ -128,7 +128,13 @@ def run_joint(
         if outcome == Outcome.FINISHED and vibrating:
             third = None if needles else float(abs(complex_amplitudes(thrust).mean(0)[3]))
             outcome, detail = vibrating.verdict(third, ERROR_LIMIT)
-        elif outcome == Outcome.INACCURATE and settles and method == _DAMPS and not (needles or motion.swings):
+        elif (
+            outcome == Outcome.INACCURATE
+            and settles
+            and method == _DAMPS
+            and not needles
+            and _may_be_kicked(motion, vibrating)
+        ):
             third = float(abs(complex_amplitudes(thrust).mean(0)[3]))
             kicked = vibrating or _vibrating(values, Vibration(_DIES_OUT, third, unrest=0.0), samples, goal, split)
             answer = kicked.answer(needles, anyhow=True)
@@ -140,6 +146,11 @@ def run_joint(
         steps=sum(part.steps for part in motion.runs), solves=sum(part.solves for part in motion.runs),
         force_evaluations=sum(part.force_evaluations for part in motion.runs),
     )  # fmt: skip
+
+
+def _may_be_kicked(motion: Motion, vibrating: VibratingJoint | None) -> bool:
+    """Whether what a motion misses may be a vibration that its start has kicked off: it does not repeat."""
+    return not motion.swings and bool(vibrating or not motion.missed or not motion.repeats)
 
 
 def _vibrating(

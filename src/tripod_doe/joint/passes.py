@@ -56,6 +56,8 @@ class Motion:
         All runs, for the work that they took.
     swings
         Whether it still swings in.
+    repeats
+        Whether its revolutions are alike, so that what it misses is due to its steps.
     """
 
     result: Run
@@ -66,6 +68,7 @@ class Motion:
     missed: str
     runs: tuple[Run, ...]
     swings: bool = False
+    repeats: bool = True
 
 
 @dataclass(frozen=True)

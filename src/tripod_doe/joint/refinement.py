@@ -166,7 +166,8 @@ def refine(joint: FollowedJoint, goal: Goal, setting: float) -> Motion:
         Tolerance or step of the first pass.
     """
     order = 1 if joint.method.controlled else joint.method.order
-    setting, error, missed, dropped = joint.settled(setting), np.full(ORDERS.size, math.nan), "", 0
+    setting, error, dropped = joint.settled(setting), np.full(ORDERS.size, math.nan), 0
+    missed, repeats = "", True
     try:
         first, swings = _once_swung_in(joint, joint.first(setting), goal)
         finest = coarse = first
@@ -189,11 +190,11 @@ def refine(joint: FollowedJoint, goal: Goal, setting: float) -> Motion:
         revolutions, setting = found.next_pass(finest, order)
         setting = joint.settled(setting)
         if dear := _too_dear(joint, coarse, finest, revolutions, setting):
-            missed = f"{found.miss()}; {dear}"
+            missed, repeats = f"{found.miss()}; {dear}", revolutions == len(finest.orders)
             break
     sampled, lag, whole = len(finest.orders) - dropped, joint.lag(finest.setting), joint.motion(first, finest)
     return Motion(
-        whole, sampled, finest.setting, lag, error, swings or missed, tuple(joint.runs), swings=bool(swings)
+        whole, sampled, finest.setting, lag, error, swings or missed, tuple(joint.runs), bool(swings), repeats
     )  # fmt: skip
 
 
