@@ -139,13 +139,16 @@ def test_few_needles_behave_like_rollers(simulated, given):
 
 @pytest.mark.slow
 def test_full_model_at_the_reference_point(simulated):
-    """Regression: 507 degrees of freedom, 14.41 N; 0.175 N of second order at uneven skews, which stay within 0.15 deg."""
+    """Regression: 507 degrees of freedom, 14.41 N; 0.163 N of second order at uneven skews, which stay within 0.15 deg.
+
+    Both with a quarter of the tolerance, with errors of 0.005 N.
+    """
     aligned, uneven = (simulated(model="needles", cycles=3, **skews(*s)) for s in ((0, 0, 0), (0.4, -0.4, 0.4)))
     for result in (aligned, uneven):
         assert abs(order(result, 3)) == pytest.approx(14.42, abs=0.05)
         assert result["thrust_amplitude_error"].values[3] < 0.02 * 14.42
         assert result["thrust_amplitude_scatter"].values[3] < 0.005 * 14.42
-    assert abs(order(uneven, 2)) == pytest.approx(0.175, abs=0.01)
+    assert abs(order(uneven, 2)) == pytest.approx(0.163, abs=0.008)
     assert abs(order(aligned, 2)) < 0.06
     mean = uneven["needle_skew_summary_deg"].sel(statistic="mean").values
     assert mean == pytest.approx(np.tile([[0.4], [-0.4], [0.4]], 3), abs=0.15)

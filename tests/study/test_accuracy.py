@@ -36,7 +36,7 @@ def run(text, tmp_path, write_study):
 
 
 def test_accuracy_is_a_factor_and_the_tolerance_found_stands_beside_the_error(tmp_path, write_study):
-    cube = run(STUDY + "[factors.accuracy]\nvalues = [0.1, 0.004]\n", tmp_path, write_study).squeeze("joint_angle_deg")
+    cube = run(STUDY + "[factors.accuracy]\nvalues = [0.1, 0.001]\n", tmp_path, write_study).squeeze("joint_angle_deg")
     third = cube["thrust_amplitude"].sel(order=3)
     assert bool((cube["thrust_amplitude_error"].sel(order=3) <= cube["accuracy"] * third).all())
     rough, fine = cube["relative_tolerance_used"].values
