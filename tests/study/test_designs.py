@@ -279,6 +279,23 @@ def test_an_ablation_is_crossed_with_operating_points():
     assert np.unique(np.stack(list(points.columns.values())), axis=1).shape[1] == 128
 
 
+def test_an_ablation_beside_other_factors_is_one_at_each_of_their_grid_points():
+    factors = "[factors]\njoint_angle_deg = {values = [5, 10]}\ntorque_n_m = {values = [-50, 20, 80]}\n"
+    product = (
+        'kind = "product"\nof = ["operating", "mechanisms"]\n[design.operating]\n'
+        'factors = ["joint_angle_deg", "torque_n_m"]\n[design.mechanisms]\nkind = "ablation"\n'
+    )
+    short, long = (points_of(f"{factors}[design]\n{design}") for design in ('kind = "ablation"', product))
+    assert short.count == 2 * 3 * 32
+    assert list(short.columns) == list(long.columns)
+    assert all(np.array_equal(short.columns[name], long.columns[name]) for name in long.columns)
+    named = points_of(f'{factors}[design]\nkind = "ablation"\ncombinations = "single"\nfactors = ["needle_rolling"]')
+    assert named.count == 2 * 3 * 2
+    assert parse_study(f'{HEAD}{factors}needle_sliding = {{values = [0, 1]}}\n[design]\nkind = "ablation"').switches == (
+        "needle_sliding",
+    )
+
+
 def test_an_ablation_of_a_function_names_its_arguments(tmp_path):
     (tmp_path / "ablated.py").write_text("def f(a, b, load):\n    return {'y': load * (a + b)}\n")
     text = '[study]\nname = "f"\nfunction = "ablated:f"\n[base]\nload = 2\n[design]\nkind = "ablation"\n'
@@ -292,9 +309,8 @@ def test_an_ablation_of_a_function_names_its_arguments(tmp_path):
     ("text", "message"),
     [
         ('kind = "ablation"\nfactors = ["groove_sliding", "needle_slidng"]', "did you mean 'needle_sliding'"),
-        ('kind = "ablation"\nfactors = ["joint_angle_deg"]', r"joint_angle_deg is no switch \(those are groove_sliding.*product"),
-        ('kind = "ablation"\n[factors]\ntorque_n_m = {values = [1, 2]}', "torque_n_m is no switch"),
-        ('kind = "ablation"\nfactors = ["needle_rolling"]\n[factors]\ntorque_n_m = {values = [1, 2]}', "torque_n_m is no switch"),
+        ('kind = "ablation"\nfactors = ["joint_angle_deg"]', r"joint_angle_deg is no switch \(those are groove_sliding.*needle_rolling\)"),
+        ('kind = "ablation"\n[factors]\ntorque_n_m = {low = 1, high = 2}', r"torque_n_m\]: this design needs levels; give values"),
         ('kind = "ablation"\n[factors]\nneedle_rolling = {values = [1]}', r"needle_rolling.*values = \[0, 1\]"),
         ('kind = "ablation"\n[base]\nneedle_rolling = 0', "needle_rolling is both a base value and a factor"),
         ('kind = "ablation"\ncombinations = "some"', "combinations = 'some': unknown; allowed: all, single"),

@@ -142,6 +142,7 @@ def parse_study(text: str, origin: str = "study", folder: Path | None = None, fu
     auto = file.base.get("model") == AUTO
     given = {name: value for name, value in file.base.items() if not (auto and name == "model")}
     base = _at(origin, "[base]", lambda: check_parameters(simulator.parameters, given))
+    file = _at(origin, "[design]", lambda: _at_operating_points(simulator, file))
     switches = _at(origin, "[design]", lambda: _switches(simulator, file))
     tables = file.factors | {name: FactorTable(values=[0, 1]) for name in switches if name not in file.factors}
     tables |= _at(origin, "[design]", lambda: _fidelity(simulator, file))
@@ -213,6 +214,20 @@ def _at(origin: str, where: str, step: Any) -> Any:
         raise InputError(f"{origin}: {where}: {error}") from error
 
 
+def _at_operating_points(simulator: Simulator, file: StudyFile) -> StudyFile:
+    """An ablation beside factors that it does not switch is one at each of their grid points: a product of both."""
+    if file.design.kind != "ablation":
+        return file
+    switches = _switches_of(file.design, simulator.parameters, list(file.factors))
+    operating = [name for name in file.factors if name not in switches]
+    if not operating:
+        return file
+    mechanisms = DesignTable(kind="ablation", factors=switches, combinations=file.design.combinations)
+    parts = {"operating": DesignTable(factors=operating), "mechanisms": mechanisms}
+    product = file.design.model_copy(update={"kind": "product", "of": list(parts), "factors": None})
+    return file.model_copy(update={"design": product, "designs": parts})
+
+
 def _switches(simulator: Simulator, file: StudyFile) -> tuple[str, ...]:
     """Factors that an ablation of this study switches: those it names, else the study's own, else all of the scene."""
     alone = file.design.kind != "product"
@@ -226,19 +241,16 @@ def _switches(simulator: Simulator, file: StudyFile) -> tuple[str, ...]:
 
 def _switches_of(part: DesignTable, parameters: Mapping[str, Parameter], own: list[str]) -> list[str]:
     known = [name for name, parameter in parameters.items() if parameter.kind == "switch"]
-    names = part.factors or own or known
+    names = part.factors or ([name for name in own if name in known] if known else own) or known
     if not names:
         raise InputError(
             "an ablation needs factors = [...]: its arguments with values 0 and 1, since no parameter is a switch"
         )
-    for name in [*names, *own]:
+    for name in names:
         if name not in parameters:
             raise InputError(f"factors: unknown parameter {name!r}{near_match(name, known or parameters)}")
         if name not in (known or names):
-            told = f" (those are {', '.join(known)})" if known else ""
-            raise InputError(
-                f'factors: {name} is no switch{told}; cross the ablation with {name} in a design of kind "product"'
-            )
+            raise InputError(f"factors: {name} is no switch (those are {', '.join(known)})")
     return names
 
 
