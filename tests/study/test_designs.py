@@ -291,9 +291,9 @@ def test_an_ablation_beside_other_factors_is_one_at_each_of_their_grid_points():
     assert all(np.array_equal(short.columns[name], long.columns[name]) for name in long.columns)
     named = points_of(f'{factors}[design]\nkind = "ablation"\ncombinations = "single"\nfactors = ["needle_rolling"]')
     assert named.count == 2 * 3 * 2
-    assert parse_study(f'{HEAD}{factors}needle_sliding = {{values = [0, 1]}}\n[design]\nkind = "ablation"').switches == (
-        "needle_sliding",
-    )
+    assert parse_study(
+        f'{HEAD}{factors}needle_sliding = {{values = [0, 1]}}\n[design]\nkind = "ablation"'
+    ).switches == ("needle_sliding",)
 
 
 def test_an_ablation_of_a_function_names_its_arguments(tmp_path):

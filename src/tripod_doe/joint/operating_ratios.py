@@ -16,9 +16,9 @@ FloatArray = NDArray[np.float64]
 
 RATIOS = {
     "joint_angle_deg": "joint angle",
-    "groove_friction": "sliding friction coefficient of the grooves",
+    "groove_friction": "sliding friction coefficient of the grooves, 0 with their sliding off",
     "swing_ratio": "swing of a roller in its groove by friction, over its slip along the groove",
-    "needle_ratio": "needle sliding friction over joint angle in rad",
+    "needle_ratio": "needle sliding friction, 0 with it off, over joint angle in rad",
     "inertia_ratio": "force that keeps a roller on its orbit, over its mean normal force",
     "crown_ratio": "1 + crown of the needles over the penetration of the most loaded one without crown and clearance",
 }
