@@ -67,16 +67,20 @@ class SupervisedCluster:
         time.sleep(seconds)
         self.processes[name].send_signal(signal.SIGCONT)
 
+    def start(self, words: list[str], place: str) -> subprocess.Popen:
+        """Start Python with a folder before all others from which it imports."""
+        places = [place, os.environ.get("PYTHONPATH", "")]
+        return subprocess.Popen(
+            [sys.executable, *words], stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(place for place in places if place)},
+        )  # fmt: skip
+
     def _supervise(self) -> None:
         while not self._ended.wait(0.1):
             for name, command in list(self._commands.items()):
                 ended = name not in self.processes or self.processes[name].poll() is not None
                 if ended and time.monotonic() >= self._not_before.get(name, 0.0):
-                    places = [self._places.get(name, ""), os.environ.get("PYTHONPATH", "")]
-                    self.processes[name] = subprocess.Popen(
-                        [sys.executable, "-m", "dask", *command], stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-                        env=os.environ | {"PYTHONPATH": os.pathsep.join(place for place in places if place)},
-                    )  # fmt: skip
+                    self.processes[name] = self.start(["-m", "dask", *command], self._places.get(name, ""))
 
     def __enter__(self) -> SupervisedCluster:
         self._supervisor.start()

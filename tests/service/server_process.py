@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import re
 import signal
-import subprocess
-import sys
 import textwrap
 import time
 import urllib.error
@@ -14,6 +12,7 @@ import urllib.request
 
 import psutil
 
+from started import Process
 from tripod_doe.study.journal import Journal
 
 LONG = """
@@ -41,8 +40,7 @@ class Server:
     """A server of our own command line."""
 
     def __init__(self, folder, *flags):
-        words = [sys.executable, "-m", "tripod_doe.cli", "serve", "--folder", str(folder), "--port", "0", *flags]
-        self.process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.process = Process(["-m", "tripod_doe.cli", "serve", "--folder", str(folder), "--port", "0", *flags])
         self.line = self.process.stdout.readline()
         self.address, self.token = re.fullmatch(r"(http://127\.0\.0\.1:\d+)/\?token=(\S+)\n", self.line).groups()
 
@@ -71,9 +69,8 @@ class Server:
 
     def end(self, number=signal.SIGTERM):
         self.process.send_signal(number)
-        code = self.process.wait(20)
-        with self.process.stdout, self.process.stderr:
-            return code, self.process.stdout.read(), self.process.stderr.read()
+        told, complaints = self.process.communicate(20)
+        return self.process.returncode, told, complaints
 
 
 def runs_in(folder):

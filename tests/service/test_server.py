@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import socket
-import subprocess
-import sys
 import textwrap
 import time
 from pathlib import Path
@@ -14,6 +12,8 @@ from pathlib import Path
 import pytest
 from server_process import LONG, Server, committed, runs_in
 from service_client import COAST
+
+from started import Process
 
 
 def test_the_server_prints_one_line_and_ends_in_time_with_a_hundred_streams(serve):
@@ -38,11 +38,11 @@ def test_the_server_prints_one_line_and_ends_in_time_with_a_hundred_streams(serv
 
 def test_a_folder_has_one_server(serve, tmp_path):
     serve()
-    words = [sys.executable, "-m", "tripod_doe.cli", "serve", "--folder", str(tmp_path / "results"), "--port", "0"]
-    second = subprocess.run(words, capture_output=True, text=True, timeout=60)
+    second = Process(["-m", "tripod_doe.cli", "serve", "--folder", str(tmp_path / "results"), "--port", "0"])
+    told, complaints = second.communicate()
     assert second.returncode == 2
-    assert "another server uses this folder" in second.stderr
-    assert second.stdout == ""
+    assert "another server uses this folder" in complaints
+    assert told == ""
     reader = serve("--read-only")
     assert reader.ask("/runs")[0] == 200
     assert reader.ask("/runs", {"study": textwrap.dedent(COAST)})[0] == 403

@@ -17,6 +17,7 @@ import pytest
 from distributed import Client
 
 import tripod_doe as td
+from started import Process
 from tripod_doe.errors import TripodDoeError
 from tripod_doe.study import on_dask
 from tripod_doe.study.existing_scheduler import ExistingScheduler
@@ -48,6 +49,13 @@ count = {count}
 [run]
 block = {block}
 """
+
+
+class Cluster(SupervisedCluster):
+    """One whose processes are forked, but for those that import from another place."""
+
+    def start(self, words, place):
+        return super().start(words, place) if place else Process(words, quiet=True)
 
 
 @pytest.fixture
@@ -85,7 +93,7 @@ def meanwhile(step, condition):
 def test_a_scheduler_that_is_killed_and_comes_back_costs_the_blocks_at_work_only(case, tmp_path, capsys):
     """Exact: every value, and no more points ran twice than were at work; workers that join late are used."""
     study = case(count=60)
-    with SupervisedCluster(tmp_path, workers=1) as cluster:
+    with Cluster(tmp_path, workers=1) as cluster:
 
         def disturb():
             cluster.add_worker("late worker")
@@ -108,7 +116,7 @@ def test_a_point_that_kills_its_worker_is_condemned_alone(case, tmp_path, monkey
     """Its neighbours in block and queue die with it, and finish all the same, although this scheduler blames them."""
     monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")
     study = case(count=200, block=4, pause=0.001, killer=5)
-    with SupervisedCluster(tmp_path, workers=1) as cluster:
+    with Cluster(tmp_path, workers=1) as cluster:
         run(study, tmp_path / "out", scheduler=cluster.address, progress=False)
     cube = td.open_cube(tmp_path / "out")
     lost = cube["outcome"].values == td.Outcome.WORKER_LOST
@@ -122,7 +130,7 @@ def test_a_point_that_kills_its_worker_is_condemned_alone(case, tmp_path, monkey
 def test_workers_that_join_before_the_first_block_is_finished_get_work_at_once(case, tmp_path, capsys):
     """Regression: without a worker at the start two blocks were sent, and others only when one of them was finished."""
     study = case(count=4, pause=8.0)
-    with SupervisedCluster(tmp_path, workers=0) as cluster:
+    with Cluster(tmp_path, workers=0) as cluster:
 
         def join():
             for number in range(4):
@@ -141,7 +149,7 @@ def test_what_does_not_match_is_left_out_by_name_and_what_is_shipped_matches(cas
     study = case(count=6)
     (tmp_path / "other" / "tripod_doe").mkdir(parents=True)
     (tmp_path / "other" / "tripod_doe" / "__init__.py").write_text("__version__ = '0'\n")
-    with SupervisedCluster(tmp_path, workers=1) as cluster:
+    with Cluster(tmp_path, workers=1) as cluster:
         cluster.add_worker("old worker", python_path=str(tmp_path / "other"))
         with Client(cluster.address) as client:
             client.wait_for_workers(2)
@@ -167,7 +175,7 @@ def test_a_connection_that_is_reset_or_carries_nothing_more_is_replaced(case, tm
     monkeypatch.setattr(on_dask, "_ANSWER", 0.5)
     monkeypatch.setattr(on_dask, "_SILENCE", 2.0)
     study = case(count=60)
-    with SupervisedCluster(tmp_path, workers=1) as cluster:
+    with Cluster(tmp_path, workers=1) as cluster:
         proxy = Proxy(cluster.port)
         threads = [
             meanwhile(proxy.reset, lambda: sum(case.started().values()) >= 5),
@@ -206,7 +214,7 @@ def test_code_that_a_worker_does_not_see_is_copied_there(tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_a_scheduler_that_stays_away_ends_the_run_with_its_points_kept(case, tmp_path):
     study = case(count=30)
-    with SupervisedCluster(tmp_path, workers=1) as cluster:
+    with Cluster(tmp_path, workers=1) as cluster:
 
         def end():
             cluster.kill("scheduler", for_good=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
 import sys
 import time
 
@@ -13,6 +12,7 @@ import pytest
 import xarray as xr
 
 import tripod_doe as td
+from started import Process
 from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points, point_keys
@@ -182,9 +182,8 @@ def test_a_kill_in_a_retry_loses_nothing_and_changes_nothing(fragile, write_stud
         "values = [1.0, 0.5, 0.3, 0.1]", "low = 0.05\nhigh = 1.0\ncount = 60"
     ) + "block = 2\n"  # fmt: skip
     study, log = write_study(slow), fragile / "log"
-    command = [sys.executable, "-m", "tripod_doe.cli", "run", str(study), "--out", str(fragile / "killed")]
-    command += ["--workers", "0"]  # retries are made within a block, wherever it runs
-    process = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
+    command = ["-m", "tripod_doe.cli", "run", str(study), "--out", str(fragile / "killed")]
+    process = Process([*command, "--workers", "0"], quiet=True)  # retries are made within a block, wherever it runs
     while not (log.exists() and len(log.read_text().splitlines()) > 40):
         assert process.poll() is None, "it ended before it was killed"
         time.sleep(0.02)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
 import sys
 import time
 import uuid
@@ -18,6 +17,7 @@ from choosing_chain import CHAIN
 from few import FEW
 
 import tripod_doe as td
+from started import Process
 from tripod_doe.analysis.model_choice.pilot import pilot_points, pilot_study
 from tripod_doe.analysis.model_choice.pilot_results import pilot_results
 from tripod_doe.analysis.model_choice.study_choice import describe_choice, first_candidates
@@ -179,19 +179,8 @@ def test_a_kill_in_the_pilot_loses_nothing_and_changes_nothing(wave):
     """kill -9 in the pilot: only what was at work runs twice; choice and cube are those of an undisturbed run."""
     text = STUDY.replace('model = "auto"', 'model = "auto"\nslow = 0.1') + "[run]\nblock = 1\n"
     out = wave.folder / "killed"
-    command = [
-        sys.executable,
-        "-m",
-        "tripod_doe.cli",
-        "run",
-        str(wave.write(text)),
-        "--out",
-        str(out),
-        "--workers",
-        "0",
-    ]
-    slowly = os.environ | {"PACE": "1"}
-    process = subprocess.Popen(command, env=slowly, stderr=subprocess.DEVNULL, start_new_session=True)
+    command = ["-m", "tripod_doe.cli", "run", str(wave.write(text)), "--out", str(out), "--workers", "0"]
+    process = Process(command, os.environ | {"PACE": "1"}, quiet=True)
     deadline = time.monotonic() + 60
     while time.monotonic() < deadline and len(wave.calls()) < 8:
         time.sleep(0.02)

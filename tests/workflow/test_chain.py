@@ -6,7 +6,6 @@ import json
 import os
 import re
 import signal
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -17,6 +16,7 @@ import xarray as xr
 from pydantic import BaseModel
 
 import tripod_doe as td
+from started import Process
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.cli import main
 from tripod_doe.report.analyses import ANALYSES, Analysis
@@ -197,11 +197,10 @@ def test_quick_overrides_studies_and_says_so(bench):
 def test_a_kill_loses_no_finished_point_and_no_finished_step(bench):
     for tag, name in enumerate(("first", "second", "other")):
         bench.study(name, ", ".join(map(str, range(40))), tag=tag, slow=0.03)
-    command = [sys.executable, "-m", "tripod_doe.cli", "workflow", str(bench.folder / "chain.toml"), "--workers", "0"]
-    command += ["--out", str(bench.out), "--only", "second"]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, start_new_session=True, env=os.environ)
+    command = ["-m", "tripod_doe.cli", "workflow", str(bench.folder / "chain.toml"), "--workers", "0"]
+    process = Process([*command, "--out", str(bench.out), "--only", "second"])
     while not bench.log.exists() or len(bench.log.read_text().splitlines()) < 55:
-        assert process.poll() is None, process.stderr.read().decode()
+        assert process.poll() is None, process.stderr.read()
         time.sleep(0.02)
     os.killpg(process.pid, signal.SIGKILL)
     process.communicate()
@@ -218,13 +217,8 @@ def test_a_kill_loses_no_finished_point_and_no_finished_step(bench):
 @pytest.mark.slow
 def test_an_interrupt_ends_with_130_and_keeps_what_is_finished(bench):
     bench.study("first", ", ".join(map(str, range(80))), slow=0.05)
-    command = [sys.executable, "-m", "tripod_doe.cli", "workflow", str(bench.folder / "chain.toml"), "--workers", "1"]
-    process = subprocess.Popen(
-        [*command, "--out", str(bench.out), "--only", "first"],
-        stderr=subprocess.PIPE,
-        start_new_session=True,
-        text=True,
-    )
+    command = ["-m", "tripod_doe.cli", "workflow", str(bench.folder / "chain.toml"), "--workers", "1"]
+    process = Process([*command, "--out", str(bench.out), "--only", "first"])
     while not bench.log.exists() or len(bench.log.read_text().splitlines()) < 5:
         assert process.poll() is None, process.stderr.read()
         time.sleep(0.02)

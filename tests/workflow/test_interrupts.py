@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -13,6 +12,7 @@ import pytest
 from choosing_chain import CHAIN
 
 import tripod_doe as td
+from started import Process
 
 pytestmark = pytest.mark.usefixtures("charts_not_drawn")
 
@@ -114,11 +114,11 @@ def go_on(folder: Path, name: str) -> None:
 )
 def test_an_interrupt_that_python_drops_is_obeyed_all_the_same(folder, name, workers, dropped_in, most):
     """Regression: one that met Dask's callback of the garbage collector was printed, and the study ran to its end."""
-    words = [sys.executable, str(folder / "dropping.py"), *dropped_in.split(), *command(folder, name, workers)]
-    done = subprocess.run(words, stderr=subprocess.PIPE, text=True, timeout=60)
-    assert "Exception ignored in" in done.stderr  # it was dropped
-    assert done.returncode == 130, done.stderr
-    assert "interrupted; finished points are kept" in done.stderr
+    process = Process([str(folder / "dropping.py"), *dropped_in.split(), *command(folder, name, workers)])
+    message = process.communicate()[1]
+    assert "Exception ignored in" in message  # it was dropped
+    assert process.returncode == 130, message
+    assert "interrupted; finished points are kept" in message
     before = calls(folder)
     assert 0 < before < most
     go_on(folder, name)
@@ -129,11 +129,7 @@ def test_an_interrupt_that_python_drops_is_obeyed_all_the_same(folder, name, wor
 @pytest.mark.parametrize(("presses", "workers"), [(1, 1), (2, 1), (1, 0), (2, 0)])
 def test_a_background_command_is_interrupted_too_and_a_second_interrupt_ends_it_at_once(folder, presses, workers):
     """A shell without job control starts what stands before an & with interrupts ignored."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "tripod_doe.cli", *command(folder, "named", workers)],
-        stderr=subprocess.PIPE, text=True, start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
-    )  # fmt: skip
+    process = Process(["-m", "tripod_doe.cli", *command(folder, "named", workers)], ignores_interrupts=True)
     deadline = time.monotonic() + 60
     while calls(folder) < 5 and time.monotonic() < deadline:
         time.sleep(0.02)
@@ -176,8 +172,7 @@ def test_an_interrupt_does_not_wait_for_a_kernel_that_runs_in_the_process_of_the
     (folder / "spinning.py").write_text(SPINNING)
     text = '[study]\nname = "s"\nfunction = "spinning:spinning"\n[factors.turns]\nvalues = [300_000_000_000]\n'
     (folder / "spinning.toml").write_text(text)
-    words = [sys.executable, "-m", "tripod_doe.cli", *command(folder, "spinning", workers=0)]
-    process = subprocess.Popen(words, stderr=subprocess.PIPE, text=True)
+    process = Process(["-m", "tripod_doe.cli", *command(folder, "spinning", workers=0)])
     deadline = time.monotonic() + 100
     while not calls(folder) and time.monotonic() < deadline:
         assert process.poll() is None, process.stderr.read()

@@ -7,8 +7,6 @@ import os
 import random
 import shutil
 import signal
-import subprocess
-import sys
 import time
 
 import numpy as np
@@ -18,6 +16,7 @@ import xarray as xr
 
 import tripod_doe as td
 from stand_in_workers import SlowStart
+from started import Process
 from tripod_doe.study import dask_workers
 from tripod_doe.study.definition import load_study
 from tripod_doe.study.designs import make_points, point_keys
@@ -198,8 +197,8 @@ def test_constraints_and_fail_fast(write_study, tmp_path):
 
 def start(study, out, log, workers=2):
     environment = os.environ | {"SLOW_LOG": str(log)}
-    command = [sys.executable, "-m", "tripod_doe.cli", "run", str(study), "--out", str(out), "--workers", str(workers)]
-    return subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, start_new_session=True, text=True)
+    command = ["-m", "tripod_doe.cli", "run", str(study), "--out", str(out), "--workers", str(workers)]
+    return Process(command, environment)
 
 
 def calls(log):

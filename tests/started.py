@@ -1,0 +1,185 @@
+"""Python programs in processes of their own, forked from one that has imported what our commands need.
+
+A command that starts anew spends two seconds of CPU time on imports, a server, Dask's scheduler or a worker one or two.
+What a test says of a process (signals, kills, its group, its exit code, its streams) it says of a forked one as well.
+Tests of imports, of command lines and of what another environment does start Python itself.
+"""
+
+from __future__ import annotations
+
+import atexit
+import functools
+import gc
+import json
+import os
+import runpy
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
+
+IMPORTED = (
+    "dask.array",
+    "matplotlib.backends.backend_svg",
+    "matplotlib.figure",
+    "netCDF4",
+    "distributed.cli.dask_scheduler",
+    "distributed.cli.dask_worker",
+    "tripod_doe.cli.main",
+    "tripod_doe.service.server",
+    "tripod_doe.study.dask_workers",
+    "tripod_doe.study.on_worker",
+    "tripod_doe.workflow.chain",
+    "tripod_doe.workflow.run",
+)
+
+
+class Process:
+    """A process of Python, with what is used of `subprocess.Popen`; it leads a session of its own.
+
+    Parameters
+    ----------
+    words
+        As after `python`: ``-m module`` or the path of a script, and its arguments.
+    environment
+        Its environment variables; those of this process if omitted.
+    quiet
+        Whether nobody reads its output.
+    ignores_interrupts
+        Whether it starts with interrupts ignored.
+
+    Attributes
+    ----------
+    stdout, stderr
+        Streams of text from which its output is read, unless it is quiet.
+    """
+
+    def __init__(self, words, environment=None, quiet=False, ignores_interrupts=False):
+        self.returncode = None
+        asked = {"words": words, "environment": dict(environment or os.environ), "folder": os.getcwd(),
+                 "ignores_interrupts": ignores_interrupts}  # fmt: skip
+        self._told, told = os.pipe()
+        if quiet:
+            theirs = [os.open(os.devnull, os.O_WRONLY), os.open(os.devnull, os.O_WRONLY), told]
+        else:
+            (out, out_end), (err, err_end) = os.pipe(), os.pipe()
+            self.stdout, self.stderr, theirs = os.fdopen(out), os.fdopen(err), [out_end, err_end, told]
+        socket.send_fds(_server(), [json.dumps(asked).encode()], theirs)
+        for end in theirs:
+            os.close(end)
+        self.pid = int(os.read(self._told, 99))
+        os.set_blocking(self._told, False)
+
+    def poll(self):
+        if self.returncode is None:
+            with suppress(BlockingIOError):
+                self.returncode = int(os.read(self._told, 99))
+                os.close(self._told)
+        return self.returncode
+
+    def wait(self, timeout=60):
+        until = time.monotonic() + timeout
+        while self.poll() is None:
+            if time.monotonic() > until:
+                raise TimeoutError(f"process {self.pid} has not ended within {timeout} s")
+            time.sleep(0.01)
+        return self.returncode
+
+    def communicate(self, timeout=60):
+        """What is left of its output, as soon as it has ended."""
+        texts = {}
+        streams = {"out": self.stdout, "err": self.stderr}
+        readers = [threading.Thread(target=lambda name=name: texts.update({name: streams[name].read()}))
+                   for name in streams]  # fmt: skip
+        for reader in readers:
+            reader.start()
+        try:
+            self.wait(timeout)
+        finally:
+            if self.returncode is None:
+                os.killpg(self.pid, signal.SIGKILL)
+            for reader, stream in zip(readers, streams.values(), strict=True):
+                reader.join()
+                stream.close()
+        return texts["out"], texts["err"]
+
+    def send_signal(self, number):
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def kill(self):
+        self.send_signal(signal.SIGKILL)
+
+
+@functools.cache
+def _server():
+    """Socket of the process that forks; it ends with this one."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with theirs:
+        server = subprocess.Popen([sys.executable, __file__, str(theirs.fileno())], pass_fds=[theirs.fileno()],
+                                  env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+                                  start_new_session=True)  # fmt: skip
+
+    def end():
+        ours.close()
+        server.wait()
+
+    atexit.register(end)
+    return ours
+
+
+def _serve(requests):
+    """Fork a process for every request; gives what the forked one is to run."""
+    while True:
+        text, ends, _, _ = socket.recv_fds(requests, 1 << 20, 3)
+        with suppress(ChildProcessError):  # those in between that have ended, so that their time is counted
+            while os.waitpid(-1, os.WNOHANG)[0]:
+                pass
+        if not text:
+            sys.exit()
+        if not os.fork():
+            break
+        for end in ends:
+            os.close(end)
+    requests.close()
+    out, err, told = ends
+    if forked := os.fork():
+        os.close(out)
+        os.close(err)
+        os.write(told, str(forked).encode())
+        os.write(told, str(os.waitstatus_to_exitcode(os.waitpid(forked, 0)[1])).encode())
+        os._exit(0)
+    os.close(told)
+    os.setsid()
+    for end, number in ((os.open(os.devnull, os.O_RDONLY), 0), (out, 1), (err, 2)):
+        os.dup2(end, number)
+        os.close(end)
+    return json.loads(text)
+
+
+def _become(words, environment, folder, ignores_interrupts):
+    """Run a program as Python would."""
+    os.environ.clear()
+    os.environ.update(environment)
+    os.chdir(folder)
+    if ignores_interrupts:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    module = words[0] == "-m"
+    sys.argv = words[module:]
+    sys.path[0] = folder if module else str(Path(words[0]).parent)
+    if module:
+        runpy.run_module(words[1], run_name="__main__", alter_sys=True)
+    else:
+        runpy.run_path(words[0], run_name="__main__")
+
+
+if __name__ == "__main__":
+    for name in IMPORTED:
+        __import__(name)
+    assert len(os.listdir("/proc/self/task")) == 1, "a process with threads must not fork"
+    gc.freeze()  # what is shared is neither looked through nor copied
+    _become(**_serve(socket.socket(fileno=int(sys.argv[1]))))
