@@ -47,7 +47,8 @@ def test_at_rest(simulated, model):
 @pytest.mark.parametrize("model", MODELS)
 def test_without_joint_angle_or_friction(simulated, model, given):
     """Exact physics: nothing slides, or sliding costs nothing; a ten-thousandth of the third order is rounding."""
-    outcome, detail, result = run(simulated, model, **given)
+    numerics = {"accuracy": 0.2, "cycles": 3} if model == "needles" else {}  # needles rattle; they make no thrust of it
+    outcome, detail, result = run(simulated, model, **given, **numerics)
     assert outcome == "finished", detail
     assert np.abs(result["thrust"].values).max() < 1e-3
 
@@ -66,7 +67,7 @@ def test_skew_beyond_what_the_ring_allows(simulated, model, skew):
 def test_one_needle_missing(simulated, model):
     """Limit: the others carry its share, so that the third order stays within the 3 % that nine needles rattle by. With
     a gap as wide as one of them they rattle more, so that their tolerance must be lower."""
-    numerics = CALM if model == "needles" else {}
+    numerics = CALM | {"cycles": 3} if model == "needles" else {}
     full = FEW["needle_count"] if model == "needles" else 27
     third = []
     for count in (full, full - 1):

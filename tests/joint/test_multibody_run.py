@@ -17,7 +17,7 @@ REFERENCE_POINTS = [
     {},
     {"joint_angle_deg": 5, "torque_n_m": 100},
     {"initial_skew_1_deg": 0.4, "speed_rpm": 1200},
-    {"model": "needles", "initial_skew_1_deg": 0.4, "cycles": 3, **FEW},
+    {"model": "needles", "initial_skew_1_deg": 0.4, "torque_n_m": 150, "cycles": 3, **FEW},  # heavy: they rattle less
 ]
 
 
@@ -125,16 +125,16 @@ def test_a_straight_joint_has_no_thrust(simulated):
 @pytest.mark.parametrize("given", [{}, skews(0.4, -0.4, 0.4)])
 def test_few_needles_behave_like_rollers(simulated, given):
     """Limit: bodies that roll with the bearing's friction; few thick needles rattle, so 5 % of the third order."""
-    needles, rollers = (simulated(model=model, **FEW, **CALM, **given) for model in ("needles", "rollers"))
+    needles, rollers = (simulated(model=model, cycles=3, **FEW, **CALM, **given) for model in ("needles", "rollers"))
     assert abs(order(needles, 3)) == pytest.approx(abs(order(rollers, 3)), rel=0.05)
     assert needles["needle_skew_deg"].sizes == {"trunnion": 3, "rotation_deg": 720}
     summary = needles["needle_skew_summary_deg"]
-    assert summary.sizes == {"trunnion": 3, "cycle": 4, "statistic": 3}
+    assert summary.sizes == {"trunnion": 3, "cycle": 3, "statistic": 3}
     mean, least, most = (summary.sel(statistic=statistic).values for statistic in ("mean", "min", "max"))
     assert (least <= mean).all()
     assert (mean <= most).all()
     last = needles["needle_skew_deg"].values.reshape(3, 2, 360).mean(axis=2)
-    assert mean[:, 2:] == pytest.approx(last, abs=1e-9)
+    assert mean[:, 1:] == pytest.approx(last, abs=1e-9)
 
 
 @pytest.mark.slow
@@ -175,10 +175,14 @@ def test_the_error_is_of_first_order(simulated):
 
 @pytest.mark.slow
 def test_other_methods_agree_within_their_errors(simulated):
-    """Numerical error: an explicit method and one of a single linear solve a step, against the default at a quarter."""
-    settled = order(simulated(cycles=3, relative_tolerance=1e-3), 3)
-    for method, step, near in (("symplectic-euler", 2e-6, 0.003), ("linearly-implicit-euler", 2e-5, 0.003)):
-        result = simulated(cycles=3, method=method, step_s=step, samples_per_revolution=90)
+    """Numerical error: an explicit method and one of a single linear solve a step, against the default at a quarter.
+
+    At 1200 rpm, where steps of the same angle are explicit ones of 4e-6 s, within their limit.
+    """
+    fast = {"cycles": 3, "speed_rpm": 1200}
+    settled = order(simulated(**fast, relative_tolerance=1e-3), 3)
+    for method, step, near in (("symplectic-euler", 4e-6, 0.003), ("linearly-implicit-euler", 1e-5, 0.003)):
+        result = simulated(**fast, method=method, step_s=step, samples_per_revolution=90)
         error = result["thrust_amplitude_error"].values[3]
         assert error < near * abs(settled)
         assert abs(abs(order(result, 3)) - abs(settled)) < 1.1 * error + 0.002 * abs(settled)
@@ -211,12 +215,12 @@ def test_runs_that_cannot_go_well_say_why(model, given, expected, reason):
 @pytest.mark.parametrize(
     "given",
     [
-        {"torque_n_m": 0.01, "relative_tolerance": 4e-3},
-        {"joint_angle_deg": 40, "relative_tolerance": 4e-3},
+        {"torque_n_m": 0.01, "relative_tolerance": 4e-3, "cycles": 2},
+        {"joint_angle_deg": 40, "relative_tolerance": 4e-3, "cycles": 2},
         {"relative_tolerance": 0.1},
         {"method": "symplectic-euler", "step_s": 1e-5, "cycles": 2},
         {"method": "linearly-implicit-euler", "step_s": 3e-4},
-        {"torque_n_m": 5000, "relative_tolerance": 4e-3},
+        {"torque_n_m": 5000, "relative_tolerance": 4e-3, "cycles": 2},
     ],
 )
 def test_rollers_too_coarse_are_not_called_finished(given):
@@ -236,7 +240,7 @@ def test_a_budget_that_is_used_up_is_reported():
 def test_a_preloaded_bearing_gives_a_converged_answer(simulated):
     """Numerical error: -0.003 mm and -0.005 mm finish, with a number that holds at a quarter of the tolerance."""
     for clearance in (-0.003, -0.005):
-        rough, fine = (simulated(bearing_radial_clearance_mm=clearance, **numerics)
+        rough, fine = (simulated(bearing_radial_clearance_mm=clearance, cycles=3, **numerics)
                        for numerics in ({}, {"relative_tolerance": 1e-3}))  # fmt: skip
         assert abs(order(rough, 3) - order(fine, 3)) < rough["thrust_amplitude_error"].values[3]
 
@@ -275,8 +279,9 @@ name = "ladder"
 needle_count = 9
 needle_diameter_mm = 5.89
 spheres_per_needle = 3
-relative_tolerance = 1e-3
-cycles = 3
+torque_n_m = 150
+relative_tolerance = 2e-3
+cycles = 2
 samples_per_revolution = 90
 [factors.model]
 values = ["equilibrium", "rollers", "needles"]
@@ -306,4 +311,4 @@ def test_models_share_one_cube(write_study, tmp_path):
     assert rows["thrust_amplitude"] == [[True, False], [False, True], [False, True]]
     assert rows["thrust_amplitude_error"] == [no, [False, True], [False, True]]
     assert rows["needle_skew_summary_deg"] == [no, no, [False, True]]
-    assert cube["needle_skew_summary_deg"].sizes["cycle"] == 3
+    assert cube["needle_skew_summary_deg"].sizes["cycle"] == 2

@@ -57,14 +57,17 @@ def test_a_run_again_that_stopped_knows_nothing():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("method", "step"), [("bdf2", 2e-4), ("generalized-alpha", 3e-4)])
-def test_the_start_of_the_run_again_is_no_error(simulated, method, step):
-    """Numerical error: methods that know their last step jolt where they begin; no order is said worse than the worst."""
-    given = {"method": method, "cycles": 3, "samples_per_revolution": 180, "initial_skew_1_deg": 0.4}
-    rough, fine = (simulated(**given, step_s=size) for size in (step, step / 4))
-    real = np.abs(np.subtract(*(result["thrust_amplitude"].values for result in (rough, fine))))
-    reported = rough["thrust_amplitude_error"].values
-    assert reported.max() < 2 * real.max()
+def test_the_start_of_the_run_again_is_no_error(simulated):
+    """Numerical error: methods that know their last step jolt where they begin; no order is said worse than the worst.
+
+    The truth is that of a third of the step by the more accurate one, whose own error is a ninth of that.
+    """
+    given = {"cycles": 3, "samples_per_revolution": 180, "initial_skew_1_deg": 0.4}
+    fine = simulated(**given, method="generalized-alpha", step_s=1e-4)["thrust_amplitude"].values
+    for method, step in (("bdf2", 2e-4), ("generalized-alpha", 3e-4)):
+        rough = simulated(**given, method=method, step_s=step)
+        real = np.abs(rough["thrust_amplitude"].values - fine)
+        assert rough["thrust_amplitude_error"].values.max() < 2 * real.max()
 
 
 LIGHT = {"joint_angle_deg": 7.6, "torque_n_m": 18.6, "speed_rpm": 1175, "groove_sliding_friction": 0.036, "cycles": 3}

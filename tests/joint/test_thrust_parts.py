@@ -107,13 +107,17 @@ def test_the_split_does_not_know_which_groove_is_the_first():
     assert _orders(moved[0], 3)[0] == pytest.approx(_orders(moved[1], 3)[0], abs=1e-8)
 
 
+HEAVY = FEW | {"cycles": 3, "torque_n_m": 150}
+"""Under which few needles rattle less."""
+
+
 @pytest.mark.slow
 def test_needles_split_the_thrust_as_their_lumped_bearing_does():
     """Limit: the third order of all parts but the needles' sliding, which lacks neighbours in a lumped bearing.
 
     Within 2 % of the third order: the models differ by 1.6 % there, and in the clearance's effect on the load.
     """
-    needles, rollers = (_orders(td.simulate(model=model, cycles=3, **FEW), 3) for model in ("needles", "rollers"))
+    needles, rollers = (_orders(td.simulate(model=model, **HEAVY), 3) for model in ("needles", "rollers"))
     gaps = np.abs(needles[0] - rollers[0]) / abs(rollers[1])
     assert np.delete(gaps, PARTS.index("needle_sliding")).max() < 0.02
     assert needles[0].sum() == pytest.approx(needles[1], abs=1e-9)
@@ -122,6 +126,6 @@ def test_needles_split_the_thrust_as_their_lumped_bearing_does():
 @pytest.mark.slow
 def test_needles_without_sliding_friction_have_no_part_of_it():
     """Limit: found as what the balance leaves, it is zero to the run's own numerical error of the third order."""
-    result = td.simulate(model="needles", cycles=3, needle_sliding=0, **FEW)
+    result = td.simulate(model="needles", needle_sliding=0, **HEAVY)
     part = float(result["thrust_part_amplitude"].sel(part="needle_sliding", order=3))
     assert part < 3 * float(result["thrust_amplitude_error"].sel(order=3)) + 0.01

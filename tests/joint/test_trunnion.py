@@ -60,8 +60,8 @@ def test_the_spider_moves_as_in_the_joint(joint_values):
 @pytest.mark.slow
 def test_thrust_of_the_groove_is_that_of_the_joint(simulated):
     """Limit: friction at the other two grooves is what is left out; measured 1.1 % and 3.2 %, with 27 needles 0.3 % and 3.4 %."""
-    joint = simulated(model="needles", initial_skew_1_deg=0.4, **FEW, **CALM)
-    one = td.simulate("trunnion", initial_skew_1_deg=0.4, **FEW, **CALM)
+    given = FEW | CALM | {"initial_skew_1_deg": 0.4, "cycles": 3}
+    joint, one = simulated(model="needles", **given), td.simulate("trunnion", **given)
     assert one.attrs["finished"], str(one["outcome_detail"].values)
     whole, part = joint["groove_thrust_amplitude"].values[0], one["groove_thrust_amplitude"].values
     assert part[1] == pytest.approx(whole[1], rel=0.02)
