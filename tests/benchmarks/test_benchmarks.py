@@ -25,6 +25,11 @@ def test_throughput_and_its_peer_agree(benchmark):
     assert third == pytest.approx(ours, rel=1e-7)
 
 
+def test_sentences_of_one_design_of_a_kind_are_true(benchmark, capsys):
+    benchmark("sentences").main(["--designs", "1", "--kinds", "grid"])
+    assert capsys.readouterr().out == "grid: no sentence of 1 designs lies\n"
+
+
 @pytest.mark.parametrize("name", ["equilibrium", "kinetostatic"])
 def test_balances_of_the_regression_count_the_same_work_twice(benchmark, name):
     workload = benchmark("workload")

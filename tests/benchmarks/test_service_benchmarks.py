@@ -8,6 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
+import tripod_doe as td
+
 pytestmark = pytest.mark.slow
 
 
@@ -19,7 +21,9 @@ def in_own_thread(function, *arguments):
 
 def test_load(benchmark, tmp_path, capsys):
     load = benchmark("service_load")
-    server = load.Server(tmp_path / "results", "--demo", "--workers", "0")
+    (tmp_path / "small.toml").write_text(load.LONG.format(count=2))
+    td.run(tmp_path / "small.toml", out=tmp_path / "results" / "small", workers=0, progress=False)
+    server = load.Server(tmp_path / "results", "--workers", "0")  # the demonstration would cost more than all this
     try:
         in_own_thread(asyncio.run, load.measure(server, 40, 40, 3, 6, 1))
     finally:

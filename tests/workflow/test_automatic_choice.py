@@ -312,7 +312,7 @@ def test_the_joint_chooses_its_cheapest_model_where_that_is_enough(write_study, 
 
     What runs is the whole way of the joint: a pilot on four models at five points, the choice, the study.
     """
-    few = FEW | {"cycles": 3}
+    few = FEW | {"cycles": 3, "torque_n_m": 150}
     base = "".join(f"{name} = {value}\n" for name, value in few.items())
     study = write_study(JOINT.replace("[factors]", base + "[factors]"))
     assert td.run(study, tmp_path / "out", workers=0, progress=False).good
