@@ -50,7 +50,8 @@ def cube_of(design: str, function: Callable[[np.ndarray], np.ndarray], width: in
     factors = "".join(f"{name} = {{low = 0, high = 1}}\n" for name in FACTORS[:width])
     text = f'[study]\nname = "b"\nfunction = "b:f"\n[factors]\n{factors}[design]\n{design}\n'
     file = parse_file(text)
-    unit = unit_sample(file.design, file.factors)
+    sample = unit_sample(file.design, file.factors)
+    unit = sample.at(np.arange(sample.count))
     values = function(unit)
     dims = ("point", "component")[: values.ndim]
     cube = xr.Dataset(

@@ -90,7 +90,12 @@ def test_one_at_a_time_comes_back_to_the_base():
     )
     assert points.columns["joint_angle_deg"].tolist() == [10, 5, 15, 10]
     assert points.columns["speed_rpm"].tolist() == [600, 600, 600, 300]
-    assert points.labels["varied"].tolist() == ["base", "joint_angle_deg", "joint_angle_deg", "speed_rpm"]
+    assert points.labels.at(slice(None))["varied"].tolist() == [
+        "base",
+        "joint_angle_deg",
+        "joint_angle_deg",
+        "speed_rpm",
+    ]
 
 
 def test_table_reads_its_columns(tmp_path):
@@ -171,7 +176,7 @@ def test_product_crosses_its_parts():
     )
     rows = list(zip(*points.columns.values(), strict=True))
     assert rows == [(5, 1, -1), (5, 0, 0), (10, 1, -1), (10, 0, 0)]
-    assert points.labels["skew_row"].tolist() == [0, 1, 0, 1]
+    assert points.labels.at(slice(None))["skew_row"].tolist() == [0, 1, 0, 1]
 
 
 def test_constraints_leave_points_out():

@@ -49,7 +49,7 @@ def asked(text=STUDY):
 def computed(points, **options):
     """The cube, and which process computed each block."""
     with Execution(**options) as place:
-        blocks = list(place.run(points, points.without(np.array([], "V16"))))
+        blocks = list(place.run(points, points.without([])))
     cube, _ = build_cube(points.study, points.points, points.keys, iter(blocks))
     return cube, [block.worker for block in blocks]
 

@@ -48,6 +48,35 @@ def test_a_fingerprint_is_that_of_all_parameters_whichever_of_them_are_factors(t
     assert [key.tobytes() for key in point_keys(study, points)] == as_defined(study, points)
 
 
+SEEDED = """
+[study]
+name = "seeds"
+[factors]
+torque_n_m = {low = 10, high = 100}
+needle_count = {low = 20, high = 29}
+model = {distribution = "discrete", values = ["rollers", "equilibrium"], weights = [1, 3]}
+[design]
+"""
+RECORDED = {
+    'kind = "sobol"\nseed = 5\nsamples = 10_000': "cdd360c1124698ee",
+    'kind = "halton"\nseed = 5\nsamples = 10_000': "554577a02ca04098",
+    'kind = "saltelli"\nseed = 5\nsamples = 1024\nscramblings = 4': "8de5c30eac46c639",
+    'kind = "latin-hypercube"\nseed = 5\nsamples = 1000': "3ff25d421ed78925",
+    'kind = "morris"\nseed = 5\nsamples = 50': "760dbd833a7b9c6d",
+    'kind = "rbd-fast"\nseed = 5\nsamples = 500': "815ff07e599de628",
+    'kind = "product"\nof = ["torque", "rest"]\n'
+    '[design.torque]\nkind = "sobol"\nsamples = 30\nfactors = ["torque_n_m"]\n'
+    '[design.rest]\nkind = "halton"\nsamples = 20\nfactors = ["model", "needle_count"]': "74adc247f8d5450b",
+}
+
+
+@pytest.mark.parametrize(("design", "recorded"), RECORDED.items())
+def test_a_seed_gives_the_points_that_it_always_gave(design, recorded):
+    """Regression: results in directories of earlier versions (here of 28b5378) belong to these fingerprints."""
+    study = parse_study(SEEDED + design)
+    assert hashlib.sha256(point_keys(study, make_points(study)).tobytes()).hexdigest()[:16] == recorded
+
+
 def keys_of(*numbers):
     """Fingerprints, each of two 64-bit words."""
     return np.array(numbers, np.uint64).view("V16").ravel()
@@ -56,20 +85,19 @@ def keys_of(*numbers):
 def test_points_are_found_also_where_half_a_fingerprint_is_shared_by_chance():
     keys = keys_of((1, 5), (1, 4), (2, 1), (1, 5), (1, 4), (3, 3))
     index = KeyIndex(keys)
-    assert index.first_of_each().tolist() == [0, 1, 2, 5]
+    assert index.first_of_each().tolist() == [True, True, True, False, False, True]
     rows, places = index.places(keys_of((1, 4), (9, 9), (1, 7), (2, 1)))
     assert sorted(zip(rows.tolist(), places.tolist(), strict=True)) == [(0, 1), (0, 4), (3, 2)]
-    assert KeyIndex(keys, np.array([4, 5])).places(keys)[1].tolist() == [4, 4, 5]
 
 
 def test_many_points_are_found_as_by_a_dictionary():
     rng = np.random.default_rng(1)
-    keys = keys_of(*rng.integers(0, 2**63, (400, 2)))[rng.integers(0, 400, 1000)]
+    keys = keys_of(*rng.integers(0, 2**64, (400, 2), np.uint64))[rng.integers(0, 400, 1000)]
     expected = {}
     for place, key in enumerate(keys):
         expected.setdefault(key.tobytes(), place)
     index = KeyIndex(keys)
-    assert index.first_of_each().tolist() == sorted(expected.values())
+    assert np.flatnonzero(index.first_of_each()).tolist() == sorted(expected.values())
     rows, places = index.places(keys)
     assert (keys[rows] == keys[places]).all()
     counts = np.unique(keys, return_counts=True)[1]

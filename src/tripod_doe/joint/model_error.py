@@ -39,7 +39,7 @@ QUANTITY = "third order"
 _NEAREST = 10
 """Measured points that a point is compared with."""
 _FEW = 500
-"""Points for which no tree is worth making."""
+"""Points for which no compilation is worth its time."""
 _NO_REFERENCE = "this is the finest model, which the others are compared with"
 _NOT_COMPARED = "it was not compared with the others"
 _NO_ANSWER = "for most of the similar points one of the models did not finish"
@@ -97,14 +97,9 @@ def _nearest(known: FloatArray, places: FloatArray) -> NDArray[np.int64]:
     if len(places) <= _FEW:
         apart = np.square(places[:, None] - known).sum(axis=2)
         return np.argsort(apart, axis=1, kind="stable")[:, :_NEAREST]
-    from scipy.spatial import KDTree  # the import takes as long as the search for 100,000 points
+    from tripod_doe.joint.nearest import nearest_places  # compiles
 
-    same = int(np.unique(known, axis=0, return_counts=True)[1].max())
-    apart, nearest = KDTree(known).query(places, min(_NEAREST + same, len(known)))
-    tied = np.flatnonzero(apart[:, _NEAREST - 1] == apart[:, _NEAREST]) if len(known) > _NEAREST else np.array([], int)
-    order = np.lexsort((nearest[tied], apart[tied]), axis=1)
-    nearest[tied] = np.take_along_axis(nearest[tied], order, axis=1)
-    return np.asarray(nearest[:, :_NEAREST])
+    return nearest_places(known, places, min(_NEAREST, len(known)))
 
 
 def _quantile(found: FloatArray, share: float) -> FloatArray:
@@ -161,7 +156,8 @@ def known_errors(model: str, points: Mapping[str, NDArray[Any]]) -> tuple[FloatA
     inside = (values >= measured.low) & (values <= measured.high)
     within = inside.all(axis=1)
     expected[within], limit[within] = measured.near(model, np.log(values[within]) / measured.spread)
-    unknown = np.where(np.isnan(expected), _NO_ANSWER, "").astype(object)
+    unknown = np.full(count, "", object)
+    unknown[np.isnan(expected)] = _NO_ANSWER
     for ratio in range(len(measured.names))[::-1]:  # of several, the first is told
         unknown[~inside[:, ratio]] = measured.told(ratio)
     return expected, limit, unknown

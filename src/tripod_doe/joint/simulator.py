@@ -177,7 +177,11 @@ def _by_model(
     points: Mapping[str, NDArray[Any]],
 ) -> Iterator[tuple[models.Model, NDArray[np.int64], dict[str, NDArray[Any]]]]:
     """The points of each model: their positions and all their parameters."""
-    for name in dict.fromkeys(map(str, points["model"])):
+    names = list(dict.fromkeys(points["model"].tolist()))
+    if len(names) == 1:
+        yield models.MODELS[names[0]], np.arange(len(points["model"])), dict(points)
+        return
+    for name in names:
         rows = np.flatnonzero(points["model"] == name)
         yield models.MODELS[name], rows, {key: np.asarray(column)[rows] for key, column in points.items()}
 

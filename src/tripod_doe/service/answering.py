@@ -148,7 +148,7 @@ def _refuse_changes(folder: Path, path: Path) -> None:
         study = with_samples_so_far(study, path)
     asked = StudyPoints(study, make_points(study))
     with ResultDirectory(path) as directory:
-        directory.refuse_changes(study, asked.wanted_keys)
+        directory.refuse_changes(asked)
 
 
 def _netcdf_bytes(dataset: Any) -> bytes:

@@ -247,6 +247,12 @@ class Simulator(ABC):
         found = next((dimension for dimension in declared if dimension.name == name), None)
         return (found or Dimension(name, np.empty(0))).attributes
 
+    @property
+    def length_parameters(self) -> set[str]:
+        """Parameters that set the length of an output."""
+        dimensions = (dimension for output in self.outputs.values() for dimension in output.dimensions)
+        return {dimension.length_parameter for dimension in dimensions if dimension.length_parameter}
+
     def check_lengths(self, varied: Mapping[str, Collection[Value]], keep: Collection[str]) -> None:
         """Refuse points whose outputs would have different lengths.
 

@@ -21,7 +21,7 @@ from tripod_doe.simulator import (
     Parameter,
 )
 from tripod_doe.study.definition import Study
-from tripod_doe.study.designs import SAMPLE, Points
+from tripod_doe.study.designs import SAMPLE, Column, Columns, Points, Rows
 from tripod_doe.study.journal import PILOT, FinishedBlock
 from tripod_doe.study.key_index import KeyIndex
 from tripod_doe.study.model_records import ModelRecords
@@ -69,6 +69,7 @@ THIS_STUDY = "this study"
 PlacedBlock = tuple[FinishedBlock, NDArray[np.int64], NDArray[np.int64]]
 """A block, the rows of it that count, and where they stand among the points."""
 
+_CHUNK = 1_000_000  # points whose factors are looked at together
 _USER_FUNCTION = "user function"
 _POINT_ATTRIBUTES = {"long_name": "number of the point in the design", "units": "1"}
 _LABELS = {"varied": "factor that is varied", SAMPLE: "sample that the point belongs to, the same in all models"}
@@ -94,8 +95,14 @@ def build_cube(
     cube, cost : xarray.Dataset
         A dimension a factor for a grid, else one dimension ``point``.
     """
-    index, models = KeyIndex(keys, np.flatnonzero(points.allowed)), ModelRecords(study)
-    cube, cost = part_of_cube(study, points, ((block, *index.places(block.keys)) for block in blocks), models)
+    index, models = KeyIndex(keys), ModelRecords(study)
+
+    def placed(block: FinishedBlock) -> PlacedBlock:
+        rows, at = index.places(block.keys)
+        inside = points.allowed[at]
+        return block, rows[inside], at[inside]
+
+    cube, cost = part_of_cube(study, points, map(placed, blocks), models)
     return cube.assign_attrs(cube_attributes(study, points, models)), cost.assign_attrs(
         cost_attributes(study, points, models)
     )
@@ -326,9 +333,30 @@ def _factor_attributes(parameter: Parameter) -> dict[str, Any]:
 
 def cf_points(points: Points) -> Points:
     """The same points with numbers as CF has them, so that all parts of them have the same types."""
-    factors, labels = ({name: _cf_type(column) for name, column in columns.items()}
-                       for columns in (points.factors, points.labels))  # fmt: skip
-    return replace(points, factors=factors, labels=labels)
+    return replace(points, factors=_CfColumns(points.factors), labels=_CfColumns(points.labels))
+
+
+class _CfColumns:
+    """Columns whose types follow from all of their values.
+
+    Parameters
+    ----------
+    columns
+        The columns.
+    """
+
+    def __init__(self, columns: Columns) -> None:
+        self._columns, self.names, self.count = columns, columns.names, columns.count
+        whole = [name for name, column in columns.at(slice(0, 1)).items() if column.dtype == np.int64]
+        self._types: dict[str, type[np.generic]] = {}
+        for start in range(0, columns.count if whole else 0, _CHUNK):
+            values = columns.at(slice(start, start + _CHUNK))
+            self._types |= {name: np.float64 for name in whole if _cf_type(values[name]).dtype == np.float64}
+
+    def at(self, rows: Rows) -> dict[str, Column]:
+        """Their values in some rows."""
+        found = self._columns.at(rows)
+        return {name: column.astype(self._types.get(name, column.dtype)) for name, column in found.items()}
 
 
 def design_coordinates(study: Study, points: Points) -> dict[str, xr.Variable]:
@@ -338,7 +366,7 @@ def design_coordinates(study: Study, points: Points) -> dict[str, xr.Variable]:
 
 def _coordinates(study: Study, points: Points, labels: Mapping[str, NDArray[Any]]) -> dict[str, xr.Variable]:
     coordinates: dict[str, xr.Variable] = {}
-    for name, column in points.factors.items():
+    for name, column in (points.levels or points.columns).items():
         attrs = _factor_attributes(study.simulator.parameters[name])
         if column.dtype == object:  # texts have no unit
             attrs.pop("units", None)
@@ -347,7 +375,7 @@ def _coordinates(study: Study, points: Points, labels: Mapping[str, NDArray[Any]
         coordinates[name] = xr.Variable((name if points.is_grid else "point",), _cf_type(column), attrs)
     if not points.is_grid:
         coordinates["point"] = xr.Variable(("point",), np.arange(points.count, dtype=np.int32), _POINT_ATTRIBUTES)
-    for name, column in points.labels.items():
+    for name, column in points.labels.at(slice(None)).items():
         meaning = _LABELS.get(name, "row of the sub-design")
         coordinates[name] = xr.Variable(("point",), _cf_type(column), {"long_name": meaning})
     for name, values in labels.items():

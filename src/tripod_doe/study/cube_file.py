@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas
 import xarray as xr
 from numpy.typing import NDArray
 from xarray.backends import NetCDF4DataStore
@@ -63,7 +64,7 @@ class CubeFile:
             Its points, along ``point``; a variable that only other slabs have is missing there.
         """
         if self._points.is_grid:
-            part = part.drop_vars(["point", *self._points.factors])
+            part = part.drop_vars(["point", *self._points.levels])
         else:
             part = part.assign_coords(point=part["point"].copy(data=part["point"].values + np.int32(slab.start)))
         coded = {name: self._coded(name, variable) for name, variable in part.variables.items()}
@@ -93,10 +94,9 @@ class CubeFile:
         if variable.dtype.kind not in "OU" or variable.dims != ("point",):
             return variable
         table = self._texts.setdefault(name, {"": 0})
-        texts = ["" if text is None else str(text) for text in variable.values.tolist()]
-        for text in dict.fromkeys(texts):
-            table.setdefault(text, len(table))
-        codes = np.array([table[text] for text in texts], np.int32)
+        own, texts = pandas.factorize(variable.values)  # -1 where there is none
+        rows = np.array([*(table.setdefault(str(text), len(table)) for text in texts), 0], np.int32)
+        codes = rows[own]
         return xr.Variable(variable.dims, codes, variable.attrs | {TEXT_TABLE: f"{name}_text"})
 
     def _define(self, part: xr.Dataset, coded: Mapping[Any, xr.Variable], new: list[Any], slab: Slab) -> None:

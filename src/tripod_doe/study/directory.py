@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +26,6 @@ from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import Study, canonical, parse_study
 from tripod_doe.study.hold import Hold
 from tripod_doe.study.journal import FOLDER, FinishedBlock, Journal
-from tripod_doe.study.key_index import KeyIndex
 from tripod_doe.study.plan import cube_bytes
 from tripod_doe.study.results import opened_cube
 from tripod_doe.study.salvage import salvage
@@ -109,17 +109,17 @@ class ResultDirectory:
         InputError
             If the directory holds results of another study, or the disk is too small; nothing is changed.
         """
-        self.refuse_changes(asked.study, asked.wanted_keys)
+        self.refuse_changes(asked)
         self._check_space(asked)
         self.adopt(asked.study)
 
-    def refuse_changes(self, study: Study, keys: NDArray[np.void], done: NDArray[np.void] | None = None) -> None:
+    def refuse_changes(self, asked: StudyPoints, done: Iterable[NDArray[np.void]] | None = None) -> None:
         """Refuse a study that is not the one whose results are here, unless it only grew.
 
         Parameters
         ----------
-        study, keys
-            The study, and fingerprints of its points.
+        asked
+            The study and its points.
         done
             Fingerprints of the points for which there are results; those in the journal if omitted.
 
@@ -128,8 +128,10 @@ class ResultDirectory:
         InputError
             With every key that changed, its old and its new value.
         """
-        stored, done = self.path / "study.toml", self._journal.keys() if done is None else done
-        if done.size == 0 or not stored.exists():
+        study, stored = asked.study, self.path / "study.toml"
+        done = (keys for keys in (self._journal.key_blocks() if done is None else done) if keys.size)
+        first = next(done, None)
+        if first is None or not stored.exists():
             return
         kernels = self._journal.recall(_KERNELS)
         if kernels != study.simulator.source_hash:
@@ -139,7 +141,7 @@ class ResultDirectory:
             )
         old = canonical(parse_study(stored.read_text(encoding="utf-8"), str(stored), study.folder))
         new = canonical(study)
-        grew = np.unique(KeyIndex(keys).places(done)[0]).size == done.size
+        grew = all(map(asked.hold, chain([first], done)))
         changed = sorted(key for key in old.keys() | new.keys() if old.get(key) != new.get(key))
         if grew and not any(key.startswith(("keep", "run")) for key in changed):
             return
@@ -165,7 +167,7 @@ class ResultDirectory:
             Whether points whose last outcome is a failure are missing too.
         """
         if not retry_failed:
-            return asked.without(self._journal.keys())
+            return asked.without(self._journal.key_blocks())
         last = np.full(asked.points.count, Outcome.NOT_RUN, np.int8)
         for block in self._journal.blocks():
             rows, at = asked.index.places(block.keys)

@@ -61,6 +61,9 @@ def quantile(factor: Factor, unit: NDArray[np.float64]) -> NDArray[Any]:
         return np.minimum(np.floor(low + unit * (high - low + 1)), high)
     if is_unbounded(factor):
         sampled = np.asarray(_frozen(table).ppf(np.clip(unit, _INSIDE, 1 - _INSIDE)), float)
+    elif table.sampled_as == "uniform":
+        low_end, high_end = table.low or 0.0, table.high or 0.0
+        sampled = np.clip(low_end + unit * (high_end - low_end), low_end, high_end)
     else:
         sampled = np.clip(_frozen(table).ppf(unit), table.low, table.high)  # the ends exact, whatever rounding does
     for extreme in (sampled.min(), sampled.max()):

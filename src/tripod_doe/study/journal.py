@@ -294,8 +294,12 @@ class Journal:
 
     def keys(self) -> NDArray[np.void]:
         """Fingerprints of all committed points, in order of their commits; one that was run again stands twice."""
-        parts = [*self._archive.keys(), *(decode_keys(record) for record in self._records())]
-        return np.concatenate([np.array([], "V16"), *parts])
+        return np.concatenate([np.array([], "V16"), *self.key_blocks()])
+
+    def key_blocks(self) -> Iterator[NDArray[np.void]]:
+        """The same, block by block."""
+        yield from self._archive.keys()
+        yield from map(decode_keys, self._records())
 
     def blocks(self) -> Iterator[FinishedBlock]:
         """All committed blocks, oldest first, one at a time."""

@@ -121,7 +121,7 @@ def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False)
     if not isinstance(study, Study):
         study = load_study(study)
     points = make_points(study)
-    different = StudyPoints(study, points).different
+    different = np.flatnonzero(StudyPoints(study, points).to_compute)
     able, foreseen = _foreseen(study, points, different)
     timed, prices = 0, np.array([])
     if able.size and study.accuracy is None and (timing or recorded):

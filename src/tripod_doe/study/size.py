@@ -9,24 +9,26 @@ from tripod_doe.errors import InputError
 
 __all__ = ["refuse_too_many_points"]
 
-_POINT_BYTES = 150  # fingerprint, constraint and order of a point, while they are made
-_FACTOR_BYTES = 24  # a value of a point, with the copies while it is made
+_POINT_BYTES = 40  # fingerprint, order, constraint and stored result of a point
+_FACTOR_BYTES = 24  # a value of a point that is held in memory, with the copies while it is made
 
 
-def refuse_too_many_points(count: int, width: int) -> None:
+def refuse_too_many_points(count: int, held: int) -> None:
     """Refuse a list of points that does not fit into the free memory.
 
     Parameters
     ----------
-    count, width
-        Numbers of points and of factors.
+    count
+        Number of points.
+    held
+        Number of the factors whose values are held in memory, and not made when they are asked for.
 
     Raises
     ------
     InputError
         With the number of points and what they need.
     """
-    needed, free = count * (_POINT_BYTES + _FACTOR_BYTES * width), _free_memory()
+    needed, free = count * (_POINT_BYTES + _FACTOR_BYTES * held), _free_memory()
     if needed > free:
         raise InputError(
             f"a list of {count:,} points needs about {needed / 1e9:,.3g} GB of memory, {free / 1e9:.3g} GB are free: "

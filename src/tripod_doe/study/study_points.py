@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points, point_keys
 from tripod_doe.study.failures import Failure, common_failures
 from tripod_doe.study.key_index import KeyIndex
+from tripod_doe.study.slabs import box, slabs
 from tripod_doe.study.task import Task, make_task
 
 if TYPE_CHECKING:  # for its name only
@@ -22,6 +24,7 @@ if TYPE_CHECKING:  # for its name only
 __all__ = ["StudyPoints"]
 
 _CHUNK = 100_000  # points whose settings are held at once
+_SLAB_BYTES, _END_BYTES = 32_000_000, 100  # of the ends that are looked at together, and of one of them
 
 
 @dataclass(frozen=True)
@@ -42,21 +45,15 @@ class StudyPoints:
         """Fingerprints of all points, shape (point,), 16 bytes each."""
         return point_keys(self.study, self.points)
 
-    @property
-    def wanted_keys(self) -> NDArray[np.void]:
-        """Fingerprints of the points that no constraint excludes; a repeated point stands more than once."""
-        return self.keys[self.points.allowed]
-
     @cached_property
     def index(self) -> KeyIndex:
         """Where the fingerprints stand."""
         return KeyIndex(self.keys)
 
     @cached_property
-    def different(self) -> NDArray[np.int64]:
-        """Indices of the points to compute: of repeated ones the first, an excluded one not at all."""
-        first = self.index.first_of_each()
-        return first[self.points.allowed[first]]
+    def to_compute(self) -> NDArray[np.bool_]:
+        """Whether a point is one to compute, shape (point,): of repeated ones the first, an excluded one not at all."""
+        return self.index.first_of_each() & self.points.allowed
 
     @property
     def good_outcomes(self) -> frozenset[int]:
@@ -64,16 +61,21 @@ class StudyPoints:
         expected = self.study.file.run.expected_outcomes
         return frozenset(int(o) for o in Outcome if o is Outcome.FINISHED or o.label in expected)
 
-    def without(self, done: NDArray[np.void]) -> NDArray[np.int64]:
+    def without(self, done: Iterable[NDArray[np.void]]) -> NDArray[np.int64]:
         """Indices of the points to compute, each different one once, without those whose fingerprints are done."""
         there = np.zeros(self.points.count, bool)
-        there[self.index.places(done)[1]] = True
+        for keys in done:
+            there[self.index.places(keys)[1]] = True
         return self.undone(there)
 
     def undone(self, done: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Indices of the points to compute, each different one once, without those that are done, shape (point,)."""
-        different = self.different
-        return different[~done[different]]
+        return np.flatnonzero(self.to_compute & ~done)
+
+    def hold(self, keys: NDArray[np.void]) -> bool:
+        """Whether all of some fingerprints are those of points that no constraint excludes."""
+        rows, at = self.index.places(keys)
+        return np.unique(rows[self.points.allowed[at]]).size == keys.size
 
     def columns(self, chosen: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
         """All parameters of some points, each of shape (len(chosen),)."""
@@ -97,6 +99,13 @@ class StudyPoints:
 
     def failures(self, cube: xr.Dataset) -> list[Failure]:
         """Points of the cube whose outcome is not good, grouped by outcome and reason, the most frequent first."""
-        inside = self.points.allowed
-        ends = (cube[name].values.ravel()[inside].tolist() for name in ("outcome", "outcome_detail"))
-        return common_failures(zip(*ends, strict=True), self.good_outcomes)
+        return common_failures(self._bad_ends(cube["outcome"].variable, cube["outcome_detail"].variable))
+
+    def _bad_ends(self, outcome: xr.Variable, detail: xr.Variable) -> Iterator[tuple[int, str]]:
+        """Outcomes and reasons of the points that did not end well."""
+        for slab in slabs(outcome.shape, box(outcome.shape, _END_BYTES, _SLAB_BYTES)):
+            ends = outcome[slab.place].values.ravel()
+            bad = ~np.isin(ends, list(self.good_outcomes)) & self.points.allowed[slab.start : slab.stop]
+            if bad.any():
+                reasons = detail[slab.place].values.ravel()[bad]
+                yield from zip(ends[bad].tolist(), reasons.tolist(), strict=True)

@@ -187,7 +187,7 @@ def run_on(
     return RunSummary(
         directory.path,
         piloted + computed,
-        asked.different.size - missing.size - piloted,
+        int(asked.to_compute.sum()) - missing.size - piloted,
         execution.seconds if piloted + computed else 0.0,
         failures,
         bool(study.retry.changes),
@@ -204,7 +204,7 @@ def _choose_models(
 ) -> StudyPoints:
     """The points with the model that is chosen for each: as before, or from a pilot that runs what it misses."""
     study = asked.study
-    directory.refuse_changes(study, asked.keys, done=chosen_keys(study, directory.path))
+    directory.refuse_changes(asked, done=[chosen_keys(study, directory.path)])
     directory.adopt(study)
 
     def run_pilot(pilot: Study, place: Path) -> None:
@@ -233,7 +233,7 @@ def _split_samples(
             if so_far is pilot.study:
                 directory.accept(pilot)
             else:
-                directory.refuse_changes(so_far, StudyPoints(so_far, make_points(so_far)).wanted_keys)
+                directory.refuse_changes(StudyPoints(so_far, make_points(so_far)))
             computed = _compute(pilot, missing, directory, execution, fail_fast, progress)
         study, split = split_study(pilot.study, directory.read(pilot), directory.path)
         if progress:

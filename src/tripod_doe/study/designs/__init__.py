@@ -1,5 +1,6 @@
 """Designs: from the factors of a study to its points, one module a family. All are static and reproducible."""
 
+from tripod_doe.study.designs.columns import Column, Columns, Rows
 from tripod_doe.study.designs.families import FAMILIES
 from tripod_doe.study.designs.fingerprints import point_keys
 from tripod_doe.study.designs.making import make_points, point_count
@@ -12,7 +13,10 @@ __all__ = [
     "CURVE_HARMONICS",
     "FAMILIES",
     "SAMPLE",
+    "Column",
+    "Columns",
     "Points",
+    "Rows",
     "axis_levels",
     "factor_groups",
     "make_points",

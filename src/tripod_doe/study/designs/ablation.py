@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 
 from tripod_doe.errors import InputError
-from tripod_doe.study.designs.request import Family, Made, Request, column_of
+from tripod_doe.study.designs.request import Family, Made, Request, column_of, held
 
 __all__ = ["ABLATION"]
 
@@ -30,7 +30,7 @@ def _ablation(request: Request) -> Made:
         alone = [tuple(int(each == on) for each in range(count)) for on in range(count)]
         without = [tuple(1 - state for state in row) for row in alone]
         rows = list(dict.fromkeys([(1,) * count, (0,) * count, *without, *alone]))  # two switches: some are the same
-    return Made({name: column_of(f, (row[at] for row in rows)) for at, (name, f) in enumerate(switches.items())})
+    return held({name: column_of(f, (row[at] for row in rows)) for at, (name, f) in enumerate(switches.items())})
 
 
 def _count(request: Request) -> int:

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition import Factor
-from tripod_doe.study.designs.points import Column
-from tripod_doe.study.designs.request import Family, Made, Request, column_of
+from tripod_doe.study.designs.columns import Column
+from tripod_doe.study.designs.request import Family, Made, Request, column_of, held
 
 __all__ = ["CODED", "aliases"]
 
@@ -66,7 +66,7 @@ def _decoded(factor: Factor, coded: FloatArray) -> Column:
 
 
 def _decoded_all(request: Request, coded: FloatArray, notes: tuple[str, ...] = ()) -> Made:
-    return Made({name: _decoded(f, coded[:, at]) for at, (name, f) in enumerate(request.factors.items())}, notes=notes)
+    return held({name: _decoded(f, coded[:, at]) for at, (name, f) in enumerate(request.factors.items())}, notes=notes)
 
 
 def _full_levels(request: Request) -> list[Column]:
@@ -90,7 +90,7 @@ def _full(request: Request) -> Made:
 
     levels = _full_levels(request)
     places = fullfact([len(column) for column in levels]).astype(int)
-    return Made({name: levels[at][places[:, at]] for at, name in enumerate(request.factors)})
+    return held({name: levels[at][places[:, at]] for at, name in enumerate(request.factors)})
 
 
 def _fraction(request: Request) -> tuple[FloatArray, int]:

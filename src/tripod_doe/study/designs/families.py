@@ -14,9 +14,9 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.definition import Factor, Study
 from tripod_doe.study.designs.ablation import ABLATION
 from tripod_doe.study.designs.coded import CODED
-from tripod_doe.study.designs.listed import LISTED
+from tripod_doe.study.designs.columns import Columns, CrossedColumns
+from tripod_doe.study.designs.listed import LISTED, crossed
 from tripod_doe.study.designs.multifidelity import MULTIFIDELITY
-from tripod_doe.study.designs.points import Column
 from tripod_doe.study.designs.request import Family, Made, Request
 from tripod_doe.study.designs.sampled import SAMPLED
 from tripod_doe.study.file import DesignTable
@@ -82,7 +82,7 @@ def _product(request: Request) -> Made:
     names, tables = study.file.design.of, study.file.designs
     if len(names) < 2:
         raise InputError("a product needs of = at least two sub-designs")
-    parts: list[dict[str, Column]] = []
+    parts: dict[str, Columns] = {}
     notes: list[str] = []
     taken: dict[str, str] = {}
     for name in names:
@@ -95,23 +95,17 @@ def _product(request: Request) -> Made:
         if tables[name].kind == "multifidelity":
             raise InputError(f"[design.{name}]: a multifidelity design stands alone: its pilot decides its points")
         made = make_part(study, tables[name], factors)
-        part = made.columns
         notes += [f"part {name}: {note}" for note in made.notes]
-        for factor in part:
+        for factor in made.columns.names:
             if factor in taken:
                 raise InputError(f"{factor} is varied by [design.{taken[factor]}] and by [design.{name}]")
             taken[factor] = name
-        parts.append(part)
+        parts[name] = made.columns
     left = [name for name in factors if name not in taken]
     if left:
         raise InputError(f"{', '.join(left)} belongs to no sub-design; add it to the factors of one")
-    counts = [len(next(iter(part.values()))) for part in parts]
-    index = np.meshgrid(*(np.arange(count) for count in counts), indexing="ij")
-    columns = {
-        key: column[rows.ravel()] for part, rows in zip(parts, index, strict=True) for key, column in part.items()
-    }
-    labels = {f"{name}_row": rows.ravel() for name, rows in zip(names, index, strict=True)}
-    return Made({name: columns[name] for name in factors}, labels, tuple(notes))
+    labels = crossed({f"{name}_row": np.arange(part.count) for name, part in parts.items()})
+    return Made(CrossedColumns([*parts.values()], tuple(factors)), labels, tuple(notes))
 
 
 def _product_count(request: Request) -> int:
@@ -120,7 +114,7 @@ def _product_count(request: Request) -> int:
     return math.prod(count_part(request.study, part, request.factors) or 1 for part in parts if part.kind != "product")
 
 
-FAMILIES: dict[str, Family] = (
-    LISTED | SAMPLED | MULTIFIDELITY | CODED | ABLATION | {"product": Family(_product, _product_count)}
-)
+PRODUCT = {"product": Family(_product, _product_count, held=lambda table: False)}
+
+FAMILIES: dict[str, Family] = LISTED | SAMPLED | MULTIFIDELITY | CODED | ABLATION | PRODUCT
 """All kinds of designs by the names that study files use."""

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.study.definition import Study
-from tripod_doe.study.designs.points import Column, Points
+from tripod_doe.study.designs.columns import Column
+from tripod_doe.study.designs.points import Points
 
 __all__ = ["point_keys"]
 
@@ -35,12 +36,14 @@ def point_keys(study: Study, points: Points) -> NDArray[np.void]:
         done: bytes = digest.digest()
         return done
 
-    keys = bytearray()
+    keys = np.empty(points.count, "V16")
+    rows = np.repeat(_numbers(fixed, rest, 1), min(_CHUNK, points.count), axis=0)
+    at = [rest.index(name) for name in points.setting_names]
     for first in range(0, points.count, _CHUNK):
-        count = min(_CHUNK, points.count - first)
-        columns = {**fixed, **points.at(slice(first, first + count))}
-        keys += b"".join(map(fingerprint, _numbers(columns, rest, count)))
-    return np.frombuffer(keys, dtype="V16")
+        own = rows[: points.count - first]
+        own[:, at] = _numbers(points.at(slice(first, first + len(own))), points.setting_names, len(own))
+        keys[first : first + len(own)] = np.frombuffer(b"".join(map(fingerprint, own)), "V16")
+    return keys
 
 
 def _digest_of_names(study: Study, names: Sequence[str]) -> Any:

@@ -11,16 +11,21 @@ import numpy as np
 from tripod_doe.errors import InputError, closest, near_match
 from tripod_doe.simulator import Parameter, Value
 from tripod_doe.study.definition import Factor, Study
-from tripod_doe.study.designs.points import Column, grid_values
-from tripod_doe.study.designs.request import Family, Made, Request, axis_levels, column_of, levels_of
+from tripod_doe.study.designs.columns import Column, CrossedColumns, HeldColumns
+from tripod_doe.study.designs.request import Family, Made, Request, axis_levels, column_of, held, levels_of
 from tripod_doe.study.file import DesignTable
 
-__all__ = ["LISTED", "grid_levels"]
+__all__ = ["LISTED", "crossed", "grid_levels"]
 
 
 def _grid(request: Request) -> Made:
     """All combinations of the levels."""
-    return Made(grid_values(grid_levels(request.factors), slice(None)))
+    return Made(crossed(grid_levels(request.factors)))
+
+
+def crossed(levels: Mapping[str, Column]) -> CrossedColumns:
+    """All combinations of the levels of some factors, the last changing fastest."""
+    return CrossedColumns([HeldColumns({name: column}) for name, column in levels.items()], tuple(levels))
 
 
 def grid_levels(factors: Mapping[str, Factor]) -> dict[str, Column]:
@@ -45,7 +50,7 @@ def _zip(request: Request) -> Made:
     if len(set(lengths.values())) > 1:
         told = ", ".join(f"{name} has {length}" for name, length in lengths.items())
         raise InputError(f"zip needs as many values for every factor, but {told}")
-    return Made(columns)
+    return held(columns)
 
 
 def _one_at_a_time(request: Request) -> Made:
@@ -60,7 +65,7 @@ def _one_at_a_time(request: Request) -> Made:
             rows.append({**home, name: value})
             varied.append(name)
     columns = {name: column_of(factor, (row[name] for row in rows)) for name, factor in factors.items()}
-    return Made(columns, {"varied": np.array(varied, dtype=object)})
+    return held(columns, {"varied": np.array(varied, dtype=object)})
 
 
 def _rows(study: Study, design: DesignTable) -> tuple[list[str], list[list[str]]]:
@@ -108,7 +113,7 @@ def _table(request: Request) -> Made:
             except (InputError, ValueError) as error:
                 raise InputError(f"table = {design.table!r}: line {line}: {name}: {error}") from error
         columns[name] = parameter.column(values)
-    return Made(columns)
+    return held(columns)
 
 
 def _cell(parameter: Parameter, text: str) -> Value:
@@ -131,7 +136,7 @@ def _lengths(request: Request) -> list[int]:
 
 
 LISTED: dict[str, Family] = {
-    "grid": Family(_grid, lambda request: math.prod(_lengths(request))),
+    "grid": Family(_grid, lambda request: math.prod(_lengths(request)), held=lambda table: False),
     "zip": Family(_zip, lambda request: max(_lengths(request), default=0)),
     "one-at-a-time": Family(_one_at_a_time, lambda request: 1 + sum(_lengths(request))),
     "table": Family(_table, lambda request: 0),

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition import Study
+from tripod_doe.study.designs.columns import ChosenColumns, Column
 from tripod_doe.study.designs.families import FAMILIES, checked_request, count_part, make_part
-from tripod_doe.study.designs.listed import grid_levels
+from tripod_doe.study.designs.listed import crossed, grid_levels
 from tripod_doe.study.designs.points import Points
 from tripod_doe.study.expressions import Expression
 from tripod_doe.study.file import DesignTable
@@ -40,8 +41,10 @@ def make_points(study: Study) -> Points:
     """
     design = study.file.design
     try:
+        held = FAMILIES[design.kind].held(design)
+        refuse_too_many_points(point_count(study), len(study.factors) if held else 0)
         points = _grid(study) if design.kind == "grid" else _list(study, design)
-        study.simulator.check_lengths(points.factors, study.keep)
+        study.simulator.check_lengths(_length_values(study, points), study.keep)
         allowed = _allowed(points, design.constraints)
     except InputError as error:
         raise study.fail("[design]", error) from error
@@ -49,38 +52,44 @@ def make_points(study: Study) -> Points:
         raise study.fail("[design]", "constraints exclude every point; relax them")
     if points.is_grid or allowed.all():
         return replace(points, allowed=allowed, has_excluded=not allowed.all())
-    if FAMILIES[design.kind].block(design, len(points.factors)) > 1:
+    if FAMILIES[design.kind].block(design, len(points.factors.names)) > 1:
         raise study.fail("[design]", f"a {design.kind} design cannot leave points out; choose ranges instead")
+    rows = np.flatnonzero(allowed)
     return replace(
         points,
-        factors={name: column[allowed] for name, column in points.factors.items()},
-        shape=(int(allowed.sum()),),
-        allowed=allowed[allowed],
-        labels={name: column[allowed] for name, column in points.labels.items()},
+        factors=ChosenColumns(points.factors, rows),
+        shape=rows.shape,
+        allowed=allowed[rows],
+        labels=ChosenColumns(points.labels, rows),
     )
 
 
 def _grid(study: Study) -> Points:
-    """The cells of a grid, of which only the levels are held."""
-    refuse_too_many_points(point_count(study), 0)
+    """The cells of a grid."""
     levels = grid_levels(checked_request(study, study.file.design, study.factors).factors)
     shape = tuple(column.size for column in levels.values())
-    return Points(levels, shape, tuple(levels), np.ones(math.prod(shape), bool))
+    return Points(crossed(levels), shape, tuple(levels), np.ones(math.prod(shape), bool), levels)
 
 
 def _list(study: Study, design: DesignTable) -> Points:
     """The points of any other design."""
-    refuse_too_many_points(point_count(study), len(study.factors))
     made = make_part(study, design, study.factors)
-    count = len(next(iter(made.columns.values()))) if made.columns else 1
-    return Points(made.columns, (count,), ("point",), np.ones(count, bool), made.labels, made.notes)
+    count = made.columns.count or 1
+    return Points(made.columns, (count,), ("point",), np.ones(count, bool), labels=made.labels, notes=made.notes)
+
+
+def _length_values(study: Study, points: Points) -> dict[str, Column]:
+    """All values of those factors that set the length of an output."""
+    names = study.simulator.length_parameters.intersection(points.factors.names)
+    columns = points.levels or (points.columns if names else {})
+    return {name: np.unique(columns[name]) for name in names}
 
 
 def _allowed(points: Points, constraints: Sequence[str]) -> NDArray[np.bool_]:
     """Points that meet all constraints, shape (point,)."""
     allowed = points.allowed.copy()
     for text in constraints:
-        meets = Expression(text, list(points.factors))
+        meets = Expression(text, points.factors.names)
         for start in range(0, points.count, _CHUNK):
             rows = slice(start, start + _CHUNK)
             allowed[rows] &= meets(points.at(rows))

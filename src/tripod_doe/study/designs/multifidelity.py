@@ -14,7 +14,7 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Value
 from tripod_doe.study.definition import Factor
 from tripod_doe.study.designs.correlation import correlated, correlation_matrix
-from tripod_doe.study.designs.request import Family, Made, Request, column_of, factor_groups
+from tripod_doe.study.designs.request import Family, Made, Request, column_of, factor_groups, held
 from tripod_doe.study.distributions import quantile
 from tripod_doe.study.file import DesignTable, FactorTable
 
@@ -113,7 +113,7 @@ def _make(request: Request) -> Made:
     told = ", ".join(f"{count:,} of {model}" for model, count in reversed(split.items()))
     of = f" of {length} points" if length > 1 else ""
     note = f"samples{of}: {told}" if table.split else f"pilot: the first {split[models[-1]]} samples{of} in every model"
-    return Made({name: columns[name] for name in request.factors}, {SAMPLE: np.repeat(samples, length)}, (note,))
+    return held({name: columns[name] for name in request.factors}, {SAMPLE: np.repeat(samples, length)}, (note,))
 
 
 def _models(request: Request) -> tuple[Value, ...]:

@@ -1,20 +1,17 @@
-"""All points of a study: of a list of points the columns of its factors, of a grid only the levels."""
+"""All points of a study; what they are is made when it is asked for."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Column", "Points", "grid_values"]
+from tripod_doe.study.designs.columns import NO_COLUMNS, Column, Columns, HeldColumns, Rows
 
-Column = NDArray[Any]
-"""Values of one factor or label, shape (point,)."""
-
-Rows = NDArray[np.integer[Any]] | slice
+__all__ = ["Points"]
 
 
 @dataclass(frozen=True)
@@ -24,13 +21,15 @@ class Points:
     Attributes
     ----------
     factors
-        Values of the factors: for a grid the levels along each dimension, else those of every point.
+        Values of the factors at all points.
     shape
         Lengths of the cube's dimensions: one a factor for a grid, else the number of points.
     dims
         Names of these dimensions.
     allowed
         Whether a point meets the constraints, shape (point,); only a grid keeps cells that do not.
+    levels
+        Of a grid the values of the factors along each dimension; none for a list of points.
     labels
         Further coordinates along ``point``, for instance which row of a sub-design a point belongs to.
     notes
@@ -44,11 +43,12 @@ class Points:
         Whether a constraint leaves out any point of the whole design.
     """
 
-    factors: dict[str, Column]
+    factors: Columns
     shape: tuple[int, ...]
     dims: tuple[str, ...]
     allowed: NDArray[np.bool_]
-    labels: dict[str, Column] = field(default_factory=dict)
+    levels: Mapping[str, Column] = field(default_factory=dict)
+    labels: Columns = NO_COLUMNS
     notes: tuple[str, ...] = ()
     chosen: dict[str, Column] = field(default_factory=dict)
     error_estimate: dict[str, Column] = field(default_factory=dict)
@@ -67,47 +67,34 @@ class Points:
 
     @property
     def columns(self) -> dict[str, Column]:
-        """Values of the factors at all points, each of shape (point,)."""
-        return self._factors_at(slice(None))
+        """Values of the factors at all points, each of shape (point,), all in memory."""
+        return self.factors.at(slice(None))
 
     @property
     def setting_names(self) -> list[str]:
         """Names of everything that differs between points: factors, and what was chosen."""
-        return list(self.factors | self.chosen)
+        return list(dict.fromkeys([*self.factors.names, *self.chosen]))
 
     def at(self, rows: Rows) -> dict[str, Column]:
         """Everything that differs between points, at some of them, each of shape (rows,)."""
-        return self._factors_at(rows) | {name: column[rows] for name, column in self.chosen.items()}
+        return self.factors.at(rows) | {name: column[rows] for name, column in self.chosen.items()}
 
     def settings_of(self, row: int) -> dict[str, Any]:
         """What differs between points, of one of them, as plain numbers and words."""
         return {name: column.tolist()[0] for name, column in self.at(np.array([row % self.count])).items()}
 
     def part(self, start: int, stop: int) -> Points:
-        """Some consecutive points, as a list of points."""
+        """Some consecutive points, as a list of points in memory."""
         rows = slice(start, stop)
         return replace(
             self,
-            factors=self._factors_at(rows),
+            factors=HeldColumns(self.factors.at(rows)),
             shape=(stop - start,),
             dims=("point",),
             allowed=self.allowed[rows],
-            labels={name: column[rows] for name, column in self.labels.items()},
+            levels={},
+            labels=HeldColumns(self.labels.at(rows)),
             chosen={name: column[rows] for name, column in self.chosen.items()},
             error_estimate={name: column[rows] for name, column in self.error_estimate.items()},
             accuracy_met=None if self.accuracy_met is None else self.accuracy_met[rows],
         )
-
-    def _factors_at(self, rows: Rows) -> dict[str, Column]:
-        if self.is_grid:
-            return grid_values(self.factors, rows)
-        return {name: column[rows] for name, column in self.factors.items()}
-
-
-def grid_values(levels: Mapping[str, Column], rows: Rows) -> dict[str, Column]:
-    """Values of the factors at some cells of a grid, whose last factor changes fastest."""
-    shape = [column.size for column in levels.values()]
-    if isinstance(rows, slice):
-        rows = np.arange(*rows.indices(int(np.prod(shape))))
-    places: Iterator[NDArray[np.int64]] = iter(np.unravel_index(rows, shape))
-    return {name: column[place] for (name, column), place in zip(levels.items(), places, strict=True)}

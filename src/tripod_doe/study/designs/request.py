@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition import Factor, Study
-from tripod_doe.study.designs.points import Column
+from tripod_doe.study.designs.columns import NO_COLUMNS, Column, Columns, HeldColumns
 from tripod_doe.study.file import DesignTable, FactorTable
 
-__all__ = ["Family", "Made", "Request", "axis_levels", "column_of", "factor_groups", "levels_of"]
+__all__ = ["Family", "Made", "Request", "axis_levels", "column_of", "factor_groups", "held", "levels_of"]
 
 
 @dataclass(frozen=True)
@@ -47,20 +47,31 @@ class Made:
     Attributes
     ----------
     columns
-        Values of its factors, each of shape (point,).
+        Values of its factors.
     labels
         Further coordinates of its points.
     notes
         What the user should know of it.
     """
 
-    columns: dict[str, Column]
-    labels: dict[str, Column] = field(default_factory=dict)
+    columns: Columns
+    labels: Columns = NO_COLUMNS
     notes: tuple[str, ...] = ()
+
+
+def held(
+    columns: Mapping[str, Column], labels: Mapping[str, Column] | None = None, notes: tuple[str, ...] = ()
+) -> Made:
+    """The points of a design whose columns are in memory."""
+    return Made(HeldColumns(columns), HeldColumns(labels or {}), notes)
 
 
 def _alone(table: DesignTable, width: int) -> int:
     return 1
+
+
+def _always(table: DesignTable) -> bool:
+    return True
 
 
 @dataclass(frozen=True)
@@ -80,6 +91,8 @@ class Family:
         Why its factors cannot be correlated; empty where they can.
     grouped
         Whether factors can be varied in groups.
+    held
+        Whether the columns of all its points are in memory, and not made when they are asked for.
     """
 
     make: Callable[[Request], Made]
@@ -87,6 +100,7 @@ class Family:
     block: Callable[[DesignTable, int], int] = _alone
     uncorrelated: str = "it does not sample distributions"
     grouped: bool = False
+    held: Callable[[DesignTable], bool] = _always
 
 
 def levels_of(factor: Factor) -> Column:

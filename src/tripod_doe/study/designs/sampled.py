@@ -1,32 +1,35 @@
 """Sampled designs: points on the unit cube by scipy.stats.qmc and SALib, then the distributions of the factors.
 
-All sequences and blocks are prefix-stable: more samples keep the points that were there. A latin hypercube is not, as
-its strata are those of its number of samples.
+Points of sequences are made when they are asked for; other samples, and correlated ones, are held in memory. All
+sequences and blocks are prefix-stable: more samples keep the points that were there. A latin hypercube is not, as its
+strata are those of its number of samples.
 """
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
+from tripod_doe.study.definition import Factor
+from tripod_doe.study.designs.columns import Column, Rows, row_numbers
 from tripod_doe.study.designs.correlation import correlated, correlation_matrix
-from tripod_doe.study.designs.request import Family, Made, Request, factor_groups
+from tripod_doe.study.designs.request import Family, Made, Request, factor_groups, held
+from tripod_doe.study.designs.sequences import HaltonSample, HeldSample, SaltelliSample, SobolSample, UnitSample
 from tripod_doe.study.distributions import is_unbounded, quantile
 from tripod_doe.study.file import DesignTable, FactorTable
 
 __all__ = ["CURVE_HARMONICS", "SAMPLED", "salib_problem", "unit_sample"]
 
-FloatArray = NDArray[np.float64]
-Sampler = Callable[[DesignTable, Mapping[str, FactorTable]], Any]
+Sampler = Callable[[DesignTable, Mapping[str, FactorTable]], UnitSample]
 
 CURVE_HARMONICS = 4
 """Harmonics M of a factor's frequency that FAST counts as its own; a curve needs more than 4 M^2 samples."""
 
+_CHUNK = 100_000  # points that are looked at together
 _INDICES = "its indices divide the variance among independent factors"
 
 
@@ -44,71 +47,72 @@ def _samples(table: DesignTable) -> int:
     return table.samples
 
 
-def _latin_hypercube(table: DesignTable, tables: Mapping[str, FactorTable]) -> Any:
+def _latin_hypercube(table: DesignTable, tables: Mapping[str, FactorTable]) -> UnitSample:
     from scipy.stats import qmc
 
     optimisation = "random-cd" if table.optimised else None  # centred discrepancy, by exchanging coordinates
-    return qmc.LatinHypercube(len(tables), optimization=optimisation, rng=table.seed).random(_samples(table))
+    engine = qmc.LatinHypercube(len(tables), optimization=optimisation, rng=table.seed)
+    return HeldSample(engine.random(_samples(table)))
 
 
-def _sobol(table: DesignTable, tables: Mapping[str, FactorTable]) -> Any:
+def _sobol(table: DesignTable, tables: Mapping[str, FactorTable]) -> UnitSample:
     from scipy.stats import qmc
 
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message=".*power of 2.*")  # any count is allowed here
-        return qmc.Sobol(len(tables), scramble=table.scramble, rng=table.seed).random(_samples(table))
+    return SobolSample(qmc.Sobol(len(tables), scramble=table.scramble, rng=table.seed), _samples(table))
 
 
-def _halton(table: DesignTable, tables: Mapping[str, FactorTable]) -> Any:
+def _halton(table: DesignTable, tables: Mapping[str, FactorTable]) -> UnitSample:
     from scipy.stats import qmc
 
-    return qmc.Halton(len(tables), scramble=table.scramble, rng=table.seed).random(_samples(table))
+    return HaltonSample(qmc.Halton(len(tables), scramble=table.scramble, rng=table.seed), _samples(table))
 
 
-def _saltelli(table: DesignTable, tables: Mapping[str, FactorTable]) -> Any:
-    from SALib.sample import sobol
+def _saltelli(table: DesignTable, tables: Mapping[str, FactorTable]) -> UnitSample:
+    from scipy.stats import qmc
 
     count = _samples(table)
     if count & (count - 1):
         raise InputError(
             f"samples = {count}: a saltelli design needs a power of 2, for instance {1 << count.bit_length()}"
         )
-    parts, problem = table.scramblings, salib_problem(tables)
+    parts, width = table.scramblings, len(tables)
     if parts & (parts - 1) or parts >= count:
         raise InputError(f"scramblings = {parts}: it must be a power of 2 below samples = {count}")
     seeds = [table.seed] if parts == 1 else np.random.default_rng(table.seed).integers(2**31, size=parts).tolist()
-    sequences = [
-        sobol.sample(problem, count // parts, calc_second_order=table.second_order, seed=seed) for seed in seeds
-    ]
-    blocks = np.stack([sequence.reshape(count // parts, -1, len(tables)) for sequence in sequences], axis=1)
-    return blocks.reshape(-1, len(tables))  # one block of each scrambling after the other, so that a part has all
+    names = list(tables)
+    groups = [np.isin(names, members) for members in factor_groups(tables).values()]
+    mixed = [*groups, *(~group for group in groups)] if table.second_order else groups
+    none = np.zeros(width, bool)
+    pairs = [SobolSample(qmc.Sobol(2 * width, seed=seed), count // parts) for seed in seeds]  # `seed` as SALib does
+    return SaltelliSample(pairs, np.stack([none, *mixed, ~none]))  # a part of the blocks has some of every scrambling
 
 
-def _morris(table: DesignTable, tables: Mapping[str, FactorTable]) -> Any:
+def _morris(table: DesignTable, tables: Mapping[str, FactorTable]) -> UnitSample:
     from SALib.sample import morris
 
-    return morris.sample(salib_problem(tables), _samples(table), num_levels=table.levels or 4, seed=table.seed)
+    points = morris.sample(salib_problem(tables), _samples(table), num_levels=table.levels or 4, seed=table.seed)
+    return HeldSample(points)
 
 
-def _fast(table: DesignTable, tables: Mapping[str, FactorTable]) -> Any:
+def _fast(table: DesignTable, tables: Mapping[str, FactorTable]) -> UnitSample:
     from SALib.sample import fast_sampler
 
     least = 4 * CURVE_HARMONICS**2 + 1
     if _samples(table) < least:
         raise InputError(f"samples = {table.samples}: a fast design needs at least {least} on each curve")
-    return fast_sampler.sample(salib_problem(tables), _samples(table), M=CURVE_HARMONICS, seed=table.seed)
+    return HeldSample(fast_sampler.sample(salib_problem(tables), _samples(table), M=CURVE_HARMONICS, seed=table.seed))
 
 
-def _rbd_fast(table: DesignTable, tables: Mapping[str, FactorTable]) -> Any:
+def _rbd_fast(table: DesignTable, tables: Mapping[str, FactorTable]) -> UnitSample:
     from SALib.sample import latin
 
-    return latin.sample(salib_problem(tables), _samples(table), seed=table.seed)
+    return HeldSample(latin.sample(salib_problem(tables), _samples(table), seed=table.seed))
 
 
-def _finite_differences(table: DesignTable, tables: Mapping[str, FactorTable]) -> Any:
+def _finite_differences(table: DesignTable, tables: Mapping[str, FactorTable]) -> UnitSample:
     from SALib.sample import finite_diff
 
-    return finite_diff.sample(salib_problem(tables), _samples(table))
+    return HeldSample(np.asarray(finite_diff.sample(salib_problem(tables), _samples(table)), float))
 
 
 _SAMPLERS: dict[str, Sampler] = {
@@ -123,8 +127,8 @@ _SAMPLERS: dict[str, Sampler] = {
 }
 
 
-def unit_sample(table: DesignTable, tables: Mapping[str, FactorTable]) -> FloatArray:
-    """The points of a sampled design on the unit cube, shape (point, factor), before the factors are correlated.
+def unit_sample(table: DesignTable, tables: Mapping[str, FactorTable]) -> UnitSample:
+    """The points of a sampled design on the unit cube before the factors are correlated.
 
     Parameters
     ----------
@@ -138,7 +142,38 @@ def unit_sample(table: DesignTable, tables: Mapping[str, FactorTable]) -> FloatA
     InputError
         If the number of samples is missing, or not one that the design can have.
     """
-    return np.asarray(_SAMPLERS[table.kind](table, tables), float)
+    return _SAMPLERS[table.kind](table, tables)
+
+
+@dataclass(frozen=True)
+class SampledColumns:
+    """Factors with the distributions of theirs that points on the unit cube stand for.
+
+    Attributes
+    ----------
+    sample
+        The points on the unit cube.
+    factors
+        The factors by name.
+    """
+
+    sample: UnitSample
+    factors: Mapping[str, Factor]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the factors."""
+        return tuple(self.factors)
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return self.sample.count
+
+    def at(self, rows: Rows) -> dict[str, Column]:
+        """Values of the factors at some points."""
+        unit = self.sample.at(row_numbers(rows, self.count))
+        return {name: quantile(factor, unit[:, at]) for at, (name, factor) in enumerate(self.factors.items())}
 
 
 def _make(request: Request) -> Made:
@@ -149,40 +184,56 @@ def _make(request: Request) -> Made:
         raise InputError(
             f"[factors.{unbounded[0]}]: {table.kind} needs bounded factors; use a truncated-normal distribution"
         )
-    unit = unit_sample(table, request.tables)
+    sample = unit_sample(table, request.tables)
     if table.correlation:
-        unit = correlated(unit, correlation_matrix(table.correlation, list(factors)), table.kind == "latin-hypercube")
-    return Made({name: quantile(factor, unit[:, at]) for at, (name, factor) in enumerate(factors.items())})
+        ranks, keep_strata = correlation_matrix(table.correlation, list(factors)), table.kind == "latin-hypercube"
+        sample = HeldSample(correlated(sample.at(np.arange(sample.count)), ranks, keep_strata))
+    columns = SampledColumns(sample, factors)
+    if isinstance(sample, HeldSample):
+        return held(columns.at(slice(None)))
+    for start in range(0, columns.count if unbounded else 1, _CHUNK):
+        columns.at(slice(start, start + _CHUNK))  # raises where a factor cannot be sampled, or a tail is refused
+    return Made(columns)
 
 
-def _plain(uncorrelated: str = "") -> Family:
-    return Family(_make, lambda request: request.table.samples or 0, uncorrelated=uncorrelated)
+def _whole(table: DesignTable) -> bool:
+    """Whether the points of a sequence are made all at once: their correlations are those of all."""
+    return bool(table.correlation)
 
 
-def _in_blocks(block: Callable[[DesignTable, int], int], grouped: bool = True, uncorrelated: str = _INDICES) -> Family:
+def _samples_of(request: Request) -> int:
+    return request.table.samples or 0
+
+
+def _in_blocks(
+    block: Callable[[DesignTable, int], int],
+    grouped: bool = True,
+    uncorrelated: str = _INDICES,
+    held: Callable[[DesignTable], bool] = lambda table: True,
+) -> Family:
     """Samples that come in blocks: one more point a factor or group, or a whole curve."""
 
     def count(request: Request) -> int:
-        return (request.table.samples or 0) * block(request.table, len(factor_groups(request.tables)))
+        return _samples_of(request) * block(request.table, len(factor_groups(request.tables)))
 
-    return Family(_make, count, block, uncorrelated, grouped)
+    return Family(_make, count, block, uncorrelated, grouped, held)
 
 
 SAMPLED: dict[str, Family] = {
-    "latin-hypercube": _plain(),
-    "sobol": _plain(),
-    "halton": _plain(),
-    "saltelli": _in_blocks(lambda table, width: 2 * width + 2 if table.second_order else width + 2),
+    "latin-hypercube": Family(_make, _samples_of, uncorrelated=""),
+    "sobol": Family(_make, _samples_of, uncorrelated="", held=_whole),
+    "halton": Family(_make, _samples_of, uncorrelated="", held=_whole),
+    "saltelli": _in_blocks(lambda table, width: 2 * width + 2 if table.second_order else width + 2, held=_whole),
     "morris": _in_blocks(
         lambda table, width: width + 1, uncorrelated="each of its steps changes one factor, whatever the others are"
     ),
     "fast": Family(
         _make,
-        lambda request: (request.table.samples or 0) * len(request.factors),
+        lambda request: _samples_of(request) * len(request.factors),
         lambda table, width: table.samples or 1,
         _INDICES,
     ),
-    "rbd-fast": _plain(_INDICES),
+    "rbd-fast": Family(_make, _samples_of, uncorrelated=_INDICES),
     "finite-differences": _in_blocks(
         lambda table, width: width + 1,
         grouped=False,
