@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,8 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.cli import main
 from tripod_doe.errors import CubeError
+from tripod_doe.study import results
+from tripod_doe.study.arrays import opened_arrays
 from tripod_doe.study.definition import load_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.directory import ResultDirectory
@@ -105,6 +108,24 @@ def test_a_cube_made_so_far_is_the_one_that_the_run_writes(study, tmp_path):
     assert {k: v for k, v in made.attrs.items() if k not in history} == {
         k: v for k, v in written.attrs.items() if k not in history
     }
+
+
+def test_a_large_cube_so_far_is_not_held_in_memory(study, tmp_path, monkeypatch):
+    """Cubes of any size count as large here: the points so far stand in temporary files, which go."""
+    out = tmp_path / "out"
+    run_first_block(study, out)
+    whole = td.open_cube(out)
+    monkeypatch.setattr(results, "_READ_AT_ONCE", 0)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with results.opened_cube(out) as cube:
+        assert not cube["axial_drift_mm"].variable._in_memory
+        assert list(tmp_path.glob("tripod-doe-*/cube.nc"))
+        xr.testing.assert_equal(cube.load(), whole)
+    assert not list(tmp_path.glob("tripod-doe-*"))
+    xr.testing.assert_equal(td.open_cube(out), whole)
+    with opened_arrays(out) as arrays:
+        assert np.array_equal(arrays.variables["outcome"].values, whole["outcome"].values)
+    assert not list(tmp_path.glob("tripod-doe-*"))
 
 
 def test_without_any_finished_point_the_error_says_so(study, tmp_path):

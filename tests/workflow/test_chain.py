@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 import xarray as xr
 from pydantic import BaseModel
@@ -20,6 +21,7 @@ from started import Process
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.cli import main
 from tripod_doe.report.analyses import ANALYSES, Analysis
+from tripod_doe.study import results
 from tripod_doe.workflow.definition import load_workflow
 
 pytestmark = pytest.mark.usefixtures("charts_not_drawn")
@@ -251,6 +253,25 @@ def test_python_steps_come_through_the_registry(bench, monkeypatch):
     bench.write(CHAIN + step.replace("most", "moist"))
     with pytest.raises(td.InputError, match=r"\[steps.checks\]: settings: unknown key 'moist'; did you mean 'most'"):
         bench.run()
+
+
+def test_steps_read_of_large_cubes_what_they_use(bench, monkeypatch):
+    """Cubes of any size count as large here; they were read whole before."""
+    monkeypatch.setattr(results, "_READ_AT_ONCE", 0)
+    in_memory = []
+
+    @makes_kind("largest")
+    def largest(cubes, settings, folder):
+        in_memory.extend(cube["y"].variable._in_memory for cube in cubes.values())
+        return xr.Dataset({"largest": cubes["first"]["y"].max()})
+
+    monkeypatch.setitem(ANALYSES, "largest", Analysis(largest, Settings))
+    bench.write(CHAIN + '[steps.top]\nkind = "largest"\ninputs = ["first", "other"]\nsettings = {most = 9}\n')
+    assert set(bench.run().values()) == {"finished"}
+    assert in_memory == [False, False]
+    assert td.open_cube(bench.out / "steps" / "top")["largest"] == 9
+    open_files = [Path(file.path) for file in psutil.Process().open_files()]
+    assert not [file for file in open_files if file.is_relative_to(bench.out.resolve())]
 
 
 @pytest.mark.slow

@@ -157,11 +157,12 @@ def _compare(options: argparse.Namespace) -> int:
     from tripod_doe.analysis.record_file import parse_column
     from tripod_doe.report.comparison import comparison_json, comparison_text
     from tripod_doe.report.comparison_page import write_comparison
-    from tripod_doe.study.results import open_cube
+    from tripod_doe.study.results import opened_cube
 
     if options.reference_angle is not None and not math.isfinite(options.reference_angle):
         raise InputError(f"--reference-angle {options.reference_angle}: must be a finite angle in degrees")
-    point = model_point(open_cube(options.cube), options.select, options.nearest)
+    with opened_cube(options.cube) as cube:
+        point = model_point(cube, options.select, options.nearest).load()
     columns = dict(map(parse_column, options.column))
     measurement = read_measurement(options.measurement, options.pulses_per_revolution, columns)
     comparison = compare(measurement, point, options.reference_angle, parse_speeds(options.speeds))

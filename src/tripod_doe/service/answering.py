@@ -86,7 +86,8 @@ def cube(path: str) -> Answer:
     """The cube of a run so far, as the bytes of a netCDF file."""
     from tripod_doe.study.results import cube_so_far
 
-    return None, _netcdf_bytes(cube_so_far(Path(path)))
+    with cube_so_far(Path(path)) as so_far:
+        return None, _netcdf_bytes(so_far)
 
 
 def describe(path: str) -> Answer:

@@ -18,7 +18,7 @@ from tripod_doe.errors import InputError
 from tripod_doe.report.comparison import ORDER_HEADS, comparison_json, find_in_comparison, order_rows
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.point import bars
-from tripod_doe.study.results import open_cube
+from tripod_doe.study.results import opened_cube
 
 __all__ = ["MEASUREMENT", "compare_upload", "compared_upload", "lay_over"]
 
@@ -57,7 +57,8 @@ def compared_upload(
     InputError
         If the table or the selection cannot be used.
     """
-    point = model_point(open_cube(path), select, nearest)
+    with opened_cube(path) as cube:
+        point = model_point(cube, select, nearest).load()
     with tempfile.TemporaryDirectory(prefix="tripod-doe-") as folder:
         file = Path(folder) / MEASUREMENT
         file.write_text(measurement, encoding="utf-8", newline="")

@@ -108,7 +108,8 @@ def opened_arrays(path: str | Path) -> Iterator[CubeArrays]:
         If there is no cube, or it is damaged.
     """
     if not is_shown(Path(path)):
-        yield cube_arrays(cube_so_far(Path(path)))
+        with cube_so_far(Path(path)) as cube:
+            yield cube_arrays(cube)
         return
     import netCDF4
 

@@ -9,6 +9,7 @@ import sqlite3
 from collections.abc import Mapping
 from contextlib import ExitStack, closing
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from tripod_doe.errors import CubeError, option
@@ -17,6 +18,9 @@ from tripod_doe.study.netcdf import lazy_dataset, read_dataset
 
 if TYPE_CHECKING:  # a query reads cubes without xarray
     import xarray as xr
+
+    from tripod_doe.study.stored_results import StoredResults
+    from tripod_doe.study.study_points import StudyPoints
 
 __all__ = ["cube_files", "cube_so_far", "is_shown", "open_cube", "opened_cube", "unshown_state"]
 
@@ -47,7 +51,11 @@ def open_cube(path: str | Path, chunks: int | str | Mapping[str, int] | None = N
         If there is no cube and no finished point, or what is there is damaged.
     """
     if not is_shown(Path(path)):
-        return cube_so_far(Path(path))
+        so_far = cube_so_far(Path(path))
+        if chunks is not None:
+            return so_far.chunk(chunks)
+        with so_far:
+            return so_far.load()
     if chunks is None:
         return _joined(*map(read_dataset, cube_files(Path(path))))
     return _lazily(Path(path), chunks)
@@ -115,7 +123,9 @@ def unshown_state(path: Path) -> str:
 
 
 def cube_so_far(path: Path) -> xr.Dataset:
-    """Cube and costs of the points that the journal of a directory holds; nothing is written.
+    """Cube and costs of the points that the journal of a directory holds; nothing is written there.
+
+    To be closed, as `opened_cube`: a large one stands in temporary files until then.
 
     Raises
     ------
@@ -127,7 +137,9 @@ def cube_so_far(path: Path) -> xr.Dataset:
     from tripod_doe.study.choice import chosen_points, frozen_choice
     from tripod_doe.study.cube import build_cube
     from tripod_doe.study.definition import parse_study
-    from tripod_doe.study.designs import make_points, point_keys
+    from tripod_doe.study.designs import make_points
+    from tripod_doe.study.stored_results import StoredResults
+    from tripod_doe.study.study_points import StudyPoints
 
     stored = path / "study.toml"
     with closing(Journal(path, read_only=True)) as journal:
@@ -137,4 +149,20 @@ def cube_so_far(path: Path) -> xr.Dataset:
         choice = frozen_choice(study, path) if study.accuracy else None
         if choice is not None:
             points = chosen_points(study, points, choice)
-        return _joined(*build_cube(study, points, point_keys(study, points), journal.blocks()))
+        asked = StudyPoints(study, points)
+        results = StoredResults(asked, journal.places())
+        if points.count * results.point_bytes > _READ_AT_ONCE:
+            return _written_aside(asked, results)
+        return _joined(*build_cube(study, points, asked.keys, journal.blocks()))
+
+
+def _written_aside(asked: StudyPoints, results: StoredResults) -> xr.Dataset:
+    """A cube in temporary files, which go when it is closed."""
+    from tripod_doe.study.written_cube import write_cube
+
+    with ExitStack() as opened:
+        folder = Path(opened.enter_context(TemporaryDirectory(prefix="tripod-doe-")))
+        write_cube(asked, results, folder, "points so far", lambda: None)
+        cube = opened.enter_context(_lazily(folder, None)).assign()
+        cube.set_close(opened.pop_all().close)
+    return cube

@@ -11,7 +11,8 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,7 +31,7 @@ from tripod_doe.study.directory import make_directory
 from tripod_doe.study.execution import Execution
 from tripod_doe.study.failures import failure_lines
 from tripod_doe.study.netcdf import stamp_history, write_dataset
-from tripod_doe.study.results import open_cube
+from tripod_doe.study.results import opened_cube
 from tripod_doe.workflow.definition import Step, Workflow, fed_study, load_workflow
 from tripod_doe.workflow.file import AnalysisStep, FigureStep, ReportStep, StudyStep
 from tripod_doe.workflow.run import run_on
@@ -117,8 +118,9 @@ def run_workflow(
         views[name] = chain.recorded(workflow.steps[name]) or chain.view(workflow.steps[name], "not selected")
     steps = tuple(views[name] for name in workflow.steps)
     head = workflow.file.workflow
-    answers, figures = chain.answers(steps), chain.figures(steps)
-    text = chain_page(head.name, head.question, steps, _notice(workflow), workflow.text, answers, figures)
+    with chain.answers(steps) as answers:
+        figures = chain.figures(steps)
+        text = chain_page(head.name, head.question, steps, _notice(workflow), workflow.text, answers, figures)
     return WorkflowSummary(directory, replace_text(directory / "report" / "index.html", text), steps)
 
 
@@ -220,7 +222,8 @@ class _Chain:
         study, folder = self.workflow.steps[view.name].study, self.folder(view.name)
         if study is None or not (folder / "cube.nc").is_file():
             return False
-        return bool(open_cube(folder).attrs.get("study_hash") == study.hash)
+        with opened_cube(folder) as cube:
+            return bool(cube.attrs.get("study_hash") == study.hash)
 
     def _tell(self, view: StepView) -> StepView:
         if self.progress:
@@ -247,7 +250,8 @@ class _Chain:
         study, source = step.study, step.table.table if isinstance(step.table, StudyStep) else ""
         assert study is not None
         if source:
-            study = fed_study(study, open_cube(self.folder(source)), source)
+            with opened_cube(self.folder(source)) as table:
+                study = fed_study(study, table, source)
         summary = run_on(self._execution, study, self.folder(step.name), self.retry_failed, progress=self.progress)
         if not summary.good:
             reasons = failure_lines(summary.failures, summary.retried)
@@ -256,10 +260,10 @@ class _Chain:
         return f"{summary.computed + summary.reused:,} points"
 
     def _analyse(self, step: Step) -> str:
-        cubes = self._cubes(step)
         name = step.analysis
-        result = ANALYSES[name].function(cubes, step.settings, self.workflow.folder)
-        result = result.assign_attrs({"title": f"{name} of {', '.join(cubes)}"} | result.attrs)
+        with self._cubes(self._inputs(step)) as cubes:
+            result = ANALYSES[name].function(cubes, step.settings, self.workflow.folder)
+            result = result.assign_attrs({"title": f"{name} of {', '.join(cubes)}"} | result.attrs).load()
         write_dataset(stamp_history(result, f"tripod-doe workflow: {step.name}"), self.folder(step.name) / "cube.nc")
         for path in self._exported(step):
             export = ANALYSES[name].export
@@ -273,16 +277,15 @@ class _Chain:
         folder = self.directory / "quick" if self.workflow.quick else self.directory
         return [folder / export[0]] if export else []
 
-    def answers(self, views: tuple[StepView, ...]) -> dict[str, xr.Dataset]:
-        """Cubes that answer the workflow's question, as far as they are made.
+    def answers(self, views: tuple[StepView, ...]) -> AbstractContextManager[dict[str, xr.Dataset]]:
+        """Cubes that answer the workflow's question, as far as they are made, open within the block.
 
         Those of the analyses that are exported, else of all its analyses and studies.
         """
         steps = self.workflow.steps
         made = [view.name for view in views if view.state in ("finished", "reused")]
-        cubes = [name for name in made if isinstance(steps[name].table, AnalysisStep | StudyStep)]
-        answering = [name for name in cubes if self._exported(steps[name])] or cubes
-        return {name: open_cube(self.folder(name)) for name in answering}
+        answering = [name for name in made if isinstance(steps[name].table, AnalysisStep | StudyStep)]
+        return self._cubes([name for name in answering if self._exported(steps[name])] or answering)
 
     def figures(self, views: tuple[StepView, ...]) -> dict[str, str]:
         """Headings of the figures on its report pages, by their addresses seen from the workflow's page."""
@@ -295,15 +298,21 @@ class _Chain:
             if link and isinstance(table := steps[name].table, FigureStep)
         }
 
-    def _cubes(self, step: Step) -> dict[str, xr.Dataset]:
-        """Cubes of the inputs that have one."""
+    def _inputs(self, step: Step) -> list[str]:
+        """The inputs of a step that have a cube."""
         pages = (FigureStep, ReportStep)
-        inputs = [name for name in step.inputs if not isinstance(self.workflow.steps[name].table, pages)]
-        return {name: open_cube(self.folder(name)) for name in inputs}
+        return [name for name in step.inputs if not isinstance(self.workflow.steps[name].table, pages)]
+
+    @contextmanager
+    def _cubes(self, names: list[str]) -> Iterator[dict[str, xr.Dataset]]:
+        """Cubes of some steps, open within the block."""
+        with ExitStack() as opened:
+            yield {name: opened.enter_context(opened_cube(self.folder(name))) for name in names}
 
     def _draw(self, step: Step) -> str:
         assert isinstance(step.table, FigureStep)
-        charts = FIGURES[step.table.figure](self._cubes(step))
+        with self._cubes(self._inputs(step)) as cubes:
+            charts = FIGURES[step.table.figure](cubes)
         if not charts:
             raise InputError(f"the inputs hold nothing that the figure {step.table.figure} shows")
         write_charts(charts, step.name, self.folder(step.name))
@@ -320,6 +329,7 @@ class _Chain:
         shown = [name for name in step.inputs if not isinstance(steps[name].table, ReportStep)]
         title = step.table.title or step.name
         question = self.workflow.file.workflow.question
-        page = step_page(title, question, shown, self._cubes(step), figures, _notice(self.workflow))
+        with self._cubes(self._inputs(step)) as cubes:
+            page = step_page(title, question, shown, cubes, figures, _notice(self.workflow))
         replace_text(self.folder(step.name) / "index.html", page)
         return title

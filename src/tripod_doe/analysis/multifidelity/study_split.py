@@ -14,7 +14,7 @@ from tripod_doe.quantities import duration, number
 from tripod_doe.study.definition import Study, canonical, parse_study
 from tripod_doe.study.designs import SAMPLE, pilot_samples, point_count
 from tripod_doe.study.file import DesignTable
-from tripod_doe.study.results import open_cube
+from tripod_doe.study.results import opened_cube
 
 __all__ = ["describe_split", "needs_split", "split_study", "stored_split", "told_split", "with_samples_so_far"]
 
@@ -122,5 +122,6 @@ def describe_split(study: Study, directory: Path | None) -> list[str]:
 
 
 def _split_of_results(study: Study, directory: Path) -> Split:
-    cube = open_cube(directory)
-    return find_split(cube.isel(point=cube[SAMPLE].values < pilot_samples(study.file.design)), study.simulator)
+    with opened_cube(directory) as cube:
+        pilot = cube[SAMPLE].values < pilot_samples(study.file.design)
+        return find_split(cube.isel(point=pilot), study.simulator)

@@ -18,7 +18,7 @@ __all__ = ["opened"]
 _SMALL = 64_000_000  # bytes
 _MOST = 4
 _kept: OrderedDict[tuple[object, ...], xr.Dataset] = OrderedDict()
-"""Cubes in memory, by the state of the files that they were made from."""
+"""Cubes in memory, large ones of running studies in temporary files, by the state of the files they are made from."""
 
 
 @contextmanager
@@ -55,10 +55,10 @@ def opened(path: str | Path) -> Iterator[xr.Dataset]:
 def _keep(key: tuple[object, ...], cube: xr.Dataset) -> None:
     """Keep a cube in place of an older state of the same, and of the one that was not asked for the longest."""
     for other in [other for other in _kept if other[0] == key[0]]:
-        del _kept[other]
+        _kept.pop(other).close()
     _kept[key] = cube
     while len(_kept) > _MOST:
-        _kept.popitem(last=False)
+        _kept.popitem(last=False)[1].close()
 
 
 def _lazy(files: list[Path], stack: ExitStack) -> xr.Dataset:
