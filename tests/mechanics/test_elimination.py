@@ -57,6 +57,27 @@ def test_solution_is_that_of_a_dense_solve(needles):
     np.testing.assert_allclose(x[:, :6].ravel(), solution, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.parametrize("apart", [0.3, 0.7, 1.0])
+def test_bodies_that_do_not_touch_are_passed_over(apart):
+    """Blocks of pairs that might touch and do not are zero: both of a pair, or, as NaN must not be lost, neither."""
+    _, pattern = _ring(27)
+    blocks, dense, right = _system(pattern)
+    beside = pattern.row != pattern.column
+    lower, upper = np.minimum(pattern.row, pattern.column), np.maximum(pattern.row, pattern.column)
+    empty = beside & (np.random.default_rng(4).random((40, 40)) < apart)[lower, upper]
+    blocks[empty] = 0.0
+    dense.reshape(30, 6, 30, 6)[pattern.row[empty], :, pattern.column[empty]] = 0.0
+    x, count = right.copy(), pattern.order.size
+    assert eliminate(pattern, blocks, 0, count, _scratch())
+    assert apart < 1.0 or not blocks[beside].any()
+    reduce_right_side(pattern, blocks, x, 0, count)
+    substitute_back(pattern, blocks, x, 0, count)
+    solution = np.linalg.solve(dense, right[:, :6].ravel())
+    np.testing.assert_allclose(x[:, :6].ravel(), solution, rtol=1e-9, atol=1e-12)
+    blocks[np.flatnonzero(beside)[0], 2, 3] = np.nan
+    assert eliminate(pattern, blocks, 0, count, _scratch()) is False or not np.isfinite(blocks).all()
+
+
 def test_the_tail_holds_what_is_left_of_the_scene():
     """Eliminating in parts: the blocks of the tail become the dense Schur complement, and can be changed and reused."""
     needles = 9

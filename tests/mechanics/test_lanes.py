@@ -6,7 +6,7 @@ import numpy as np
 
 from tripod_doe.mechanics import laws
 from tripod_doe.mechanics.compilation import kernel
-from tripod_doe.mechanics.lanes import load, pick, ramp, replace, row, row_of_sums, select, store
+from tripod_doe.mechanics.lanes import everywhere, load, pick, ramp, replace, row, row_of_sums, select, store
 from tripod_doe.mechanics.rotations import cross
 
 
@@ -43,3 +43,16 @@ def test_roots_are_those_of_numpy_over_all_sizes():
         ours = np.array([laws.root(value, order) for value in x])
         np.testing.assert_allclose(ours, x ** (1 / order), rtol=3e-15)
     assert laws.contact_force(1e5, 10 / 9, 0.0) == 0.0
+
+
+@kernel
+def _below(numbers, limit):
+    return everywhere(load(numbers, 0) <= limit)
+
+
+def test_a_condition_holds_everywhere_or_not_and_never_of_what_is_no_number():
+    numbers = np.arange(8.0)[None]
+    assert _below(numbers, 7.0)
+    assert not _below(numbers, 6.5)
+    numbers[0, 4] = np.nan
+    assert not _below(numbers, 7.0)

@@ -25,7 +25,7 @@ from tripod_doe.mechanics.contact_geometry import (
     relative_motion,
     wrench_of,
 )
-from tripod_doe.mechanics.lanes import WIDTH, pick, row, row_of_sums, select, store
+from tripod_doe.mechanics.lanes import WIDTH, everywhere, pick, row, row_of_sums, select, store
 from tripod_doe.mechanics.pairs import add_pair
 from tripod_doe.mechanics.rotations import add, cross, load_vector, scale, subtract
 
@@ -140,21 +140,23 @@ def add_contacts(tables, work, first, last, positions, velocities, slopes, matri
     for i in range(first, last):
         contact = contacts[i]
         place = place_row(contact, positions)
+        if touching[i, 0] != 0:
+            touching[i, 0] = 0
+            for group in range(contact.first, contact.first + contact.groups):
+                for d in range(3):
+                    store(slips[group], d, nothing)
         if is_apart(contact, place):
-            if touching[i, 0] != 0:
-                touching[i, 0] = 0
-                for group in range(contact.first, contact.first + contact.groups):
-                    for d in range(3):
-                        store(slips[group], d, nothing)
             continue
-        touching[i, 0] = 1
-        velocity, turn = relative_motion(contact, place, positions, velocities)
         total, falling = nothing, nothing
-        if linear:
-            for r in range(6):
-                store(block, r, nothing)
         for group in range(contact.groups):
             spheres = place_spheres(contact, place, group)
+            if everywhere(spheres.depth <= 0.0):
+                continue
+            velocity, turn = relative_motion(contact, place, positions, velocities)
+            if linear and touching[i, 0] == 0:
+                for r in range(6):
+                    store(block, r, nothing)
+            touching[i, 0] = 1
             motion = motion_at_contacts(spheres, velocity, turn)
             acting = _load(contact, spheres, motion)
             _store_slips(spheres, motion, slips[contact.first + group])
@@ -164,6 +166,8 @@ def add_contacts(tables, work, first, last, positions, velocities, slopes, matri
                 fall = add_derivatives(contact, spheres, motion, acting, slopes, block)
                 if slopes.drift:
                     falling = falling + row_of_sums(*fall)
+        if touching[i, 0] == 0:
+            continue
         _apply(work.force, positions, contact, place.centre, total)
         if linear:
             if slopes.drift:

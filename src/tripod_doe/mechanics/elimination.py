@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
-from tripod_doe.mechanics.lanes import load, pick, replace, row_of_sums, store
+from tripod_doe.mechanics.lanes import everywhere, load, pick, replace, row_of_sums, store
 from tripod_doe.mechanics.tables import Pattern
 
 __all__ = ["eliminate", "elimination_pattern", "multiply", "reduce_right_side", "substitute_back"]
@@ -179,6 +179,14 @@ def _times(block, i, rows):
 
 
 @inlined_kernel
+def _is_empty(block):
+    """Whether a block is zero, as one between bodies that might touch and do not."""
+    rows = _rows(block)
+    size = (abs(rows[0]) + abs(rows[1]) + abs(rows[2])) + (abs(rows[3]) + abs(rows[4]) + abs(rows[5]))
+    return everywhere(size <= 0.0)
+
+
+@inlined_kernel
 def _product(block, x):
     """A 6 x 6 block times the first six of lanes."""
     return row_of_sums(
@@ -214,15 +222,18 @@ def eliminate(pattern, matrix, first, last, scratch):
         if not _invert(pivot, scratch[0]):
             return False
         start, end = pattern.start[k], pattern.start[k + 1]
-        target = pattern.target_start[k]
         inverse = _rows(pivot)
         for m in range(start, end):
             lower = matrix[pattern.lower[m]]
+            if _is_empty(lower):
+                continue
             for i in range(6):
                 store(lower, i, _times(lower, i, inverse))
+            target = pattern.target_start[k] + (m - start) * (end - start)
             for n in range(start, end):
-                upper, updated = _rows(matrix[pattern.upper[n]]), matrix[pattern.target[target]]
-                target += 1
+                if _is_empty(matrix[pattern.upper[n]]):
+                    continue
+                upper, updated = _rows(matrix[pattern.upper[n]]), matrix[pattern.target[target + n - start]]
                 for i in range(6):
                     store(updated, i, load(updated, i) - _times(lower, i, upper))
     return True

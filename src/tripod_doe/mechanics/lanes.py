@@ -17,8 +17,8 @@ from numba.core.typing.templates import ConcreteTemplate, infer_global, signatur
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
 __all__ = [
-    "WIDTH", "Lanes", "LanesModel", "Mask", "call", "clear", "define", "load", "pick", "ramp", "replace", "root_guess",
-    "row", "row_of_sums", "select", "spread", "spread_lanes", "store",
+    "WIDTH", "Lanes", "LanesModel", "Mask", "call", "clear", "define", "everywhere", "load", "pick", "ramp", "replace",
+    "root_guess", "row", "row_of_sums", "select", "spread", "spread_lanes", "store",
 ]  # fmt: skip
 
 WIDTH = 8
@@ -127,6 +127,17 @@ def select(_, condition, a, b):
         return builder.select(values[0], a, b)
 
     return own(condition, a, b), lower
+
+
+@intrinsic
+def everywhere(_, condition):
+    """Whether a condition on lanes holds in all of them."""
+
+    def lower(_, builder, sign, values):
+        byte = ir.IntType(WIDTH)
+        return builder.icmp_unsigned("==", builder.bitcast(values[0], byte), ir.Constant(byte, 2**WIDTH - 1))
+
+    return types.boolean(condition), lower
 
 
 @intrinsic
