@@ -50,6 +50,18 @@ def test_the_start_is_balanced(joint_assembly, joint_values, needles, torque):
         assert abs(net) < 0.03 * load
 
 
+def test_needles_that_knock_against_each_other_do_not_stop_the_steps_of_a_slow_joint(joint_assembly, joint_values):
+    """Counted work: a twentieth of the steps is repeated at most, with less than five evaluations a step."""
+    given = {"joint_angle_deg": 18, "torque_n_m": 100, "speed_rpm": 200}
+    duration = np.pi / 2 / joint_values(**given).speed
+    settings = Settings(tolerance=np.pi / 360 / 3)  # three steps from sample to sample
+    result = run(joint_assembly(True, **given), "adaptive-euler", duration, samples=90, settings=settings,
+                 limits=UNCHECKED)  # fmt: skip
+    assert result.outcome == Outcome.FINISHED, result.detail
+    assert result.steps < 1.05 * 3 * 90
+    assert result.force_evaluations < 5 * 3 * 90
+
+
 def test_no_needle_is_thrown_in_the_first_revolution(joint_assembly, joint_values):
     """Invariance of the start: needles stay within twice the speed that ideal rolling gives them."""
     assembly, values = joint_assembly(True, **FEW), joint_values(**FEW)

@@ -131,12 +131,22 @@ def test_small_orders_count_as_a_share_of_the_largest():
 def test_the_first_tolerance_follows_the_operating_point_and_the_goal():
     """The faster rollers swing beside the rotation, the finer; and for a tighter accuracy, or a higher order."""
     slow, usual, fast = (
-        refinement.first_tolerance(point_values({"speed_rpm": speed}).point(0), Goal({3: 0.02}))
+        refinement.first_tolerance(point_values({"speed_rpm": speed}).point(0), Goal({3: 0.02}), needles=False)
         for speed in (60, 600, 3000)
     )
     assert slow < usual < fast
-    tight = [refinement.first_tolerance(POINT, Goal(orders)) for orders in ({3: 0.02}, {3: 0.002}, {3: 0.02, 6: 0.002})]
-    assert tight[0] > tight[1] == pytest.approx(2 * tight[2])
+    for needles in (False, True):
+        tight = [refinement.first_tolerance(POINT, Goal(orders), needles)
+                 for orders in ({3: 0.02}, {3: 0.002}, {3: 0.02, 6: 0.002})]  # fmt: skip
+        assert tight[0] > tight[1] == pytest.approx(2 * tight[2])
+    assert tight[1] == pytest.approx(refinement._AIM * 0.002 / refinement._LEFT_NEEDLES)
+
+
+def test_needles_resolve_their_motion_by_the_rotation():
+    """Slow joints under load need no finer steps for a roller's swing, which needles damp."""
+    slow = point_values({"speed_rpm": 60}).point(0)
+    found = [refinement.first_tolerance(values, Goal({3: 0.02}), needles=True) for values in (slow, POINT)]
+    assert found[0] == found[1] > refinement.first_tolerance(slow, Goal({3: 0.02}), needles=False)
 
 
 @pytest.mark.slow

@@ -166,7 +166,7 @@ def _follow_to(
 ) -> Motion:
     """The motion with the tolerance or step that a goal asks for."""
     joint = FollowedJoint(assembly, values, method_named(method), samples, run_limits(values, 1, method))
-    return refine(joint, goal, first_tolerance(values, goal) if method == _DAMPS else usual)
+    return refine(joint, goal, first_tolerance(values, goal, joint.remembers) if method == _DAMPS else usual)
 
 
 def _follow_given(assembly: Assembly, values: JointValues[float], method: str, samples: int) -> Motion:

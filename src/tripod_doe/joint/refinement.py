@@ -34,10 +34,18 @@ _RESOLVED = ((60, 8.7e-3), (550, 4.4e-3), (1500, 2.9e-3), (math.inf, 1.7e-3))
 a roller on its orbit. Measured with `rollers` at 45 points of the field (benchmarks/accuracy.py) that do not vibrate:
 the third order is off by more than a tenth at 5 of them with these tolerances, at 24 of 37 with the next larger."""
 
+_RESOLVED_NEEDLES = 2.9e-3
+"""The same for `needles`, at any force: their friction damps a roller's swing, and steps must resolve how needles knock
+against each other, by the rotation. With this tolerance the third order is off by at most 0.6 % at 29 joints (those of
+tests/joint/needles_held_out.csv and of benchmarks/full_model.py), with the next larger one by up to 1.9 % at 10."""
+
 _LEFT = 1.35
 """Error of the third order that the second pass leaves over the tolerance of the first one, at half of 14 points of the
 field (`rollers`); higher orders are off by more. Where it leaves more a third pass follows, which costs what finer ones
 from the start would."""
+
+_LEFT_NEEDLES = 0.85
+"""The same for `needles`, at half of these 29 joints."""
 
 _UNRESOLVED = 0.1
 """Error over the size of an order above which steps do not resolve the motion: the order of the method then tells
@@ -57,7 +65,7 @@ which counts for the less, the farther apart their steps are."""
 _MOST_LONGER = 4
 """Factor by which the number of sampled revolutions grows at once."""
 
-_ALIKE, _LEFT, _LONGEST = 0.05, 0.5, 128
+_ALIKE, _LEFT_OF_SWING, _LONGEST = 0.05, 0.5, 128
 """Difference of two revolutions, and what is left of a swing that falls, over the allowed error up to which a motion
 counts as swung in; and revolutions in which it is waited for."""
 
@@ -143,14 +151,19 @@ class _Comparison:
         return f"{text}, where {asked:.2g} % is required"
 
 
-def first_tolerance(values: JointValues[float], goal: Goal) -> float:
+def first_tolerance(values: JointValues[float], goal: Goal, needles: bool) -> float:
     """Coarsest tolerance of `adaptive-euler` that the first pass of an operating point is likely to need."""
+    resolved, left = (_RESOLVED_NEEDLES, _LEFT_NEEDLES) if needles else (_resolves_swing(values), _LEFT)
+    return min(resolved, *(3 / max(order, 3) * _AIM * share / left for order, share in goal.orders.items()))
+
+
+def _resolves_swing(values: JointValues[float]) -> float:
+    """Coarsest tolerance that resolves how rollers swing."""
     mass = float(
         roller_inertia(*np.array([values.roller_radius, values.roller_width, values.bore_radius, values.density]))[0]
     )
     ratio = values.groove_load / (mass * values.pitch_radius * values.speed**2)
-    resolved = next(tolerance for limit, tolerance in _RESOLVED if ratio <= limit)
-    return min(resolved, *(3 / max(order, 3) * _AIM * share / _LEFT for order, share in goal.orders.items()))
+    return next(tolerance for limit, tolerance in _RESOLVED if ratio <= limit)
 
 
 def refine(joint: FollowedJoint, goal: Goal, setting: float) -> Motion:
@@ -210,7 +223,9 @@ def _once_swung_in(joint: FollowedJoint, first: Pass, goal: Goal) -> tuple[Pass,
         asked = np.isfinite(allowed)
         scaled = first.orders[:, asked] / allowed[asked]
         apart = np.abs(np.diff(scaled, axis=0)).max(axis=1)
-        if apart[-1] <= _ALIKE or (count > 2 and (_left_of_swing(apart) <= _LEFT or swung_in(scaled) < count // 2)):
+        if apart[-1] <= _ALIKE or (
+            count > 2 and (_left_of_swing(apart) <= _LEFT_OF_SWING or swung_in(scaled) < count // 2)
+        ):
             break
         if count >= _LONGEST:
             return joint.last(first, 2), f"after {count} revolutions the joint still swings in; raise cycles"

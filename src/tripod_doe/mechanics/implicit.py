@@ -32,14 +32,18 @@ from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
 from tripod_doe.mechanics.tables import FACTORISATIONS, FIRST, ITERATIONS, Slopes
 
 __all__ = [
-    "Stage", "factorise_multipliers", "factorise_system", "gather", "largest_correction", "lock_blocks", "mask",
-    "scatter", "solve_stage", "solve_system", "solve_tail", "solve_unconstrained",
+    "LEAST_SHARE", "Stage", "factorise_multipliers", "factorise_system", "gather", "largest_correction", "lock_blocks",
+    "mask", "scatter", "solve_stage", "solve_system", "solve_tail", "solve_unconstrained",
 ]  # fmt: skip
 
 FloatArray = NDArray[np.float64]
 
 _SLOW = 0.3
 """Contraction above which an iteration is slow."""
+
+LEAST_SHARE = 1e-6
+"""Least share of the secant, below which slopes are tangents. An iteration that ends at rough corrections keeps the
+secant: light bodies that rattle make it look slow, and with tangents they are thrown about."""
 
 _ROUNDING = 1e-6
 """Corrections below this share of the scene's speed that no longer fall are rounding: stiffness times a last digit."""
@@ -285,7 +289,7 @@ def _correct(tables, work, stage, positions, velocities):
 
 
 @kernel_part
-def solve_stage(tables, work, stage, iterations, tolerance, positions, velocities):
+def solve_stage(tables, work, stage, iterations, tolerance, least, positions, velocities):
     """Solve a stage by secant iterations.
 
     Parameters
@@ -294,6 +298,8 @@ def solve_stage(tables, work, stage, iterations, tolerance, positions, velocitie
         What the method knows of it.
     iterations, tolerance
         Largest number of iterations, and the relative correction of a velocity at which they end.
+    least
+        Least share of the secant below which no slope may fall: `LEAST_SHARE`, or 1 to keep the secant.
     positions, velocities
         Receive the stage; the velocities hold the first guess.
 
@@ -327,5 +333,5 @@ def solve_stage(tables, work, stage, iterations, tolerance, positions, velocitie
         if merit > before_merit:
             share = min(4.0 * share, 1.0)
         elif merit > _SLOW * before_merit:
-            share = max(0.25 * share, 1e-6)
+            share = max(0.25 * share, least)
     return False

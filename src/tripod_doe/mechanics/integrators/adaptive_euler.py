@@ -3,7 +3,8 @@
 Implicit Euler lags behind by half the change of a velocity over a step. In a scene that changes by itself in the time
 T (`Scene.time_scale`) the relative tolerance therefore asks for steps of 2 tolerance T. A step that followed the error
 of every body would follow impacts of light bodies that change nothing; so the equations of a step are solved to
-`_SLACK` times the tolerance only, and a step whose equations do not converge is halved.
+`_SLACK` times the tolerance only, with the secant slope of friction (`implicit.LEAST_SHARE`), and a step whose
+equations do not converge is halved.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 import math
 
 from tripod_doe.mechanics.compilation import kernel
-from tripod_doe.mechanics.implicit import Stage, solve_stage
+from tripod_doe.mechanics.implicit import LEAST_SHARE, Stage, solve_stage
 from tripod_doe.mechanics.inertia import add_momenta
 from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.monitor import EVALUATION_LIMIT, FINISHED, STEP_LIMIT, accept
@@ -37,6 +38,7 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
     pace = 2.0 * settings.tolerance * tables.scales[3] if settings.controlled else equal
     solved = _SLACK * settings.tolerance if settings.controlled else settings.correction
     iterations = _ITERATIONS if settings.controlled else settings.iterations
+    least = 1.0 if settings.controlled else LEAST_SHARE
     if clock[1] == 0.0:
         clock[1] = pace
     clear(base)
@@ -49,7 +51,7 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         clear(work.momenta)
         add_momenta(tables, positions, velocities, 1.0, step, work.momenta)
         stage = Stage(start, base, work.nothing, step, step, time)
-        if solve_stage(tables, work, stage, iterations, solved, positions, velocities):
+        if solve_stage(tables, work, stage, iterations, solved, least, positions, velocities):
             status = accept(tables, work, positions, velocities, clock, time, step, settings)
             if status != FINISHED:
                 return status

@@ -8,7 +8,7 @@ Euler, whose error of second order in h is made once.
 from __future__ import annotations
 
 from tripod_doe.mechanics.compilation import kernel
-from tripod_doe.mechanics.implicit import Stage, solve_stage
+from tripod_doe.mechanics.implicit import LEAST_SHARE, Stage, solve_stage
 from tripod_doe.mechanics.inertia import add_momenta
 from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
@@ -45,7 +45,9 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         copy_vectors(start, old_positions)
         copy_vectors(velocities, old_velocities)
         stage = Stage(start, base, work.nothing, factor, factor, time)
-        if not solve_stage(tables, work, stage, settings.iterations, settings.correction, positions, velocities):
+        if not solve_stage(
+            tables, work, stage, settings.iterations, settings.correction, LEAST_SHARE, positions, velocities
+        ):
             return DIVERGED
         clock[1] = step
         status = accept(tables, work, positions, velocities, clock, time, step, settings)

@@ -11,7 +11,7 @@ The first step is one of implicit Euler: a stiff start would ring, since only a 
 from __future__ import annotations
 
 from tripod_doe.mechanics.compilation import kernel
-from tripod_doe.mechanics.implicit import Stage, solve_stage
+from tripod_doe.mechanics.implicit import LEAST_SHARE, Stage, solve_stage
 from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
 from tripod_doe.mechanics.motion import copy_vectors
 
@@ -50,7 +50,9 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
                     before[i, d], base[i, d] = speed, 0.0
         by_position, by_velocity = (step, step) if starting else (reach, factor)
         stage = Stage(start, base, before, by_position, by_velocity, time)
-        if not solve_stage(tables, work, stage, settings.iterations, settings.correction, positions, velocities):
+        if not solve_stage(
+            tables, work, stage, settings.iterations, settings.correction, LEAST_SHARE, positions, velocities
+        ):
             return DIVERGED
         for i in range(tables.bodies.size):
             for d in range(6):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tripod_doe.mechanics.compilation import kernel
-from tripod_doe.mechanics.implicit import Stage, solve_stage
+from tripod_doe.mechanics.implicit import LEAST_SHARE, Stage, solve_stage
 from tripod_doe.mechanics.inertia import add_momenta
 from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
@@ -27,7 +27,9 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         add_momenta(tables, positions, velocities, 1.0, step, work.momenta)
         time = begin + (n + 1) * step
         stage = Stage(start, base, work.nothing, step, step, time)
-        if not solve_stage(tables, work, stage, settings.iterations, settings.correction, positions, velocities):
+        if not solve_stage(
+            tables, work, stage, settings.iterations, settings.correction, LEAST_SHARE, positions, velocities
+        ):
             return DIVERGED
         status = accept(tables, work, positions, velocities, clock, time, step, settings)
         if status != FINISHED:
