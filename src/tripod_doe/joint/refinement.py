@@ -34,10 +34,11 @@ _RESOLVED = ((60, 8.7e-3), (550, 4.4e-3), (1500, 2.9e-3), (math.inf, 1.7e-3))
 a roller on its orbit. Measured with `rollers` at 45 points of the field (benchmarks/accuracy.py) that do not vibrate:
 the third order is off by more than a tenth at 5 of them with these tolerances, at 24 of 37 with the next larger."""
 
-_RESOLVED_NEEDLES = 2.9e-3
-"""The same for `needles`, at any force: their friction damps a roller's swing, and steps must resolve how needles knock
-against each other, by the rotation. With this tolerance the third order is off by at most 0.6 % at 29 joints (those of
-tests/joint/needles_held_out.csv and of benchmarks/full_model.py), with the next larger one by up to 1.9 % at 10."""
+_RESOLVED_NEEDLES = math.pi / 1080
+"""The same for `needles`, a third of a degree at any force: their friction damps a roller's swing, and steps must
+resolve how needles knock against each other, by the rotation. At 24 joints (19 of tests/joint/needles_held_out.csv,
+five of benchmarks/full_model.py) the third order is off by 0.09 % in the median with this tolerance, by 1.1 % at most,
+and with half of it by 0.04 and 0.17 %. With the next larger one it is off by up to 1.8 % at 10, for more work."""
 
 _LEFT = 1.35
 """Error of the third order that the second pass leaves over the tolerance of the first one, at half of 14 points of the
@@ -45,7 +46,7 @@ field (`rollers`); higher orders are off by more. Where it leaves more a third p
 from the start would."""
 
 _LEFT_NEEDLES = 0.85
-"""The same for `needles`, at half of these 29 joints."""
+"""The same for `needles`, at half of these joints."""
 
 _UNRESOLVED = 0.1
 """Error over the size of an order above which steps do not resolve the motion: the order of the method then tells
