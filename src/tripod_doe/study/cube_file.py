@@ -119,6 +119,7 @@ class CubeFile:
         added = xr.Dataset({name: variables[name] for name in new if name not in coords}, coords)
         added.dump_to_store(self._store, encoding={name: encoding.get(name, {}) for name in added.variables})
         for name in new:
+            self._store.ds.variables[name].set_var_chunk_cache(size=_CHUNK_BYTES)  # slabs are whole chunks
             self._missing[name] = _missing(coded[name])
             if not isinstance(self._missing[name], float):
                 for earlier in self._written:
