@@ -3,11 +3,13 @@ from __future__ import annotations
 import re
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 
+from tripod_doe.report.chain import step_page, write_charts
 from tripod_doe.report.figures import effect_charts, index_charts, spectrum_chart, waveform_charts
-from tripod_doe.report.figures.chart import drawing, legend_above
+from tripod_doe.report.figures.chart import Chart, drawing, legend_above
 from tripod_doe.report.figures.waveforms import chosen_points
 from tripod_doe.study.cube import RESPONSE_ROLE
 
@@ -185,3 +187,34 @@ def test_a_third_factor_of_few_levels_has_a_map_each_and_own_results_stand_besid
     values = cube["thrust_amplitude"].sel(order=3, speed_rpm=200).transpose("torque_n_m", "joint_angle_deg").values
     assert (data_of(maps[1]).set_index("torque_n_m").to_numpy() == values).all()
     assert residual.response.label == "energy residual"
+
+
+def crowded(name: str, count: int) -> Chart:
+    rng = np.random.default_rng(3)
+    data = pd.DataFrame(rng.random((count, 2)), columns=["across", "up"])
+    with drawing(4, 3) as (figure, axes):
+        axes.scatter(data["across"], data["up"], s=4)
+        axes.plot(data["up"], data["across"], "o")
+        axes.set_xlabel("across")
+    return Chart(name, f"Cloud {name}", "Very many markers.", figure, data)
+
+
+def test_very_many_markers_are_an_image_in_the_figure():
+    few, many = crowded("few", 100).svg(), crowded("many", 30_000)
+    assert "<image" not in few
+    assert len(many.svg()) < 200_000
+    assert "<image" in many.svg()
+    assert "across" in texts_of(many)
+
+
+def test_a_page_is_never_larger_than_ten_megabytes(tmp_path):
+    """The largest tables are left out first, and the page says so; a smaller one stays."""
+    charts = [crowded("a", 100_000), crowded("b", 110_000), crowded("c", 50)]
+    write_charts(charts, "step", tmp_path)
+    page = step_page("Clouds", "?", ["step"], {}, {"step": ("Clouds", tmp_path)}, "")
+    assert 5_000_000 < len(page.encode()) <= 10_000_000
+    assert page.count("Its data are left out: this page would be larger than 10 MB.") == 1
+    assert 'download="step-b.csv"' not in page
+    assert 'download="step-a.csv"' in page
+    assert 'download="step-c.csv"' in page
+    assert page.count("<svg role") == 3

@@ -9,11 +9,18 @@ from functools import cache
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from tripod_doe.quantities import number
+from tripod_doe.quantities import number, size
 from tripod_doe.report.figures import Chart
 from tripod_doe.report.template_cache import compiled_templates
 
 __all__ = ["render"]
+
+_MOST_BYTES = 10_000_000
+_LARGE = {
+    re.compile(r'<a class="data" [^>]*>Data \(CSV\)</a>'): "Its data are",
+    re.compile(r"<svg role=.*?</svg>", re.DOTALL): "This figure is",
+}
+"""What a page can do without, and how it is told."""
 
 
 @cache
@@ -31,8 +38,18 @@ def _templates() -> Environment:
 
 
 def render(template: str, **content: object) -> str:
-    """A page from one of the templates; text is escaped, charts are drawn inline."""
-    return _templates().get_template(template).render(**content)
+    """A page from one of the templates, of at most 10 MB; text is escaped, charts are drawn inline."""
+    return _of_limited_size(_templates().get_template(template).render(**content))
+
+
+def _of_limited_size(page: str) -> str:
+    """A page without its largest tables of data, and then figures, if they make it too large; it says so."""
+    for part, told in _LARGE.items():
+        for found in sorted(part.findall(page), key=len, reverse=True):
+            if len(page.encode()) <= _MOST_BYTES:
+                return page
+            page = page.replace(found, f"{told} left out: this page would be larger than {size(_MOST_BYTES)}.")
+    return page
 
 
 def _typeset(text: str) -> str:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
@@ -46,6 +47,7 @@ WIDE = 6.0
 """Width in inches above which a chart does not share a row of a page with others."""
 
 _OWN_TICKS = 5
+_MOST_DRAWN = 2_000  # markers or cells above which they are an image in the figure, so that it stays small
 _LEGEND_SHARE = 0.86  # of the width of a figure; the rest is for the axis on its left
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
@@ -122,6 +124,7 @@ class Chart:
         buffer, tooltips = io.StringIO(), mark_points(self.figure)
         with mpl.rc_context({**_STYLE, "svg.hashsalt": self.name}):
             _lay_out(self.figure)
+            _draw_many_as_image(self.figure)
             self.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
         element, end, content = _inline(add_tooltips(buffer.getvalue(), tooltips)).partition(">")
         return f"{element}{end}<title>{escape(self.title)}</title>{content}"
@@ -140,6 +143,18 @@ def _lay_out(figure: Figure) -> None:
     if engine := figure.get_layout_engine():
         engine.execute(figure)
         figure.set_layout_engine(None)
+
+
+def _draw_many_as_image(figure: Figure) -> None:
+    """Draw markers and cells that are very many as an image, and the rest of the figure as lines and text."""
+    for axes in figure.axes:
+        for line in axes.lines:
+            if line.get_marker() not in ("None", "", " ", None):
+                line.set_rasterized(np.size(line.get_xdata()) > _MOST_DRAWN)
+        for drawn in axes.collections:
+            values = drawn.get_array()
+            cells = len(drawn.get_paths()) if values is None else np.size(values)
+            drawn.set_rasterized(max(cells, len(drawn.get_offsets())) > _MOST_DRAWN)
 
 
 def _inline(svg: str) -> str:

@@ -21,8 +21,6 @@ __all__ = ["model_choice_chart"]
 
 FloatArray = NDArray[np.float64]
 
-_MOST_DRAWN = 500
-"""Points above which markers are drawn as an image, so that the page stays small."""
 _ERRORS = "estimated error over the allowed one (%)"
 
 
@@ -70,7 +68,6 @@ def _over_two(data: pd.DataFrame, across: str, up: str) -> Figure:
         known = data[data["estimated_error_percent_of_allowed"].notna()]
         shades = errors.scatter(
             known.iloc[:, 0], known.iloc[:, 1], c=known["estimated_error_percent_of_allowed"], s=14, cmap="cividis_r",
-            rasterized=len(known) > _MOST_DRAWN,
         )  # fmt: skip
         if len(known):
             figure.colorbar(shades, ax=errors, label=_ERRORS)
@@ -85,6 +82,5 @@ def _draw_models(axes: Axes, data: pd.DataFrame, heights: pd.Series[float]) -> N
         axes.scatter(
             rows.iloc[:, 0], heights[rows.index], marker=MARKERS[which % len(MARKERS)], s=14,
             color=COLOURS[which % len(COLOURS)], label=f"{model} ({len(rows):,})",
-            rasterized=len(data) > _MOST_DRAWN,
         )  # fmt: skip
     legend_above(axes, 2)
