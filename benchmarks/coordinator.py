@@ -111,6 +111,7 @@ def main() -> None:
             with stage("blocks, journal", options.points, before):
                 for block in answers(study, asked, missing, options.block):
                     directory.commit(block)
+            del missing
             with stage("resume", options.points, before):
                 assert directory.missing(asked).size == 0
             with stage("cube", options.points, before):

@@ -99,7 +99,7 @@ def read_dataset(path: Path) -> xr.Dataset:
         return stored.load()
 
 
-def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None) -> xr.Dataset:
+def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None, by_number: bool = True) -> xr.Dataset:
     """A netCDF file whose variables are read when they are used, each time anew; open until the dataset is closed.
 
     Parameters
@@ -108,6 +108,8 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
         The file.
     chunks
         As in `xarray.open_dataset`; None leaves Dask out.
+    by_number
+        Whether points of a list can be selected by their numbers, for which xarray holds 14 bytes a point.
 
     Raises
     ------
@@ -119,7 +121,12 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
     from tripod_doe.study.text_tables import with_texts
 
     with reading(path):
-        stored = xr.open_dataset(path, engine="netcdf4", decode_timedelta=False, chunks=chunks, cache=False)
+        stored = xr.open_dataset(
+            path, engine="netcdf4", decode_timedelta=False, chunks=chunks, cache=False, create_default_indexes=False
+        )
         read = with_texts(stored)
+        for dim in stored.dims:
+            if dim in stored.coords and (by_number or dim != "point"):
+                read = read.set_xindex(dim)
         read.set_close(stored.close)
         return read

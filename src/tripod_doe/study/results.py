@@ -68,16 +68,17 @@ def opened_cube(path: str | Path) -> xr.Dataset:
     """
     if not is_shown(Path(path)):
         return cube_so_far(Path(path))
-    cube = _lazily(Path(path), None)
+    cube = _lazily(Path(path), by_number=False)
     if cube.nbytes > _READ_AT_ONCE:
         return cube
     with cube:
-        return cube.load()
+        cube.load()
+        return cube.set_xindex("point") if "point" in cube.dims and "point" in cube.coords else cube
 
 
-def _lazily(path: Path, chunks: int | str | Mapping[str, int] | None) -> xr.Dataset:
+def _lazily(path: Path, chunks: int | str | Mapping[str, int] | None = None, by_number: bool = True) -> xr.Dataset:
     with ExitStack() as opened:
-        cube = _joined(*(opened.enter_context(lazy_dataset(file, chunks)) for file in cube_files(path)))
+        cube = _joined(*(opened.enter_context(lazy_dataset(file, chunks, by_number)) for file in cube_files(path)))
         cube.set_close(opened.pop_all().close)
     return cube
 
@@ -163,6 +164,6 @@ def _written_aside(asked: StudyPoints, results: StoredResults) -> xr.Dataset:
     with ExitStack() as opened:
         folder = Path(opened.enter_context(TemporaryDirectory(prefix="tripod-doe-")))
         write_cube(asked, results, folder, "points so far", lambda: None)
-        cube = opened.enter_context(_lazily(folder, None)).assign()
+        cube = opened.enter_context(_lazily(folder, by_number=False)).assign()
         cube.set_close(opened.pop_all().close)
     return cube

@@ -172,7 +172,9 @@ def run_on(
         if study.accuracy:
             _take_over_pilot(asked, directory, retry_failed)
         missing = directory.missing(asked, retry_failed)
+        left = missing.size
         computed = _compute(asked, missing, directory, execution, fail_fast, progress)
+        del missing  # eight bytes a point, which the cube needs
         check_interrupt()
         written = directory.write_cube(asked, f"tripod-doe run: {piloted + computed} points computed")
     with written as cube:
@@ -187,7 +189,7 @@ def run_on(
     return RunSummary(
         directory.path,
         piloted + computed,
-        int(asked.to_compute.sum()) - missing.size - piloted,
+        int(asked.to_compute.sum()) - left - piloted,
         execution.seconds if piloted + computed else 0.0,
         failures,
         bool(study.retry.changes),
@@ -195,7 +197,7 @@ def run_on(
         answers,
         findings,
         notes,
-        complete=computed == missing.size,
+        complete=computed == left,
     )
 
 
