@@ -127,6 +127,6 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
         read = with_texts(stored)
         for dim in stored.dims:
             if dim in stored.coords and (by_number or dim != "point"):
-                read = read.set_xindex(dim)
+                read = read.set_xindex(str(dim))
         read.set_close(stored.close)
         return read

@@ -154,7 +154,7 @@ def _draw_many_as_image(figure: Figure) -> None:
         for drawn in axes.collections:
             values = drawn.get_array()
             cells = len(drawn.get_paths()) if values is None else np.size(values)
-            drawn.set_rasterized(max(cells, len(drawn.get_offsets())) > _MOST_DRAWN)
+            drawn.set_rasterized(max(cells, np.size(drawn.get_offsets()) // 2) > _MOST_DRAWN)
 
 
 def _inline(svg: str) -> str:
