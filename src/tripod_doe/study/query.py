@@ -276,8 +276,9 @@ def _choose(
         if len(labels.dims) != 1:
             raise InputError(f"{option('select', selection.name)}: it has only one value, so it cannot be selected")
         dim = labels.dims[0]
-        left = rows.get(dim, np.arange(labels.values.size))
-        rows[dim] = left[_matching(labels.values[left], selection, nearest)]
+        left = rows.get(dim)
+        matching = np.flatnonzero(_matching(labels.values if left is None else labels.values[left], selection, nearest))
+        rows[dim] = matching if left is None else left[matching]
     return _Choice(cube, variable, shown, coordinates, rows)
 
 
@@ -288,14 +289,14 @@ def _matching(values: NDArray[Any], selection: Selection, nearest: bool) -> NDAr
     if not selection.values:
         slack = _MATCH * np.abs(values)  # linspace's 0.30000000000000004 lies in 0.1:0.3
         return np.asarray((values >= selection.low - slack) & (values <= selection.high + slack))
-    values = values.astype(float)
     keep = np.zeros(values.size, bool)
     for wanted in selection.values:
         if isinstance(wanted, str):
             raise InputError(f"{option('select', f'{selection.name}={wanted}')}: expected numbers")
-        match = np.abs(values - wanted) <= _MATCH * max(abs(wanted), 1e-300)
+        slack = _MATCH * max(abs(wanted), 1e-300)
+        match = (values >= np.float64(wanted - slack)) & (values <= np.float64(wanted + slack))
         if nearest and not match.any() and values.size:
-            match = values == values[np.argmin(np.abs(values - wanted))]
+            match = values == values[np.argmin(np.abs(values.astype(float) - wanted))]
         keep |= match
     return keep
 
