@@ -1,14 +1,17 @@
 """Records the errors of the models, by which every answer states them: src/tripod_doe/joint/model_errors.csv.
 
-    for study in rungs_needles joint_angle speed_torque needles_field rungs; do
+    for study in rungs_needles joint_angle speed_torque needles_field needles_reference rungs; do
         tripod-doe run studies/$study.toml --out results/$study
     done
-    cd results && python ../benchmarks/model_error.py rungs_needles joint_angle speed_torque needles_field rungs
+    cd results && python ../benchmarks/model_error.py rungs_needles joint_angle speed_torque needles_field \\
+        needles_reference rungs
 
 Each row is an operating point: what differs from the reference joint, and the third order of the models relative to
 that of the needles, or, where those were not run (`needles` is 0), to that of the rollers. The balances are run here,
 and so are the rollers at points of the needles. A value is empty where one of the two did not finish (mostly since the
 joint vibrates), or where the run of the finer model has a numerical error of more than 2 %, as far as it reports.
+Columns with _2 hold the second order of a model over the third of the needles; they are empty where the second order of
+the needles has a numerical error of more than 10 % of itself and of a hundredth of the third.
 """
 
 from __future__ import annotations
@@ -27,8 +30,10 @@ from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.mechanics.sources import source_hashes
 from tripod_doe.simulator import Outcome
 
-SURE = 0.02
-"""Largest relative numerical error of a run that others are compared with."""
+SURE, SECOND_SURE = 0.02, 0.1
+"""Largest relative numerical error of a run that others are compared with, of its third and second order."""
+FLOOR = 0.01
+"""Share of the third order that a smaller second one counts as."""
 BUDGET = 60_000
 """Evaluations of a run of `rollers`, eight times a usual one: a joint that vibrates by itself would take hundreds."""
 POINT = [
@@ -41,25 +46,29 @@ POINT = [
 
 def runs(cube: xr.Dataset) -> pd.DataFrame:
     """Points of a cube that were run with needles or rollers: what they set, and their third order, NaN if not sure."""
-    points = cube[["outcome", "thrust_amplitude", "thrust_amplitude_error"]].sel(order=3, drop=True)
+    points = cube[["outcome"]].assign({
+        f"{name}_{order}": cube[f"thrust_{name}"].sel(order=order, drop=True)
+        for name in ("amplitude", "amplitude_error") for order in (2, 3)
+    })  # fmt: skip
     table = points.to_dataframe().reset_index()
     for name, value in json.loads(cube.attrs["fixed_parameters"]).items():
         if name == "model" or (name in POINT and value != JOINT_PARAMETERS[name].default):
             table[name] = value
     table = table[table["model"].isin([FINEST, "rollers"]) & (table["outcome"] != Outcome.NOT_RUN)]
-    sure = (table["outcome"] == Outcome.FINISHED) & (
-        table["thrust_amplitude_error"] <= SURE * table["thrust_amplitude"]
-    )
-    table["reference"] = table["thrust_amplitude"].where(sure)
-    table["needles"] = (table["model"] == FINEST).astype(int)
+    finished, direct = table["outcome"] == Outcome.FINISHED, table["model"] == FINEST
+    third, second = table["amplitude_3"], table["amplitude_2"]
+    table["reference"] = third.where(finished & (table["amplitude_error_3"] <= SURE * third))
+    known = table["amplitude_error_2"] <= SECOND_SURE * np.maximum(second, FLOOR * third)
+    table[f"{FINEST}_2"] = (second / table["reference"]).where(direct & known)
+    table["needles"] = direct.astype(int)
     return table.reset_index(drop=True)
 
 
-def third_order(model: str, point: dict[str, float]) -> float:
-    """Third order of a model, NaN where it does not finish."""
+def orders(model: str, point: dict[str, float]) -> np.ndarray:
+    """Second and third order of a model, NaN where it does not finish."""
     given = {"accuracy": 0.01, "evaluation_budget": BUDGET} if model == "rollers" else {}
     result = td.simulate(**point, model=model, **given)
-    return float(result["thrust_amplitude"].sel(order=3)) if result.attrs["finished"] else np.nan
+    return result["thrust_amplitude"].sel(order=[2, 3]).values if result.attrs["finished"] else np.full(2, np.nan)
 
 
 def record(cubes: list[xr.Dataset]) -> pd.DataFrame:
@@ -69,13 +78,15 @@ def record(cubes: list[xr.Dataset]) -> pd.DataFrame:
     for name in given:
         whole[name] = whole[name].fillna(JOINT_PARAMETERS[name].default)
     whole = whole.sort_values("needles", ascending=False, kind="stable")
-    table = whole.drop_duplicates(given)[[*given, "needles", "reference"]].reset_index(drop=True)
+    table = whole.drop_duplicates(given)[[*given, "needles", "reference", f"{FINEST}_2"]].reset_index(drop=True)
     for model in COMPARED:
         asked = np.isfinite(table["reference"]) & ((table["needles"] == 1) | (model != "rollers"))
-        table[model] = [
-            third_order(model, row[given].to_dict()) / row["reference"] - 1 if asked[at] else np.nan
+        found = [
+            orders(model, row[given].to_dict()) / row["reference"] if asked[at] else np.full(2, np.nan)
             for at, row in table.iterrows()
         ]
+        second, third = np.array(found).T
+        table[model], table[f"{model}_2"] = third - 1, np.where(table[f"{FINEST}_2"].notna(), second, np.nan)
         print(f"{model}: {table[model].notna().sum()} of {len(table)} points", flush=True)
     return table.drop(columns="reference")
 

@@ -105,7 +105,7 @@ def test_query_answers_records(capsys, results):
     assert [(r["joint_angle_deg"], r["needle_count"], r["order"]) for r in records] == [
         (10, 27, 2), (10, 27, 3), (10, 28, 2), (10, 28, 3),
     ]  # fmt: skip
-    assert records[1]["thrust_amplitude"] == pytest.approx(14.44, abs=0.01)
+    assert records[1]["thrust_amplitude"] == pytest.approx(14.43, abs=0.01)
     assert records[3] == {
         "joint_angle_deg": 10.0, "needle_count": 28.0, "order": 3, "thrust_amplitude": None, "outcome": "jammed",
     }  # fmt: skip

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import tripod_doe as td
 from tripod_doe.joint import model_error
 from tripod_doe.joint.contact import bearing_load_zone, needle_contact_stiffness
-from tripod_doe.joint.model_error import COMPARED, RECORDED, known_errors
+from tripod_doe.joint.model_error import COMPARED, RECORDED, known_errors, similar_errors
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.operating_ratios import operating_ratios
 from tripod_doe.joint.simulator import simulator
-from tripod_doe.simulator import model_notes
+from tripod_doe.simulator import Demand, Demands, model_notes
 from tripod_doe.study.definition import load_study
 
 STUDIES = [
-    f"studies/{name}.toml" for name in ("rungs_needles", "joint_angle", "speed_torque", "needles_field", "rungs")
+    f"studies/{name}.toml"
+    for name in ("rungs_needles", "joint_angle", "speed_torque", "needles_field", "needles_reference", "rungs")
 ]
+SECOND = Demand("thrust_amplitude_2", "thrust_amplitude", 2, 0.1)
+THIRD = Demand("thrust_amplitude_3", "thrust_amplitude", 3, 0.015)
 
 
 def points(**varied):
@@ -36,7 +41,7 @@ def test_the_record_is_made_from_the_studies_as_they_stand(pytestconfig):
         assert load_study(pytestconfig.rootpath / study).hash in head
 
 
-def test_nine_in_ten_of_the_measured_errors_are_within_their_limit(monkeypatch):
+def test_nine_in_ten_of_the_measured_errors_are_within_their_limit():
     """Exact by its meaning: each measured point left out in turn; the share is known to 5 % from some 100 points."""
     measured = model_error._measured()
     for model in COMPARED:
@@ -44,10 +49,7 @@ def test_nine_in_ten_of_the_measured_errors_are_within_their_limit(monkeypatch):
         within = []
         for at in np.flatnonzero(np.isfinite(errors)):
             others = np.arange(errors.size) != at
-            alone = model_error._Measured(
-                measured.names, measured.low, measured.high, measured.places[others], measured.spread,
-                {model: errors[others]},
-            )  # fmt: skip
+            alone = replace(measured, places=measured.places[others], errors={model: errors[others]})
             limit = alone.near(model, measured.places[[at]])[1]
             within.append(errors[at] <= limit[0] if np.isfinite(limit[0]) else None)
         known = [one for one in within if one is not None]
@@ -121,3 +123,56 @@ def test_the_crown_is_measured_by_the_penetration():
     load, stiffness = 50e3 / 63, float(needle_contact_stiffness(np.array(10.0), np.array(1.0)))
     penetration = bearing_load_zone(load, 0.0, stiffness, 27.0)[1]
     assert operating_ratios(values)["crown_ratio"] == pytest.approx(1 + 2e-3 / penetration, rel=1e-3)
+
+
+def test_similar_errors_are_those_of_the_nearest_measured_points():
+    """Exact: a measured point is its own nearest one; over the allowed error, of the size that the floor leaves."""
+    table = np.genfromtxt(RECORDED, delimiter=",", names=True, skip_header=1)
+    row = table[
+        np.flatnonzero((table["needles"] == 1) & (table["needle_crown_um"] > 0) & (table["needles_2"] > 0.02))[0]
+    ]
+    block = points(**{name: [row[name]] for name in table.dtype.names if name in simulator.parameters})
+    errors = similar_errors("kinetostatic", block, Demands((SECOND, THIRD), 0.01))
+    missed = abs(row["kinetostatic_2"] - row["needles_2"]) / row["needles_2"]
+    assert errors.shape == (1, 10, 2)
+    np.testing.assert_allclose(errors[0, 0], [missed / 0.1, abs(row["kinetostatic"]) / 0.015], rtol=1e-5)
+    coarse = similar_errors("kinetostatic", block, Demands((SECOND,), 2 * row["needles_2"]))
+    assert coarse[0, 0, 0] == pytest.approx(missed / 0.2, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    "varied",
+    [
+        {"needle_count": 19}, {"needle_crown_um": 40.0}, {"density_kg_m3": 9000.0}, {"groove_sliding": 0},
+        {"joint_angle_deg": 0.0}, {"needle_pitch_diameter_mm": 23.0}, {"groove_sliding_friction": 0.3},
+        {"joint_angle_deg": 19.9, "speed_rpm": 3000.0, "needle_sliding_friction": 0.0},
+    ],
+)  # fmt: skip
+def test_no_errors_are_similar_where_nothing_like_it_was_measured(varied):
+    """Other numbers of needles, more crown or friction, an aligned joint; the last is far from all, in every range."""
+    errors = similar_errors("kinetostatic", points(**{name: [value] for name, value in varied.items()}),
+                            Demands((THIRD,), 0.01))  # fmt: skip
+    assert np.isnan(errors).all()
+    usual = similar_errors("kinetostatic", points(joint_angle_deg=[10.0]), Demands((THIRD,), 0.01))
+    assert np.isfinite(usual).all()
+
+
+def test_only_second_and_third_order_of_compared_models_are_on_record():
+    block = points(joint_angle_deg=[10.0])
+    assert similar_errors("kinetostatic", block, Demands((replace(THIRD, label=1),), 0.01)) is None
+    assert similar_errors("kinetostatic", block, Demands((THIRD, replace(THIRD, output="thrust_rms")), 0.01)) is None
+    assert np.isnan(similar_errors("closed-form", block, Demands((THIRD,), 0.01))).all()
+
+
+@pytest.mark.parametrize("demand", [SECOND, THIRD])
+def test_where_nine_in_ten_similar_points_are_within_the_accuracy_a_point_mostly_is(demand):
+    """Measured, each point left out in turn: 45 of 51 in the second order to 10 %, 123 of 130 in the third to 1.5 %."""
+    measured = model_error._measured()
+    errors = measured.over_allowed("kinetostatic", demand, 0.01)
+    asked = ~np.isinf(errors)
+    places, within = measured.places[asked], errors[asked] <= 1
+    apart = np.square(places[:, None] - places).sum(axis=2)
+    np.fill_diagonal(apart, np.inf)
+    sure = within[np.argsort(apart, axis=1, kind="stable")[:, :10]].mean(axis=1) >= 0.9
+    assert sure.sum() >= 40
+    assert within[sure].mean() >= 0.85

@@ -1,11 +1,14 @@
 """The error of each model of the joint at any operating point, from errors that were measured at others.
 
 `model_errors.csv` holds the third order of each model relative to that of `needles`, at operating points that cover the
-field in which joints are used (`benchmarks/model_error.py` makes it from five studies). Where needles were not run, it
+field in which joints are used (`benchmarks/model_error.py` makes it from six studies). Where needles were not run, it
 is relative to `rollers`, whose own typical error there is added. A point is compared with the measured ones that are
 most like it, by the ratios on which the errors depend: their median is the typical error, their 90th percentile its
 limit. Nothing is known outside of what was measured, and where one of the two models has no answer at most of such
 points.
+
+Of the second order, errors are recorded where needles were run and their own numerical error is small. `similar_errors`
+gives the errors of both orders at the similar points, one by one, for a choice of the model.
 """
 
 from __future__ import annotations
@@ -22,8 +25,9 @@ from numpy.typing import NDArray
 from tripod_doe.joint.operating_ratios import RATIOS, operating_ratios
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.quantities import number
+from tripod_doe.simulator import Demand, Demands
 
-__all__ = ["COMPARED", "FINEST", "QUANTITY", "RECORDED", "known_errors"]
+__all__ = ["COMPARED", "FINEST", "QUANTITY", "RECORDED", "known_errors", "similar_errors"]
 
 FloatArray = NDArray[np.float64]
 
@@ -34,12 +38,14 @@ COMPARED, FINEST = ("equilibrium", "kinetostatic", "rollers"), "needles"
 """Models, and the one that the error of each was measured against: the end of the ladder."""
 
 QUANTITY = "third order"
-"""What the errors are of."""
+"""What the errors are of that every answer states."""
 
 _NEAREST = 10
 """Measured points that a point is compared with."""
 _FEW = 500
 """Points for which no compilation is worth its time."""
+_FAR = 1e6
+"""Place of a ratio that has no logarithm: far from all that was measured."""
 _NO_REFERENCE = "this is the finest model, which the others are compared with"
 _NOT_COMPARED = "it was not compared with the others"
 _NO_ANSWER = "for most of the similar points one of the models did not finish"
@@ -62,6 +68,12 @@ class _Measured:
     errors
         By model: relative error of its third order, shape (measured,); NaN where one of the two has no answer, and
         infinite where it was not asked.
+    second
+        Second order of `needles` over their third, shape (measured,); NaN where it was not measured well enough.
+    second_missed
+        By model: what it misses of the second order, over the third order of `needles`, shape (measured,).
+    given
+        The parameters that were varied, or set, shape (measured,) each; all others had their defaults.
     """
 
     names: tuple[str, ...]
@@ -70,6 +82,9 @@ class _Measured:
     places: FloatArray
     spread: FloatArray
     errors: dict[str, FloatArray]
+    second: FloatArray
+    second_missed: dict[str, FloatArray]
+    given: dict[str, FloatArray]
 
     def told(self, ratio: int) -> str:
         """Why nothing is known of points that lie outside in a ratio."""
@@ -87,6 +102,30 @@ class _Measured:
         nearest = _nearest(self.places[asked], places)
         found = np.sort(self.errors[model][asked][nearest], axis=1)  # NaN last
         return _quantile(found, 0.5), _quantile(found, 0.9)
+
+    def over_allowed(self, model: str, demand: Demand, floor: float) -> FloatArray | None:
+        """Errors of a model over the allowed one, shape (measured,), as `errors`; None of what was not measured."""
+        if demand.output != "thrust_amplitude" or demand.label not in (2, 3):
+            return None
+        if demand.label == 3:
+            return self.errors[model] / demand.allowed
+        size = np.maximum(self.second, floor * np.maximum(1, self.second))
+        return np.where(np.isnan(self.second), np.inf, self.second_missed[model] / (size * demand.allowed))
+
+    def speaks_of(self, points: Mapping[str, NDArray[Any]], asked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Whether no parameter of a point leaves the range of its values at some measured ones, shape (point,)."""
+        inside = np.ones(len(points["torque_n_m"]), bool)
+        for name, parameter in JOINT_PARAMETERS.items():
+            if parameter.group == "numerics":
+                continue
+            if name in self.given:
+                known = self.given[name][asked]
+                inside &= (points[name] >= known.min()) & (points[name] <= known.max())
+            elif parameter.default is None:
+                inside &= np.isnan(points[name])
+            else:
+                inside &= points[name] == parameter.default
+        return inside
 
 
 def _nearest(known: FloatArray, places: FloatArray) -> NDArray[np.int64]:
@@ -121,11 +160,16 @@ def _measured() -> _Measured:
         }
     )
     values = np.stack(list(ratios.values()), axis=1)
+    parameters = {name: table[name] for name in given if name in JOINT_PARAMETERS}
+    second_missed = {model: np.abs(table[f"{model}_2"] - table["needles_2"]) for model in COMPARED}
     spread = np.log(values).std(axis=0)
     direct = table["needles"] == 1
     errors = {model: np.abs(table[model]) for model in COMPARED}
     errors["rollers"][~direct] = np.inf
-    measured = _Measured(tuple(ratios), values.min(axis=0), values.max(axis=0), np.log(values) / spread, spread, errors)
+    measured = _Measured(
+        tuple(ratios), values.min(axis=0), values.max(axis=0), np.log(values) / spread, spread, errors,
+        table["needles_2"], second_missed, parameters,
+    )  # fmt: skip
     by_rollers = measured.near("rollers", measured.places[~direct])[0]
     for model in COMPARED[:2]:
         errors[model][~direct] += by_rollers
@@ -161,3 +205,53 @@ def known_errors(model: str, points: Mapping[str, NDArray[Any]]) -> tuple[FloatA
     for ratio in range(len(measured.names))[::-1]:  # of several, the first is told
         unknown[~inside[:, ratio]] = measured.told(ratio)
     return expected, limit, unknown
+
+
+def similar_errors(model: str, points: Mapping[str, NDArray[Any]], demands: Demands) -> FloatArray | None:
+    """Errors that a model makes in what a study asks for, at the measured points most like some points.
+
+    Parameters
+    ----------
+    model, points
+        As for `known_errors`.
+    demands
+        What is asked for.
+
+    Returns
+    -------
+    numpy.ndarray or None
+        Over the allowed errors, shape (point, similar, quantity); NaN where one of the two models has no answer, or
+        where a point is not like those measured: a parameter leaves their ranges, or the similar ones are farther than
+        nine in ten of the measured points have theirs. None where a quantity was not measured.
+    """
+    measured = _measured()
+    known = model if model in COMPARED else COMPARED[0]
+    found = [measured.over_allowed(known, demand, demands.floor) for demand in demands.quantities]
+    recorded = [errors for errors in found if errors is not None]
+    if len(recorded) < len(found):
+        return None
+    errors = np.stack(recorded, axis=-1)
+    similar = np.full((len(points["torque_n_m"]), _NEAREST, errors.shape[-1]), np.nan)
+    if model != known:
+        return similar
+    asked = np.asarray(~np.isinf(errors).any(axis=-1))
+    inside = measured.speaks_of(points, asked)
+    ratios = operating_ratios({name: column[inside] for name, column in points.items()})
+    with np.errstate(divide="ignore"):
+        places = np.log(np.stack([ratios[name] for name in measured.names], axis=1)) / measured.spread
+    places[~np.isfinite(places)] = _FAR
+    nearest = _nearest(measured.places[asked], places)
+    near = _apart(measured.places[asked], places, nearest) <= _usual_distance(measured.places[asked])
+    similar[inside] = np.where(near[:, None, None], errors[asked][nearest], np.nan)
+    return similar
+
+
+def _apart(known: FloatArray, places: FloatArray, nearest: NDArray[np.int64]) -> FloatArray:
+    """Distances of some places to the last of their nearest known ones, shape (len(places),)."""
+    return np.asarray(np.linalg.norm(known[nearest[:, -1]] - places, axis=1))
+
+
+def _usual_distance(known: FloatArray) -> float:
+    """Distance within which nine in ten known places have their own nearest ones."""
+    apart = np.sort(np.linalg.norm(known[:, None] - known, axis=2), axis=1)
+    return float(np.quantile(apart[:, _NEAREST], 0.9))  # each is its own first

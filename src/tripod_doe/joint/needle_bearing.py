@@ -38,7 +38,7 @@ def needle_body(derived: DerivedConstants, k: int, j: int, roller: Body) -> Body
     orbit = spin * values.bore_radius / (2 * pitch)
     rotation = shaft.rotation + orbit * axis + orbit * (pitch / radius - 1) * own
     velocity = shaft.velocity + np.cross(shaft.rotation + orbit * axis, arm)
-    mass = values.density * math.pi * radius**2 * values.needle_length * values.needle_mass_factor
+    mass = values.needle_mass
     across = mass * (radius**2 / 4 + values.needle_length**2 / 12)
     attitude = Rotation.from_matrix(np.column_stack([normal, np.cross(own, normal), own]))
     place = Pose(shaft.position + arm, attitude, velocity, rotation)

@@ -33,6 +33,8 @@ class NeedleConstants(NamedTuple):
         mu_n and v_sn.
     speed, cycles
         Of the housing in rad/s, and revolutions that are followed.
+    thrown
+        Centrifugal force of a needle along its trunnion, N.
     """
 
     needles: float
@@ -49,6 +51,7 @@ class NeedleConstants(NamedTuple):
     transition: float
     speed: float
     cycles: float
+    thrown: float
 
 
 @inlined_kernel
@@ -56,7 +59,7 @@ def needle_constants_of(row):
     """The constants in a row of their table."""
     return NeedleConstants(
         row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10], row[11], row[12],
-        row[13],
+        row[13], row[14],
     )  # fmt: skip
 
 
@@ -77,5 +80,6 @@ def needle_constants(points: JointValues[FloatArray]) -> FloatArray:
         "transition": transition_velocities(points).needle_sliding,
         "speed": points.speed,
         "cycles": points.cycles,
+        "thrown": points.needle_mass * points.pitch_radius * points.speed**2,
     }
     return np.stack([columns[name] for name in NeedleConstants._fields], axis=1)

@@ -11,14 +11,17 @@ and fro: the same few needles carry the load.
 Axial place. It rolls freely across its axis, and slips along it on trunnion and bore by v_t + v_b = w cos psi - s r_e
 sin psi. In an even gap a free needle slips on both alike, and moves by w / 2 along the trunnion: half of the plunging,
 which is 2 e to both sides. But a roller that tilts by b and yaws by a narrows the gap outward, by beta = b cos gamma +
-a sin gamma. The normal forces push the needle to the wider side by beta f, which friction must hold:
+a sin gamma. The normal forces push the needle to the wider side by beta f, and the orbit of the trunnion, at R_p from
+the axis, throws it outward by the centrifugal force F = m_n R_p omega^2. Friction must hold both:
 
-    mu_n (tanh(v_t / v_sn) - tanh(v_b / v_sn)) = -beta.
+    mu_n (tanh(v_t / v_sn) - tanh(v_b / v_sn)) = -beta + F / f.
 
-Friction hardly grows with slip: 2 mrad, a twentieth of mu_n, take a needle with the roller by 0.6 of its motion. Where
-it is stopped by flange or retainer it rolls on in place:
+Friction hardly grows with slip: 2 mrad, a twentieth of mu_n, take a needle with the roller by 0.6 of its motion. So a
+centrifugal force of a hundredth of the friction carries needles to their outer stops within a few revolutions. Where
+one is stopped by flange or retainer it rolls on in place:
 
-    v_t = -s r_e sin(psi) / 2,    v_b = w cos psi + v_t,    R = mu_n f (tanh(v_b / v_sn) - tanh(v_t / v_sn)) - beta f,
+    v_t = -s r_e sin(psi) / 2,    v_b = w cos psi + v_t,
+    R = mu_n f (tanh(v_b / v_sn) - tanh(v_t / v_sn)) - beta f + F,
 
 where R is the force of the outer stop. It goes on until the roller turns back. At the stop the end of the needle rubs,
 as the needle moves around the trunnion by s r_b / 2: S = mu_n R tanh(s r_b / (2 v_sn)) against that motion. Trunnion
@@ -40,10 +43,10 @@ axis by v, friction yields to a slip across as if it were viscous, so that
     psi' mu_n f (<x^2>_t tanh(v_t / v_sn) / v_t + <x^2>_b tanh(v_b / v_sn) / v_b) = the sum of the moments.
 
 A needle is held in its skew where it hardly slips along its axis, and yaws per millimetre of that slip elsewhere: no
-time enters, and none of it depends on the speed of the joint.
+time enters, and the speed of the joint by the centrifugal force alone.
 
 A needle without load is thrown against its outer stop, and lies along its neighbour that carries load. Left out are
-forces between needles, and the needles' inertia.
+forces between needles, and the needles' inertia but for the centrifugal force.
 """
 
 from __future__ import annotations
@@ -216,8 +219,19 @@ def _free_slip(c, total, slope):
 
 
 @inlined_kernel
-def _move(c, needle, contacts, spin, plunge, offset, slope, duration):
-    """Move a needle on by a step; its force along the trunnion on the roller, and its moment about it."""
+def _thrown(c, needle):
+    """Centrifugal force of a needle over its load, as far as its friction on trunnion and bore can hold it."""
+    most = 2.0 * c.sliding
+    return c.thrown / needle.load if c.thrown < most * needle.load else most
+
+
+@inlined_kernel
+def _move(c, needle, contacts, spin, plunge, offset, narrowing, duration):
+    """Move a needle on by a step; its force along the trunnion on the roller, and its moment about it.
+
+    `narrowing` is the slope by which the gap narrows outward; what throws the needle outward counts as a widening one.
+    """
+    slope = narrowing - _thrown(c, needle)
     sine, cosine = math.sin(needle.skew), math.cos(needle.skew)
     turning, around = 0.5 * c.lever * spin * sine, 0.5 * c.bore_radius * spin
     total = plunge * cosine - 2.0 * turning

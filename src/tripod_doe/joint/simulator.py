@@ -14,7 +14,7 @@ from tripod_doe.joint import models
 from tripod_doe.joint.candidates import JOINT_CANDIDATES
 from tripod_doe.joint.feasibility import infeasible
 from tripod_doe.joint.goal import Goal
-from tripod_doe.joint.model_error import FINEST, QUANTITY, known_errors
+from tripod_doe.joint.model_error import FINEST, QUANTITY, known_errors, similar_errors
 from tripod_doe.joint.operating_ratios import RATIOS, operating_ratios
 from tripod_doe.joint.outputs import JOINT_OUTPUTS
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values, point_values
@@ -92,6 +92,18 @@ class JointSimulator(Simulator):
         for model, rows, own in _by_model(points):
             expected[rows], limit[rows], unknown[rows] = known_errors(model.name, own)
         return ModelErrors(QUANTITY, FINEST, np.asarray(points["model"], object), expected, limit, unknown)
+
+    def recorded_errors(self, points: Mapping[str, NDArray[Any]], demands: Demands) -> NDArray[np.float64] | None:
+        """Errors of the second and third order against `needles` at measured points like these."""
+        found: NDArray[np.float64] | None = None
+        for model, rows, own in _by_model(points):
+            errors = similar_errors(model.name, own, demands)
+            if errors is None:
+                return None
+            if found is None:
+                found = np.full((len(points["model"]), *errors.shape[1:]), np.nan)
+            found[rows] = errors
+        return found
 
     def departures(self, points: Mapping[str, NDArray[Any]]) -> list[Departure]:
         """The ranges in which the models of some points hold, each with the points that leave it."""

@@ -103,6 +103,11 @@ class JointValues(Generic[Number]):
         return self.needle_diameter / 2
 
     @property
+    def needle_mass(self) -> Number:
+        """Mass of a needle."""
+        return self.density * np.pi * self.needle_radius**2 * self.needle_length * self.needle_mass_factor
+
+    @property
     def bearing_radius(self) -> Number:
         """Radius of the needles' pitch circle."""
         return self.needle_pitch_diameter / 2

@@ -179,6 +179,24 @@ class Simulator(ABC):
         """
         return None
 
+    def recorded_errors(self, points: Mapping[str, NDArray[Any]], demands: Demands) -> NDArray[np.float64] | None:
+        """Errors of the models of some points in what a study asks for, as they are on record for similar points.
+
+        Parameters
+        ----------
+        points
+            Every parameter by name, as for `simulate`.
+        demands
+            What the study asks for.
+
+        Returns
+        -------
+        numpy.ndarray or None
+            Over the allowed errors, shape (point, similar, quantity); NaN where nothing is known, None where no such
+            errors are on record.
+        """
+        return None
+
     def departures(self, points: Mapping[str, NDArray[Any]]) -> list[Departure]:
         """The ranges in which the models of some points hold, each with the points that leave it."""
         return []

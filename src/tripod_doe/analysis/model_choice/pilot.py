@@ -19,11 +19,12 @@ __all__ = ["normalised", "pilot_points", "pilot_study"]
 _POINTS_A_FACTOR = 4
 
 
-def pilot_points(study: Study, points: Points) -> NDArray[np.int64]:
+def pilot_points(study: Study, points: Points, count: int | None = None) -> NDArray[np.int64]:
     """Indices of the points at which candidates are compared: the middle of the design, then always the farthest one.
 
-    So the edges are included early, and all other points lie between pilot points. Their number is the larger of what
-    the confidence needs and four per factor plus one; none where that would be half of the study or more.
+    So the edges are included early, and all other points lie between pilot points. Their number, if omitted, is the
+    larger of what the confidence needs and four per factor plus one; none where that would be more than half of the
+    study.
     """
     accuracy = study.accuracy
     assert accuracy is not None
@@ -31,7 +32,7 @@ def pilot_points(study: Study, points: Points) -> NDArray[np.int64]:
     usable = np.flatnonzero(points.allowed)
     _, first = np.unique(places[usable], axis=0, return_index=True)
     usable = usable[np.sort(first)]
-    wanted = max(accuracy.least_points, _POINTS_A_FACTOR * len(points.columns) + 1)
+    wanted = count or max(accuracy.least_points, _POINTS_A_FACTOR * len(points.columns) + 1)
     if 2 * wanted > usable.size:
         return np.array([], np.int64)
     chosen = [int(usable[np.argmin(((places[usable] - 0.5) ** 2).sum(axis=1))])]

@@ -46,12 +46,13 @@ from tripod_doe.study.accuracy import AUTO, Accuracy
 from tripod_doe.study.definition import load_study
 from tripod_doe.study.designs import make_points
 
-__all__ = ["ChooseSettings", "choose", "choose_for_study", "without_pilot"]
+__all__ = ["AS_GOOD", "ChooseSettings", "choose", "choose_for_study", "labelled", "without_pilot"]
 
 FloatArray = NDArray[np.float64]
 
 _LIMITS = np.linspace(1.0, 0.0, 101)
-_AS_GOOD = 1.1  # error over that of the reference up to which a candidate is accepted where neither meets the accuracy
+AS_GOOD = 1.1
+"""Error over that of the reference up to which a candidate is accepted where neither meets the accuracy."""
 
 
 class ChooseSettings(BaseModel):
@@ -88,7 +89,7 @@ def choose(found: PilotErrors, columns: Mapping[str, NDArray[Any]], accuracy: Ac
     expected = prediction.errors(normalised(columns, found.columns))
     candidate = _cheapest(expected.max(axis=2), found.prices, limit)
     every = np.arange(candidate.size)
-    choice = _labelled(found, columns, accuracy, candidate, expected[every, candidate])
+    choice = labelled(found, columns, accuracy, candidate, expected[every, candidate])
     study = float(found.prices[candidate].sum())
     return choice.assign_attrs({
         "limit": max(limit, 0.0), "misses": misses, "price_study_s": study, "price_pilot_s": found.price,
@@ -137,7 +138,7 @@ def without_pilot(columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr
         np.array([candidates[0].price]),
         np.zeros(1, int),
     )
-    choice = _labelled(found, columns, accuracy, np.zeros(count, int), np.full((count, len(accuracy.demands)), np.nan))
+    choice = labelled(found, columns, accuracy, np.zeros(count, int), np.full((count, len(accuracy.demands)), np.nan))
     price = float(candidates[0].price * count)
     return choice.assign_attrs({
         "limit": 0.0, "misses": 0, "price_study_s": price, "price_pilot_s": 0.0, "price_reference_s": price,
@@ -185,7 +186,7 @@ class _Prediction:
         rows, last, misses = np.arange(found.count), len(found.candidates) - 1, []
         for limit in _LIMITS:
             candidate = _cheapest(self._blind.max(axis=2), found.prices, float(limit))
-            misses.append(int((found.worst[rows, candidate] > np.maximum(1, _AS_GOOD * found.worst[:, last])).sum()))
+            misses.append(int((found.worst[rows, candidate] > np.maximum(1, AS_GOOD * found.worst[:, last])).sum()))
         most_below = np.maximum.accumulate(misses[::-1])[::-1]
         allowed = (most_below + 1) / (found.count + 1) <= 1 - confidence + 1e-12
         if not allowed.any():
@@ -224,19 +225,20 @@ def _cheapest(expected: FloatArray, prices: FloatArray, limit: float) -> NDArray
     order = np.argsort(prices, kind="stable")
     order = order[: int(np.flatnonzero(order == prices.size - 1)[0]) + 1]  # none dearer than the reference
     reference = expected[:, -1:]
-    enough = np.where((reference > 1) & (limit >= 0), _AS_GOOD * reference, limit)
+    enough = np.where((reference > 1) & (limit >= 0), AS_GOOD * reference, limit)
     trusted = expected[:, order] <= enough
     trusted[:, -1] = True
     return np.asarray(order[trusted.argmax(axis=1)])
 
 
-def _labelled(
+def labelled(
     found: PilotErrors,
     columns: Mapping[str, NDArray[Any]],
     accuracy: Accuracy,
     candidate: NDArray[np.int64],
     error: FloatArray,
 ) -> xr.Dataset:
+    """A choice with its labels: `candidate` by number, shape (point,), `error` over the allowed, (point, quantity)."""
     allowed = np.array([demand.allowed for demand in accuracy.demands])
     numbers, labels = np.arange(len(found.candidates), dtype=np.int32), [way.label for way in found.candidates]
     chosen = {name: np.array([way.values[name] for way in found.candidates])[candidate] for name in accuracy.parameters}

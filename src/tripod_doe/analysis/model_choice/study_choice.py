@@ -1,37 +1,31 @@
 """The choice of model of a study with model = "auto": pilot, its errors, selection, stored in the result directory.
 
-The pilot starts with the cheapest candidate and the full model. Where the numerical error of the full model
-exceeds the accuracy at more points than the confidence allows, a full model of smaller numerical error is added at
-these points; a candidate between the two is added if it could save more than it costs. Each time the pilot is the same
-study with more points, so no point runs twice, neither in the pilot nor in the study (`pilot_results`).
+No point runs twice, neither in the pilot as it grows (`growing_pilot`) nor in the study (`pilot_results`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
-from tripod_doe.analysis.model_choice.pilot import pilot_points, pilot_study
-from tripod_doe.analysis.model_choice.pilot_errors import PilotErrors, pilot_errors
+from tripod_doe.analysis.model_choice.growing_pilot import GrowingPilot, confirming_sizes, first_candidates
+from tripod_doe.analysis.model_choice.pilot import pilot_points
 from tripod_doe.analysis.model_choice.pilot_results import finished_in_pilot
+from tripod_doe.analysis.model_choice.recorded import RecordedChoice, choice_by_record
 from tripod_doe.analysis.model_choice.selection import choose, without_pilot
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import duration, number
 from tripod_doe.simulator import Candidate
-from tripod_doe.study.accuracy import Accuracy
 from tripod_doe.study.choice import CHOICE, accuracy_of, chosen_points, frozen_choice, key_texts
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points, make_points, point_keys
 from tripod_doe.study.journal import PILOT
 from tripod_doe.study.netcdf import stamp_history, write_dataset
-from tripod_doe.study.results import open_cube
 
-__all__ = ["describe_choice", "make_choice", "pilot_price"]
+__all__ = ["describe_choice", "make_choice"]
 
 
 def make_choice(
@@ -59,13 +53,18 @@ def make_choice(
     frozen = frozen_choice(study, directory)
     if frozen is not None and set(keys) <= set(frozen["point_key"].values.tolist()):
         return frozen
-    places = pilot_points(study, points)
-    if frozen is None and places.size:
-        _check_budget(study, pilot_price(study, places.size), "the pilot alone")
-        choice = _piloted(study, points, places, usable, directory / PILOT, run_pilot)
-    elif frozen is not None and (directory / PILOT / "cube.nc").exists():  # the study grew
-        choice = choose(pilot_errors(open_cube(directory / PILOT), list(usable), accuracy), usable, accuracy)
-    else:
+    pilot = GrowingPilot(study, points, usable, directory / PILOT, run_pilot)
+    choice: xr.Dataset | None = None
+    if frozen is None:
+        record = choice_by_record(study, points)
+        _check_budget(study, _pilot_price(study, *_first_stage(study, points, record)), "the pilot alone")
+        choice = pilot.choose(record)
+    elif (directory / PILOT / "cube.nc").exists():  # the study grew
+        record = choice_by_record(study, points) if "recorded_share" in frozen.attrs else None
+        found = pilot.found()
+        choice = pilot.confirmed(record, found) if record else None
+        choice = choose(found, usable, accuracy) if choice is None else choice
+    if choice is None:
         choice = without_pilot(usable, accuracy)
     choice = choice.assign_coords(point_key=("point", keys, {"long_name": "fingerprint of the point"}))
     if frozen is not None:
@@ -82,63 +81,6 @@ def make_choice(
     }
     write_dataset(stamp_history(choice.assign_attrs(attrs), "tripod-doe run: model chosen"), directory / CHOICE)
     return choice
-
-
-def _piloted(
-    study: Study,
-    points: Points,
-    places: NDArray[np.int64],
-    usable: dict[str, NDArray[np.float64]],
-    directory: Path,
-    run_pilot: Callable[[Study, Path], object],
-) -> xr.Dataset:
-    """Run the pilot, and extend it as long as that could pay."""
-    accuracy = accuracy_of(study)
-    runs = [(candidate, places) for candidate in first_candidates(accuracy)]
-    while True:
-        run_pilot(pilot_study(study, points, runs), directory)
-        found = pilot_errors(open_cube(directory), list(usable), accuracy)
-        choice = choose(found, usable, accuracy)
-        if finer := _finer_candidate(found, accuracy):
-            rows = np.flatnonzero(found.worst[:, -1] <= 1)
-            sure = {_values(found.columns, int(row)) for row in rows}
-            runs.append((finer, np.array([at for at in places if _values(points.columns, int(at)) not in sure])))
-        elif between := _candidate_between(found, choice, accuracy, [candidate for candidate, _ in runs]):
-            runs.append((between, places))
-        else:
-            return choice
-
-
-def first_candidates(accuracy: Accuracy) -> list[Candidate]:
-    """What a pilot starts with: the cheapest candidate and the full model."""
-    return [
-        accuracy.candidates[0],
-        next((candidate for candidate in accuracy.candidates[1:] if candidate.full), accuracy.candidates[-1]),
-    ]
-
-
-def _finer_candidate(found: PilotErrors, accuracy: Accuracy) -> Candidate | None:
-    """A finer candidate than all that ran; None where those are accurate at enough points, or where there is none."""
-    unsure = (found.worst[:, -1] > 1).mean() > 1 - accuracy.confidence
-    finer = accuracy.candidates[accuracy.candidates.index(found.candidates[-1]) + 1 :]
-    return finer[0] if unsure and finer else None
-
-
-def _candidate_between(
-    found: PilotErrors, choice: xr.Dataset, accuracy: Accuracy, tried: list[Candidate]
-) -> Candidate | None:
-    """A candidate that the pilot should run besides, since it could save more than it costs; None if there is none."""
-    paid = found.prices[choice["candidate"].values]
-    for candidate in accuracy.candidates[: accuracy.candidates.index(found.candidates[-1])]:
-        saving = float(np.maximum(paid - candidate.price, 0).sum())
-        if candidate not in tried and saving > candidate.price * found.count:
-            return candidate
-    return None
-
-
-def _values(columns: Mapping[str, NDArray[Any]], row: int) -> tuple[Any, ...]:
-    """A point by the values of its factors."""
-    return tuple(column[row : row + 1].tolist()[0] for column in columns.values())
 
 
 def _with_frozen(choice: xr.Dataset, frozen: xr.Dataset) -> xr.Dataset:
@@ -160,9 +102,16 @@ def _without_pilot_points(study: Study, points: Points, choice: xr.Dataset, pilo
     return choice.assign_attrs({"price_study_s": price, "points_from_pilot": int(ran.sum())})
 
 
-def pilot_price(study: Study, count: int) -> float:
+def _first_stage(study: Study, points: Points, record: RecordedChoice | None) -> tuple[list[Candidate], int]:
+    """Candidates that a pilot starts with, and at how many points; by the record, those that confirm it at best."""
+    if record and (sizes := confirming_sizes(study, points, record)):
+        return [*record.chosen, first_candidates(accuracy_of(study))[-1]], sizes[1]
+    return first_candidates(accuracy_of(study)), pilot_points(study, points).size
+
+
+def _pilot_price(study: Study, candidates: list[Candidate], count: int) -> float:
     """CPU seconds of the first stage of a pilot, from recorded work."""
-    return count * sum(candidate.price for candidate in first_candidates(accuracy_of(study)))
+    return count * sum(candidate.price for candidate in candidates)
 
 
 def _check_budget(study: Study, price: float, what: str) -> None:
@@ -176,18 +125,19 @@ def _check_budget(study: Study, price: float, what: str) -> None:
 
 def describe_choice(study: Study, directory: Path | None) -> str:
     """The choice in lines of text, for `plan`; before it is made, the price of the pilot."""
-    accuracy, points = accuracy_of(study), make_points(study)
+    points = make_points(study)
     choice = frozen_choice(study, directory) if directory else None
     if choice is None:
-        count = pilot_points(study, points).size
+        record = choice_by_record(study, points)
+        candidates, count = _first_stage(study, points, record)
         if not count:
             return "choice       too few points for a pilot: the full model everywhere"
-        candidates, price = first_candidates(accuracy), pilot_price(study, count)
-        usual = accuracy.candidates.index(candidates[-1])
+        by_record = record is not None and bool(confirming_sizes(study, points, record))
+        price, usual = duration(_pilot_price(study, candidates, count)), candidates[-1]
         return "\n".join([
-            f"pilot        {count} points on {len(candidates)} candidates, CPU time about {duration(price)}; may grow",
-            f"study        CPU time about {duration(points.count * accuracy.candidates[usual].price)} if all points "
-            f"run with {candidates[-1].label}",
+            f"pilot        {count} points on {len(candidates)} candidates, CPU time about {price}; may grow"
+            + (": it is to confirm errors that are on record for similar points" if by_record else ""),
+            f"study        CPU time about {duration(points.count * usual.price)} if all points run with {usual.label}",
             *(f"candidate    {each.label}: CPU time {duration(each.price, 2)} per run" for each in candidates),
         ])  # fmt: skip
     return "\n".join(_told(choice))
@@ -197,7 +147,10 @@ def _told(choice: xr.Dataset) -> list[str]:
     """A choice in lines: what it takes, what each candidate missed in the pilot, and what it costs."""
     attrs, pilot = choice.attrs, choice.sizes["pilot_point"]
     lines = [
-        f"choice       from {pilot} pilot points; predicted errors up to {attrs['limit']:.0%} of the allowed one "
+        f"choice       by errors on record for similar points, which {pilot} pilot points confirm: together they let "
+        f"{number(100 * attrs['recorded_share'], digits=2)} % of the points be expected within the accuracy"
+        if "recorded_share" in attrs
+        else f"choice       from {pilot} pilot points; predicted errors up to {attrs['limit']:.0%} of the allowed one "
         f"are accepted; in cross-validation {attrs['misses']} of these points miss the accuracy"
     ]
     for at, label in enumerate(choice["candidate_label"].values):

@@ -1,0 +1,126 @@
+"""Choice of the model by errors on record, which a short pilot confirms or refutes."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+import xarray as xr
+from wave_bench import STUDY, Bench
+
+import tripod_doe as td
+from tripod_doe.analysis.model_choice.growing_pilot import confirming_sizes
+from tripod_doe.analysis.model_choice.recorded import RecordedChoice, choice_by_record
+from tripod_doe.analysis.model_choice.study_choice import describe_choice
+from tripod_doe.study.designs import make_points
+
+pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+
+SIMILAR = 10
+
+
+@pytest.fixture
+def recorded(tmp_path, monkeypatch):
+    """A bench whose simulator has, of each model, the same error on record at all similar points of every point."""
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    bench = Bench(tmp_path)
+    kind = type(td.load_study(bench.write(STUDY)).simulator)
+
+    def with_record(**errors: float) -> Bench:
+        def recorded_errors(self, points, demands):
+            own = np.array([errors[f"model_{int(model)}"] for model in points["model"]])
+            allowed = np.array([demand.allowed for demand in demands.quantities])
+            return np.repeat((own[:, None] / allowed)[:, None], SIMILAR, axis=1)
+
+        monkeypatch.setattr(kind, "recorded_errors", recorded_errors)
+        return bench
+
+    return with_record
+
+
+def choice_of(bench, out="out"):
+    return xr.open_dataset(bench.folder / out / "choice.nc").load()
+
+
+def by_record(share, cheap=True, similar=SIMILAR):
+    cheap = np.broadcast_to(cheap, np.shape(share))
+    return RecordedChoice((), np.zeros(np.size(share), int), cheap, np.array(share), np.zeros((1, 1)), similar)
+
+
+def test_the_expected_share_counts_record_and_pilot_alike():
+    """Exact: the rule of succession, (within + 1) / (known + 2), of ten similar points and those of the pilot."""
+    assert by_record([1.0]).expected(4, 4) == pytest.approx(15 / 16)
+    assert by_record([1.0]).expected(3, 4) == pytest.approx(14 / 16)
+    assert by_record([1.0]).expected(7, 8) == pytest.approx(18 / 20)
+    assert by_record([0.8, 1.0]).expected(0, 0) == pytest.approx(10 / 12)
+    assert by_record([0.5, 1.0], [True, False]).expected(0, 0) == pytest.approx((0.5 + 1) / 2)
+
+
+def test_four_points_confirm_a_record_that_holds(recorded):
+    """Model 1 is 1 % off everywhere, as its record says, and model 0 said to be 5 %: nothing runs twice."""
+    bench = recorded(model_0=0.05, model_1=0.01)
+    study = td.load_study(bench.write(STUDY))
+    assert "4 points on 2 candidates" in describe_choice(study, None)
+    assert "on record for similar points" in describe_choice(study, None)
+    assert bench.run(STUDY).good
+    choice = choice_of(bench)
+    assert choice.attrs["recorded_share"] == pytest.approx(15 / 16)
+    assert (choice["model"] == 1).all()
+    np.testing.assert_allclose(choice["error_estimate"], 0.01)
+    assert (choice["accuracy_met"] == 1).all()
+    calls = bench.calls()
+    assert len(calls) == len(set(calls)) == 4 + 33
+    assert "which 4 pilot points confirm: together they let 94 % of the points" in describe_choice(
+        study, bench.folder / "out"
+    )
+    grown = bench.run(STUDY.replace("[0, 1, 2]", "[0, 1, 2, 3]"))
+    assert grown.computed == 11
+    assert (choice_of(bench)["model"] == 1).all()
+    assert len(bench.calls()) == len(calls) + 11  # no further pilot
+
+
+def test_a_record_that_does_not_hold_here_is_not_believed(recorded):
+    """Model 0 is 20 % off on the right, its record says 1 %: the choice is that of a study without a record."""
+    bench = recorded(model_0=0.01, model_1=0.05)
+    assert bench.run(STUDY).good
+    choice = choice_of(bench)
+    assert "recorded_share" not in choice.attrs
+    assert choice.sizes["pilot_point"] == 9
+    assert (choice["model"].values[choice["x"] > 0.5] != 0).all()
+    cube = td.open_cube(bench.folder / "out")
+    assert (abs(cube["y"] / (10 + cube["x"]) - 1) <= 0.03).mean() >= 0.9
+    assert len(bench.calls()) == len(set(bench.calls()))
+
+
+def test_the_middle_of_the_design_tells_how_fine_the_full_model_must_be(recorded):
+    """Exact: model 2 knows itself to 2 %, not enough for 1.2 %: it runs once, the finer one at four points."""
+    bench = recorded(model_0=0.05, model_1=0.01)
+    assert bench.run(STUDY.replace("y = 0.03", "y = 0.012")).good
+    used = [int(call.split()[2]) for call in bench.calls()]
+    assert [used.count(model) for model in range(4)] == [0, 33, 1, 4]
+
+
+def test_a_study_too_small_for_a_whole_pilot_has_one_that_confirms(recorded):
+    """Eleven points: the whole pilot would be nine of them, so that the full model would run everywhere."""
+    bench = recorded(model_0=0.05, model_1=0.01)
+    small = STUDY.replace("z = {values = [0, 1, 2]}\n", "")
+    assert bench.run(small).good
+    used = [int(call.split()[2]) for call in bench.calls()]
+    assert [used.count(model) for model in range(4)] == [0, 11, 4, 0]
+
+
+@pytest.mark.parametrize(
+    ("errors", "change"),
+    [
+        ({"model_0": 0.05, "model_1": 0.05}, ("", "")),
+        ({"model_0": np.nan, "model_1": np.nan}, ("", "")),
+        ({"model_0": 0.05, "model_1": 0.01}, ("y = 0.03", "y = 0.03\nconfidence = 0.97")),
+    ],
+)
+def test_a_record_that_cannot_suffice_is_not_asked(recorded, errors, change):
+    """No model is within the accuracy, nothing is known, or more is asked for than a pilot below the whole one shows."""
+    bench = recorded(**errors)
+    study = td.load_study(bench.write(STUDY.replace(*change)))
+    points = make_points(study)
+    assert confirming_sizes(study, points, choice_by_record(study, points)) == []
