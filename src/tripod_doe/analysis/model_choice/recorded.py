@@ -53,8 +53,8 @@ class RecordedChoice:
     share
         Share of the similar points at which its error is within the allowed one, shape (point,); 1 with the full model.
     error
-        Error over the allowed one that as many similar points keep as the study asks for, shape (point, quantity); NaN
-        with the full model.
+        Root mean square of its errors at the similar points, over the allowed one, shape (point, quantity); NaN with
+        the full model.
     similar
         Number of similar points that each one is compared with.
     """
@@ -144,7 +144,7 @@ def choice_by_record(study: Study, points: Points) -> RecordedChoice | None:
             return None
         found, similar = np.nan_to_num(found, nan=HOPELESS, posinf=HOPELESS), found.shape[1]
         shares.append((found.max(axis=2) <= 1).mean(axis=1))
-        errors.append(np.quantile(found, accuracy.confidence, axis=1, method="higher"))
+        errors.append(np.sqrt(np.square(found).mean(axis=1)))
     share, every = np.stack(shares, axis=1), np.arange(rows.size)
     enough = share >= accuracy.confidence
     number = np.where(enough.any(axis=1), enough.argmax(axis=1), share.argmax(axis=1))
@@ -154,5 +154,5 @@ def choice_by_record(study: Study, points: Points) -> RecordedChoice | None:
     error = np.where(cheap[:, None], np.stack(errors, axis=1)[every, number], np.nan)
     return RecordedChoice(
         accuracy.candidates, np.where(cheap, number, full), cheap, np.where(cheap, share[every, number], 1.0),
-        np.minimum(error, HOPELESS), similar,
+        error, similar,
     )  # fmt: skip

@@ -169,7 +169,6 @@ def _told(choice: xr.Dataset) -> list[str]:
         f"points; {finest} if all points ran with the last candidate"
     )
     if unmet:
-        lines.append(
-            f"warning      {unmet:,} points are not expected to meet the accuracy, not even with the finest candidate"
-        )
+        why = "by the errors on record" if "recorded_share" in attrs else "not even with the finest candidate"
+        lines.append(f"warning      {unmet:,} points are not expected to meet the accuracy, {why}")
     return lines
