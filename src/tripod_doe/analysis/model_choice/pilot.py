@@ -28,11 +28,12 @@ def pilot_points(study: Study, points: Points, count: int | None = None) -> NDAr
     """
     accuracy = study.accuracy
     assert accuracy is not None
-    places = normalised(points.columns, points.columns)
+    columns = points.columns
+    places = normalised(columns, columns)
     usable = np.flatnonzero(points.allowed)
     _, first = np.unique(places[usable], axis=0, return_index=True)
     usable = usable[np.sort(first)]
-    wanted = count or max(accuracy.least_points, _POINTS_A_FACTOR * len(points.columns) + 1)
+    wanted = count or max(accuracy.least_points, _POINTS_A_FACTOR * len(columns) + 1)
     if 2 * wanted > usable.size:
         return np.array([], np.int64)
     chosen = [int(usable[np.argmin(((places[usable] - 0.5) ** 2).sum(axis=1))])]
@@ -69,7 +70,7 @@ def pilot_study(study: Study, points: Points, runs: Sequence[tuple[Candidate, ND
     accuracy = study.accuracy
     assert accuracy is not None
     chosen = np.concatenate([indices for _, indices in runs])
-    places = {name: column[chosen].tolist() for name, column in points.columns.items()}
+    places = {name: column.tolist() for name, column in points.factors.at(chosen).items()}
     ways = {
         name: [candidate.values[name] for candidate, indices in runs for _ in indices] for name in accuracy.parameters
     }
