@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import tripod_doe as td
 from tripod_doe.report.analyses import findings_of
 from tripod_doe.report.effects import effects_on, find_effects
 from tripod_doe.report.figures.effects import effect_charts
@@ -289,3 +290,23 @@ def test_an_effect_that_the_model_leaves_out_is_told_as_such(make_cube):
     told = "The effect of speed is incomplete: this model has no inertia."
     assert told in find(make_cube(STILL.format(model="equilibrium")))
     assert told not in find(make_cube(STILL.format(model="kinetostatic")))
+
+
+def test_effects_in_a_multifidelity_study_are_those_of_the_truth(tmp_path):
+    """Regression: a mean over 100,000 points of a model without second order and 800 of one with it told of neither."""
+    (tmp_path / "two.py").write_text('def f(x, level):\n    return {"y": x if level == "fine" else 0.0}\n')
+    (tmp_path / "two.toml").write_text(
+        '[study]\nname = "two"\nquestion = "?"\nfunction = "two:f"\n[factors]\nx = {low = 0, high = 2}\n'
+        'level = {values = ["rough", "fine"]}\n[design]\nkind = "multifidelity"\nfidelity = "level"\n'
+        "samples = 40\nindices = false\nsplit = {rough = 400, fine = 40}\n"
+    )
+    td.run(tmp_path / "two.toml", tmp_path / "out", workers=0, progress=False)
+    with td.open_cube(tmp_path / "out") as cube:
+        told = find(cube)
+        fine = cube["y"].values[cube["level"].values == "fine"]
+    of = "of the 40 points by fine, which counts as the truth."
+    assert f"Sentences and figures on the effects of factors are {of}" in told
+    assert f"y lies between {fine.min():.3g} and {fine.max():.3g}." in told
+    assert not [sentence for sentence in told if "over level" in sentence.lower()]
+    page = (tmp_path / "out" / "report" / "index.html").read_text(encoding="utf-8")
+    assert f"<p>O{of[1:]}</p>" in page

@@ -15,14 +15,16 @@ from tripod_doe.report.responses import (
     ORDINALS,
     Response,
     asked,
+    design_kind,
     factor_label,
     factor_names,
     factor_text,
     finished,
     listed,
     responses,
+    telling_points,
+    told_points,
     waiting,
-    with_all_on,
 )
 from tripod_doe.report.shown_part import shown_part, told_part
 from tripod_doe.simulator import Outcome
@@ -51,11 +53,13 @@ def find(cube: xr.Dataset) -> list[str]:
     part = shown_part(cube)
     if good == 0:
         return _unfinished(cube, part, good, total)
-    sentences, shown = [], with_all_on(part)
+    sentences, shown = [], telling_points(part)
     if bool(finished(shown).any()):
         every_order = "thrust_amplitude" in cube and asked_orders(cube) is None
         sentences = [_dominant_order(shown)] if every_order else []
         sentences += _responses(shown) + _missing_effects(shown) + told_part(part)
+        if design_kind(cube) == "multifidelity":
+            sentences.append(f"Sentences and figures on the effects of factors are {told_points(shown)}.")
     if "attempt" in cube and (changed := int(((cube["attempt"] > 0) & finished(cube)).sum())):
         sentences.append(f"{changed:,} of {total:,} points finished only after a retry.")
     if "accuracy_met" in cube:

@@ -44,8 +44,9 @@ from tripod_doe.report.responses import (
     factor_unit,
     finished,
     spoken,
+    telling_points,
+    told_points,
     waiting,
-    with_all_on,
 )
 from tripod_doe.report.sensitivity import sensitivity_parts
 from tripod_doe.report.shown_part import shown_part
@@ -138,7 +139,7 @@ def make_page(
         What `find` says of the cube, where that is known already.
     """
     part = shown_part(cube)
-    shown = with_all_on(part)
+    shown = telling_points(part)
     said = [sentence for name, result in analyses.items() for sentence in findings_of(name, result)]
     sentences, more = answer_first(_in_order(cube, find(cube) if findings is None else findings, said))
     picture, content = _content(cube, part, shown, analyses)
@@ -172,7 +173,7 @@ def make_page(
         what_ifs=questions,
         sections=_sections(filled | _ALWAYS, questions),
         silent=silent,
-        ablation=shown is not part,
+        told_points=told_points(shown),
         outcomes=outcome_counts(cube),
         factor_heads=[(spoken(name), factor_unit(cube, name)) for name in factor_names(cube)],
         numerics=numerics_rows(cube),
@@ -200,7 +201,7 @@ def _content(
 ) -> tuple[Chart | None, dict[str, Any]]:
     """The picture at the top of the page, and what fills each of its sections: charts without that one, and rows.
 
-    Rows are of the whole cube, charts of the part whose points are shown, those on the joint with all switches on.
+    Rows are of the whole cube, charts of the part whose points are shown, those on the joint of what tells of it.
     """
     parts = contributions(analyses)
     shares = [[] if part.missing else contribution_charts(part) for part in parts]

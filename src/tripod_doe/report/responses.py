@@ -36,12 +36,15 @@ __all__ = [
     "point_text",
     "responses",
     "spoken",
+    "telling_points",
+    "told_points",
     "unit_text",
     "waiting",
-    "with_all_on",
 ]
 
 FloatArray = NDArray[np.float64]
+
+_TELLING = "telling_points"  # attribute of some points of a cube: which ones they are
 
 ORDINALS = (
     "mean thrust force", "first order", "second order", "third order", "fourth order", "fifth order", "sixth order",
@@ -195,17 +198,37 @@ def asked(cube: xr.Dataset) -> xr.DataArray:
     return cube[EXCLUDED] == 0 if EXCLUDED in cube else xr.ones_like(cube["outcome"], dtype=bool)
 
 
-def with_all_on(cube: xr.Dataset) -> xr.Dataset:
-    """The points of an ablation with all its switches on, without the switches; any other cube as it is.
+def telling_points(cube: xr.Dataset) -> xr.Dataset:
+    """The points over which a mean tells of the joint; most cubes as they are.
 
-    A mean over switched-off mechanisms says nothing of the joint: what it does is shown with all of them on, and what
-    each contributes by the analysis.
+    Of an ablation these are the points with all its switches on, without the switches; of a multifidelity study those
+    of the model that counts as the truth, since a mean over several models is that of none. What each mechanism
+    contributes, and what all models together say, is told by the analyses.
     """
-    switches = [name for name in factor_names(cube) if cube[name].attrs.get("role") == SWITCH_ROLE]
-    if not switches:
+    if switches := [name for name in factor_names(cube) if cube[name].attrs.get("role") == SWITCH_ROLE]:
+        on = np.all([cube[name].values == 1 for name in switches], axis=0)
+        return (
+            cube.isel(point=np.flatnonzero(on)).drop_vars(switches).assign_attrs({_TELLING: "with all mechanisms on"})
+        )
+    if design_kind(cube) != "multifidelity":
         return cube
-    on = np.all([cube[name].values == 1 for name in switches], axis=0)
-    return cube.isel(point=np.flatnonzero(on)).drop_vars(switches)
+    fidelity, truth = _truth(cube)
+    own = np.flatnonzero(cube[fidelity].values == truth)
+    told = f"of the {own.size:,} points by {truth}, which counts as the truth"
+    return cube.isel(point=own).drop_vars(fidelity).assign_attrs({_TELLING: told})
+
+
+def told_points(telling: xr.Dataset) -> str:
+    """Which points of a cube tell of the joint, as the end of a sentence; empty where all do."""
+    return str(telling.attrs.get(_TELLING, ""))
+
+
+def _truth(cube: xr.Dataset) -> tuple[str, object]:
+    """The factor that names the models of a multifidelity study, and the model that counts as the truth."""
+    study = tomllib.loads(str(cube.attrs["study"]))
+    fidelity = str(study["design"].get("fidelity", "model"))
+    values = study.get("factors", {}).get(fidelity, {}).get("values")
+    return fidelity, values[-1] if values else cube[fidelity].values[0]  # its samples come first
 
 
 def factor_names(cube: xr.Dataset) -> list[str]:
