@@ -294,10 +294,10 @@ def test_an_effect_that_the_model_leaves_out_is_told_as_such(make_cube):
 
 def test_effects_in_a_multifidelity_study_are_those_of_the_truth(tmp_path):
     """Regression: a mean over 100,000 points of a model without second order and 800 of one with it told of neither."""
-    (tmp_path / "two.py").write_text('def f(x, level):\n    return {"y": x if level == "fine" else 0.0}\n')
+    (tmp_path / "two.py").write_text('def f(x, z, level):\n    return {"y": x + z if level == "fine" else 0.0}\n')
     (tmp_path / "two.toml").write_text(
         '[study]\nname = "two"\nquestion = "?"\nfunction = "two:f"\n[factors]\nx = {low = 0, high = 2}\n'
-        'level = {values = ["rough", "fine"]}\n[design]\nkind = "multifidelity"\nfidelity = "level"\n'
+        'z = {low = 0, high = 2}\nlevel = {values = ["rough", "fine"]}\n[design]\nkind = "multifidelity"\nfidelity = "level"\n'
         "samples = 40\nindices = false\nsplit = {rough = 400, fine = 40}\n"
     )
     td.run(tmp_path / "two.toml", tmp_path / "out", workers=0, progress=False)
