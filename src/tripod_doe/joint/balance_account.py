@@ -11,7 +11,7 @@ from tripod_doe.joint.balance_constants import point_constants_of
 from tripod_doe.joint.moving_roller import moving_forces
 from tripod_doe.joint.revolution import Memory, motion_at, skew_of
 from tripod_doe.joint.roller_balance import spider_wrench, thrust_of_each
-from tripod_doe.mechanics.compilation import inlined_kernel, kernel
+from tripod_doe.mechanics.compilation import inlined_kernel, kernel, kernel_part
 from tripod_doe.mechanics.lanes import WIDTH, load, pick, spread, store
 
 __all__ = ["Solution", "account"]
@@ -71,7 +71,7 @@ def _add(sums, b, k, value):
     store(sums, b, (spread(0.0) if k == 0 else load(sums, b)) + value)
 
 
-@inlined_kernel
+@kernel_part
 def _account(p, m, g, e, k, b, thrust, parts, powers):
     """Thrust of groove k at eight samples, and the parts of the thrust and the six powers (mechanisms, input shaft)."""
     normal, cos_phi, sin_phi = load(e.normal, 0), load(e.cosine, 0), load(e.sine, 0)
@@ -91,7 +91,7 @@ def _account(p, m, g, e, k, b, thrust, parts, powers):
     _add(powers[5], b, k, normal * spider_wrench(p, m, g, cos_phi, sin_phi)[3] * p.omega)
 
 
-@kernel
+@kernel_part
 def _account_lanes(row, memory, thrust, parts):
     """Thrust of each groove, and at each sample its parts and the powers."""
     p = point_constants_of(row)
@@ -103,7 +103,7 @@ def _account_lanes(row, memory, thrust, parts):
             _account(p, m, g, e, k, b, thrust, parts, memory.powers)
 
 
-@kernel
+@kernel_part
 def _summarise(row, memory, power, residual, unexplained, extremes):
     """Mean powers of one point, its energy residual and unexplained power (shape (1,)), extremes of normal forces."""
     p, eights, powers, samples = point_constants_of(row), memory.eights, memory.powers, memory.samples
@@ -129,10 +129,16 @@ def _summarise(row, memory, power, residual, unexplained, extremes):
     extremes[0], extremes[1] = _largest_of(largest), -_largest_of(-smallest)
 
 
+@kernel
+def _account_point(row, memory, thrust, parts, power, residual, unexplained, extremes):
+    """All that the answer of a point takes from its balance."""
+    _account_lanes(row, memory, thrust, parts)
+    _summarise(row, memory, power, residual, unexplained, extremes)
+
+
 def account(row: FloatArray, memory: Memory, solution: Solution, i: int) -> None:
     """Write the answer of point i, whose balance stands in `memory`; `row` holds its constants."""
-    _account_lanes(row, memory, solution.thrust[i], solution.parts[i])
-    _summarise(
-        row, memory, solution.power[i], solution.residual[i : i + 1], solution.unexplained[i : i + 1],
-        solution.extremes[i],
+    _account_point(
+        row, memory, solution.thrust[i], solution.parts[i], solution.power[i], solution.residual[i : i + 1],
+        solution.unexplained[i : i + 1], solution.extremes[i],
     )  # fmt: skip

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.mechanics.compilation import kernel
+from tripod_doe.mechanics.compilation import inner_kernel, kernel
 
 __all__ = [
     "bearing_load_zone",
@@ -188,7 +188,7 @@ def bearing_load_zone(load, clearance, stiffness, needle_count):
     return total / along, 0.5 * (shift - clearance)
 
 
-@kernel
+@inner_kernel
 def tilted_bearing(load, offset, clearance, stiffness, needle_count, length, spheres, crown):
     """Load zone of a bearing whose load is off the middle of its needles, which may be crowned; how its roller turns.
 
@@ -238,7 +238,7 @@ def tilted_bearing(load, offset, clearance, stiffness, needle_count, length, sph
     return total / load, shift, tilt, load / yawing if yawing > 0.0 else 0.0
 
 
-@kernel
+@inner_kernel
 def _rings(load, shift, tilt, clearance, bend, stiffness, needle_count, length, spheres):
     """Rings of spheres that carry a load at a given tilt: shift, sum of loads, moment, its slope, resistance to yaw."""
     for _ in range(_NEWTON):
@@ -265,7 +265,7 @@ def _rings(load, shift, tilt, clearance, bend, stiffness, needle_count, length, 
     return shift, total, moment, slope_2 - slope_1 * slope_1 / max(slope, 1e-300), yawing
 
 
-@kernel
+@inner_kernel
 def _needle_loads(shift, clearance, stiffness, needle_count):
     """Sum along the load, plain sum, and derivative of the first for the shift D, by Gauss's rule on the load zone."""
     if shift <= clearance:

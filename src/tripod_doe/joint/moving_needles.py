@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.joint.balance_constants import TILT, flank, point_constants_of
+from tripod_doe.joint.balance_constants import TILT, PointConstants, flank, point_constants_of
 from tripod_doe.joint.contact import tilted_bearing
 from tripod_doe.joint.moving_roller import added_motion
 from tripod_doe.joint.needle_constants import needle_constants_of
@@ -31,8 +31,8 @@ from tripod_doe.joint.roller_balance import leaning_contact
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics import laws
 from tripod_doe.mechanics.by_reference import ByReference
-from tripod_doe.mechanics.compilation import kernel
-from tripod_doe.mechanics.lanes import WIDTH, load, store
+from tripod_doe.mechanics.compilation import inner_kernel, kernel, kernel_part
+from tripod_doe.mechanics.lanes import WIDTH, load, spread, store
 
 __all__ = ["Followers", "NeedleMemory"]
 
@@ -80,11 +80,17 @@ class NeedleMemory(ByReference):
         )  # fmt: skip
 
 
+    def of_roller(self, k: int, samples: int) -> RollerMotion:
+        """The motion of one roller."""
+        motion = (self.spins, self.turns, self.plunges, self.loads, self.offsets, self.yaws)
+        return RollerMotion(*(values[k].reshape(-1)[:samples] for values in motion))
+
+
 @kernel
-def _read_motions(row, memory, ring):
-    """Read the motion of every roller on its trunnion off the balance."""
+def _read_motions(row, needle_row, memory, ring):
+    """Read the motion of every roller on its trunnion off the balance, whose tilt becomes that of the motion."""
     p = point_constants_of(row)
-    eccentricity = 0.5 * p.pitch_radius * (1.0 - p.cos_theta) / p.cos_theta
+    eccentricity, nothing = 0.5 * p.pitch_radius * (1.0 - p.cos_theta) / p.cos_theta, spread(0.0)
     for k in range(3):
         cosine, sine = memory.turns[k, 0], memory.turns[k, 1]
         for b in range(memory.eights.shape[1]):
@@ -92,7 +98,7 @@ def _read_motions(row, memory, ring):
             cos_phi, lean = load(e.cosine, 0), load(e.lean, 0)
             m = motion_at(p, cos_phi, load(e.sine, 0))
             contact = leaning_contact(p, m, lean)
-            past, given = (load(e.past_tilt, 0), load(e.past_spin, 0)), (0.0, 0.0, 0.0, load(e.steering, 0))
+            past, given = (load(e.past_tilt, 0), load(e.past_spin, 0)), (nothing, nothing, nothing, load(e.steering, 0))
             added = added_motion(p, m, contact, cos_phi, load(e.root, 0), *past, given)
             spin, plunge = load(e.spin, 0), m.along_trunnion + added.plunge + added.rocking
             slip = plunge * cosine - spin * p.needle_lever * sine
@@ -105,12 +111,12 @@ def _read_motions(row, memory, ring):
             store(ring.loads[k], b, load(e.normal, 0))
             store(ring.held[k], b, force)
             store(ring.offsets[k], b, off + p.roller_radius * lean - (p.roller_radius - p.bearing_radius) * force)
+    row[TILT] = _tilt_of(p, needle_constants_of(needle_row), memory.samples, ring)
 
 
-@kernel
-def _tilt_of(row, needle_row, samples, ring):
+@inner_kernel
+def _tilt_of(p, c, samples, ring):
     """R_s k_t for the load's largest distance from the middle of the needles in the motions that were read."""
-    p, c = point_constants_of(row), needle_constants_of(needle_row)
     farthest = 0.01 * c.length
     for k in range(3):
         for j in range(samples):
@@ -121,7 +127,7 @@ def _tilt_of(row, needle_row, samples, ring):
     return p.roller_radius * bearing[2] / farthest
 
 
-@kernel
+@kernel_part
 def _add_forces(row, memory, ring, k, skew):
     """Add to the balance what the needles of trunnion k do beyond its own law, which gets their mean skew."""
     p, samples = point_constants_of(row), memory.samples
@@ -137,7 +143,7 @@ def _add_forces(row, memory, ring, k, skew):
         e.needle_moment[0, i] = ring.moments[at] - drag * p.needle_lever * sine
 
 
-@kernel
+@kernel_part
 def _add_swing(row, memory, k, forces, places):
     """Add the swing of roller k that the balance's own tilt misses.
 
@@ -154,47 +160,10 @@ def _add_swing(row, memory, k, forces, places):
 
 
 @kernel
-def _hold_needles(row, needle_row, memory, ring):
-    """Add to the balance what needles that keep their skew do beyond its own law; parameters as for `_move_needles`."""
-    samples = memory.samples
-    _read_motions(row, memory, ring)
-    row[TILT] = _tilt_of(row, needle_row, samples, ring)
-    ring.places[:] = 0.0
-    for k in range(3):
-        _add_swing(row, memory, k, ring.held[k].reshape(-1)[:samples], ring.places)
-
-
-@kernel
-def _move_needles(row, needle_row, skews, memory, ring, seen):
-    """Let the needles of all trunnions follow their rollers, and add what they do to the balance.
-
-    Parameters
-    ----------
-    row, needle_row
-        Of the tables of `PointConstants` and `NeedleConstants`; the tilt of the first becomes that of the motion.
-    skews
-        Of the needles at the start, rad, shape (3,).
-    memory
-        `Memory` with a balance that is settled.
-    ring
-        `NeedleMemory`.
-    seen
-        Receives the skew of the needle that carries the most, rad, over all revolutions, shape (3, cycles sample).
-    """
-    samples = memory.samples
-    _read_motions(row, memory, ring)
-    row[TILT] = _tilt_of(row, needle_row, samples, ring)
-    tilt = row[TILT] / point_constants_of(row).roller_radius
-    found = NeedleForces(ring.forces, ring.moments, ring.places)
-    for k in range(3):
-        roller = RollerMotion(
-            ring.spins[k].reshape(-1)[:samples], ring.turns[k].reshape(-1)[:samples],
-            ring.plunges[k].reshape(-1)[:samples], ring.loads[k].reshape(-1)[:samples],
-            ring.offsets[k].reshape(-1)[:samples], ring.yaws[k].reshape(-1)[:samples],
-        )  # fmt: skip
-        skew = follow_roller(needle_row, skews[k], tilt, roller, ring.needles, ring.contacts, found, seen[k])
-        _add_forces(row, memory, ring, k, skew)
-        _add_swing(row, memory, k, ring.forces, ring.places)
+def _add_needles(row, memory, ring, k, skew):
+    """Add to the balance what the needles of trunnion k do, of which `skew` is the mean."""
+    _add_forces(row, memory, ring, k, skew)
+    _add_swing(row, memory, k, ring.forces, ring.places)
 
 
 @dataclass(frozen=True)
@@ -217,6 +186,8 @@ class Followers:
     _table: FloatArray
     _initial: FloatArray
     _memory: NeedleMemory
+    _rollers: tuple[RollerMotion, RollerMotion, RollerMotion]
+    _found: NeedleForces
     _move: bool
 
     @classmethod
@@ -229,14 +200,31 @@ class Followers:
         """
         slide = (points.needle_sliding_friction > 0) & (points.speed > 0) & (points.joint_angle > 0)
         over_time = np.repeat(skews[:, :, None], int(points.cycles[0]) * samples, axis=2)
-        return cls(slide, over_time, np.ones(slide.size, bool), table, skews, NeedleMemory.for_samples(samples), move)
+        ring = NeedleMemory.for_samples(samples)
+        first, second, third = (ring.of_roller(k, samples) for k in range(3))
+        found = NeedleForces(ring.forces, ring.moments, ring.places)
+        settled = np.ones(slide.size, bool)
+        return cls(slide, over_time, settled, table, skews, ring, (first, second, third), found, move)
 
     def follow(self, row: FloatArray, memory: Memory, i: int) -> None:
-        """Move the needles of point i along the balance that is settled, and add what they do to it."""
-        if self._move:
-            _move_needles(row, self._table[i], self._initial[i], memory, self._memory, self.skews[i])
-        else:
-            _hold_needles(row, self._table[i], memory, self._memory)
+        """Move the needles of point i along the balance that is settled, and add what they do to it.
+
+        `row` holds its constants, of which the tilt becomes that of the motion. The kernels are called one by one: in
+        a common one they would all be compiled once more.
+        """
+        ring, table = self._memory, self._table[i]
+        _read_motions(row, table, memory, ring)
+        if not self._move:
+            ring.places[:] = 0.0
+            for k in range(3):
+                _add_swing(row, memory, k, ring.held[k].reshape(-1), ring.places)
+            return
+        tilt = row[TILT] / PointConstants._make(row).roller_radius
+        for k, roller in enumerate(self._rollers):
+            skew = follow_roller(
+                table, self._initial[i, k], tilt, roller, ring.needles, ring.contacts, self._found, self.skews[i, k]
+            )
+            _add_needles(row, memory, ring, k, skew)
 
     def keep(self, i: int) -> None:
         """Let the needles of point i keep their skew."""

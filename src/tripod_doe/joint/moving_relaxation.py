@@ -19,7 +19,7 @@ from tripod_doe.joint.revolution import (
     store_wrench,
     sum_of,
 )
-from tripod_doe.mechanics.compilation import inlined_kernel, kernel
+from tripod_doe.mechanics.compilation import kernel, kernel_part
 from tripod_doe.mechanics.lanes import WIDTH, load, spread, store
 
 __all__ = ["settle_moving"]
@@ -29,7 +29,7 @@ _SWEEPS, _NEAR = 40, 0.03
 changes by more than `_NEAR`. What has not settled after so many sweeps is solved at once (`coupled_balance`)."""
 
 
-@kernel
+@kernel_part
 def _seek(p, eights, turns, newton):
     """Find what every sample wants to change, and how the changes before it add to that."""
     for k in range(3):
@@ -51,7 +51,7 @@ def _seek(p, eights, turns, newton):
             store_wrench(p, m, g, e, cos_phi, sin_phi)
 
 
-@kernel
+@kernel_part
 def _follow_on(eights, samples):
     """Turn what the samples of each groove want to change into changes that follow those before them."""
     for k in range(3):
@@ -69,7 +69,7 @@ def _follow_on(eights, samples):
             e.slip_step[0, i], e.lean_step[0, i] = first.slip_step[0, place % WIDTH], first.lean_step[0, place % WIDTH]
 
 
-@inlined_kernel
+@kernel_part
 def _change(p, e):
     """Change the unknowns of eight samples."""
     slip, slip_step, lean, lean_step = load(e.slip, 0), load(e.slip_step, 0), load(e.lean, 0), load(e.lean_step, 0)
@@ -84,10 +84,9 @@ def _change(p, e):
     store(e.far, 0, changed(by_slip, _NEAR * p.slip_transition) + changed(by_lean, _NEAR * lean_scale))
 
 
-@kernel
-def _sweep(p, eights, turns, samples, newton):
-    """Relax all samples once; how many changes exceed the tolerance, and how many exceed `_NEAR`."""
-    _seek(p, eights, turns, newton)
+@kernel_part
+def _change_all(p, eights, samples):
+    """Change all samples as they want; how many changes exceed the tolerance, and how many exceed `_NEAR`."""
     _follow_on(eights, samples)
     moved, far = spread(0.0), spread(0.0)
     for b in range(eights.shape[1]):
@@ -109,14 +108,14 @@ def settle_moving(row, memory):
     Parameters as for `relaxation.settle_still`.
     """
     p, eights, turns, samples = point_constants_of(row), memory.eights, memory.turns, memory.samples
-    for _ in range(2):  # tilts first, then the spins that go with them
-        _seek(p, eights, turns, 1.0)
-        remember(memory, 0.0)
-    newton = 0.0
-    for sweep in range(_SWEEPS):
-        moved, far = _sweep(p, eights, turns, samples, newton)
-        remember(memory, 1.0)
+    newton = 1.0
+    for sweep in range(-2, _SWEEPS):  # before the first: tilts, then the spins that go with them
+        _seek(p, eights, turns, newton)
+        moved, far = 1.0, 1.0
+        if sweep >= 0:
+            moved, far = _change_all(p, eights, samples)
+        remember(memory, 1.0 if sweep >= 0 else 0.0)
         if sweep > 0 and moved == 0.0:
             return True, sweep + 1
-        newton = 1.0 if far == 0.0 and sweep > 0 else 0.0
+        newton = 1.0 if sweep == -2 or (far == 0.0 and sweep > 0) else 0.0
     return False, _SWEEPS

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from tripod_doe.joint.balance_constants import flank
 from tripod_doe.joint.roller_balance import AddedMotion, groove_forces, leaning_contact
-from tripod_doe.mechanics.compilation import inlined_kernel
+from tripod_doe.mechanics.compilation import inlined_kernel, kernel_part
 from tripod_doe.mechanics.lanes import load
 from tripod_doe.mechanics.laws import hyperbolic_tangent
 
@@ -52,7 +52,7 @@ def added_motion(p, m, contact, cos_phi, root, past_tilt, past_spin, given):
     )
 
 
-@inlined_kernel
+@kernel_part
 def moving_forces(p, m, e, skew, newton):
     """Forces of a roller at eight samples, with what mass and motion add; slopes as for `groove_forces`."""
     root, contact = load(e.root, 0), leaning_contact(p, m, load(e.lean, 0))
@@ -61,7 +61,7 @@ def moving_forces(p, m, e, skew, newton):
     return groove_forces(p, m, skew, contact, load(e.slip, 0), root, added, newton)
 
 
-@inlined_kernel
+@kernel_part
 def upright_spin(p, m):
     """Angular velocity about its normal of a roller that rolls upright without slip, and the way its yaw steers it."""
     upright = leaning_contact(p, m, 0.0)
@@ -71,7 +71,7 @@ def upright_spin(p, m):
     return w_n + rolled * upright.t_n, -flank(p) * upright.t_tau
 
 
-@inlined_kernel
+@kernel_part
 def yawed(p, before, most, w_n):
     """Yaw a sample later, of a roller that turns in its groove by `w_n` besides; `most` is that of a full moment."""
     low, high = -most, most
@@ -91,7 +91,7 @@ def yawed(p, before, most, w_n):
     return yaw
 
 
-@inlined_kernel
+@kernel_part
 def spider_load(p, m, cos_phi, sin_phi):
     """What the inertia of one roller and a third of the shaft does to the spider.
 

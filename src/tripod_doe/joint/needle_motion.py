@@ -52,14 +52,15 @@ forces between needles, and the needles' inertia but for the centrifugal force.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint.needle_constants import needle_constants_of
 from tripod_doe.mechanics import laws
-from tripod_doe.mechanics.compilation import inlined_kernel, kernel
+from tripod_doe.mechanics.by_reference import ByReference
+from tripod_doe.mechanics.compilation import inlined_kernel, inner_kernel, kernel, kernel_part
 
 __all__ = ["FARTHEST", "MOST_NEEDLES", "NEEDLE", "NEEDLE_CONTACT", "NeedleForces", "RollerMotion", "follow_roller"]
 
@@ -102,7 +103,7 @@ def _station(c, i):
     return c.length * ((i + 0.5) / c.spheres - 0.5)
 
 
-@inlined_kernel
+@kernel_part
 def _load_on_both(c, pressed):
     """Load of a straight needle pressed between trunnion and bore, and its derivative."""
     if c.drop == 0.0:
@@ -119,7 +120,7 @@ def _load_on_both(c, pressed):
     return load, slope
 
 
-@kernel
+@inner_kernel
 def _spread(c, contact, load, centre, drop, iterations):
     """Find how a load with its centre off the middle is spread along a needle: depth, lean and variance of stations."""
     most = (c.spheres * load / c.stiffness) ** 0.9  # depth of a sphere that carries all
@@ -151,7 +152,7 @@ def _spread(c, contact, load, centre, drop, iterations):
         contact.variance = second / total - (first / total) * (first / total)
 
 
-@kernel
+@kernel_part
 def _distribute(c, needle, contacts, offset):
     """Find how the loads of a needle are spread along it on trunnion and bore."""
     bend = 0.5 * needle.skew * needle.skew / c.pitch_radius
@@ -165,7 +166,7 @@ def _distribute(c, needle, contacts, offset):
     _spread(c, contacts[1], needle.load, centre, c.drop - bend, iterations)
 
 
-@kernel
+@kernel_part
 def _press(c, needles, load, turned, shift):
     """Find the loads of all needles that carry a bearing load, outward from the one that is nearest to it.
 
@@ -205,7 +206,7 @@ def _press(c, needles, load, turned, shift):
     return shift, nearest, before, after
 
 
-@inlined_kernel
+@kernel_part
 def _free_slip(c, total, slope):
     """Slip of a free needle on the trunnion: it slips by `total` on both, in a gap that narrows outward by `slope`.
 
@@ -225,7 +226,7 @@ def _thrown(c, needle):
     return c.thrown / needle.load if c.thrown < most * needle.load else most
 
 
-@inlined_kernel
+@kernel_part
 def _move(c, needle, contacts, spin, plunge, offset, narrowing, duration):
     """Move a needle on by a step; its force along the trunnion on the roller, and its moment about it.
 
@@ -261,7 +262,7 @@ def _move(c, needle, contacts, spin, plunge, offset, narrowing, duration):
     return needle.load * force, needle.load * moment
 
 
-@kernel
+@kernel_part
 def _admit(c, needles, nearest, before, after):
     """Let needles that come under load be as they were without: at the outer stop, along the one next to them."""
     count = int(c.needles)
@@ -281,7 +282,7 @@ def _between(values, j, share):
     return values[j] + share * (values[after] - values[j])
 
 
-@kernel
+@kernel_part
 def _step(c, needles, contacts, motion, gap, duration, refresh, zone):
     """Move all needles that carry load on by a step: force and moment on the roller, mean skew and place.
 
@@ -311,7 +312,8 @@ def _step(c, needles, contacts, motion, gap, duration, refresh, zone):
     return force, moment, leaning / carried, placed / carried, needles[most].skew
 
 
-class RollerMotion(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class RollerMotion(ByReference):
     """A roller over one revolution; arrays of shape (sample,).
 
     Attributes
@@ -336,7 +338,8 @@ class RollerMotion(NamedTuple):
     yaws: FloatArray
 
 
-class NeedleForces(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class NeedleForces(ByReference):
     """What the needles of a trunnion do, the mean of the last two revolutions; arrays of shape (sample,).
 
     Attributes
@@ -378,8 +381,9 @@ def follow_roller(row, skew, tilt, roller, needles, contacts, found, skews):
     float
         Mean skew over the last two revolutions, weighted with the loads.
     """
-    spins, turns, plunges, loads, offsets, yaws = roller  # once: each look into a tuple counts references
-    forces, moments, places = found
+    spins, turns, plunges = roller.spins, roller.turns, roller.plunges
+    loads, offsets, yaws = roller.loads, roller.offsets, roller.yaws
+    forces, moments, places = found.forces, found.moments, found.places
     c, samples = needle_constants_of(row), spins.size
     for j in range(int(c.needles)):
         needles[j].place, needles[j].skew, needles[j].known = 0.0, skew, 0.0

@@ -19,7 +19,7 @@ from tripod_doe.joint.revolution import (
     sum_of,
 )
 from tripod_doe.joint.roller_balance import STILL, groove_forces, leaning_contact
-from tripod_doe.mechanics.compilation import inlined_kernel, kernel
+from tripod_doe.mechanics.compilation import inlined_kernel, kernel, kernel_part
 from tripod_doe.mechanics.lanes import load, spread, store
 
 __all__ = ["settle_still"]
@@ -33,7 +33,7 @@ def _forces(p, m, skew, slip, lean, root):
     return groove_forces(p, m, skew, leaning_contact(p, m, lean), slip, root, STILL, 1.0)
 
 
-@inlined_kernel
+@kernel_part
 def _relax(p, e, skew):
     """Change the unknowns of eight samples."""
     cos_phi, sin_phi = load(e.cosine, 0), load(e.sine, 0)
@@ -49,7 +49,7 @@ def _relax(p, e, skew):
     store(e.moved, 0, by_slip + changed(abs(new_lean - lean), p.tolerance * (force_scale(p) + 1e-12)))
 
 
-@kernel
+@kernel_part
 def _sweep(p, eights, turns):
     """Relax all samples once; how many changed by more than the tolerance."""
     moved = spread(0.0)

@@ -18,7 +18,7 @@ from tripod_doe.joint.linear_lap import LinearLap
 from tripod_doe.joint.moving_roller import inertial_force, spider_load, upright_spin, yawed
 from tripod_doe.joint.roller_balance import Skew, spider_wrench
 from tripod_doe.mechanics.by_reference import ByReference
-from tripod_doe.mechanics.compilation import inlined_kernel, kernel
+from tripod_doe.mechanics.compilation import inlined_kernel, kernel, kernel_part
 from tripod_doe.mechanics.lanes import WIDTH, load, pick, select, spread, store
 
 __all__ = [
@@ -99,17 +99,21 @@ def skew_of(turns, k):
     return Skew(turns[k, 0], turns[k, 1])
 
 
-@kernel
+@kernel_part
 def _steer(p, eights, samples, most):
-    """Note how the roller of a groove is steered by its yaw, whose largest is `most` rad."""
+    """Note how the roller of a groove is steered by its yaw, whose largest is `most` rad.
+
+    Its spin about the normal stands in `spin`, and the way in which yaw steers it in `steering`.
+    """
     yaw = 0.0
     for j in range(2 * samples):  # a lap to know what comes before the first sample
         e, i = eights[(j % samples) // WIDTH], j % samples % WIDTH
-        w_n, way = upright_spin(p, motion_at(p, e.cosine[0, i], e.sine[0, i]))
-        yaw = yawed(p, yaw, most, w_n)
-        e.steering[0, i] = way * yaw
+        yaw = yawed(p, yaw, most, e.spin[0, i])
+        if j >= samples:
+            e.steering[0, i], e.spin[0, i] = e.steering[0, i] * yaw, 0.0
     for j in range(samples, WIDTH * eights.size):
-        eights[j // WIDTH].steering[0, j % WIDTH] = eights[(j - samples) // WIDTH].steering[0, (j - samples) % WIDTH]
+        first, e = eights[(j - samples) // WIDTH], eights[j // WIDTH]
+        e.steering[0, j % WIDTH], e.spin[0, j % WIDTH] = first.steering[0, (j - samples) % WIDTH], 0.0
 
 
 @kernel
@@ -146,7 +150,6 @@ def start(row, psi, cosines, sines, memory):
             store(e.root, 0, root)
             store(e.normal, 0, normal)
             m = motion_at(p, cosine, sine)
-            store(e.steering, 0, nothing)
             across_1, across_2, about_shaft = spider_load(p, m, cosine, sine)
             store(e.load_1, 0, across_1)
             store(e.load_2, 0, across_2)
@@ -154,7 +157,9 @@ def start(row, psi, cosines, sines, memory):
             store(e.past_tilt, 0, nothing)
             store(e.past_spin, 0, nothing)
             store(e.tilt, 0, nothing)
-            store(e.spin, 0, nothing)
+            w_n, way = upright_spin(p, m)
+            store(e.spin, 0, w_n if p.yaw > 0.0 else nothing)
+            store(e.steering, 0, way if p.yaw > 0.0 else nothing)
             store(e.needle_force, 0, nothing)
             store(e.needle_moment, 0, nothing)
             store(e.needle_swing, 0, nothing)
@@ -162,7 +167,7 @@ def start(row, psi, cosines, sines, memory):
             _steer(p, eights[k], memory.samples, p.yaw * p.groove_spinning * p.axis_factor * mean_load ** (1.0 / 3.0))
 
 
-@inlined_kernel
+@kernel_part
 def store_wrench(p, m, g, e, cos_phi, sin_phi):
     """Note what a groove does to the spider."""
     across_1, across_2, about_shaft, _ = spider_wrench(p, m, g, cos_phi, sin_phi)
@@ -182,7 +187,7 @@ def _cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@inlined_kernel
+@kernel_part
 def balance_spider(p, first, second, third):
     """Normal forces of eight samples from the spider's balance: w N = b, by cross products of the columns of w."""
     w_0, w_1, w_2 = _wrench(first), _wrench(second), _wrench(third)
@@ -196,7 +201,7 @@ def balance_spider(p, first, second, third):
     store(third.normal, 0, (b_0 * z[0] + b_1 * z[1] + b_2 * z[2]) * factor)
 
 
-@inlined_kernel
+@kernel_part
 def follow_root(p, e):
     """Take the contact ellipse along with its normal force, one Newton step; change and new value of a_H."""
     floor = 1e-3 * abs(p.torque) / p.pitch_radius

@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 from tripod_doe.joint.balance_constants import flank
-from tripod_doe.mechanics.compilation import inlined_kernel
+from tripod_doe.mechanics.compilation import inlined_kernel, kernel_part
 from tripod_doe.mechanics.laws import hyperbolic_tangent
 
 __all__ = [
@@ -248,7 +248,7 @@ def groove_forces(p, m, skew, contact, slip, root, added, newton):
     )
 
 
-@inlined_kernel
+@kernel_part
 def thrust_of_each(p, m, g):
     """Parts of the thrust of one groove over N, in the order of `outputs.PARTS`, defined in `thrust_parts`."""
     arm = flank(p) * p.roller_radius

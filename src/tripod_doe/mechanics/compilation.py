@@ -18,7 +18,7 @@ from numba.core.registry import CPUDispatcher
 
 from tripod_doe.mechanics.sources import cache_root, source_hashes
 
-__all__ = ["KernelLocator", "inlined_kernel", "kernel", "kernel_part"]
+__all__ = ["KernelLocator", "inlined_kernel", "inner_kernel", "kernel", "kernel_part"]
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 
@@ -79,7 +79,7 @@ def kernel_part(function: Callable[..., Any]) -> Any:
     return numba.jit(cache=True, inline="always", **_OPTIONS)(function)
 
 
-class _Inlined(CPUDispatcher):  # type: ignore[misc]
+class _Inner(CPUDispatcher):  # type: ignore[misc]
     """A compiled function for kernels: without an entry for Python and not cached, which were most of its price."""
 
     def __call__(self, *arguments: Any) -> Any:
@@ -92,7 +92,14 @@ class _Inlined(CPUDispatcher):  # type: ignore[misc]
         return entry
 
 
+_INNER = _OPTIONS | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
+def inner_kernel(function: Callable[..., Any]) -> Any:
+    """Compile a function that only kernels call, in several places."""
+    return _Inner(py_func=function, targetoptions=_INNER)
+
+
 def inlined_kernel(function: Callable[..., Any]) -> Any:
     """Compile a scalar law or formula that is always inlined, so that the loops that call it are vectorised."""
-    options = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return _Inlined(py_func=function, targetoptions=_OPTIONS | options)
+    return _Inner(py_func=function, targetoptions=_INNER | {"forceinline": True})
