@@ -20,7 +20,7 @@ __all__ = ["SourceHashes", "cache_root", "hash_sources", "source_hashes"]
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 _DECIDE_RESULTS = ("mechanics", "joint")
-_KERNEL_DECORATORS = {"kernel", "inlined_kernel", "kernel_part"}
+_KERNEL_DECORATORS = {"kernel", "inlined_kernel", "inner_kernel", "kernel_part"}
 
 
 @dataclass(frozen=True)
