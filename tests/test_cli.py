@@ -180,6 +180,7 @@ def record(whole_results, tmp_path):
     return tmp_path / "m.csv"
 
 
+@pytest.mark.slow
 def test_compare_lays_a_measurement_over_a_point(capsys, whole_results, record, tmp_path):
     words = ["compare", whole_results, record, "--select", "joint_angle_deg=10"]
     code, out, err = call(capsys, *words, "--reference_angle=-77", "--format", "json", "--output", tmp_path / "page")

@@ -58,6 +58,7 @@ def test_a_command_imports_only_what_it_needs(cube, command, needs):
     assert LIBRARIES & set(modules) == needs
 
 
+@pytest.mark.slow
 def test_a_run_imports_what_draws_and_analyses_only_when_it_does(tmp_path):
     """Its first point comes seconds earlier; a report without an analysis does without its libraries."""
     (tmp_path / "doubling.py").write_text(
@@ -78,6 +79,7 @@ def test_a_run_imports_what_draws_and_analyses_only_when_it_does(tmp_path):
     assert "threads 1\n" in done.stdout  # as in workers, so that a point gives the same in both
 
 
+@pytest.mark.slow
 def test_the_server_computes_nothing_and_what_computes_serves_nothing():
     """The server's process stays small and quick; a process that answers or computes loads no web code."""
     computes, serves = {"dask", "matplotlib", "netCDF4", "numba", "xarray"}, {"fastapi", "starlette", "uvicorn"}

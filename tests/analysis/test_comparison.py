@@ -296,6 +296,7 @@ def test_points_over_speed_are_kept(four_points):
         model_point(cube, ["joint_angle_deg=10"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("true", "given"), [(3, 1), (2, 1), (1, 2), (6, 1), (1, 3), (60, 20), (4, 8)])
 def test_a_wrong_number_of_pulses_is_named(measure, true, given):
     """Regression: amplitudes and phases of orders that are none, without a word."""

@@ -250,6 +250,7 @@ def study(tmp_path):
     return write
 
 
+@pytest.mark.slow
 def test_a_study_runs_its_pilot_takes_the_split_and_grows(study, tmp_path, capsys):
     """Exact: run again nothing is computed; with more samples every point that is there is used again."""
     out = tmp_path / "out"

@@ -23,6 +23,7 @@ def learnt():
     return surrogate(cube_of('kind = "latin-hypercube"\nsamples = 80\nseed = 1', outputs), SETTINGS)
 
 
+@pytest.mark.slow
 def test_what_can_be_learnt_is_learnt(learnt):
     """Exact: a polynomial without error; a wave within 2 % of its size; of noise nothing, so its error is its size."""
     error = learnt["error_rms"].values

@@ -165,6 +165,7 @@ def test_the_reference_of_a_choice_is_its_last_candidate_at_the_points_that_are_
         assert reference[name].tolist() == [value, value]
 
 
+@pytest.mark.slow
 def test_reported_errors_are_held_against_true_ones(benchmark, capsys):
     """Its smallest form: a point that does not vibrate is as accurate as asked, and says so within a factor of five."""
     accuracy = benchmark("accuracy")
@@ -205,6 +206,7 @@ def test_intervals_and_pilots_of_several_models_are_counted(benchmark, capsys):
     assert "bias over standard error" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_peers_of_the_sensitivity_find_the_same_indices(benchmark, tmp_path):
     """SALib's own workflow is that of this package: the values are the same to their scramblings."""
     peers = benchmark("sensitivity_peers")

@@ -52,6 +52,7 @@ def test_two_ways_to_the_same_balance(points, monkeypatch, solve):
     np.testing.assert_allclose(together.groove_thrust, relaxed.groove_thrust, rtol=0, atol=1e-7 * largest)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "given",
     [

@@ -87,6 +87,7 @@ def test_speed_acts_as_its_square_times_the_masses(points):
     assert abs(abs(third(fast)) - abs(third(slow))) > 0.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [5, 15])
 def test_samples_are_steps_of_second_order(points, angle):
     """Order: doubling the samples takes three quarters of the error away, as backward differences of second order do."""

@@ -47,6 +47,7 @@ def test_second_order_of_rollers_is_that_of_the_equilibrium(simulated):
     assert rollers == pytest.approx(equilibrium, rel=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("switch", ["needle_sliding", "needle_rolling", "groove_rolling", "groove_spinning"])
 def test_switched_off_mechanisms_do_the_same_in_both_models(simulated, switch):
     """Limit: the same 2 %, and a mechanism that is off takes no power."""
@@ -167,6 +168,7 @@ def test_the_reported_error_covers_the_real_one(simulated, given):
     assert left < reported < 10 * real
 
 
+@pytest.mark.slow
 def test_the_error_is_of_first_order(simulated):
     """Numerical error: the steps are 1/3, 1/6 and 1/12 of a sample's 1 deg; changes must halve."""
     third = [order(simulated(relative_tolerance=np.radians(1) / (2 * n)), 3) for n in (3, 6, 12)]

@@ -120,6 +120,7 @@ def at_rest(scene):
     return with_housing(still, angular_velocity=scene.frame, locked=(True,) * 6)
 
 
+@pytest.mark.slow
 def test_axes_at_rest_give_the_same_thrust(joint_values):
     """Invariance: the same joint has the same third order in axes at rest. There Euler's error is several times larger,
     so both are extrapolated from two tolerances; 1 % is what that leaves."""

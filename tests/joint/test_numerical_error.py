@@ -73,6 +73,7 @@ def test_the_start_of_the_run_again_is_no_error(simulated):
 LIGHT = {"joint_angle_deg": 7.6, "torque_n_m": 18.6, "speed_rpm": 1175, "groove_sliding_friction": 0.036, "cycles": 3}
 
 
+@pytest.mark.slow
 def test_energy_that_an_implicit_method_damps_does_not_refuse_it(simulated):
     """Numerical error: a start that jolts takes more than half of what friction takes; the third order holds to 1 %."""
     coarse, fine = (simulated(**LIGHT, method="generalized-alpha", samples_per_revolution=180, step_s=step)
@@ -83,6 +84,7 @@ def test_energy_that_an_implicit_method_damps_does_not_refuse_it(simulated):
     assert third == pytest.approx(better, rel=0.01)
 
 
+@pytest.mark.slow
 def test_energy_that_an_explicit_method_misses_refuses_it(simulated):
     """Outcomes: friction chatters beyond its limit, and what an explicit method misses nothing else explains."""
     result = simulated(method="rk4", step_s=2e-5, samples_per_revolution=180, cycles=3)

@@ -63,6 +63,7 @@ def test_thrown_ball_ends_rolling_at_five_sevenths():
     assert result.energy_residual < 5e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("stabilisation", "settings", "error", "drift"),
     [

@@ -84,11 +84,13 @@ def test_one_process_compiles_and_the_other_waits_for_its_machine_code(start, tm
     assert compilations("model copy") == {"tripod_doe.mechanics.motion.copy_vectors": 1}
 
 
+@pytest.mark.slow
 def test_other_kernels_are_compiled_meanwhile(start):
     first, second = start("model a"), start("model b")
     assert first.stdout.readline() == second.stdout.readline() == "here\n"
 
 
+@pytest.mark.slow
 def test_a_process_that_is_killed_lets_the_next_one_compile(start):
     first = start()
     assert first.stdout.readline() == "here\n"

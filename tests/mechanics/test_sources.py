@@ -63,6 +63,7 @@ def test_code_of_a_kernel_counts_for_both(package):
     assert after.kernels != before.kernels
 
 
+@pytest.mark.slow
 def test_a_constant_that_a_kernel_imports_counts_for_both(package):
     """numba compiles the value of a global in: the file that it comes from need not contain a kernel itself."""
     before = source_hashes()

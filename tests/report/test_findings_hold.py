@@ -321,6 +321,7 @@ def check_designs(kind: str, seeds: range) -> None:
     assert TOLD.get(kind, "range") in seen
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_sentence_lies(kind):
     """Three random designs of a kind; `benchmarks/sentences.py` checks as many as wanted."""

@@ -32,6 +32,7 @@ def first_screen(page: str) -> str:
     return page[page.index("<header>") : page.index("<nav")]
 
 
+@pytest.mark.slow
 def test_question_answer_and_picture_come_before_everything_else(joint_page, joint_cube):
     first = first_screen(joint_page)
     assert first.index(joint_cube.attrs["question"]) < first.index('class="answer"') < first.index("<svg")

@@ -49,6 +49,7 @@ def test_only_orders_that_were_asked_for_are_stated(chosen, grid_cube):
     assert "Accuracy was asked for the third order only: other orders and the waveform are not shown" in told
 
 
+@pytest.mark.slow
 def test_the_page_shows_the_others_as_not_asked_and_one_picture_of_the_models(chosen):
     page = make_page(chosen, {})
     assert page.count("no accuracy was requested for them") == 1

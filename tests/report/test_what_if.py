@@ -73,6 +73,7 @@ def test_orders_are_predicted_with_their_phases():
     assert np.abs((found - phase[0] + 180) % 360 - 180)[2:].max() < 1.0
 
 
+@pytest.mark.slow
 def test_bands_hold_most_unseen_points():
     """Of 400 other points 90 to 99 % lie within the band, where the surrogate misses what wiggles."""
     _, page = learnt(200, wiggle=0.5)

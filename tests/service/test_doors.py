@@ -70,6 +70,7 @@ def called(*words):
     return code, told.getvalue()
 
 
+@pytest.mark.slow
 @FEW
 @given(question=questions)
 def test_a_question_has_one_answer(api, coast, settings, question):

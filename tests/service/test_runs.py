@@ -165,6 +165,7 @@ def test_wrong_states_are_refused(api, coast):
         assert api.post(f"/runs/none{path}").status_code == 404
 
 
+@pytest.mark.slow
 def test_directories_of_the_command_line_are_shown_and_left_alone(coast, settings, tmp_path, caplog):
     by_hand = tmp_path / "by_hand"
     shutil.copytree(settings.folder / coast, by_hand, ignore=shutil.ignore_patterns("upload", ".alive"))

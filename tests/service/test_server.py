@@ -36,6 +36,7 @@ def test_the_server_prints_one_line_and_ends_in_time_with_a_hundred_streams(serv
     assert complaints == ""  # and so nothing of the token
 
 
+@pytest.mark.slow
 def test_a_folder_has_one_server(serve, tmp_path):
     serve()
     second = Process(["-m", "tripod_doe.cli", "serve", "--folder", str(tmp_path / "results"), "--port", "0"])

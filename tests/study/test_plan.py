@@ -128,6 +128,7 @@ def test_timing_stops_a_point_that_would_take_hours(tmp_path, monkeypatch):
     assert "nothing was timed" in plan.describe()
 
 
+@pytest.mark.slow
 def test_what_comes_before_the_first_point_is_not_taken_from_the_time_for_timing(tmp_path, monkeypatch):
     """An import stands for kernels that are compiled: the time for timing starts when it is done."""
     seen = []

@@ -125,6 +125,7 @@ def test_rollers_at_forty_degrees_finish_with_half_the_tolerance():
     np.testing.assert_array_equal(cube["thrust_amplitude"].values[1], asked["thrust_amplitude"].values)
 
 
+@pytest.mark.slow
 def test_a_lower_rung_takes_its_own_numerics_and_leaves_what_it_cannot_give_open():
     cube, _ = cube_of(JOINT.replace('"smaller-step", ', ""))
     assert cube["attempt"].values.tolist() == [0, 1]

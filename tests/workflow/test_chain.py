@@ -135,6 +135,7 @@ def test_steps_run_after_what_they_need_and_once(bench):
     assert 'href="../first/report/index.html"' in report
 
 
+@pytest.mark.slow
 def test_only_what_changed_and_what_needs_it_runs_again(bench):
     bench.run()
     bench.calls()
@@ -148,6 +149,7 @@ def test_only_what_changed_and_what_needs_it_runs_again(bench):
     assert (states["picture"], states["second"]) == ("finished", "reused")
 
 
+@pytest.mark.slow
 def test_a_failed_step_stops_only_what_needs_it(bench):
     bench.study("first", "1, -1", tag=0)
     assert bench.run() == {

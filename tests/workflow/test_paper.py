@@ -153,6 +153,7 @@ initial_skew_3_deg = 0.4
 """
 
 
+@pytest.mark.slow
 def test_a_study_with_failed_points_leaves_its_claims_open_and_no_others(tmp_path):
     """29 needles do not fit on their pitch circle: that study fails, and what it would decide stays open."""
     (tmp_path / "halved.toml").write_text(HALVED)

@@ -81,6 +81,7 @@ def test_an_address_is_a_view_and_a_view_an_address():
         View.from_items([("kind", "line")])
 
 
+@pytest.mark.slow
 def test_lines_and_maps_show_the_numbers_of_a_query(folders):
     cube = td.open_cube(folders["grid"])
     for kind in ("lines", "map"):
