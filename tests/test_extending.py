@@ -92,6 +92,7 @@ def answers(extended):
 @pytest.mark.slow
 @pytest.mark.parametrize("section", SECTIONS, ids=lambda section: section.partition("\n")[0])
 def test_an_example_works_and_touches_as_many_files_as_it_says(extended, answers, section):
+    """Exact: each worked example of docs/extending.md, on a copy of the sources in a fresh process, as printed there."""
     stated = re.search(r"^(\d+) files?:", section, re.MULTILINE)
     assert int(stated[1]) == len(set(extended[1][section]))
     assert answers[section] == ""

@@ -20,6 +20,7 @@ def in_own_thread(function, *arguments):
 
 
 def test_load(benchmark, tmp_path, capsys):
+    """Real server, client connections and runs: 200 event streams lose nothing, and answers go on beside two studies."""
     load = benchmark("service_load")
     (tmp_path / "small.toml").write_text(load.LONG.format(count=2))
     td.run(tmp_path / "small.toml", out=tmp_path / "results" / "small", workers=0, progress=False)
@@ -34,16 +35,19 @@ def test_load(benchmark, tmp_path, capsys):
 
 
 def test_requests_made_from_the_description_meet_no_internal_error(benchmark):
+    """What schemathesis makes of the published description, alone and in chains: no route fails or answers beside it."""
     tally = benchmark("service_cases").run_cases(60, 3)
     assert tally.total() > 30  # at most so many single requests; the others in chains
     assert {"2", "4"} <= {route.rpartition(" ")[2][0] for route in tally}
 
 
 def test_a_kill(benchmark):
+    """Of a server, a run, a worker or all at a random moment: no finished point lost or run twice, and equal cubes."""
     assert sum(in_own_thread(benchmark("service_storm").storm_and_compare, 1, 4, "0", 12)["kills"].values()) == 1
 
 
 def test_page(benchmark, capsys):
+    """A browser loads list and explorer, and draws slices and many points; this holds only that all of it happens."""
     if shutil.which("chromium") is None:
         pytest.skip("chromium is not installed")
     in_own_thread(benchmark("service_page").measure, 5, 2000, 2)

@@ -74,6 +74,7 @@ def called(*words):
 @FEW
 @given(question=questions)
 def test_a_question_has_one_answer(api, coast, settings, question):
+    """Invariance: command line, HTTP and Python give the same cells or refuse the same question, for random questions."""
     directory = settings.folder / coast
     selections = [word for selection in question["select"] for word in ("--select", selection)]
     flags = ["--nearest"] * question["nearest"] + (["--where", question["where"]] if question["where"] else [])

@@ -30,6 +30,7 @@ def small_disk(tmp_path):
 
 
 def test_a_full_disk_is_told_and_what_was_finished_is_kept(small_disk, serve):
+    """A real file system without room: requests say so, the run ends, and goes on from its journal when there is room."""
     server = serve("--workers", "0")
     run_id = server.submit(LONG)
     server.wait(run_id, lambda run: run["points"]["finished"] > 0)

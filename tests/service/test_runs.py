@@ -193,6 +193,7 @@ def test_directories_of_the_command_line_are_shown_and_left_alone(coast, setting
 
 @pytest.mark.slow
 def test_a_run_grows_and_keeps_what_it_has(api):
+    """Invariance over HTTP: an extended run computes what is new, a repeated one what failed, and a deleted one is gone."""
     run_id = api.submit(grown(3))
     api.wait(run_id, "finished")
     changed = api.post(f"/runs/{run_id}/extend", {"study": grown(3, 4).replace("-35", "-36")})

@@ -117,6 +117,7 @@ def test_kills_lose_no_finished_point_and_run_none_twice(serve, tmp_path):
 
 @pytest.mark.slow
 def test_the_demonstration_is_finished_before_the_address_is_told(tmp_path):
+    """Whoever opens the printed address finds a run with all its points; the shipped study itself runs, 144 points."""
     server = Server(tmp_path / "demo", "--demo", "--workers", "0")
     try:
         (run,) = server.ask("/runs")[1]

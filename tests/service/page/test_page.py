@@ -47,6 +47,7 @@ def traces(page):
 
 
 def test_a_run_appears_and_ends_without_reload_and_is_deleted_after_a_question(served, page):
+    """The live page as a person uses it: a submitted study shows up, moves, ends and goes, in one loaded document."""
     page.goto(served.address)
     page.evaluate("window.same = true")
     study = '[study]\nname = "Seen live"\n[factors.joint_angle_deg]\nvalues = [4, 8]\n'
