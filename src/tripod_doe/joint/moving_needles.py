@@ -79,7 +79,6 @@ class NeedleMemory(ByReference):
             np.zeros(samples), np.zeros(samples), np.zeros(samples),
         )  # fmt: skip
 
-
     def of_roller(self, k: int, samples: int) -> RollerMotion:
         """The motion of one roller."""
         motion = (self.spins, self.turns, self.plunges, self.loads, self.offsets, self.yaws)
