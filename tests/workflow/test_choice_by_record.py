@@ -27,9 +27,10 @@ def recorded(tmp_path, monkeypatch):
     bench = Bench(tmp_path)
     kind = type(td.load_study(bench.write(STUDY)).simulator)
 
-    def with_record(**errors: float) -> Bench:
+    def with_record(**errors) -> Bench:
         def recorded_errors(self, points, demands):
-            own = np.array([errors[f"model_{int(model)}"] for model in points["model"]])
+            known = errors[f"model_{int(points['model'][0])}"]
+            own = known(points["x"]) if callable(known) else np.full(len(points["model"]), known)
             allowed = np.array([demand.allowed for demand in demands.quantities])
             return np.repeat((own[:, None] / allowed)[:, None], SIMILAR, axis=1)
 
@@ -115,11 +116,13 @@ def test_a_study_too_small_for_a_whole_pilot_has_one_that_confirms(recorded):
     [
         ({"model_0": 0.05, "model_1": 0.05}, ("", "")),
         ({"model_0": np.nan, "model_1": np.nan}, ("", "")),
+        ({"model_0": 0.05, "model_1": lambda x: np.where(x > 0.7, 0.05, 0.01)}, ("", "")),
         ({"model_0": 0.05, "model_1": 0.01}, ("y = 0.03", "y = 0.03\nconfidence = 0.97")),
     ],
 )
 def test_a_record_that_cannot_suffice_is_not_asked(recorded, errors, change):
-    """No model is within the accuracy, nothing is known, or more is asked for than a pilot below the whole one shows."""
+    """No model is within the accuracy, nothing is known, nothing of so many points that the full model would run at nine,
+    or more is asked for than a pilot below the whole one shows."""
     bench = recorded(**errors)
     study = td.load_study(bench.write(STUDY.replace(*change)))
     points = make_points(study)

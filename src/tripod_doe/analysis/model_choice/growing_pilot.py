@@ -48,11 +48,14 @@ def first_candidates(accuracy: Accuracy) -> list[Candidate]:
 def confirming_sizes(study: Study, points: Points, record: RecordedChoice | None) -> list[int]:
     """Sizes of the pilots that could confirm a choice by record, the first of which only tells how fine it must be.
 
-    Empty where none could: they must be smaller than the pilot without a record, and than half of the study.
+    Empty where none could: they must be smaller than the pilot without a record, and than half of the study. Empty,
+    too, where the full model would then run at more points than in the pilot without a record, which may find better.
     """
     if record is None:
         return []
     most = pilot_points(study, points).size or int(points.allowed.sum()) // 2 + 1
+    if CONFIRMING + (~record.cheap).sum() > most:
+        return []
     sizes, confidence = [1], accuracy_of(study).confidence
     while max(CONFIRMING, 2 * sizes[-1]) < most:
         sizes.append(max(CONFIRMING, 2 * sizes[-1]))
