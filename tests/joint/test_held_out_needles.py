@@ -33,14 +33,14 @@ def balances():
 
 
 def test_the_law_of_the_needles_holds_where_it_was_not_looked_at(balances):
-    """Measured: third order 0.28 (1.29) %, second 5.9 (17) % where it is above 0.5 % of the third, phase 1.7 (9.8) deg,
+    """Measured: third order 0.24 (1.15) %, second 5.9 (17) % where it is above 0.5 % of the third, phase 1.8 (7.5) deg,
     skew 0.02 deg, in the median (90th percentile); of which needles' own error is 0.14 (0.24) and 2.3 (4.9) %."""
     orders, skews = balances
     counts = (HELD_OUT["amplitude_2"] > 0.005 * HELD_OUT["amplitude_3"]).to_numpy()
     third, second = np.abs(np.abs(orders[:, 1]) - 1), np.abs(np.abs(orders[counts, 0]) - 1)
     assert counts.sum() == 19
     assert np.median(third) < 0.004
-    assert np.quantile(third, 0.9) < 0.014
+    assert np.quantile(third, 0.9) < 0.012
     assert np.median(second) < 0.08
     assert np.quantile(second, 0.9) < 0.2
     assert np.median(np.abs(np.degrees(np.angle(orders[counts, 0])))) < 3

@@ -152,12 +152,13 @@ class GrowingPilot:
 
     def _as_fine_as_needed(self, runs: Runs, places: NDArray[np.int64]) -> PilotErrors:
         """Run a pilot, with finer full candidates at those `places` where that needs be; they are added to `runs`."""
+        given = self.points.factors.at(places)
         while True:
             self.run(pilot_study(self.study, self.points, runs), self.directory)
             found = self.found()
             rows = np.flatnonzero(found.worst[:, -1] <= 1)
             sure = {_values(found.columns, int(row)) for row in rows}
-            unsure = np.array([at for at in places if _values(self.points.columns, int(at)) not in sure], np.int64)
+            unsure = np.array([at for row, at in enumerate(places) if _values(given, row) not in sure], np.int64)
             finer = _finer_candidate(found, accuracy_of(self.study))
             if finer is None or not unsure.size:
                 return found
