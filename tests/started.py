@@ -165,6 +165,7 @@ def _become(words, environment, folder, ignores_interrupts):
     """Run a program as Python would."""
     os.environ.clear()
     os.environ.update(environment)
+    sys.modules["dask"].config.refresh()  # it was imported with other variables
     os.chdir(folder)
     if ignores_interrupts:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
