@@ -28,10 +28,11 @@ MODELS_OF_PROCESS = {
     "gw2": ("equilibrium", "kinetostatic", "rollers"),
 }
 MANY = 500
-SHARED = {"served": "browser", "chromium": "browser", "client": "service"}
-"""Fixtures of a session that cost more than many a test, and the group of tests that use them."""
+SHARED = {"served": "browser", "chromium": "browser", "client": "service", "extended": "extending"}
+"""Fixtures that cost more than many a test, and the group of tests that use them."""
 
 
+@pytest.hookimpl(tryfirst=True)  # before pytest-xdist reads the groups
 def pytest_collection_modifyitems(items):
     """One process runs all tests that share a server or a browser (`--dist loadgroup`); what takes long comes first."""
     for item in items:
