@@ -28,18 +28,6 @@ MODELS_OF_PROCESS = {
     "gw2": ("equilibrium", "kinetostatic", "rollers"),
 }
 MANY = 500
-SHARED = {"served": "browser", "chromium": "browser", "client": "service", "extended": "extending"}
-"""Fixtures that cost more than many a test, and the group of tests that use them."""
-
-
-@pytest.hookimpl(tryfirst=True)  # before pytest-xdist reads the groups
-def pytest_collection_modifyitems(items):
-    """One process runs all tests that share a server or a browser (`--dist loadgroup`); what takes long comes first."""
-    for item in items:
-        for group in {SHARED[name] for name in item.fixturenames if name in SHARED}:
-            item.add_marker(pytest.mark.xdist_group(group))
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        items.sort(key=lambda item: item.get_closest_marker("slow") is None)
 
 
 def pytest_collection_finish(session):
