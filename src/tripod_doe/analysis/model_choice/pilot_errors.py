@@ -15,10 +15,12 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Candidate, Demand, Outcome
 from tripod_doe.study.accuracy import Accuracy
 
-__all__ = ["HOPELESS", "PilotErrors", "pilot_errors"]
+__all__ = ["AS_GOOD", "HOPELESS", "PilotErrors", "pilot_errors"]
 
 FloatArray = NDArray[np.float64]
 
+AS_GOOD = 1.1
+"""Error over that of the reference up to which a candidate is accepted where neither meets the accuracy."""
 HOPELESS = 10.0
 """Error over the allowed one that also stands for a candidate that failed: a larger number
 would spoil the interpolation at distant points."""
@@ -69,6 +71,12 @@ class PilotErrors:
     def worst(self) -> FloatArray:
         """Error of the worst quantity, shape (pilot point, candidate)."""
         return np.asarray(self.errors.max(axis=2))
+
+    @property
+    def accepted(self) -> NDArray[np.bool_]:
+        """Whether a candidate is within the accuracy, or as good as the reference, shape (pilot point, candidate)."""
+        worst = self.worst
+        return np.asarray(worst <= np.maximum(1.0, AS_GOOD * worst[:, -1:]))
 
     @property
     def price(self) -> float:

@@ -23,7 +23,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.analysis.model_choice.pilot_errors import HOPELESS, PilotErrors
-from tripod_doe.analysis.model_choice.selection import AS_GOOD, labelled
+from tripod_doe.analysis.model_choice.selection import labelled
 from tripod_doe.simulator import Candidate, Demands
 from tripod_doe.study.choice import accuracy_of
 from tripod_doe.study.definition import Study
@@ -92,8 +92,7 @@ class RecordedChoice:
             for number, cheap in zip(self.number[at], self.cheap[at], strict=True)
         ])  # fmt: skip
         rows = np.flatnonzero(column >= 0)
-        allowed = np.maximum(1.0, AS_GOOD * found.worst[rows, -1])
-        return int((found.worst[rows, column[rows]] <= allowed).sum()), rows.size
+        return int(found.accepted[rows, column[rows]].sum()), rows.size
 
     def labelled(
         self, found: PilotErrors, columns: Mapping[str, NDArray[Any]], study: Study, share: float

@@ -40,19 +40,17 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.model_choice.pilot import normalised
-from tripod_doe.analysis.model_choice.pilot_errors import HOPELESS, PilotErrors, pilot_errors
+from tripod_doe.analysis.model_choice.pilot_errors import AS_GOOD, HOPELESS, PilotErrors, pilot_errors
 from tripod_doe.errors import InputError
 from tripod_doe.study.accuracy import AUTO, Accuracy
 from tripod_doe.study.definition import load_study
 from tripod_doe.study.designs import make_points
 
-__all__ = ["AS_GOOD", "ChooseSettings", "choose", "choose_for_study", "labelled", "without_pilot"]
+__all__ = ["ChooseSettings", "choose", "choose_for_study", "labelled", "without_pilot"]
 
 FloatArray = NDArray[np.float64]
 
 _LIMITS = np.linspace(1.0, 0.0, 101)
-AS_GOOD = 1.1
-"""Error over that of the reference up to which a candidate is accepted where neither meets the accuracy."""
 
 
 class ChooseSettings(BaseModel):
@@ -182,13 +180,12 @@ class _Prediction:
 
     def limit(self, confidence: float) -> tuple[float, int]:
         """Largest accepted predicted error, over the allowed one, and the number of pilot points that it misses."""
-        found = self._found
-        rows, last, misses = np.arange(found.count), len(found.candidates) - 1, []
+        rows, accepted, misses = np.arange(self._found.count), self._found.accepted, []
         for limit in _LIMITS:
-            candidate = _cheapest(self._blind.max(axis=2), found.prices, float(limit))
-            misses.append(int((found.worst[rows, candidate] > np.maximum(1, AS_GOOD * found.worst[:, last])).sum()))
+            candidate = _cheapest(self._blind.max(axis=2), self._found.prices, float(limit))
+            misses.append(int((~accepted[rows, candidate]).sum()))
         most_below = np.maximum.accumulate(misses[::-1])[::-1]
-        allowed = (most_below + 1) / (found.count + 1) <= 1 - confidence + 1e-12
+        allowed = (most_below + 1) / (rows.size + 1) <= 1 - confidence + 1e-12
         if not allowed.any():
             return -1.0, 0  # too few pilot points for such a confidence: only the reference is taken
         return float(_LIMITS[allowed.argmax()]), misses[int(allowed.argmax())]

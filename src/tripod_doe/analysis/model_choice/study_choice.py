@@ -57,7 +57,7 @@ def make_choice(
     choice: xr.Dataset | None = None
     if frozen is None:
         record = choice_by_record(study, points)
-        _check_budget(study, _pilot_price(study, *_first_stage(study, points, record)), "the pilot alone")
+        _check_budget(study, _pilot_price(*_first_stage(study, points, record)), "the pilot alone")
         choice = pilot.choose(record)
     elif (directory / PILOT / "cube.nc").exists():  # the study grew
         record = choice_by_record(study, points) if "recorded_share" in frozen.attrs else None
@@ -109,7 +109,7 @@ def _first_stage(study: Study, points: Points, record: RecordedChoice | None) ->
     return first_candidates(accuracy_of(study)), pilot_points(study, points).size
 
 
-def _pilot_price(study: Study, candidates: list[Candidate], count: int) -> float:
+def _pilot_price(candidates: list[Candidate], count: int) -> float:
     """CPU seconds of the first stage of a pilot, from recorded work."""
     return count * sum(candidate.price for candidate in candidates)
 
@@ -133,7 +133,7 @@ def describe_choice(study: Study, directory: Path | None) -> str:
         if not count:
             return "choice       too few points for a pilot: the full model everywhere"
         by_record = record is not None and bool(confirming_sizes(study, points, record))
-        price, usual = duration(_pilot_price(study, candidates, count)), candidates[-1]
+        price, usual = duration(_pilot_price(candidates, count)), candidates[-1]
         return "\n".join([
             f"pilot        {count} points on {len(candidates)} candidates, CPU time about {price}; may grow"
             + (": it is to confirm errors that are on record for similar points" if by_record else ""),
