@@ -62,23 +62,24 @@ class Process:
         self.returncode = None
         asked = {"words": words, "environment": dict(environment or os.environ), "folder": os.getcwd(),
                  "ignores_interrupts": ignores_interrupts}  # fmt: skip
-        self._told, told = os.pipe()
+        self._told, told = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         if quiet:
-            theirs = [os.open(os.devnull, os.O_WRONLY), os.open(os.devnull, os.O_WRONLY), told]
+            theirs = [os.open(os.devnull, os.O_WRONLY), os.open(os.devnull, os.O_WRONLY), told.detach()]
         else:
             (out, out_end), (err, err_end) = os.pipe(), os.pipe()
-            self.stdout, self.stderr, theirs = os.fdopen(out), os.fdopen(err), [out_end, err_end, told]
+            self.stdout, self.stderr, theirs = os.fdopen(out), os.fdopen(err), [out_end, err_end, told.detach()]
         socket.send_fds(_server(), [json.dumps(asked).encode()], theirs)
         for end in theirs:
             os.close(end)
-        self.pid = int(os.read(self._told, 99))
-        os.set_blocking(self._told, False)
+        self.pid = int(self._told.recv(99))
+        self._told.setblocking(False)
 
     def poll(self):
+        """Exit code, once it has ended; until then it can be signalled, and its process group exists."""
         if self.returncode is None:
             with suppress(BlockingIOError):
-                self.returncode = int(os.read(self._told, 99))
-                os.close(self._told)
+                self.returncode = int(self._told.recv(99))
+                self._told.close()
         return self.returncode
 
     def wait(self, timeout=60):
@@ -147,18 +148,30 @@ def _serve(requests):
             os.close(end)
     requests.close()
     out, err, told = ends
+    leads, begun = os.pipe()
     if forked := os.fork():
-        os.close(out)
-        os.close(err)
-        os.write(told, str(forked).encode())
-        os.write(told, str(os.waitstatus_to_exitcode(os.waitpid(forked, 0)[1])).encode())
-        os._exit(0)
-    os.close(told)
+        for end in (out, err, begun):
+            os.close(end)
+        os.read(leads, 1)
+        _tell(socket.socket(fileno=told), forked)
     os.setsid()
+    for end in (told, leads, begun):
+        os.close(end)
     for end, number in ((os.open(os.devnull, os.O_RDONLY), 0), (out, 1), (err, 2)):
         os.dup2(end, number)
         os.close(end)
     return json.loads(text)
+
+
+def _tell(asker, forked):
+    """Tell the number and the exit code of a forked process; it stays a zombie until the asker has read the latter."""
+    asker.send(str(forked).encode())
+    ended = os.waitid(os.P_PID, forked, os.WEXITED | os.WNOWAIT)
+    with suppress(OSError):  # nobody asks any more
+        asker.send(str(ended.si_status if ended.si_code == os.CLD_EXITED else -ended.si_status).encode())
+        asker.recv(1)
+    os.waitpid(forked, 0)
+    os._exit(0)
 
 
 def _become(words, environment, folder, ignores_interrupts):
