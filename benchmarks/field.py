@@ -9,8 +9,9 @@ the field costs is compared with that. Points that did not finish are listed as 
 
 `--against 10` solves again with a tenth of the tolerance (of the accuracy, where runs find their tolerance) and tells
 how far the orders moved, over the largest order of the thrust, and at how many points the third order was wrong by more
-than 5 %. `--beside kinetostatic` holds a balance against runs of `rollers` at the points where both finish, and tells at
-how many it is off by more than 5 % and more than the error that it states. `--plain` tells the price beside that of a
+than 5 %; joints that were followed as vibrating are left to vibration.py, since their revolutions differ by chance.
+`--beside kinetostatic` holds a balance against the runs of a multibody model at the points where both finish, and tells
+at how many it is off by more than 5 % and more than the error that it states. `--plain` tells the price beside that of a
 run with one tolerance for all points, as runs were before they found their own. `--held` takes the first so many points
 only for these. Bounds are Clopper and Pearson's at 95 %.
 
@@ -29,7 +30,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from guards import upper_bound
+from scipy.stats import beta
 
 from tripod_doe.joint.feasibility import misfits
 from tripod_doe.joint.goal import SMALLEST_THIRD
@@ -108,12 +109,14 @@ def internal(columns: dict[str, np.ndarray]):
 
 
 class Answer(NamedTuple):
-    """What became of one point: outcome, reason, CPU milliseconds, and complex orders as pairs of numbers."""
+    """What became of one point: outcome, reason, CPU milliseconds, complex orders as pairs of numbers, and whether it
+    was followed as vibrating."""
 
     outcome: int
     detail: str
     milliseconds: float
     orders: list[list[float]]
+    vibrates: bool
 
 
 class Record:
@@ -162,7 +165,8 @@ def answers(
     model: str, columns: dict[str, np.ndarray], factor: float = 1.0, record: Record | None = None,
     rows: Iterable[int] | None = None,
 ):  # fmt: skip
-    """Outcome, reason, CPU milliseconds and complex orders of each point, by a `factor` of its tolerance or accuracy.
+    """Outcome, reason, CPU milliseconds, complex orders of each point, by a `factor` of its tolerance or accuracy; and
+    whether it was followed as vibrating.
 
     Parameters
     ----------
@@ -187,17 +191,21 @@ def answers(
     return (
         np.array([one.outcome for one in found]), [one.detail for one in found],
         np.array([one.milliseconds for one in found]), orders[..., 0] + 1j * orders[..., 1],
+        np.array([one.vibrates for one in found]),
     )  # fmt: skip
 
 
 def _solved(model: str, point) -> Answer:
     """Solve a block of one point by a model's own method."""
-    solver, keep, began = MODELS[model], ("thrust_amplitude", "thrust_phase_deg"), time.process_time()
+    solver, began = MODELS[model], time.process_time()
+    keep = {"thrust_amplitude", "thrust_phase_deg", "vibration_growth_rate_per_s"} & solver.outputs
     block = solver.simulate(point, next(iter(solver.methods)), 360, keep)
     milliseconds = 1e3 * (time.process_time() - began)
-    amplitude, phase = (block.outputs[name].data[0] if block.outputs else np.full(13, np.nan) for name in keep)
-    orders = amplitude * np.exp(1j * np.radians(phase))
-    return Answer(int(block.outcome[0]), block.detail[0], milliseconds, [[each.real, each.imag] for each in orders])
+    found = {name: block.outputs[name].data[0] if block.outputs else np.full(13, np.nan) for name in sorted(keep)}
+    orders = found["thrust_amplitude"] * np.exp(1j * np.radians(found["thrust_phase_deg"]))
+    pairs = [[each.real, each.imag] for each in orders]
+    vibrates = bool(np.any(found.get("vibration_growth_rate_per_s", 0.0)))
+    return Answer(int(block.outcome[0]), block.detail[0], milliseconds, pairs, vibrates)
 
 
 def plain_prices(model: str, columns: dict[str, np.ndarray], record: Record) -> np.ndarray:
@@ -209,10 +217,15 @@ def plain_prices(model: str, columns: dict[str, np.ndarray], record: Record) -> 
         point, began = values.point(row), time.process_time()
         growing_vibration(point)
         result, _ = follow(assemble(build_joint(point, model == "needles")), point, method, 360, None, settings)
-        return Answer(int(result.outcome), result.detail, 1e3 * (time.process_time() - began), [])
+        return Answer(int(result.outcome), result.detail, 1e3 * (time.process_time() - began), [], False)
 
     rows = range(values.torque.size)
     return np.array([record.answer(f"plain {model}", row, lambda at=row: followed(at)).milliseconds for row in rows])
+
+
+def upper_bound(hits: int, runs: int) -> float:
+    """Clopper and Pearson's upper bound of a rate, at 95 %."""
+    return 1.0 if hits == runs else float(beta.ppf(0.95, hits + 1, runs - hits))
 
 
 def tell(columns: dict[str, np.ndarray], outcome: np.ndarray, detail, price: np.ndarray, listed: int) -> None:
@@ -250,17 +263,17 @@ def tell_against(columns: dict[str, np.ndarray], orders: np.ndarray, reference: 
 
 
 def tell_beside(
-    model: str, columns: dict[str, np.ndarray], reference: np.ndarray, record: Record, rows: np.ndarray
+    model: str, beside: str, columns: dict[str, np.ndarray], reference: np.ndarray, record: Record, rows: np.ndarray
 ) -> None:
-    """Print how far a balance is from runs of `rollers`, beside the error that it states."""
-    outcome, _, _, orders = answers(model, columns, record=record, rows=rows)
+    """Print how far a balance is from runs of another model, beside the error that it states."""
+    outcome, _, _, orders, _ = answers(model, columns, record=record, rows=rows)
     own = np.flatnonzero(outcome == Outcome.FINISHED)
     columns, size = {name: column[own] for name, column in columns.items()}, thirds(columns, reference)[own]
     error = np.abs(np.abs(orders[own, 3]) - np.abs(reference[own, 3])) / size
     _, limit, unknown = known_errors(model, all_columns(columns))
     told, off = unknown == "", error > WRONG
     beyond = off & told & (error > limit)
-    print(f"{model} beside rollers, {own.size} points: off by {100 * np.median(error):.2g} % in the median, "
+    print(f"{model} beside {beside}, {own.size} points: off by {100 * np.median(error):.2g} % in the median, "
           f"by more than 5 % at {off.sum()}; of {told.sum()} points with a stated error "
           f"{beyond.sum()} are off by more than 5 % and more than its limit")  # fmt: skip
     for at in np.flatnonzero(beyond):
@@ -283,22 +296,27 @@ def main(given: list[str] | None = None) -> None:
     rng, model = np.random.default_rng(arguments.seed), arguments.model
     columns = calm_points(arguments.count, rng) if arguments.calm else field_points(arguments.count, rng, model)
     record = Record(arguments.record, model=model, seed=arguments.seed, calm=arguments.calm)
-    outcome, detail, price, orders = answers(model, columns, record=record)
+    outcome, detail, price, orders, vibrates = answers(model, columns, record=record)
     tell(columns, outcome, detail, price, arguments.listed)
     held = slice(0, arguments.held)
     columns, outcome, orders = {n: c[held] for n, c in columns.items()}, outcome[held], orders[held]
     finished = outcome == Outcome.FINISHED
+    if vibrates.any():
+        print(f"{vibrates.sum()} vibrate, and make {100 * price[vibrates].sum() / price.sum():.0f} % of the price; mean of "
+              f"the others {price[~vibrates].mean():.2f} ms")  # fmt: skip
     if arguments.plain:
         ratio = price[held].mean() / plain_prices(model, columns, record).mean()
         print(f"mean price {ratio:.2f} times that with one tolerance, {outcome.size} points")
     if arguments.against:
-        tight, _, _, reference = answers(model, columns, 1 / arguments.against, record)
-        both = finished & (tight == Outcome.FINISHED)
+        rows = np.flatnonzero(finished & ~vibrates[held])
+        asked = {n: c[rows] for n, c in columns.items()}
+        tight, _, _, reference, _ = answers(model, asked, 1 / arguments.against, record, rows)
+        both = tight == Outcome.FINISHED
         what = f"{'an accuracy' if MODELS[model].settles else 'a tolerance'} {arguments.against:g} times smaller"
-        tell_against({n: c[both] for n, c in columns.items()}, orders[both], reference[both], what)
+        tell_against({n: c[both] for n, c in asked.items()}, orders[rows][both], reference[both], what)
     if arguments.beside:
         rows = np.flatnonzero(finished)
-        tell_beside(arguments.beside, {n: c[rows] for n, c in columns.items()}, orders[rows], record, rows)
+        tell_beside(arguments.beside, model, {n: c[rows] for n, c in columns.items()}, orders[rows], record, rows)
     record.tell()
 
 

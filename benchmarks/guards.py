@@ -1,6 +1,6 @@
 """Do runs know when they fail? Random runs against the truth: how many wrong ones finish, how many good ones are refused.
 
-    python benchmarks/guards.py [cheap|rollers|needles] [--count 400] [--points 12] [--settings 5] [--seed 1]
+    python benchmarks/guards.py [cheap|rollers|needles] [--count 400] [--points 12] [--settings 5] [--seed 1] [--field]
 
 A run is wrong if its quantity is off by more than 5 %, good if by less than 1 %. A miss is a wrong run that is called
 finished, a false alarm a good run that is not. A run that stopped on its way is wrong. Upper bounds are Clopper and
@@ -15,14 +15,15 @@ Cheap scenes, each run with its own truth, and steps or tolerances of which many
              over its slip path; truth by rosenbrock at 1e-9; steps up to a fifth of the duration
     dropped  a ball that bounces: height; truth is the height that it fell from
 
-The joint: random operating points, each with several random methods and settings, the third order of the thrust, and
-the second where it is above 1 % of the third. The second counts as called good where its reported error is below 5 %.
-The truth of a point is adaptive-euler at 2.5e-4. For rollers generalized-alpha at 1e-5 s, which damps little, must agree
-with it to 1 % and pass its own checks: else the joint vibrates by itself there, which the damping of implicit Euler
-hides at any affordable tolerance and `joint.vibration` has to notice. The undamped run is the truth then; such points
-have rows of their own. No run counts as good where the truth itself reports an error above 1 %, as it does where it
-rattles: nobody knows whether it is. Four revolutions are short for a vibration that grows slowly: where growth is 1.1 to
-1.3 a revolution, both truths may still be smooth, and a run refused for it, or vibrating already, is right.
+The joint: random operating points near the paper's, or with `--field` of the whole field (field.py), each with several
+random methods and settings, the third order of the thrust, and the second where it is above 1 % of the third. The
+second counts as called good where its reported error is below 5 %. The truth of a point is adaptive-euler at 2.5e-4.
+For rollers generalized-alpha at 1e-5 s, which damps little, must agree with it to 1 % and pass its own checks: else the
+joint vibrates by itself there, which the damping of implicit Euler hides at any affordable tolerance and
+`joint.vibration` has to notice. The undamped run is the truth then; such points have rows of their own. No run counts
+as good where the truth itself reports an error above 1 %, as it does where it rattles: nobody knows whether it is. Four
+revolutions are short for a vibration that grows slowly: where growth is 1.1 to 1.3 a revolution, both truths may still
+be smooth, and a run refused for it, or vibrating already, is right.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import beta
+from field import field_points, upper_bound
 
 from tripod_doe.joint.joint_run import JointRun
 from tripod_doe.joint.multibody_run import run_joint
@@ -254,6 +255,15 @@ def draw_point(rng: np.random.Generator, needles: bool) -> dict[str, float]:
     }  # fmt: skip
 
 
+def draw_points(points: int, needles: bool, whole_field: bool, rng: np.random.Generator) -> list[dict[str, float]]:
+    """Operating points; those of the field have a geometry of their own, and none is straight."""
+    if not whole_field:
+        return [draw_point(rng, needles) for _ in range(points)]
+    columns = field_points(2 * points, rng, "needles" if needles else "rollers")
+    bent = np.flatnonzero(columns["joint_angle_deg"])[:points]
+    return [{name: float(column[row]) for name, column in columns.items()} for row in bent]
+
+
 def joint_run(values: JointValues[float], needles: bool, method: str, setting: float):
     """A run and its amplitudes of orders 2 and 3, NaN if it stopped on its way."""
     step, tolerance = (np.nan, setting) if METHODS[method].controlled else (setting, np.nan)
@@ -282,10 +292,9 @@ def joint_truth(values: JointValues[float], needles: bool) -> tuple[np.ndarray, 
     return truth, error < GOOD, besides
 
 
-def joint_trials(points: int, settings: int, needles: bool, rng: np.random.Generator):
-    """Random settings at random operating points: trials of the third and of the second order."""
-    for number in range(points):
-        point = draw_point(rng, needles)
+def joint_trials(points: list[dict[str, float]], settings: int, needles: bool, rng: np.random.Generator):
+    """Random settings at operating points: trials of the third and of the second order."""
+    for number, point in enumerate(points):
         values, ranges = point_values({"relative_tolerance": 1e-3, **point}).point(0), NEEDLES if needles else ROLLERS
         print({name: float(f"{value:.4g}") for name, value in point.items()})
         truth, known, besides = joint_truth(values, needles)
@@ -307,11 +316,6 @@ def joint_trials(points: int, settings: int, needles: bool, rng: np.random.Gener
             if truth[0] > 0.01 * truth[1]:
                 called = finished and bool(reported[0] <= WRONG)
                 yield Trial(f"second order{besides}", method, error[0], called, text, bool(known[0]))
-
-
-def upper_bound(hits: int, runs: int) -> float:
-    """Clopper and Pearson's upper bound of a rate, at 95 %."""
-    return 1.0 if hits == runs else float(beta.ppf(0.95, hits + 1, runs - hits))
 
 
 def tell(trials: list[Trial]) -> None:
@@ -344,12 +348,15 @@ def main() -> None:
     parser.add_argument("--points", type=int, default=12)
     parser.add_argument("--settings", type=int, default=5)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--field", action="store_true")
     arguments = parser.parse_args()
     rng, begun = np.random.default_rng(arguments.seed), time.process_time()
     if arguments.kind == "cheap":
         trials = list(cheap_trials(arguments.count, rng))
     else:
-        trials = list(joint_trials(arguments.points, arguments.settings, arguments.kind == "needles", rng))
+        needles = arguments.kind == "needles"
+        points = draw_points(arguments.points, needles, arguments.field, rng)
+        trials = list(joint_trials(points, arguments.settings, needles, rng))
     tell(trials)
     print(f"{time.process_time() - begun:.0f} s")
 

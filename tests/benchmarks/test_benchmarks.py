@@ -46,7 +46,7 @@ def test_a_sample_of_the_field_finishes(benchmark, name):
     """
     field = benchmark("field")
     columns = field.field_points(12, np.random.default_rng(6))
-    outcome, detail, price, orders = field.answers(name, columns)
+    outcome, detail, price, orders, _ = field.answers(name, columns)
     field.tell(columns, outcome, detail, price, 1)
     lifted = outcome == Outcome.OUT_OF_RANGE
     assert all("lifts off" in text for text, out in zip(detail, lifted, strict=True) if out)
@@ -143,6 +143,12 @@ def test_methods_on_the_needle(benchmark):
 def test_guards_judge_runs(benchmark):
     trials = list(benchmark("guards").cheap_trials(4, np.random.default_rng(1)))
     assert {trial.scene for trial in trials} == {"needle", "groove", "thrown", "dropped"}
+
+
+def test_guards_take_points_of_the_whole_field_that_are_not_straight(benchmark):
+    points = benchmark("guards").draw_points(3, needles=False, whole_field=True, rng=np.random.default_rng(1))
+    assert all(point["joint_angle_deg"] > 0 and "pitch_radius_mm" in point for point in points)
+    assert len({point["joint_angle_deg"] for point in points}) == 3
 
 
 def test_savings_of_a_choice(benchmark):

@@ -70,7 +70,7 @@ _ALIKE, _LEFT_OF_SWING, _LONGEST = 0.05, 0.5, 128
 """Difference of two revolutions, and what is left of a swing that falls, over the allowed error up to which a motion
 counts as swung in; and revolutions in which it is waited for."""
 
-_DEAREST = 32
+_DEAREST = 256
 """Force evaluations of a further pass over those of the first one above which it is not begun."""
 
 
