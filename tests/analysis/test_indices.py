@@ -12,10 +12,10 @@ from SALib.analyze import delta, dgsm, fast, morris, pawn, rbd_fast, sobol
 from scipy.stats import norm
 
 from tripod_doe.analysis import sensitivity as s
-from tripod_doe.analysis.sensitivity import outputs
+from tripod_doe.analysis.sensitivity import outputs, resampling
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
-from tripod_doe.study import slab_reading
+from tripod_doe.study import size, slab_reading
 
 PROBLEM = {"num_vars": 3, "names": ["a", "b", "c"], "bounds": [[0, 1]] * 3}
 
@@ -175,10 +175,51 @@ def test_a_course_that_is_read_in_parts_has_the_same_indices(monkeypatch, tmp_pa
     monkeypatch.setattr(outputs, "_MOST_NUMBERS", 1500)
     monkeypatch.setattr(slab_reading, "_SLAB_BYTES", 4000)
     with xr.open_dataset(tmp_path / "cube.nc", cache=False) as stored:
-        assert len(list(outputs.in_parts(stored, "thrust", 512))) == 4
+        assert len(list(outputs._parts(stored, "thrust", 512))) == 4
         found = s.sobol_indices(stored)
     xr.testing.assert_allclose(found, expected, rtol=1e-12)
     assert found.attrs == expected.attrs
+
+
+def test_effects_of_a_course_over_a_grid_are_those_of_its_parts(monkeypatch, tmp_path):
+    """From a file of which no output is ever read whole."""
+    x, y = np.meshgrid(np.linspace(0, 1, 6), np.linspace(0, 1, 5), indexing="ij")
+    course = x[..., None] * np.sin(np.arange(8)) + y[..., None] * np.arange(1, 9)
+    factors = "joint_angle_deg = {low = 0, high = 1, count = 6}\ntorque_n_m = {low = 0, high = 1, count = 5}"
+    cube = xr.Dataset(
+        {
+            "thrust": (("joint_angle_deg", "torque_n_m", "rotation_deg"), course),
+            "outcome": (("joint_angle_deg", "torque_n_m"), np.full((6, 5), Outcome.FINISHED, np.int8)),
+        },
+        coords={"joint_angle_deg": np.linspace(0, 1, 6), "torque_n_m": np.linspace(0, 1, 5)},
+        attrs={"study": f'[study]\nname = "t"\n[factors]\n{factors}\n'},
+    )
+    expected = s.factorial_effects(cube)
+    assert expected["effect"].sel(term="torque_n_m").values == pytest.approx(np.arange(1, 9))
+    cube.to_netcdf(tmp_path / "cube.nc")
+    monkeypatch.setattr(outputs, "_MOST_NUMBERS", 100)
+    with xr.open_dataset(tmp_path / "cube.nc", cache=False) as stored:
+        found = s.factorial_effects(stored)
+        assert not stored["thrust"].variable._in_memory
+    xr.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+
+
+def test_an_analysis_that_needs_too_much_memory_says_so_before_it_reads(monkeypatch):
+    """Blocks of 5 points, 100 resamples of 64 blocks: 102 kB."""
+    cube = cube_of('kind = "saltelli"\nsamples = 64\nsecond_order = false', lambda x: x[:, 0] + x[:, 1])
+    for free, told in ((2000, "y of 320 points needs about 5.12 kB of memory, 2 kB are free"),
+                       (50_000, "a bootstrap of 64 blocks or points needs about 102 kB of memory, 50 kB are free")):  # fmt: skip
+        monkeypatch.setattr(size, "_free_memory", lambda free=free: free)
+        with pytest.raises(InputError, match=told):
+            s.sobol_indices(cube)
+
+
+def test_a_bootstrap_that_is_drawn_in_parts_has_the_same_draws(monkeypatch):
+    """Exact: SALib's draws."""
+    drawn = np.random.default_rng(3).integers(50, size=(50, 12))
+    whole = np.stack([np.bincount(column, minlength=50) for column in drawn.T]) / 50
+    monkeypatch.setattr(resampling, "_DRAWN", 7)
+    assert np.array_equal(resampling.bootstrap_weights(50, 12, 3), whole)
 
 
 def test_convergence_says_how_many_more():

@@ -15,6 +15,7 @@ from tripod_doe.analysis.multifidelity.estimates import estimate
 from tripod_doe.analysis.multifidelity.split import find_split
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
+from tripod_doe.joint.candidates import JOINT_CANDIDATES
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points
@@ -70,6 +71,23 @@ def test_a_cheap_model_that_is_the_truth_answers_for_it():
     result = multifidelity(data)
     assert float(result["mean"]) == pytest.approx(data["y"].values[-512:].mean(), rel=1e-12)
     assert float(result["mean_conf"]) == pytest.approx(1.96 * data["y"].values[-512:].std() / math.sqrt(512), rel=0.02)
+
+
+def test_prices_that_the_study_does_not_say_are_those_of_counted_work():
+    """Exact: regression: a split without prices told no CPU time. Models that record no price have the measured one."""
+    data = cube((32, 64, 512), False, 1)
+    data.attrs["study"] = data.attrs["study"].partition("prices")[0]
+    assert np.isnan(multifidelity(data)["price"]).all()
+    models = data["model"].values.astype(str)
+    data["force_evaluations"] = "point", np.where(models == "needles", 2e4, 3e3)
+    data["cpu_seconds"] = "point", np.full(models.size, 7.0)
+    result = multifidelity(data)
+    seconds = {each.values["model"]: each.evaluation_seconds for each in JOINT_CANDIDATES if not each.substitute}
+    for model, count in (("needles", 2e4), ("rollers", 3e3), ("kinetostatic", 3e3)):
+        assert float(result["price"].sel(model=model)) == pytest.approx(count * seconds[model], rel=0.01, abs=3e-4)
+    assert np.isfinite(result["gain"])
+    data.attrs["study"] = data.attrs["study"].replace('name = "t"', 'name = "t"\nfunction = "mine:force"')
+    assert multifidelity(data)["price"].values == pytest.approx(7.0, abs=3e-4)
 
 
 def test_the_truth_alone_is_plain_monte_carlo():

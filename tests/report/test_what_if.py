@@ -10,7 +10,7 @@ import xarray as xr
 
 from tripod_doe.analysis.sensitivity.outputs import read_outputs
 from tripod_doe.analysis.sensitivity.sample import read_sample
-from tripod_doe.analysis.surrogate import SURROGATE_DESIGNS, SurrogateSettings
+from tripod_doe.analysis.surrogate import SURROGATE_DESIGNS, SurrogateSettings, surrogate
 from tripod_doe.analysis.what_if import what_if
 from tripod_doe.report.what_if import what_if_pages
 from tripod_doe.simulator import Outcome
@@ -71,6 +71,20 @@ def test_orders_are_predicted_with_their_phases():
     parts = page.surrogate.predict(page.surrogate.encoded(**values))[0]
     found = np.degrees(np.angle(parts[:4] + 1j * parts[4:]))
     assert np.abs((found - phase[0] + 180) % 360 - 180)[2:].max() < 1.0
+
+
+def test_a_single_number_has_its_part_of_a_page():
+    """Regression: it was taken for no orders at all, and no page was made."""
+    text = TEXT + "samples = 30\nseed = 1\n"
+    columns = make_points(parse_study(text)).columns
+    cube = xr.Dataset(
+        {"peak": ("point", columns["torque_n_m"] * 2), "outcome": ("point", np.full(30, Outcome.FINISHED, np.int8))},
+        coords={name: ("point", column) for name, column in columns.items()}, attrs={"study": text},
+    )  # fmt: skip
+    (page,) = what_if_pages({"surrogate": surrogate(cube, SurrogateSettings(outputs=["peak"]))})
+    assert [each.label for each in page.quantities] == ["peak"]
+    ((value, _),) = page.at(joint_angle_deg=9.0, torque_n_m=50.0, model="equilibrium")
+    assert value == pytest.approx(100, rel=0.01)
 
 
 @pytest.mark.slow

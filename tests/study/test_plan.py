@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from threading import Timer
 
 import numpy as np
@@ -29,6 +30,15 @@ samples = 2000
 [keep]
 outputs = ["thrust_amplitude"]
 """
+
+
+def test_the_memory_of_a_long_list_is_told():
+    """Exact: 40 bytes a point, and 64 for a value of a latin hypercube."""
+    held = td.plan(parse_study(TEXT.replace("sobol", "latin-hypercube")), timing=False)
+    assert held.memory_bytes == 2000 * (40 + 64)
+    assert "memory" not in held.describe()
+    long = replace(held, points=2_000_000, memory_bytes=208_000_000)
+    assert "memory       208 MB for the list of points\n" in long.describe()
 
 
 def test_counts_and_bytes():

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import tracemalloc
 import warnings
 
 import numpy as np
 import pytest
-from SALib.sample import sobol
+from SALib.sample import fast_sampler, finite_diff, sobol
 from scipy.stats import qmc
 
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points, salib_problem, unit_sample
-from tripod_doe.study.designs.sequences import SobolSample
+from tripod_doe.study.designs.sequences import RandomSample, SobolSample
 from tripod_doe.study.distributions import quantile
 from tripod_doe.study.file import DesignTable, FactorTable
 
@@ -70,6 +71,53 @@ def test_any_points_of_a_saltelli_design_are_those_of_salib(tables, second_order
     assert np.array_equal(sample.at(rows), by_turns[rows])
 
 
+@pytest.mark.parametrize("width", [1, 2, 5])
+@pytest.mark.parametrize("samples", [65, 200])
+def test_any_points_of_a_fast_design_are_those_of_salib(width, samples):
+    """Exact, with fewer and with more frequencies than there are factors."""
+    tables = {f"x{at}": FactorTable(low=0.0, high=1.0) for at in range(width)}
+    whole = fast_sampler.sample(salib_problem(tables), samples, M=4, seed=11)
+    sample = unit_sample(design("fast", samples), tables)
+    assert sample.count == len(whole)
+    assert np.array_equal(sample.at(np.arange(sample.count)), whole)
+    rows = np.array([sample.count - 1, 3, 64, 0])
+    assert np.array_equal(sample.at(rows), whole[rows])
+
+
+def test_any_points_of_finite_differences_are_those_of_salib():
+    """Exact."""
+    whole = finite_diff.sample(salib_problem(TABLES), 50)
+    sample = unit_sample(design("finite-differences", 50), TABLES)
+    assert sample.count == len(whole) == 200
+    assert np.array_equal(sample.at(np.arange(200)), whole)
+    rows = np.array([199, 3, 4, 0])
+    assert np.array_equal(sample.at(rows), whole[rows])
+
+
+def test_any_random_points_are_those_of_the_whole_stream():
+    """Exact."""
+    whole = np.random.default_rng(11).random((20_000, 3))
+    assert np.array_equal(RandomSample(20_000, 3, 11).at(SOME), whole[SOME])
+
+
+def test_a_fleet_needs_no_memory_for_its_samples():
+    """A million samples of six factors would be 48 MB, and twice that while they were made."""
+    text = DISTRIBUTIONS.replace('{distribution = "normal", mean = 0.03, std = 0.001}', "{low = 0.01, high = 0.05}")
+    study = parse_study(
+        text.replace('{distribution = "discrete", values = ["rollers", "equilibrium"], weights = [1, 3]}',
+                     '{values = ["equilibrium", "rollers"]}')
+        + '[design]\nkind = "multifidelity"\nindices = false\nsamples = 20\n'
+        "split = {rollers = 20, equilibrium = 1_000_000}"
+    )  # fmt: skip
+    make_points(study)  # what is imported stays
+    tracemalloc.start()
+    points = make_points(study)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert points.count == 1_000_020
+    assert peak < 4_000_000  # whether each is allowed, and a copy
+
+
 DISTRIBUTIONS = """
 [study]
 name = "d"
@@ -103,10 +151,16 @@ def test_a_value_does_not_depend_on_the_points_beside_it():
         ("sobol", 'samples = 300\nconstraints = ["torque_n_m > 40"]'),
         ("sobol", 'samples = 30\ncorrelation = [["torque_n_m", "speed_rpm", 0.5]]'),
         ("latin-hypercube", "samples = 30"),
+        ("fast", "samples = 70"),
+        ("multifidelity", "samples = 16\nsplit = {equilibrium = 16, rollers = 40}"),
+        ("multifidelity", "samples = 16\nindices = false"),
     ],
 )
 def test_points_are_the_same_alone_and_together(kind, settings):
-    points = make_points(parse_study(DISTRIBUTIONS + f'[design]\nkind = "{kind}"\n{settings}'))
+    text = DISTRIBUTIONS
+    if kind == "multifidelity":
+        text = text.replace('distribution = "discrete", ', "").replace(", weights = [1, 3]", "")
+    points = make_points(parse_study(text + f'[design]\nkind = "{kind}"\n{settings}'))
     whole = points.columns
     rows = np.array([points.count - 1, 3, 17])
     alone, part = points.at(rows), points.part(5, 9).columns

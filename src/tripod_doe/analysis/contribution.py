@@ -22,6 +22,7 @@ from tripod_doe.analysis.cooperation import shapley_bounds, shapley_index
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Outcome
+from tripod_doe.study.size import refuse_too_much_memory
 
 __all__ = ["PAPER_SHARES", "ContributionSettings", "contribution_shares"]
 
@@ -33,6 +34,7 @@ PAPER_SHARES = {"groove_spinning": 2.0, "groove_rolling": 5.0, "needle_sliding":
 
 _Variable = tuple[tuple[str, ...], NDArray[Any], dict[str, Any]]
 
+_COPIES = 6  # of the complex amplitudes, which are in memory together
 _FLAGS = {0: "valid", 1: "zero_amplitude", 2: "point_missing"}
 
 
@@ -110,7 +112,7 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
     Raises
     ------
     InputError
-        If the cube is of another design, or lacks the output or its phase.
+        If the cube is of another design, lacks the output or its phase, or does not fit into the free memory.
 
     References
     ----------
@@ -158,6 +160,9 @@ def _amplitudes(cube: xr.Dataset, settings: ContributionSettings) -> tuple[xr.Da
     for key, name in (("output", settings.output), ("phase", settings.phase_name)):
         if name and name not in numbers:
             raise InputError(f"{key}: {name!r} is not in the cube{near_match(name, numbers)}")
+    needed = _COPIES * 16 * cube[settings.output].size
+    what = f"the contribution to {settings.output} at {cube.sizes['point']:,} points"
+    refuse_too_much_memory(needed, what, "choose an output with fewer numbers, or fewer operating points")
     size = cube[settings.output].where(cube["outcome"] == Outcome.FINISHED)
     turn = np.exp(1j * np.radians(cube[settings.phase_name])) if settings.phase_name else 1.0
     values = (size * turn).transpose("point", ...).astype(complex)

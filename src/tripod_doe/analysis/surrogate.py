@@ -25,10 +25,11 @@ from tripod_doe.analysis.sensitivity.outputs import (
     read_outputs,
     stacked,
 )
-from tripod_doe.analysis.sensitivity.sample import Sample, flat_points, read_sample
+from tripod_doe.analysis.sensitivity.sample import Sample, read_sample
 from tripod_doe.analysis.sensitivity.settings import SensitivitySettings
 from tripod_doe.analysis.what_if import what_if
 from tripod_doe.errors import InputError
+from tripod_doe.study.flat_points import flat_points
 
 __all__ = ["CANDIDATES", "SURROGATE_DESIGNS", "SurrogateSettings", "surrogate"]
 

@@ -25,11 +25,12 @@ from tripod_doe.analysis.sensitivity.outputs import (
     stacked,
 )
 from tripod_doe.analysis.sensitivity.resampling import bootstrap_weights, half_width
-from tripod_doe.analysis.sensitivity.sample import Sample, flat_points, read_sample
+from tripod_doe.analysis.sensitivity.sample import Sample, read_sample
 from tripod_doe.analysis.sensitivity.settings import Probabilities, SensitivitySettings
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.distributions import scatter_density
 from tripod_doe.study.file import FactorTable
+from tripod_doe.study.flat_points import flat_points
 
 __all__ = ["ToleranceSettings", "tolerance"]
 

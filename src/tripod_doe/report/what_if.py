@@ -188,9 +188,9 @@ def _bytes(values: NDArray[Any], kind: type) -> str:
 def _quantities(surrogate: WhatIf) -> list[Quantity]:
     """The orders of the force that count, or the first outputs."""
     values, misses, components = surrogate.values, surrogate.misses, surrogate.components
-    count = len(components) // 2
+    count = len(components) // 2  # of orders: their cosine parts, then their sine parts
     orders = [each.order for each in components[:count]]
-    if None in orders:
+    if components[0].order is None:
         choice: list[tuple[tuple[int, ...], str, str]]
         choice = [((at,), each.label, each.unit) for at, each in enumerate(components[:_MOST])]
     else:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.quantities import duration, size
 from tripod_doe.study.definition import Study, load_study
-from tripod_doe.study.designs import Points, make_points
+from tripod_doe.study.designs import Points, make_points, point_bytes
 from tripod_doe.study.failures import Failure, common_failures
 from tripod_doe.study.model_records import model_records
 from tripod_doe.study.study_points import StudyPoints
@@ -26,6 +26,7 @@ _TIMING_SECONDS = 10.0
 _BLOCK_SECONDS = 1.0
 _PRICED = 100  # points whose recorded prices are averaged
 _CHUNK = 10_000  # points that are looked at together
+_NOTABLE_BYTES = 100_000_000  # of memory, below which a plan does not tell them
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,8 @@ class Plan:
         The models of the points, with the errors known for them.
     design
         What the user should know of the design.
+    memory_bytes
+        Memory that the points take while the study runs, their results left out.
     """
 
     points: int
@@ -72,6 +75,7 @@ class Plan:
     foreseen: tuple[Failure, ...] = field(default=())
     models: tuple[str, ...] = ()
     design: tuple[str, ...] = ()
+    memory_bytes: int = 0
 
     @property
     def able(self) -> int:
@@ -99,6 +103,8 @@ class Plan:
             lines.append(f"CPU time     {mean} ({source})")
             busy = min(workers, self.blocks or 1)
             lines.append(f"wall time    {duration(self.cpu_hours[1] * 3600 / busy)} on {workers} workers")
+        if self.memory_bytes > _NOTABLE_BYTES:
+            lines.append(f"memory       {size(self.memory_bytes)} for the list of points")
         if self.cube_bytes is not None:
             lines.append(f"cube         {size(self.cube_bytes)}")
         lines += [f"design       {text}" for text in self.design]
@@ -148,6 +154,7 @@ def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False)
         tuple(foreseen),
         tuple(models.told_errors),
         points.notes,
+        points.count * point_bytes(study),
     )
 
 

@@ -1,46 +1,78 @@
-"""What a study needs in memory, from counts alone, before any point is made."""
+"""What a study or an analysis needs in memory, from counts alone, before anything is made or read."""
 
 from __future__ import annotations
 
 import os
+import resource
 from pathlib import Path
 
 from tripod_doe.errors import InputError
+from tripod_doe.quantities import size
 
-__all__ = ["refuse_too_many_points"]
+__all__ = ["POINT_BYTES", "refuse_too_many_points", "refuse_too_much_memory"]
 
-_POINT_BYTES = 40  # fingerprint, order, constraint and stored result of a point
-_FACTOR_BYTES = 24  # a value of a point that is held in memory, with the copies while it is made
+POINT_BYTES = 40
+"""Fingerprint, order, constraint and stored result of a point."""
 
 
-def refuse_too_many_points(count: int, held: int) -> None:
+def refuse_too_many_points(count: int, each: int) -> None:
     """Refuse a list of points that does not fit into the free memory.
 
     Parameters
     ----------
     count
         Number of points.
-    held
-        Number of the factors whose values are held in memory, and not made when they are asked for.
+    each
+        Bytes of a point.
 
     Raises
     ------
     InputError
         With the number of points and what they need.
     """
-    needed, free = count * (_POINT_BYTES + _FACTOR_BYTES * held), _free_memory()
-    if needed > free:
-        raise InputError(
-            f"a list of {count:,} points needs about {needed / 1e9:,.3g} GB of memory, {free / 1e9:.3g} GB are free: "
-            "use fewer levels or samples, or split the study"
-        )
+    remedy = "use fewer levels or samples, or split the study"
+    refuse_too_much_memory(count * each, f"a list of {count:,} points", remedy)
+
+
+def refuse_too_much_memory(needed: int, what: str, remedy: str) -> None:
+    """Refuse what does not fit into the free memory.
+
+    Parameters
+    ----------
+    needed
+        Bytes.
+    what, remedy
+        What needs them, and what to do.
+
+    Raises
+    ------
+    InputError
+        With both numbers.
+    """
+    if needed > (free := _free_memory()):
+        raise InputError(f"{what} needs about {size(needed)} of memory, {size(free)} are free: {remedy}")
 
 
 def _free_memory() -> int:
-    """Bytes that programs can get without swapping; all memory of the machine where the system does not say."""
+    """Bytes that this process can get without swapping, within a limit of its address space if there is one."""
+    return max(min(_available(), _addresses_left()), 0)
+
+
+def _available() -> int:
+    """Free memory of the machine; all of it where the system does not say."""
     try:
         text = Path("/proc/meminfo").read_text(encoding="ascii")
         available = next(line for line in text.splitlines() if line.startswith("MemAvailable:"))
         return int(available.split()[1]) * 1024
     except (OSError, StopIteration):
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+
+
+def _addresses_left() -> int:
+    """Bytes below the limit that `ulimit -v` sets."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+    except OSError:
+        pages = 0
+    return (1 << 63) - 1 if limit == resource.RLIM_INFINITY else limit - pages * os.sysconf("SC_PAGE_SIZE")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.study.slabs import Slab, box, slabs
 
-__all__ = ["all_finite", "largest_magnitude", "read_positions"]
+__all__ = ["all_finite", "any_finite", "largest_magnitude", "read_positions"]
 
 _SLAB_BYTES = 32_000_000
 
@@ -36,10 +36,24 @@ def read_positions(variable: xr.Variable, positions: Mapping[str, NDArray[np.int
 def all_finite(variable: xr.Variable) -> NDArray[np.bool_]:
     """Where, along the first dimension, all values are finite."""
     finite = np.ones(variable.shape[0], bool)
+    for place, own in _finite(variable):
+        finite[place] &= own.all(axis=1)
+    return finite
+
+
+def any_finite(variable: xr.Variable) -> NDArray[np.bool_]:
+    """Where, along the first dimension, any value is finite."""
+    finite = np.zeros(variable.shape[0], bool)
+    for place, own in _finite(variable):
+        finite[place] |= own.any(axis=1)
+    return finite
+
+
+def _finite(variable: xr.Variable) -> Iterator[tuple[slice, NDArray[np.bool_]]]:
+    """Places along the first dimension, and which values there are finite, shape (place, other dimensions)."""
     for slab in _slabs(variable):
         own = np.isfinite(variable[slab.place].values)
-        finite[slab.place[0]] &= own.reshape(own.shape[0], -1).all(axis=1)
-    return finite
+        yield slab.place[0], own.reshape(own.shape[0], -1)
 
 
 def largest_magnitude(variable: xr.Variable) -> float:

@@ -125,6 +125,9 @@ def run_analyses(study: Study, cube: xr.Dataset, directory: Path) -> dict[str, s
             some = bool((cube["outcome"] == Outcome.FINISHED).any())
             reasons[name] = str(error) if some else "no point finished: there is nothing to analyse"
             continue
+        except MemoryError as error:
+            reasons[name] = f"it does not fit into the free memory ({error})"
+            continue
         kept = {key: cube.attrs[key] for key in ("Conventions", "institution", "source", "references", "study_hash")}
         result = result.assign_attrs(kept | {"title": f"{cube.attrs['title']}: {name}"} | result.attrs)
         write_dataset(stamp_history(result, f"analysis {name}"), directory / "analysis" / f"{name}.nc")

@@ -24,6 +24,7 @@ from tripod_doe.analysis.sensitivity.settings import PointSettings, Probabilitie
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.file import parse_file
+from tripod_doe.study.slab_reading import any_finite
 
 __all__ = ["MultifidelitySettings", "multifidelity", "outputs_of_all"]
 
@@ -144,7 +145,7 @@ def outputs_of_all(cube: xr.Dataset, asked: list[str]) -> list[str]:
             if asked:
                 raise InputError(f"outputs: {name} varies over the rotation angle; this analysis leaves it out")
             continue
-        given = np.isfinite(cube[name].values.reshape(models.size, -1)).any(axis=1)
+        given = any_finite(cube[name].variable)
         without = [each for each in dict.fromkeys(models.tolist()) if not given[(models == each) & finished].any()]
         if without and asked:
             raise InputError(f"outputs: {' and '.join(without)} gives no {name}")

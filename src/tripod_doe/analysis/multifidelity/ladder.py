@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.analysis.failing_region import FailingRegion, failing_region
+from tripod_doe.analysis.multifidelity.prices import known_candidates, price_of_point
 from tripod_doe.analysis.sensitivity.outputs import OutputTable
 from tripod_doe.analysis.sensitivity.sample import refuse_holes, usable_points
 from tripod_doe.analysis.sensitivity.settings import PointSettings
@@ -34,7 +35,7 @@ class Rung:
     rows
         Its points in the cube, shape (sample, point of the sample), in the order of the samples.
     price
-        CPU seconds of a sample; NaN where the study does not say.
+        CPU seconds of a sample; NaN where neither the study says it nor the cube has costs.
     """
 
     model: str
@@ -138,7 +139,10 @@ def read_ladder(cube: xr.Dataset, settings: PointSettings, outputs: Sequence[str
     rest = settings.holes == "rest" and region is not None
     if rest and region is not None:
         kept &= region.outside(columns).all(axis=1)
-    rungs = [_rung(name, models, numbers, kept, design, block) for name in names]
+    candidates, rungs = known_candidates(file), []
+    for name in names:
+        rows = _rows_of(name, models, numbers, kept, block)
+        rungs.append(Rung(name, rows, block * price_of_point(cube, candidates, design, name, rows.ravel())))
     if rungs[0].count < FEWEST:
         raise InputError(f"only {rungs[0].count} samples of {names[0]} are left; at least {FEWEST} are needed")
     more = [rung for rung in rungs[1:] if rung.count > rungs[0].count]
@@ -148,15 +152,10 @@ def read_ladder(cube: xr.Dataset, settings: PointSettings, outputs: Sequence[str
     )  # fmt: skip
 
 
-def _rung(
-    name: str,
-    models: NDArray[np.str_],
-    numbers: NDArray[np.int64],
-    kept: NDArray[np.bool_],
-    design: DesignTable,
-    block: int,
-) -> Rung:
-    """One model with the samples of it that are kept."""
+def _rows_of(
+    name: str, models: NDArray[np.str_], numbers: NDArray[np.int64], kept: NDArray[np.bool_], block: int
+) -> NDArray[np.int64]:
+    """Points of the samples of one model that are kept, shape (sample, point of the sample)."""
     own = np.flatnonzero((models == name) & kept)
     own = own[np.argsort(numbers[own], kind="stable")]
-    return Rung(name, own[:, None] * block + np.arange(block), design.prices.get(name, np.nan) * block)
+    return own[:, None] * block + np.arange(block)

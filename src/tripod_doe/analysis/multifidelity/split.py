@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 from tripod_doe.analysis.multifidelity.answers import outputs_of_all
 from tripod_doe.analysis.multifidelity.estimates import moments, statistics
 from tripod_doe.analysis.multifidelity.ladder import Ladder, Rung, read_ladder
+from tripod_doe.analysis.multifidelity.prices import price_of_point
 from tripod_doe.analysis.sensitivity.outputs import OutputTable, read_outputs
 from tripod_doe.analysis.sensitivity.settings import PointSettings
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Simulator
 from tripod_doe.study.designs import pilot_samples
-from tripod_doe.study.file import DesignTable
 
 __all__ = ["Split", "find_split"]
 
@@ -33,8 +33,6 @@ FloatArray = NDArray[np.float64]
 _LEAST_UNEXPLAINED = 1e-3
 """Part of the variance that is taken to be unexplained at least: a pilot cannot show less, and the samples of a cheap
 model would grow without bound."""
-_OVERHEAD = 2e-4  # CPU seconds that a point of any model costs besides: its fingerprint, its place in journal and cube
-_DIGITS = 3  # of a price in the study file
 
 
 @dataclass(frozen=True)
@@ -92,7 +90,10 @@ def find_split(pilot: xr.Dataset, simulator: Simulator) -> Split:
     rungs = (ladder.truth, *ladder.aside)
     tables = list(read_outputs(pilot, names, np.arange(pilot.sizes["point"])))
     explained = dict(zip((rung.model for rung in rungs), _explained(ladder, rungs, tables), strict=True))
-    prices = {rung.model: _price(pilot, simulator, ladder.design, rung) for rung in rungs}
+    prices = {
+        rung.model: price_of_point(pilot, simulator.candidates, ladder.design, rung.model, rung.rows.ravel())
+        for rung in rungs
+    }
     truth, asked, ran = ladder.truth.model, int(ladder.design.samples or 0), pilot_samples(ladder.design)
     chain = _best_chain(truth, prices, explained)
     ratios = _ratios(chain, prices, explained)
@@ -145,20 +146,6 @@ def _explained_parts(parts: FloatArray) -> list[FloatArray]:
         whole = (weight[:, at] @ square[..., at]) / weight[:, at].sum()
         found.append(np.clip(1 - (1 - whole) * (count - 1) / (count - 2), 0, 1 - _LEAST_UNEXPLAINED))
     return found
-
-
-def _price(pilot: xr.Dataset, simulator: Simulator, design: DesignTable, rung: Rung) -> float:
-    """CPU seconds of a point: as the study says, else counted work at its recorded price, else measured."""
-    if rung.model in design.prices:
-        return design.prices[rung.model]
-    rows = rung.rows.ravel()
-    alike = [each for each in simulator.candidates if each.values.get(design.fidelity) == rung.model]
-    plain = [each for each in alike if not each.substitute]
-    if plain:
-        seconds = float(pilot["force_evaluations"].values[rows].mean()) * plain[0].evaluation_seconds
-    else:
-        seconds = float(pilot["cpu_seconds"].values[rows].mean())
-    return float(f"{seconds + _OVERHEAD:.{_DIGITS}g}")
 
 
 def _chains(truth: str, prices: Mapping[str, float], explained: Mapping[str, float]) -> Iterator[list[str]]:

@@ -19,15 +19,16 @@ from pydantic import Field
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.sensitivity.outputs import (
     OutputTable,
+    answered_in_parts,
     chosen_outputs,
     is_course,
     output_attributes,
-    read_outputs,
     stacked,
 )
-from tripod_doe.analysis.sensitivity.sample import Sample, flat_points, read_sample
+from tripod_doe.analysis.sensitivity.sample import Sample, read_sample
 from tripod_doe.analysis.sensitivity.settings import SensitivitySettings
 from tripod_doe.study.file import FactorTable
+from tripod_doe.study.flat_points import flat_points
 
 __all__ = ["EFFECT_DESIGNS", "EffectsSettings", "factorial_effects"]
 
@@ -221,7 +222,10 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
     sample = read_sample(cube, settings, EFFECT_DESIGNS, names)
     terms = _terms(sample, settings)
     names = [name for name in names if not is_course(cube, name) or len(names) == 1]
-    parts = [_of_output(terms, table, settings.confidence) for table in read_outputs(cube, names, sample.rows)]
+    parts = [
+        answered_in_parts(cube, name, sample.rows, lambda table: _of_output(terms, table, settings.confidence))
+        for name in names
+    ]
     result = stacked(parts, names)
     result = result.assign_coords(term=np.array(terms.names, dtype=object))
     for name in result.data_vars:
@@ -238,9 +242,12 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
 
 def _of_output(terms: Terms, table: OutputTable, confidence: float) -> xr.Dataset:
     """The fit of one output; NaN for components that do not vary."""
-    answers = _fit(terms, table.values, confidence)
-    found = {}
-    for key, answer in answers.items():
-        dims = ("term",) if answer.ndim == 2 else ()
-        found[key] = table.labelled(np.where(table.varies, answer, np.nan), dims)
-    return xr.Dataset(found)
+    found: dict[str, FloatArray] = {}
+    varies = table.varies
+    for components in [*table.chunks()] or [np.array([0])]:  # where none varies, one shows the shapes
+        for key, answer in _fit(terms, table.values[:, components], confidence).items():
+            blank = found.setdefault(key, np.full((*answer.shape[:-1], table.values.shape[1]), np.nan))
+            blank[..., components] = np.where(varies[components], answer, np.nan)
+    return xr.Dataset(
+        {key: table.labelled(answer, ("term",) if answer.ndim == 2 else ()) for key, answer in found.items()}
+    )

@@ -16,16 +16,16 @@ from numpy.typing import NDArray
 
 from tripod_doe.analysis.sensitivity.outputs import (
     OutputTable,
+    answered_in_parts,
     chosen_outputs,
-    in_parts,
     is_course,
     output_attributes,
-    read_outputs,
     stacked,
 )
-from tripod_doe.analysis.sensitivity.sample import Sample, flat_points, read_sample
+from tripod_doe.analysis.sensitivity.sample import Sample, read_sample
 from tripod_doe.analysis.sensitivity.settings import SensitivitySettings
 from tripod_doe.errors import InputError
+from tripod_doe.study.flat_points import flat_points
 
 __all__ = ["CORRELATED", "Answers", "Method", "apply"]
 
@@ -124,14 +124,7 @@ def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr
 
 def _analyse(method: Method, sample: Sample, cube: xr.Dataset, name: str, settings: SensitivitySettings) -> xr.Dataset:
     """One output, read as far as it fits into memory."""
-    parts = [
-        _of_table(method, sample, table, settings)
-        for part in in_parts(cube, name, sample.rows.size)
-        for table in read_outputs(part, [name], sample.rows)
-    ]
-    if len(parts) == 1:
-        return parts[0]
-    return xr.concat(parts, cube[name].dims[-1], data_vars="minimal", coords="minimal", compat="equals")
+    return answered_in_parts(cube, name, sample.rows, lambda table: _of_table(method, sample, table, settings))
 
 
 def _of_table(method: Method, sample: Sample, table: OutputTable, settings: SensitivitySettings) -> xr.Dataset:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,9 +18,18 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.cube import COST_VARIABLES, RECORD_ROLE
+from tripod_doe.study.size import refuse_too_much_memory
 from tripod_doe.study.slab_reading import read_positions
 
-__all__ = ["OutputTable", "chosen_outputs", "in_parts", "is_course", "output_attributes", "read_outputs", "stacked"]
+__all__ = [
+    "OutputTable",
+    "answered_in_parts",
+    "chosen_outputs",
+    "is_course",
+    "output_attributes",
+    "read_outputs",
+    "stacked",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -65,8 +74,9 @@ class OutputTable:
     @property
     def varies(self) -> NDArray[np.bool_]:
         """Components that vary over the points beyond rounding, shape (component,)."""
-        largest = 360.0 if self.wraps else float(np.abs(self.values).max(initial=0.0))
-        return np.asarray(np.ptp(self.values, axis=0) > _CONSTANT * largest)
+        high, low = self.values.max(axis=0), self.values.min(axis=0)
+        largest = 360.0 if self.wraps else float(max(high.max(initial=0.0), -low.min(initial=0.0)))
+        return np.asarray(high - low > _CONSTANT * largest)
 
     def named(self, key: str) -> NDArray[np.bool_]:
         """The components that OUTPUT or OUTPUT_ORDER names, none where it names another output; shape (component,)."""
@@ -141,6 +151,11 @@ def read_outputs(cube: xr.Dataset, names: Iterable[str], rows: NDArray[np.int64]
         Its outputs.
     rows
         Points to take, at which the outputs are finite.
+
+    Raises
+    ------
+    InputError
+        If an output does not fit into the free memory.
     """
     for name in names:
         yield _table(cube, name, rows)
@@ -151,8 +166,26 @@ def is_course(cube: xr.Dataset, name: str) -> bool:
     return _WAVEFORM in cube[name].dims
 
 
-def in_parts(cube: xr.Dataset, name: str, points: int) -> Iterator[xr.Dataset]:
-    """A cube with parts of an output along its last dimension, so that a course of many points fits into memory."""
+def answered_in_parts(
+    cube: xr.Dataset, name: str, rows: NDArray[np.int64], answer: Callable[[OutputTable], xr.Dataset]
+) -> xr.Dataset:
+    """Answers of one output, part by part along its last dimension, so that a course of many points fits into memory.
+
+    Parameters
+    ----------
+    cube, name, rows
+        As for `read_outputs`.
+    answer
+        Answers, under the labels of the output, for each component by itself.
+    """
+    parts = [answer(_table(part, name, rows)) for part in _parts(cube, name, rows.size)]
+    if len(parts) == 1:
+        return parts[0]
+    return xr.concat(parts, cube[name].dims[-1], data_vars="minimal", coords="minimal", compat="equals")
+
+
+def _parts(cube: xr.Dataset, name: str, points: int) -> Iterator[xr.Dataset]:
+    """A cube with parts of an output along its last dimension."""
     variable = cube[name]
     last, length = str(variable.dims[-1]), variable.shape[-1]
     numbers = points * math.prod(variable.shape[1:])
@@ -163,6 +196,8 @@ def in_parts(cube: xr.Dataset, name: str, points: int) -> Iterator[xr.Dataset]:
 
 def _table(cube: xr.Dataset, name: str, rows: NDArray[np.int64]) -> OutputTable:
     variable = cube[name].isel(point=rows)
+    needed = 2 * 8 * math.prod(variable.shape)  # with a copy
+    refuse_too_much_memory(needed, f"{name} of {rows.size:,} points", "name fewer outputs in the analysis")
     values = read_positions(cube[name].variable, {"point": rows}).astype(float, copy=False).reshape(rows.size, -1)
     wraps = "wraps_at" in variable.attrs
     centre = np.zeros(values.shape[1])

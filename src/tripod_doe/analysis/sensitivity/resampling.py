@@ -7,18 +7,33 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.study.size import refuse_too_much_memory
+
 __all__ = ["bootstrap_weights", "half_width", "part_half_width", "part_weights", "random_halves"]
 
 FloatArray = NDArray[np.float64]
 
+_DRAWN = 100_000  # blocks of every resample that are drawn together
+
 
 def bootstrap_weights(count: int, resamples: int, seed: int) -> FloatArray:
-    """How often each block is drawn, over their number, shape (resample, block); SALib's draws with this seed."""
-    drawn = np.random.default_rng(seed).integers(count, size=(count, resamples))
+    """How often each block is drawn, over their number, shape (resample, block); SALib's draws with this seed.
+
+    Raises
+    ------
+    InputError
+        If they do not fit into the free memory.
+    """
+    needed = 2 * 8 * resamples * count  # whoever uses them puts a row before
+    refuse_too_much_memory(needed, f"a bootstrap of {count:,} blocks or points", f"set resamples below {resamples}")
+    random = np.random.default_rng(seed)
     weights = np.zeros((resamples, count))
-    for row, column in zip(weights, drawn.T, strict=True):
-        row[:] = np.bincount(column, minlength=count)
-    return weights / count
+    for start in range(0, count, _DRAWN):
+        drawn = random.integers(count, size=(min(_DRAWN, count - start), resamples))
+        for row, column in zip(weights, drawn.T, strict=True):
+            np.add.at(row, column, 1)
+    weights /= count
+    return weights
 
 
 def part_weights(part: NDArray[np.int64]) -> FloatArray:

@@ -20,7 +20,7 @@ from tripod_doe.study.designs import FAMILIES, factor_groups, unit_sample
 from tripod_doe.study.file import DesignTable, FactorTable, parse_file
 from tripod_doe.study.slab_reading import all_finite
 
-__all__ = ["Sample", "flat_points", "read_sample", "refuse_holes", "usable_points"]
+__all__ = ["Sample", "read_sample", "refuse_holes", "usable_points"]
 
 FloatArray = NDArray[np.float64]
 
@@ -88,15 +88,6 @@ class Sample:
         """Some of its points, in whole blocks."""
         columns = {name: column[points] for name, column in self.columns.items()}
         return replace(self, columns=columns, rows=self.rows[points], whole=(self, points))
-
-
-def flat_points(cube: xr.Dataset) -> xr.Dataset:
-    """A cube with one dimension ``point`` in place of one for each factor of a grid."""
-    dims = cube["outcome"].dims
-    if dims == ("point",):
-        return cube
-    flat = cube.stack(point=dims).reset_index("point")
-    return flat.transpose("point", ...)
 
 
 def read_sample(cube: xr.Dataset, settings: PointSettings, kinds: Collection[str], outputs: Sequence[str]) -> Sample:

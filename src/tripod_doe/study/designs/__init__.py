@@ -3,7 +3,7 @@
 from tripod_doe.study.designs.columns import Column, Columns, Rows
 from tripod_doe.study.designs.families import FAMILIES
 from tripod_doe.study.designs.fingerprints import point_keys
-from tripod_doe.study.designs.making import make_points, point_count
+from tripod_doe.study.designs.making import make_points, point_bytes, point_count
 from tripod_doe.study.designs.multifidelity import SAMPLE, pilot_samples, random_factors, split_of
 from tripod_doe.study.designs.points import Points
 from tripod_doe.study.designs.request import axis_levels, factor_groups
@@ -21,6 +21,7 @@ __all__ = [
     "factor_groups",
     "make_points",
     "pilot_samples",
+    "point_bytes",
     "point_count",
     "point_keys",
     "random_factors",

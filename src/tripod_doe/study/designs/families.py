@@ -114,7 +114,7 @@ def _product_count(request: Request) -> int:
     return math.prod(count_part(request.study, part, request.factors) or 1 for part in parts if part.kind != "product")
 
 
-PRODUCT = {"product": Family(_product, _product_count, held=lambda table: False)}
+PRODUCT = {"product": Family(_product, _product_count, value_bytes=lambda table: 0)}
 
 FAMILIES: dict[str, Family] = LISTED | SAMPLED | MULTIFIDELITY | CODED | ABLATION | PRODUCT
 """All kinds of designs by the names that study files use."""

@@ -136,7 +136,7 @@ def _lengths(request: Request) -> list[int]:
 
 
 LISTED: dict[str, Family] = {
-    "grid": Family(_grid, lambda request: math.prod(_lengths(request)), held=lambda table: False),
+    "grid": Family(_grid, lambda request: math.prod(_lengths(request)), value_bytes=lambda table: 0),
     "zip": Family(_zip, lambda request: max(_lengths(request), default=0)),
     "one-at-a-time": Family(_one_at_a_time, lambda request: 1 + sum(_lengths(request))),
     "table": Family(_table, lambda request: 0),

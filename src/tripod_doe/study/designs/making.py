@@ -17,9 +17,9 @@ from tripod_doe.study.designs.listed import crossed, grid_levels
 from tripod_doe.study.designs.points import Points
 from tripod_doe.study.expressions import Expression
 from tripod_doe.study.file import DesignTable
-from tripod_doe.study.size import refuse_too_many_points
+from tripod_doe.study.size import POINT_BYTES, refuse_too_many_points
 
-__all__ = ["make_points", "point_count"]
+__all__ = ["make_points", "point_bytes", "point_count"]
 
 _CHUNK = 1_000_000
 """Points whose factors are held at once to check constraints."""
@@ -28,6 +28,12 @@ _CHUNK = 1_000_000
 def point_count(study: Study) -> int:
     """Number of points of a study before constraints; 0 where only making them tells (a table), or refuses them."""
     return count_part(study, study.file.design, study.factors)
+
+
+def point_bytes(study: Study) -> int:
+    """Bytes of memory that a point of a study takes while the study is planned and run, its results left out."""
+    design = study.file.design
+    return POINT_BYTES + len(study.factors) * FAMILIES[design.kind].value_bytes(design)
 
 
 def make_points(study: Study) -> Points:
@@ -41,8 +47,7 @@ def make_points(study: Study) -> Points:
     """
     design = study.file.design
     try:
-        held = FAMILIES[design.kind].held(design)
-        refuse_too_many_points(point_count(study), len(study.factors) if held else 0)
+        refuse_too_many_points(point_count(study), point_bytes(study))
         points = _grid(study) if design.kind == "grid" else _list(study, design)
         study.simulator.check_lengths(_length_values(study, points), study.keep)
         allowed = _allowed(points, design.constraints)

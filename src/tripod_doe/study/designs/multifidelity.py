@@ -7,15 +7,19 @@ variances of their analysis ask for. With `indices` a sample is a block of d + 2
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Value
 from tripod_doe.study.definition import Factor
+from tripod_doe.study.designs.columns import Column, Rows, row_numbers
 from tripod_doe.study.designs.correlation import correlated, correlation_matrix
-from tripod_doe.study.designs.request import Family, Made, Request, column_of, factor_groups, held
-from tripod_doe.study.distributions import quantile
+from tripod_doe.study.designs.request import Family, Made, Request, column_of, factor_groups
+from tripod_doe.study.designs.sampled import SampledColumns, correlated_bytes, refuse_tails
+from tripod_doe.study.designs.sequences import HeldSample, RandomSample, SaltelliSample, UnitSample
 from tripod_doe.study.file import DesignTable, FactorTable
 
 __all__ = ["MULTIFIDELITY", "SAMPLE", "pilot_samples", "random_factors", "split_of"]
@@ -72,28 +76,91 @@ def split_of(table: DesignTable, models: tuple[Value, ...]) -> dict[Value, int]:
     return {model: table.split.get(word, 0) for word, model in words.items()}
 
 
-def _unit_blocks(table: DesignTable, tables: dict[str, FactorTable], count: int) -> NDArray[np.float64]:
-    """Samples on the unit cube, shape (sample, point of the sample, factor)."""
+@dataclass(frozen=True)
+class _Rungs:
+    """The models one after the other, the truth first, each with its first samples.
+
+    Attributes
+    ----------
+    models
+        The models.
+    ends
+        Where the points of each end, shape (model,).
+    length
+        Points of a sample.
+    """
+
+    models: Column
+    ends: NDArray[np.int64]
+    length: int
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return int(self.ends[-1])
+
+    def at(self, rows: Rows) -> tuple[Column, NDArray[np.int64]]:
+        """The model of some points, and their places among the points of its samples."""
+        numbers = row_numbers(rows, self.count)
+        rungs = np.searchsorted(self.ends, numbers, side="right")
+        begins = np.concatenate([[0], self.ends])
+        return self.models[rungs], numbers - begins[rungs]
+
+
+@dataclass(frozen=True)
+class _RungColumns:
+    """Factors of the points of all models, made when they are asked for."""
+
+    sampled: SampledColumns
+    rungs: _Rungs
+    fidelity: str
+    names: tuple[str, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return self.rungs.count
+
+    def at(self, rows: Rows) -> dict[str, Column]:
+        """Values of the factors at some points."""
+        models, places = self.rungs.at(rows)
+        found = self.sampled.at(places) | {self.fidelity: models}
+        return {name: found[name] for name in self.names}
+
+
+@dataclass(frozen=True)
+class _SampleNumbers:
+    """The sample that each point belongs to."""
+
+    rungs: _Rungs
+    names: tuple[str, ...] = (SAMPLE,)
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return self.rungs.count
+
+    def at(self, rows: Rows) -> dict[str, Column]:
+        """The samples of some points."""
+        return {SAMPLE: self.rungs.at(rows)[1] // self.rungs.length}
+
+
+def _unit_sample(table: DesignTable, tables: dict[str, FactorTable], count: int) -> UnitSample:
+    """Points of so many samples on the unit cube."""
     width = len(tables)
-    random = np.random.default_rng(table.seed)
     if not table.indices:
-        unit = random.random((count, width))
+        sample = RandomSample(count, width, table.seed)
         if table.correlation:
-            unit = correlated(unit, correlation_matrix(table.correlation, list(tables)), False)
-        return unit[:, None]
+            ranks = correlation_matrix(table.correlation, list(tables))
+            return HeldSample(correlated(sample.at(np.arange(count)), ranks, False))
+        return sample
     if table.correlation:
         raise InputError(
             "correlation: Sobol' indices divide the variance among independent factors; set indices = false"
         )
-    first, last = random.random((count, 2, width)).transpose(1, 0, 2)
-    names = list(tables)
-    mixed = []
-    for members in factor_groups(tables).values():
-        each = first.copy()
-        columns = [names.index(name) for name in members]
-        each[:, columns] = last[:, columns]
-        mixed.append(each)
-    return np.stack([first, *mixed, last], axis=1)
+    names, none = list(tables), np.zeros(width, bool)
+    mixed = [np.isin(names, members) for members in factor_groups(tables).values()]
+    return SaltelliSample([RandomSample(count, 2 * width, table.seed)], np.stack([none, *mixed, ~none]))
 
 
 def _make(request: Request) -> Made:
@@ -103,17 +170,18 @@ def _make(request: Request) -> Made:
     tables = random_factors(table, request.tables)
     if not tables:
         raise InputError(f"a multifidelity design varies factors besides {table.fidelity}; add [factors.PARAMETER]")
-    blocks = _unit_blocks(table, tables, max(split.values()))
-    length = blocks.shape[1]
-    samples = np.concatenate([np.arange(split[model]) for model in reversed(models)])
-    points = blocks[samples].reshape(-1, len(tables))
-    columns = {name: quantile(request.factors[name], points[:, at]) for at, name in enumerate(tables)}
-    counts = [split[model] * length for model in reversed(models)]
-    columns[table.fidelity] = np.repeat(column_of(request.factors[table.fidelity], reversed(models)), counts)
+    factors = {name: request.factors[name] for name in tables}
+    most = max(split.values())
+    sampled = SampledColumns(_unit_sample(table, tables, most), factors)
+    refuse_tails(sampled, factors.values())
+    length = sampled.count // most
+    ends = length * np.cumsum([split[model] for model in reversed(models)])
+    rungs = _Rungs(column_of(request.factors[table.fidelity], reversed(models)), ends, length)
     told = ", ".join(f"{count:,} of {model}" for model, count in reversed(split.items()))
     of = f" of {length} points" if length > 1 else ""
     note = f"samples{of}: {told}" if table.split else f"pilot: the first {split[models[-1]]} samples{of} in every model"
-    return held({name: columns[name] for name in request.factors}, {SAMPLE: np.repeat(samples, length)}, (note,))
+    columns = _RungColumns(sampled, rungs, table.fidelity, tuple(request.factors))
+    return Made(columns, _SampleNumbers(rungs), (note,))
 
 
 def _models(request: Request) -> tuple[Value, ...]:
@@ -132,5 +200,7 @@ def _count(request: Request) -> int:
     return sum(split_of(request.table, _models(request)).values()) * _block(request.table, width)
 
 
-MULTIFIDELITY = {"multifidelity": Family(_make, _count, _block, uncorrelated="", grouped=True)}
+MULTIFIDELITY = {
+    "multifidelity": Family(_make, _count, _block, uncorrelated="", grouped=True, value_bytes=correlated_bytes)
+}
 """The multifidelity design by its kind."""

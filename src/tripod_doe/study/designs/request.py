@@ -70,8 +70,11 @@ def _alone(table: DesignTable, width: int) -> int:
     return 1
 
 
-def _always(table: DesignTable) -> bool:
-    return True
+_LISTED_BYTES = 24
+
+
+def _listed(table: DesignTable) -> int:
+    return _LISTED_BYTES
 
 
 @dataclass(frozen=True)
@@ -91,8 +94,9 @@ class Family:
         Why its factors cannot be correlated; empty where they can.
     grouped
         Whether factors can be varied in groups.
-    held
-        Whether the columns of all its points are in memory, and not made when they are asked for.
+    value_bytes
+        Bytes of memory that a value of a factor takes while the points are made; 0 where they are made when they are
+        asked for.
     """
 
     make: Callable[[Request], Made]
@@ -100,7 +104,7 @@ class Family:
     block: Callable[[DesignTable, int], int] = _alone
     uncorrelated: str = "it does not sample distributions"
     grouped: bool = False
-    held: Callable[[DesignTable], bool] = _always
+    value_bytes: Callable[[DesignTable], int] = _listed
 
 
 def levels_of(factor: Factor) -> Column:

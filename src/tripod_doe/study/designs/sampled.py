@@ -1,13 +1,13 @@
 """Sampled designs: points on the unit cube by scipy.stats.qmc and SALib, then the distributions of the factors.
 
-Points of sequences are made when they are asked for; other samples, and correlated ones, are held in memory. All
-sequences and blocks are prefix-stable: more samples keep the points that were there. A latin hypercube is not, as its
-strata are those of its number of samples.
+Points are made when they are asked for. Latin hypercubes, Morris' trajectories and correlated samples are held in
+memory: each of their points follows from all others, or from those before. All sequences and blocks are prefix-stable:
+more samples keep the points that were there. A latin hypercube is not: its strata are those of its number of samples.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,14 +15,23 @@ import numpy as np
 
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition import Factor
-from tripod_doe.study.designs.columns import Column, Rows, row_numbers
+from tripod_doe.study.designs.columns import Column, Columns, Rows, row_numbers
 from tripod_doe.study.designs.correlation import correlated, correlation_matrix
+from tripod_doe.study.designs.method_samples import CurveSample, DifferenceSample
 from tripod_doe.study.designs.request import Family, Made, Request, factor_groups, held
 from tripod_doe.study.designs.sequences import HaltonSample, HeldSample, SaltelliSample, SobolSample, UnitSample
 from tripod_doe.study.distributions import is_unbounded, quantile
 from tripod_doe.study.file import DesignTable, FactorTable
 
-__all__ = ["CURVE_HARMONICS", "SAMPLED", "salib_problem", "unit_sample"]
+__all__ = [
+    "CURVE_HARMONICS",
+    "SAMPLED",
+    "SampledColumns",
+    "correlated_bytes",
+    "refuse_tails",
+    "salib_problem",
+    "unit_sample",
+]
 
 Sampler = Callable[[DesignTable, Mapping[str, FactorTable]], UnitSample]
 
@@ -95,12 +104,10 @@ def _morris(table: DesignTable, tables: Mapping[str, FactorTable]) -> UnitSample
 
 
 def _fast(table: DesignTable, tables: Mapping[str, FactorTable]) -> UnitSample:
-    from SALib.sample import fast_sampler
-
     least = 4 * CURVE_HARMONICS**2 + 1
     if _samples(table) < least:
         raise InputError(f"samples = {table.samples}: a fast design needs at least {least} on each curve")
-    return HeldSample(fast_sampler.sample(salib_problem(tables), _samples(table), M=CURVE_HARMONICS, seed=table.seed))
+    return CurveSample(len(tables), _samples(table), CURVE_HARMONICS, table.seed)
 
 
 def _rbd_fast(table: DesignTable, tables: Mapping[str, FactorTable]) -> UnitSample:
@@ -110,9 +117,7 @@ def _rbd_fast(table: DesignTable, tables: Mapping[str, FactorTable]) -> UnitSamp
 
 
 def _finite_differences(table: DesignTable, tables: Mapping[str, FactorTable]) -> UnitSample:
-    from SALib.sample import finite_diff
-
-    return HeldSample(np.asarray(finite_diff.sample(salib_problem(tables), _samples(table)), float))
+    return DifferenceSample(len(tables), _samples(table))
 
 
 _SAMPLERS: dict[str, Sampler] = {
@@ -189,16 +194,33 @@ def _make(request: Request) -> Made:
         ranks, keep_strata = correlation_matrix(table.correlation, list(factors)), table.kind == "latin-hypercube"
         sample = HeldSample(correlated(sample.at(np.arange(sample.count)), ranks, keep_strata))
     columns = SampledColumns(sample, factors)
-    if isinstance(sample, HeldSample):
+    if SAMPLED[table.kind].value_bytes(table):
         return held(columns.at(slice(None)))
-    for start in range(0, columns.count if unbounded else 1, _CHUNK):
-        columns.at(slice(start, start + _CHUNK))  # raises where a factor cannot be sampled, or a tail is refused
+    refuse_tails(columns, factors.values())
     return Made(columns)
 
 
-def _whole(table: DesignTable) -> bool:
-    """Whether the points of a sequence are made all at once: their correlations are those of all."""
-    return bool(table.correlation)
+def refuse_tails(columns: Columns, factors: Iterable[Factor]) -> None:
+    """Refuse (InputError) factors that cannot be sampled, before any point runs, where points are not held in memory.
+
+    One point tells, unless a distribution has a tail that some points may reach.
+    """
+    looked_at = columns.count if any(map(is_unbounded, factors)) else 1
+    for start in range(0, looked_at, _CHUNK):
+        columns.at(slice(start, min(start + _CHUNK, looked_at)))
+
+
+_HELD_BYTES, _CORRELATED_BYTES = 64, 96
+"""Of a value that is held, with what is needed besides while samples are made."""
+
+
+def _held_bytes(table: DesignTable) -> int:
+    return _CORRELATED_BYTES if table.correlation else _HELD_BYTES
+
+
+def correlated_bytes(table: DesignTable) -> int:
+    """Bytes that a value takes of samples of which any point can be made alone, as long as factors are independent."""
+    return _CORRELATED_BYTES if table.correlation else 0
 
 
 def _samples_of(request: Request) -> int:
@@ -209,31 +231,34 @@ def _in_blocks(
     block: Callable[[DesignTable, int], int],
     grouped: bool = True,
     uncorrelated: str = _INDICES,
-    held: Callable[[DesignTable], bool] = lambda table: True,
+    value_bytes: Callable[[DesignTable], int] = correlated_bytes,
 ) -> Family:
     """Samples that come in blocks: one more point a factor or group, or a whole curve."""
 
     def count(request: Request) -> int:
         return _samples_of(request) * block(request.table, len(factor_groups(request.tables)))
 
-    return Family(_make, count, block, uncorrelated, grouped, held)
+    return Family(_make, count, block, uncorrelated, grouped, value_bytes)
 
 
 SAMPLED: dict[str, Family] = {
-    "latin-hypercube": Family(_make, _samples_of, uncorrelated=""),
-    "sobol": Family(_make, _samples_of, uncorrelated="", held=_whole),
-    "halton": Family(_make, _samples_of, uncorrelated="", held=_whole),
-    "saltelli": _in_blocks(lambda table, width: 2 * width + 2 if table.second_order else width + 2, held=_whole),
+    "latin-hypercube": Family(_make, _samples_of, uncorrelated="", value_bytes=_held_bytes),
+    "sobol": Family(_make, _samples_of, uncorrelated="", value_bytes=correlated_bytes),
+    "halton": Family(_make, _samples_of, uncorrelated="", value_bytes=correlated_bytes),
+    "saltelli": _in_blocks(lambda table, width: 2 * width + 2 if table.second_order else width + 2),
     "morris": _in_blocks(
-        lambda table, width: width + 1, uncorrelated="each of its steps changes one factor, whatever the others are"
+        lambda table, width: width + 1,
+        uncorrelated="each of its steps changes one factor, whatever the others are",
+        value_bytes=_held_bytes,
     ),
     "fast": Family(
         _make,
         lambda request: _samples_of(request) * len(request.factors),
         lambda table, width: table.samples or 1,
         _INDICES,
+        value_bytes=correlated_bytes,
     ),
-    "rbd-fast": Family(_make, _samples_of, uncorrelated=_INDICES),
+    "rbd-fast": Family(_make, _samples_of, uncorrelated=_INDICES, value_bytes=_held_bytes),
     "finite-differences": _in_blocks(
         lambda table, width: width + 1,
         grouped=False,

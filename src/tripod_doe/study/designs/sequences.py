@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
 
-__all__ = ["HaltonSample", "HeldSample", "SaltelliSample", "SobolSample", "UnitSample"]
+__all__ = [
+    "FloatArray",
+    "HaltonSample",
+    "HeldSample",
+    "Indices",
+    "RandomSample",
+    "SaltelliSample",
+    "SobolSample",
+    "UnitSample",
+]
 
 FloatArray = NDArray[np.float64]
 Indices = NDArray[np.integer[Any]]
@@ -125,17 +134,53 @@ class HaltonSample:
 
     def at(self, rows: Indices) -> FloatArray:
         """Some of the points."""
-        steps = np.diff(rows)
-        stretches = np.split(rows, np.flatnonzero((steps < 0) | (steps > _GAP)) + 1)
-        return np.concatenate([self._stretch(own) for own in stretches])
+        return _by_stretches(rows, self._engine.d, self._stretch)
 
-    def _stretch(self, rows: Indices) -> FloatArray:
-        """Ascending points that are near to each other."""
-        if not rows.size:
-            return np.empty((0, self._engine.d))
-        first = int(rows[0])
-        engine = copy.copy(self._engine).fast_forward(first)
-        return np.asarray(engine.random(int(rows[-1]) + 1 - first)[rows - first], float)
+    def _stretch(self, first: int, count: int) -> FloatArray:
+        """Consecutive points."""
+        return np.asarray(copy.copy(self._engine).fast_forward(first).random(count), float)
+
+
+class RandomSample:
+    """Independent points: NumPy's stream of random numbers, entered where the points begin.
+
+    Parameters
+    ----------
+    count
+        Number of points.
+    width
+        Numbers of a point.
+    seed
+        Of the stream.
+    """
+
+    def __init__(self, count: int, width: int, seed: int) -> None:
+        self._count, self._width, self._seed = count, width, seed
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return self._count
+
+    def at(self, rows: Indices) -> FloatArray:
+        """Some of the points."""
+        return _by_stretches(rows, self._width, self._stretch)
+
+    def _stretch(self, first: int, count: int) -> FloatArray:
+        """Consecutive points."""
+        stream = np.random.PCG64(self._seed).advance(first * self._width)  # one step a number
+        return np.random.Generator(stream).random((count, self._width))
+
+
+def _by_stretches(rows: Indices, width: int, stretch: Callable[[int, int], FloatArray]) -> FloatArray:
+    """Rows in any order from what gives consecutive ones: those that ascend and are near to each other together."""
+    steps = np.diff(rows)
+    parts = [np.empty((0, width))]
+    for own in np.split(rows, np.flatnonzero((steps < 0) | (steps > _GAP)) + 1):
+        if own.size:
+            first = int(own[0])
+            parts.append(stretch(first, int(own[-1]) + 1 - first)[own - first])
+    return np.concatenate(parts)
 
 
 @dataclass(frozen=True)
