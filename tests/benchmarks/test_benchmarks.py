@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import ast
+import json
+import sys
+import uuid
 from pathlib import Path
 
 import numpy as np
@@ -220,6 +223,48 @@ def test_peers_of_the_sensitivity_find_the_same_indices(benchmark, tmp_path):
     values, seconds, _ = peers.measured(peers.SALIB.replace("SAMPLES", "256"), tmp_path)
     assert values == pytest.approx([0.314, 0.442, 0, 0.558, 0.442, 0.244], abs=0.1)
     assert seconds > 0
+
+
+CHOSEN = """
+from tripod_doe.simulator import Candidate
+def chosen_{0}(x, model=1):
+    return {{"y": (10 + x) * (1.02 if model == 0 and x > 0.85 else 1.0), "y_error": (10 + x) * (0.02 if x < 0.15 else 0.0)}}
+chosen_{0}.candidates = (Candidate({{"model": 0}}, 1e-6, 1), Candidate({{"model": 1}}, 1.0, 1, full=True))
+"""
+CHOSEN_STUDY = """
+[study]
+name = "chosen"
+function = "chosen_{0}:chosen_{0}"
+[base]
+model = "auto"
+[factors]
+x = {{low = 0, high = 1, count = 40}}
+[accuracy]
+y = 0.01
+confidence = 0.75
+"""
+
+
+def test_a_choice_is_compared_with_the_full_model_everywhere(benchmark, tmp_path, monkeypatch, capsys):
+    """Exact: at 6 of 40 points the check is known to 2 % only where 1 % is asked for, at 6 others the cheap model is off."""
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    name = uuid.uuid4().hex
+    (tmp_path / f"chosen_{name}.py").write_text(CHOSEN.format(name))
+    (tmp_path / "few.toml").write_text(CHOSEN_STUDY.format(name))
+    words = [str(tmp_path / "out"), str(tmp_path / "few.toml"), "--checked", "40", "--workers", "0"]
+    benchmark("auto").main(words)
+    found = json.loads(capsys.readouterr().out)
+    assert (found["points"], found["y"]["compared"], found["y"]["sure"]) == (40, 40, 34)
+    cheap = found["candidates"]["model = 0"]
+    missed = found["y"]["missed_percent"]
+    assert found["y"]["met"] == 40 - len(missed) == 6 + found["y"]["met_where_sure"]
+    assert missed == [2.0] * len(missed)
+    assert len(missed) <= 6
+    assert found["y"]["error_of_check_percent_median_most"] == [0.0, 2.0]
+    assert found["counted_cpu_s"]["reference"] == pytest.approx(40, rel=1e-3)
+    assert (
+        1 < found["times_cheaper"] < found["times_cheaper_without_pilot"] == pytest.approx(40 / (40 - cheap), rel=1e-3)
+    )
 
 
 @pytest.mark.slow

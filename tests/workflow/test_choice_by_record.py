@@ -11,8 +11,10 @@ from wave_bench import STUDY, Bench
 
 import tripod_doe as td
 from tripod_doe.analysis.model_choice.growing_pilot import confirming_sizes
+from tripod_doe.analysis.model_choice.pilot_errors import PilotErrors
 from tripod_doe.analysis.model_choice.recorded import RecordedChoice, choice_by_record
 from tripod_doe.analysis.model_choice.study_choice import describe_choice
+from tripod_doe.simulator import Candidate
 from tripod_doe.study.designs import make_points
 
 pytestmark = pytest.mark.usefixtures("charts_not_drawn")
@@ -56,6 +58,18 @@ def test_the_expected_share_counts_record_and_pilot_alike():
     assert by_record([1.0]).expected(7, 8) == pytest.approx(18 / 20)
     assert by_record([0.8, 1.0]).expected(0, 0) == pytest.approx(10 / 12)
     assert by_record([0.5, 1.0], [True, False]).expected(0, 0) == pytest.approx((0.5 + 1) / 2)
+
+
+def test_a_point_that_the_full_model_does_not_know_itself_tells_nothing():
+    """In parts of the accuracy: 0.7 and half of 0.8 are 0.81; 0.9 and half of 0.9 are 1.01; 1.5 is no knowledge."""
+    cheap, full = Candidate({"model": 0}, 1.0, 1), Candidate({"model": 1}, 1.0, 1, full=True)
+    differences = np.array([[0.7, 0], [-0.7, 0], [0.9, 0], [0, 0]])[:, :, None]
+    numerical = np.array([0.8, 0.8, 0.9, 1.5])[:, None]
+    found = PilotErrors({"x": np.arange(4)}, (cheap, full), differences, numerical, np.ones(2), np.array([4, 4]))
+    record = RecordedChoice((cheap, full), np.zeros(4, int), np.ones(4, bool), np.ones(4), np.zeros((4, 1)), SIMILAR)
+    assert record.hits(found, np.arange(4)) == (2, 3)
+    assert found.worst[:, 0] == pytest.approx([0.806, 0.806, 1.006, 0.75], abs=1e-3)
+    assert found.worst[:, 1] == pytest.approx(numerical[:, 0])
 
 
 def test_four_points_confirm_a_record_that_holds(recorded):

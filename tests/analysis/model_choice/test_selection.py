@@ -116,17 +116,17 @@ def test_the_stated_share_of_points_is_met_on_random_errors():
 
 
 def test_the_numerical_error_of_the_reference_counts():
-    """3 % allowed: 2 % of the model and 2 % numerical are 2.8 % together; 2.5 % numerical are 3.2 %."""
-    for numerical, model in ((0.02, "cheap"), (0.025, "full")):
-        found = pilot_errors(pilot(X, [0 * X + 0.02, 0 * X + 0.02, 0 * X], numerical), ["x"], accuracy())
+    """3 % allowed: 2.7 % and 2.4 % numerical, half of which is a deviation, are 2.95 % together; with 2.8 % 3.04 %."""
+    for numerical, model in ((0.024, "cheap"), (0.028, "full")):
+        found = pilot_errors(pilot(X, [0 * X + 0.027, 0 * X + 0.027, 0 * X], numerical), ["x"], accuracy())
         choice = choose(found, {"x": np.array([0.5])}, accuracy())
         assert models_at(choice) == [model]
 
 
-@pytest.mark.parametrize(("middle", "taken"), [(0.01, "middle"), (0.03, "full")])
+@pytest.mark.parametrize(("middle", "taken"), [(0.03, "middle"), (0.05, "full")])
 def test_where_not_even_the_reference_is_enough_a_candidate_as_good_does_as_well(middle, taken):
-    """The full model is known to 4 % where 3 % are asked for: with 1 % more it is 4.1 %, with 3 % it is 5 %."""
-    found = pilot_errors(pilot(X, [0 * X + 0.05, 0 * X + middle, 0 * X], 0.04), ["x"], accuracy())
+    """The full model is known to 4 % where 3 % are asked for: with 3 % more it is 3.6 %, with 5 % 5.4 %."""
+    found = pilot_errors(pilot(X, [0 * X + 0.06, 0 * X + middle, 0 * X], 0.04), ["x"], accuracy())
     choice = choose(found, {"x": np.array([0.5])}, accuracy())
     assert (models_at(choice), int(choice["accuracy_met"][0])) == ([taken], 0)
     assert choice.attrs["misses"] == 0

@@ -105,9 +105,9 @@ class GrowingPilot:
 
     def confirmed(self, record: RecordedChoice, found: PilotErrors) -> xr.Dataset | None:
         """The choice by record, where as many points as asked for are expected to be within the accuracy."""
-        hits, ran = record.hits(found, self._allowed_places(found))
-        share = record.expected(hits, ran)
-        if ran < CONFIRMING or share < accuracy_of(self.study).confidence:
+        hits, known = record.hits(found, self._allowed_places(found))
+        share = record.expected(hits, known)
+        if known < CONFIRMING or share < accuracy_of(self.study).confidence:
             return None
         return record.labelled(found, self.usable, self.study, share)
 
@@ -156,7 +156,7 @@ class GrowingPilot:
         while True:
             self.run(pilot_study(self.study, self.points, runs), self.directory)
             found = self.found()
-            rows = np.flatnonzero(found.worst[:, -1] <= 1)
+            rows = np.flatnonzero(found.known)
             sure = {_values(found.columns, int(row)) for row in rows}
             unsure = np.array([at for row, at in enumerate(places) if _values(given, row) not in sure], np.int64)
             finer = _finer_candidate(found, accuracy_of(self.study))
@@ -173,9 +173,8 @@ class GrowingPilot:
 
 def _finer_candidate(found: PilotErrors, accuracy: Accuracy) -> Candidate | None:
     """A finer candidate than all that ran; None where those are accurate at enough points, or where there is none."""
-    unsure = (found.worst[:, -1] > 1).mean() > 1 - accuracy.confidence
     finer = accuracy.candidates[accuracy.candidates.index(found.candidates[-1]) + 1 :]
-    return finer[0] if unsure and finer else None
+    return finer[0] if finer and 1 - found.known.mean() > 1 - accuracy.confidence else None
 
 
 def _candidate_between(

@@ -6,10 +6,11 @@ the similar points as the study asks for, else the one that is within it most of
 them, the full model.
 
 The pilot tells whether the record holds for this study. It grows from the middle of the design to its farthest points;
-each of its points counts like one similar point on record. The share of all points that will be within the accuracy is
-expected by the rule of succession, (within + 1) / (known + 2), of both together: so a miss must be outweighed by
-further points. Where the share that the study asks for is out of reach, or the pilot would be as large as one that
-needs no record, the record does not count.
+each of its points counts like one similar point on record, but those at which the full model does not know itself to
+the accuracy, which tell nothing. The share of all points that will be within the accuracy is expected by the rule of
+succession, (within + 1) / (known + 2), of both together: so a miss must be outweighed by further points. Where the
+share that the study asks for is out of reach, or the pilot would be as large as one that needs no record, the record
+does not count.
 """
 
 from __future__ import annotations
@@ -71,14 +72,14 @@ class RecordedChoice:
         """The candidates that are chosen by their recorded errors."""
         return [self.candidates[number] for number in np.unique(self.number[self.cheap])]
 
-    def expected(self, hits: int, ran: int) -> float:
+    def expected(self, hits: int, known: int) -> float:
         """Share of all points that will be within the accuracy, after a pilot with so many hits at so many points."""
-        known = self.similar * float(self.share[self.cheap].mean())
-        share = (known + hits + 1) / (self.similar + ran + 2)
+        recorded = self.similar * float(self.share[self.cheap].mean())
+        share = (recorded + hits + 1) / (self.similar + known + 2)
         return float(1 - self.cheap.mean() * (1 - share))
 
     def hits(self, found: PilotErrors, at: NDArray[np.int64]) -> tuple[int, int]:
-        """At how many pilot points the cheap candidate is within the accuracy or as good as the reference; of how many.
+        """At how many pilot points the cheap candidate is within the accuracy, of those at which that is known.
 
         Parameters
         ----------
@@ -91,7 +92,7 @@ class RecordedChoice:
             found.candidates.index(self.candidates[number]) if cheap else -1
             for number, cheap in zip(self.number[at], self.cheap[at], strict=True)
         ])  # fmt: skip
-        rows = np.flatnonzero(column >= 0)
+        rows = np.flatnonzero((column >= 0) & found.known)
         return int(found.accepted[rows, column[rows]].sum()), rows.size
 
     def labelled(

@@ -6,7 +6,7 @@ root of the sum of three squares:
 
 - the difference to the reference, interpolated with its sign (cubic radial functions and a linear trend, over the
   design scaled to its ranges);
-- the numerical error of the reference, and
+- the uncertainty of the reference (`pilot_errors`), and
 - the interpolation error at the pilot points, each left out in turn; the last two are means over the pilot points,
   weighted by the inverse squares of the distances.
 
@@ -172,7 +172,8 @@ class _Prediction:
         weights = _weights(self._places[known], places)
         numerical = np.square(np.tensordot(weights, self._found.numerical[known], 1))
         missed = np.tensordot(weights, self._missed[known], 1)
-        errors = np.sqrt(np.square(differences) + numerical[:, None] + missed)
+        uncertain = numerical[:, None] * np.square(self._found.uncertain[:, None])
+        errors = np.sqrt(np.square(differences) + uncertain + missed)
         failed = np.asarray(np.isnan(self._found.differences[known]).any(axis=2))
         around = np.argsort(-weights, axis=1, kind="stable")[:, : places.shape[1] + 1]
         near = np.asarray(failed[around].any(axis=1))
@@ -280,6 +281,7 @@ def labelled(
             "accuracy": json.dumps({demand.name: demand.allowed for demand in accuracy.demands}),
             "confidence": accuracy.confidence,
             "floor": accuracy.floor,
+            "pilot_unknown": int((~found.known).sum()),
         },
     )  # fmt: skip
 

@@ -162,6 +162,10 @@ def _told(choice: xr.Dataset) -> list[str]:
             f"candidate    {label}: {int(row['points_of_candidate']):,} points, CPU time "
             f"{duration(float(row['price']), 2)} per run; largest errors: {errors}"
         )
+    if unknown := attrs.get("pilot_unknown", 0):
+        lines.append(
+            f"pilot        at {unknown} of its {pilot} points the error of the full model alone exceeds the accuracy"
+        )
     unmet = int((choice["accuracy_met"] == 0).sum())
     chosen, of_pilot, finest = (duration(attrs[f"price_{which}_s"]) for which in ("study", "pilot", "reference"))
     lines.append(
