@@ -28,6 +28,33 @@ MODELS_OF_PROCESS = {
     "gw2": ("equilibrium", "kinetostatic", "rollers"),
 }
 MANY = 500
+SHARED = ({"served", "chromium"}, {"client"}, {"simulated"})
+"""Fixtures of a whole session that cost as much as many tests: a browser and a server, a service, runs of the joint."""
+
+
+@pytest.hookimpl(trylast=True)  # after tests have been left out
+def pytest_collection_modifyitems(items):
+    """One process of a session runs all tests that share such a fixture.
+
+    They stand at the head of its share of the tests, as `--dist worksteal` deals them out: idle processes take from the
+    end of what others have left.
+    """
+    processes = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    if processes > 1:
+        items[:] = [item for share in shares(items, processes) for item in share]
+
+
+def shares(items, processes):
+    """What each process gets: tests that share a fixture, and as many of the others as make all shares equal."""
+    heads, others = [[] for _ in range(processes)], []
+    for item in items:
+        groups = [group for group, names in enumerate(SHARED) if names & set(item.fixturenames)]
+        (heads[groups[0] % processes] if groups else others).append(item)
+    for left, head in zip(range(processes, 0, -1), heads, strict=True):
+        waiting = len(others) + sum(map(len, heads[processes - left :]))
+        more = max(0, waiting // left - len(head))
+        yield head + others[:more]
+        del others[:more]
 
 
 def pytest_collection_finish(session):

@@ -16,6 +16,7 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.cli import main
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.study import plan
 
 pytestmark = pytest.mark.usefixtures("charts_not_drawn")
 
@@ -214,7 +215,9 @@ def test_a_bad_comparison_is_refused(capsys, whole_results, record, words, messa
 
 
 @pytest.mark.slow
-def test_plan_counts_and_writes_nothing(capsys, write_study, tmp_path):
+def test_plan_counts_and_writes_nothing(capsys, write_study, tmp_path, monkeypatch):
+    """`study/test_plan.py` times points."""
+    monkeypatch.setattr(plan, "time_points", lambda study, seconds: [0.002])
     study = write_study(STUDY)
     before = sorted(tmp_path.iterdir())
     code, out, _ = call(capsys, "plan", study, "--no-timing")

@@ -15,10 +15,11 @@ TEXT = (ROOT / "README.md").read_text()
 FIRST, ACTIVATE, TESTS, *OTHERS = re.findall(r"```bash\n(.*?)```", TEXT, re.DOTALL)
 
 
-@pytest.fixture(scope="module")
-def clone(tmp_path_factory):
+@pytest.fixture
+def clone(tmp_path):
     """What a fresh clone holds after the installation; results and new files stay here."""
-    folder = tmp_path_factory.mktemp("clone")
+    folder = tmp_path / "clone"
+    folder.mkdir()
     for name in ("studies", "workflows", "measurements"):
         (folder / name).symlink_to(ROOT / name)
     (folder / ".venv").symlink_to(sys.prefix)
@@ -42,17 +43,13 @@ def test_the_commands_that_install_are_the_ones_that_ci_runs():
 
 @pytest.mark.slow
 @pytest.mark.skipif(not (Path(sys.prefix) / "bin" / "activate").exists(), reason="not in a virtual environment")
-def test_the_commands_work_as_pasted_in_their_order(clone):
+def test_the_commands_work_as_pasted_in_their_order_and_then_the_python_block_as_a_plain_script(clone):
+    """`workflow/test_from_anywhere.py` runs scripts without results, and shows that workers need no guard of __main__."""
     first = FIRST.rpartition("&& ")[2]
     script = "".join([first, ACTIVATE, *OTHERS])
     assert "workflows/paper.toml" in script  # takes minutes; the small one has the same kinds of steps
     done = run(clone, script.replace("workflows/paper.toml", "workflows/small.toml"))
     assert done.returncode == 0, done.stderr[-2000:]
-
-
-@pytest.mark.slow
-def test_the_python_block_works_as_a_plain_script(clone):
-    """Also where its results are there; `workflow/test_from_anywhere.py` shows that workers need no guard of __main__."""
     (clone / "script.py").write_text(re.search(r"```python\n(.*?)```", TEXT, re.DOTALL)[1])
     done = subprocess.run([sys.executable, "script.py"], cwd=clone, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]

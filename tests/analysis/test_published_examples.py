@@ -104,14 +104,14 @@ def morris(ARGUMENTS):
 '''.replace("ARGUMENTS", ", ".join(f"x{i}" for i in range(1, 21)))
 
 
-def studied(folder, function, width, design, analysis, workers=0):
+def studied(folder, function, width, design, analysis):
     """A study of a published function on the unit cube, from its file to its analysis."""
     (folder / "functions.py").write_text(FUNCTIONS)
     factors = "".join(f"x{i} = {{low = 0, high = 1}}\n" for i in range(1, width + 1))
     (folder / "study.toml").write_text(
         f'[study]\nname = "t"\nfunction = "functions:{function}"\n[factors]\n{factors}[design]\n{design}\n[analysis.{analysis}]\n'
     )
-    out = td.run(folder / "study.toml", folder / "out", workers=workers, progress=False).directory
+    out = td.run(folder / "study.toml", folder / "out", workers=0, progress=False).directory
     return xr.open_dataset(out / "analysis" / f"{analysis}.nc")
 
 
@@ -133,10 +133,9 @@ def test_friedmans_function(tmp_path):
     found.close()
 
 
-@pytest.mark.slow
-def test_morris_own_function_on_dask(tmp_path):
+def test_morris_own_function(tmp_path):
     """Published: ten factors count and ten do not; 8, 9 and 10 act almost linearly, 1 to 7 with interactions."""
-    found = studied(tmp_path, "morris", 20, 'kind = "morris"\nsamples = 20\nseed = 1', "morris", workers=1)
+    found = studied(tmp_path, "morris", 20, 'kind = "morris"\nsamples = 20\nseed = 1', "morris")
     size, scatter = found["mu_star"].values, found["sigma"].values
     assert size[:10].min() > 2 * size[10:].max()
     assert scatter[:7].min() > 2 * scatter[7:].max()

@@ -126,6 +126,6 @@ def test_needles_split_the_thrust_as_their_lumped_bearing_does():
 @pytest.mark.slow
 def test_needles_without_sliding_friction_have_no_part_of_it():
     """Limit: found as what the balance leaves, it is zero to the run's own numerical error of the third order."""
-    result = td.simulate(model="needles", needle_sliding=0, **HEAVY)
+    result = td.simulate(model="needles", needle_sliding=0, **HEAVY, relative_tolerance=2e-3)
     part = float(result["thrust_part_amplitude"].sel(part="needle_sliding", order=3))
     assert part < 3 * float(result["thrust_amplitude_error"].sel(order=3)) + 0.01

@@ -85,16 +85,10 @@ def test_one_process_compiles_and_the_other_waits_for_its_machine_code(start, tm
 
 
 @pytest.mark.slow
-def test_other_kernels_are_compiled_meanwhile(start):
-    first, second = start("model a"), start("model b")
-    assert first.stdout.readline() == second.stdout.readline() == "here\n"
-
-
-@pytest.mark.slow
-def test_a_process_that_is_killed_lets_the_next_one_compile(start):
-    first = start()
-    assert first.stdout.readline() == "here\n"
-    second = start()
+def test_other_kernels_are_compiled_meanwhile_and_a_process_that_is_killed_lets_the_next_one_compile(start):
+    first, other = start("model a"), start("model b")
+    assert first.stdout.readline() == other.stdout.readline() == "here\n"
+    second = start("model a")
     assert second.stderr.readline() == WAITING
     first.kill()
     assert finish(second)[0] == [0, 1]

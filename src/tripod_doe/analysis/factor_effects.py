@@ -20,10 +20,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from tripod_doe.analysis.additive_fit import Fit, Separation, fit_factor, separation
 from tripod_doe.analysis.curve_shape import Shape, curve_shapes
@@ -139,9 +140,15 @@ def factor_effects(columns: Mapping[str, Column], response: FloatArray, error: f
         elif ground is Ground.STEPS:
             effects.append(_by_steps(name, varying, compared, settings[:, at], error))
         else:
-            with threadpool_limits(1, "blas"):  # small problems: threads would wait for each other
+            with _threads().limit(limits=1, user_api="blas"):  # small problems: threads would wait for each other
                 effects.append(_by_regression(name, varying, response, error))
     return effects
+
+
+@cache
+def _threads() -> ThreadpoolController:
+    """Threads of linear algebra, looked for once: that takes longer than a regression."""
+    return ThreadpoolController()
 
 
 def _ground(compared: Comparison, setting: IntArray, factors: int) -> Ground:

@@ -14,6 +14,7 @@ import urllib.request
 import pytest
 
 import tripod_doe as td
+from tripod_doe.report.figures.chart import Chart
 
 COAST = """
 [study]
@@ -85,6 +86,7 @@ values = ["equilibrium", "kinetostatic"]
 [keep]
 outputs = ["thrust_amplitude"]
 """
+SIZE = {"width": 1280, "height": 900}
 STUDIES = {"coast": COAST, "sampled": SAMPLED, "shares": SHARES, "rungs": RUNGS}
 
 
@@ -126,9 +128,11 @@ class Served:
 @pytest.fixture(scope="session")
 def served(tmp_path_factory):
     folder = tmp_path_factory.mktemp("served")
-    for name, text in STUDIES.items():  # in this process: a run of the service would import everything anew
-        (folder / f"{name}.toml").write_text(text)
-        td.run(folder / f"{name}.toml", out=folder / name, workers=0, progress=False)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Chart, "svg", lambda chart: f"<svg><title>{chart.title}</title></svg>")
+        for name, text in STUDIES.items():  # in this process: a run of the service would import everything anew
+            (folder / f"{name}.toml").write_text(text)
+            td.run(folder / f"{name}.toml", out=folder / name, workers=0, progress=False)
     server = Served(folder)
     yield server
     server.close()
@@ -170,7 +174,7 @@ def chromium():
 @pytest.fixture(scope="session")
 def window(chromium, served):
     """A browser's window, signed in: its pages share the cookie and what has been loaded."""
-    window = chromium.new_context(viewport={"width": 1280, "height": 900}, accept_downloads=True)
+    window = chromium.new_context(viewport=SIZE, accept_downloads=True)
     window.set_default_timeout(30_000)
     window.add_init_script(
         "addEventListener('securitypolicyviolation', e => { if (!e.violatedDirective.startsWith('style-src'))"
@@ -183,13 +187,30 @@ def window(chromium, served):
     window.close()
 
 
+@pytest.fixture(scope="session")
+def tab(window):
+    """One page for all tests: each new one would compile the drawing library anew, four seconds of CPU time."""
+    return window.new_page()
+
+
 @pytest.fixture
-def page(window):
-    """A page; what breaks the policy or ends in an error of a script is an error of the test."""
-    page = window.new_page()
+def page(tab, served):
+    """The page, empty and as wide as the window; what breaks the policy or ends in an error of a script is an error."""
     faults = []
-    page.on("pageerror", lambda error: faults.append(str(error)))
-    page.on("console", lambda message: faults.append(message.text) if message.text.startswith("policy") else None)
-    yield page
-    page.close()
+
+    def script_ended(error):
+        faults.append(str(error))
+
+    def told(message):
+        if message.text.startswith("policy"):
+            faults.append(message.text)
+
+    tab.on("pageerror", script_ended)
+    tab.on("console", told)
+    yield tab
+    tab.goto(f"{served.address}/api/v1/health")  # of the same server: for another one the browser starts anew, too
+    tab.remove_listener("pageerror", script_ended)
+    tab.remove_listener("console", told)
+    tab.set_viewport_size(SIZE)
+    tab.emulate_media(color_scheme="null", media="null")
     assert not faults
