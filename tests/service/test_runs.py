@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import tempfile
 import textwrap
 import time
 from dataclasses import replace
@@ -15,6 +16,7 @@ from starlette.testclient import TestClient
 
 import tripod_doe as td
 from tripod_doe.service.app import create_app
+from tripod_doe.service.routes import results
 
 
 def grown(*angles):
@@ -129,6 +131,20 @@ def test_the_cube_is_a_file_that_can_be_read_in_parts(api, coast, settings):
     assert part.content == whole.content[8:108]
     assert part.headers["content-range"] == f"bytes 8-107/{len(whole.content)}"
     assert api.get(f"/runs/{coast}/cube.nc", headers={"range": "bytes=99999999-"}).status_code == 416
+
+
+def test_the_cube_of_a_study_that_runs_is_written_aside_and_goes_when_it_is_sent(api, coast, monkeypatch, tmp_path):
+    """Exact: the points that the journal holds, here all of them."""
+    shown = api.get(f"/runs/{coast}/cube.nc").content
+    monkeypatch.setattr(results, "is_shown", lambda path: False)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    so_far = api.get(f"/runs/{coast}/cube.nc")
+    assert so_far.headers["content-type"] == "application/x-netcdf"
+    assert not list(tmp_path.iterdir())
+    (tmp_path / "shown.nc").write_bytes(shown)
+    (tmp_path / "so_far.nc").write_bytes(so_far.content)
+    with xr.open_dataset(tmp_path / "shown.nc") as one, xr.open_dataset(tmp_path / "so_far.nc") as other:
+        xr.testing.assert_equal(one, other)
 
 
 def test_a_cube_is_described_for_those_who_choose_from_it(api, coast):

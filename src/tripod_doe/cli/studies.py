@@ -51,6 +51,7 @@ def _add_run(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument("--take-over", action="store_true",
                         help="take the place of a dead process that still holds the directory")  # fmt: skip
     parser.add_argument("--fail-fast", action="store_true", help="stop at the first point that fails unexpectedly")
+    parser.add_argument("--export", choices=("zarr",), help="write the cube in this form, too, as DIR/cube.zarr")
 
 
 def _add_plan(parser: Parser, arguments: Sequence[str]) -> None:
@@ -79,6 +80,10 @@ def _run(options: argparse.Namespace) -> int:
     from tripod_doe.study.failures import failure_lines
     from tripod_doe.workflow.run import run  # Dask and plotting are slow to import
 
+    if options.export:
+        from tripod_doe.study.zarr_store import export_zarr, refuse_without_zarr
+
+        refuse_without_zarr()
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     summary = run(
         options.study, options.out, options.workers, options.scheduler, options.retry_failed, options.fail_fast,
@@ -96,6 +101,8 @@ def _run(options: argparse.Namespace) -> int:
     rate = f" in {duration(seconds)} ({pace(count, seconds)})" if count else ""
     print(f"{count_of(count, 'point')} computed{rate}, {summary.reused:,} reused", file=sys.stderr)
     print(f"cube    {summary.directory / 'cube.nc'}", file=sys.stderr)
+    if options.export:
+        print(f"zarr    {export_zarr(summary.directory)}", file=sys.stderr)
     print(f"report  {summary.directory / 'report' / 'index.html'}", file=sys.stderr)
     return DONE if summary.good else SOME_FAILED
 

@@ -82,12 +82,12 @@ def query(
     return None, _netcdf_bytes(narrowed(cells_of(path, variable, select, nearest, where)))
 
 
-def cube(path: str) -> Answer:
-    """The cube of a run so far, as the bytes of a netCDF file."""
-    from tripod_doe.study.results import cube_so_far
+def cube(path: str, folder: str) -> Answer:
+    """Write the cube of a run so far into a folder, with its costs."""
+    from tripod_doe.study.results import write_cube_so_far
 
-    with cube_so_far(Path(path)) as so_far:
-        return None, _netcdf_bytes(so_far)
+    write_cube_so_far(Path(path), Path(folder))
+    return None, b""
 
 
 def describe(path: str) -> Answer:

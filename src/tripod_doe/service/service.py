@@ -168,10 +168,10 @@ class Service:
             nearest=nearest, where=where, form=form, cells=limits.cells,
         )[1]  # fmt: skip
 
-    def cube_so_far(self, run_id: str, step: str | None = None) -> bytes:
-        """The cube of the points that a run has finished, as a netCDF file."""
+    def write_cube_so_far(self, run_id: str, step: str | None, folder: Path) -> None:
+        """Write the cube of the points that a run has finished into a folder."""
         seconds = self.settings.limits.query_seconds
-        return self._questions.ask("cube", seconds, path=str(self.results(run_id, step)))[1]
+        self._questions.ask("cube", seconds, path=str(self.results(run_id, step)), folder=str(folder))
 
     def look(self, question: str, **arguments: Any) -> tuple[Any, bytes]:
         """One of the questions of `explorer.questions`; see `page.answers`."""

@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # a query reads cubes without xarray
     from tripod_doe.study.stored_results import StoredResults
     from tripod_doe.study.study_points import StudyPoints
 
-__all__ = ["cube_files", "cube_so_far", "is_shown", "open_cube", "opened_cube", "unshown_state"]
+__all__ = ["cube_files", "cube_so_far", "is_shown", "open_cube", "opened_cube", "unshown_state", "write_cube_so_far"]
 
 _READ_AT_ONCE = 100_000_000  # bytes of a cube that is read whole
 
@@ -135,35 +135,58 @@ def cube_so_far(path: Path) -> xr.Dataset:
     InputError
         If the study in it can no longer be read, for instance as its table is gone.
     """
-    from tripod_doe.study.choice import chosen_points, frozen_choice
     from tripod_doe.study.cube import build_cube
+
+    with closing(Journal(path, read_only=True)) as journal:
+        asked, results = _points_so_far(path, journal)
+        if asked.points.count * results.point_bytes > _READ_AT_ONCE:
+            return _written_aside(asked, results)
+        return _joined(*build_cube(asked.study, asked.points, asked.keys, journal.blocks()))
+
+
+def write_cube_so_far(path: Path, folder: Path) -> None:
+    """Write cube and costs of the points that the journal of a directory holds into a folder, slab by slab.
+
+    Raises
+    ------
+    CubeError, InputError
+        As `cube_so_far`.
+    StorageError
+        If they cannot be written.
+    """
+    with closing(Journal(path, read_only=True)) as journal:
+        _write(*_points_so_far(path, journal), folder)
+
+
+def _points_so_far(path: Path, journal: Journal) -> tuple[StudyPoints, StoredResults]:
+    """The study of a directory, and where its results are."""
+    from tripod_doe.study.choice import chosen_points, frozen_choice
     from tripod_doe.study.definition import parse_study
     from tripod_doe.study.designs import make_points
     from tripod_doe.study.stored_results import StoredResults
     from tripod_doe.study.study_points import StudyPoints
 
-    stored = path / "study.toml"
-    with closing(Journal(path, read_only=True)) as journal:
-        folder = journal.recall(FOLDER)
-        study = parse_study(stored.read_text(encoding="utf-8"), str(stored), Path(folder) if folder else None)
-        points = make_points(study)
-        choice = frozen_choice(study, path) if study.accuracy else None
-        if choice is not None:
-            points = chosen_points(study, points, choice)
-        asked = StudyPoints(study, points)
-        results = StoredResults(asked, journal.places())
-        if points.count * results.point_bytes > _READ_AT_ONCE:
-            return _written_aside(asked, results)
-        return _joined(*build_cube(study, points, asked.keys, journal.blocks()))
+    stored, folder = path / "study.toml", journal.recall(FOLDER)
+    study = parse_study(stored.read_text(encoding="utf-8"), str(stored), Path(folder) if folder else None)
+    points = make_points(study)
+    choice = frozen_choice(study, path) if study.accuracy else None
+    if choice is not None:
+        points = chosen_points(study, points, choice)
+    asked = StudyPoints(study, points)
+    return asked, StoredResults(asked, journal.places())
 
 
 def _written_aside(asked: StudyPoints, results: StoredResults) -> xr.Dataset:
     """A cube in temporary files, which go when it is closed."""
-    from tripod_doe.study.written_cube import write_cube
-
     with ExitStack() as opened:
         folder = Path(opened.enter_context(TemporaryDirectory(prefix="tripod-doe-")))
-        write_cube(asked, results, folder, "points so far", lambda: None)
+        _write(asked, results, folder)
         cube = opened.enter_context(_lazily(folder, by_number=False)).assign()
         cube.set_close(opened.pop_all().close)
     return cube
+
+
+def _write(asked: StudyPoints, results: StoredResults, folder: Path) -> None:
+    from tripod_doe.study.written_cube import write_cube
+
+    write_cube(asked, results, folder, "points so far", lambda: None)

@@ -16,6 +16,7 @@ from tripod_doe.service.explorer.figures.heat_map import heat_map
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.parts import NUMBER, Figure, is_failed, label_of, packed, shown
 from tripod_doe.service.explorer.figures.scatter import scatter
+from tripod_doe.service.explorer.point_numbers import point_numbers
 from tripod_doe.service.explorer.view import View
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.query import narrowed, query
@@ -31,9 +32,7 @@ def numbered(cube: xr.Dataset, variable: str = "") -> xr.Dataset:
     design = design_of(cube) or (tuple(map(str, cube[variable].dims)) if variable else ())
     if not design:
         return cube
-    shape = tuple(cube.sizes[dim] for dim in design)
-    numbers = np.arange(int(np.prod(shape)), dtype=np.int32).reshape(shape)
-    return cube.assign_coords({NUMBER: (design, numbers, {"long_name": "number of the point or cell"})})
+    return cube.assign_coords({NUMBER: point_numbers(design, tuple(cube.sizes[dim] for dim in design))})
 
 
 def point_of(cube: xr.Dataset, number_of_point: int) -> xr.Dataset:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query
 from starlette.responses import FileResponse, Response
+from starlette.types import Receive, Scope, Send
 
 from tripod_doe.service.forms import Comparison
 from tripod_doe.service.problems import RefusedError
@@ -45,7 +48,13 @@ def cube(run_id: str, service: AnyService, step: Step = None) -> Response:
     directory = service.results(run_id, step)
     if is_shown(directory):
         return _file(directory / "cube.nc")
-    return Response(service.cube_so_far(run_id, step), media_type=_TYPES["netcdf"])
+    folder = Path(tempfile.mkdtemp(prefix="tripod-doe-"))
+    try:
+        service.write_cube_so_far(run_id, step, folder)
+        return _TemporaryFile(folder / "cube.nc", media_type=_TYPES["netcdf"], filename="cube.nc")
+    except BaseException:
+        shutil.rmtree(folder)
+        raise
 
 
 @router.get("/cube")
@@ -70,6 +79,17 @@ def compare(run_id: str, body: Comparison, service: AnyService, step: Step = Non
 def analysis(run_id: str, name: str, service: AnyService, step: Step = None) -> Response:
     """The result of an analysis as a netCDF file."""
     return _file(service.analysis_file(run_id, name, step))
+
+
+class _TemporaryFile(FileResponse):
+    """A file that is sent piece by piece, and goes with its folder when it is sent, or when nobody listens any more."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send it."""
+        try:
+            await super().__call__(scope, receive, send)
+        finally:
+            shutil.rmtree(Path(self.path).parent)
 
 
 def _file(path: Path) -> Response:
