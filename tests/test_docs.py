@@ -84,6 +84,7 @@ def test_every_flag_of_a_command_is_shown(command):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("pages_not_made")
 def test_the_picture_shows_what_its_study_gives(tmp_path):
     """Regression: the numbers inside the picture, to the 1e-6 that the default model's balance is solved to."""
     drawn = (ROOT / "docs" / "thrust_map.svg").read_text().partition("<!--\n")[2].partition("-->")[0]

@@ -12,6 +12,8 @@ from tripod_doe.simulator import Outcome
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points
 
+pytestmark = pytest.mark.usefixtures("pages_not_made")
+
 FACTORS = ("joint_angle_deg", "torque_n_m", "speed_rpm", "shaft_length_mm")  # any that allow the numbers
 
 

@@ -157,7 +157,7 @@ def test_what_is_missing_is_named(change, told):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("charts_not_drawn")
+@pytest.mark.usefixtures("pages_not_made")
 def test_a_real_border_is_that_of_the_linearised_roller(tmp_path):
     """The contact of a roller in its groove, beyond whose border a run is refused (regression: ratio 0.76, 0.95)."""
     (tmp_path / "study.toml").write_text("""

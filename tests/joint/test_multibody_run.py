@@ -298,7 +298,7 @@ expected_outcomes = ["not_applicable"]
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("charts_not_drawn")
+@pytest.mark.usefixtures("pages_not_made")
 def test_models_share_one_cube(write_study, tmp_path):
     """Invariance: a cell is NaN where its model has no such output or its method is not of its model."""
     summary = td.run(write_study(STUDY), out=tmp_path / "out", workers=0, progress=False)

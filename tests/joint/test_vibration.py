@@ -120,7 +120,7 @@ def test_what_turns_freely_does_not_vibrate(simulated):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("charts_not_drawn")
+@pytest.mark.usefixtures("pages_not_made")
 def test_the_map_shows_where_the_joint_vibrates(tmp_path):
     """A small version of the study: more friction starts a vibration, more contact damping ends it."""
     text = (Path(__file__).parents[2] / "studies" / "vibration.toml").read_text()

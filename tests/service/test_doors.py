@@ -121,6 +121,7 @@ def test_a_point_has_one_answer(api, point):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("pages_not_made")
 def test_a_study_has_one_cube(api, coast, settings, write_study, tmp_path):
     td.run(write_study(COAST), out=tmp_path / "out", workers=0, progress=False)
     cubes = td.open_cube(tmp_path / "out"), td.open_cube(settings.folder / coast)

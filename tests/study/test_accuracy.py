@@ -11,7 +11,7 @@ from tripod_doe.study.cube import RECORD_ROLE
 from tripod_doe.study.definition import canonical, parse_study
 from tripod_doe.study.designs import make_points, point_keys
 
-pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+pytestmark = pytest.mark.usefixtures("pages_not_made")
 
 STUDY = """
 [study]

@@ -28,6 +28,8 @@ from tripod_doe.workflow.run import run
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 from supervised_cluster import Proxy, SupervisedCluster
 
+pytestmark = pytest.mark.usefixtures("pages_not_made")
+
 FUNCTION = """
 import os, time
 def f(x):

@@ -12,7 +12,7 @@ from tripod_doe.study.designs import make_points
 from tripod_doe.study.simulate import simulate
 from tripod_doe.study.task import make_task, run_task
 
-pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+pytestmark = pytest.mark.usefixtures("pages_not_made")
 
 FUNCTIONS = """
 def told(n, mode="sum", scale=2):

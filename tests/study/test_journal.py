@@ -23,7 +23,7 @@ from tripod_doe.study.directory import ResultDirectory
 from tripod_doe.study.journal import SHOWN, Journal, Mark
 from tripod_doe.study.results import is_shown
 
-pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+pytestmark = pytest.mark.usefixtures("pages_not_made")
 
 EARLIER = Path(__file__).parent / "earlier_journal"
 

@@ -19,7 +19,7 @@ from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.task import make_task, run_task
 
-pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+pytestmark = pytest.mark.usefixtures("pages_not_made")
 
 FRAGILE = """
 import os, time

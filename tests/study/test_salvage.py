@@ -15,7 +15,7 @@ from tripod_doe.simulator import BlockResult, Outcome
 from tripod_doe.study.directory import ResultDirectory
 from tripod_doe.study.journal import FinishedBlock, Journal
 
-pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+pytestmark = pytest.mark.usefixtures("pages_not_made")
 
 BLOCKS = 60
 

@@ -21,7 +21,7 @@ from tripod_doe.study.arrays import opened_arrays
 from tripod_doe.study.query import records
 from tripod_doe.study.slabs import box, slabs
 
-pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+pytestmark = pytest.mark.usefixtures("pages_not_made")
 
 FUNCTION = """
 import numpy as np

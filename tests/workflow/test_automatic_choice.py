@@ -27,7 +27,7 @@ from tripod_doe.study.designs import make_points
 from tripod_doe.study.journal import PILOT, FinishedBlock, Journal
 from tripod_doe.study.study_points import StudyPoints
 
-pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+pytestmark = pytest.mark.usefixtures("pages_not_made")
 
 JOINT = """
 [study]
@@ -51,10 +51,12 @@ def wave(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("charts_not_drawn")
 def test_a_study_runs_on_the_candidates_that_its_pilot_chose(wave):
     """Exact: which points ran on which candidate and how often; again, grown, and with other demands."""
     first = wave.run(STUDY)
     assert first.good
+    assert "The model was chosen for each point" in td.write_report(wave.folder / "out").read_text()
     cube, choice = td.open_cube(wave.folder / "out"), xr.open_dataset(wave.folder / "out" / "choice.nc").load()
     assert cube["y"].dims == ("x", "z")
     exact = 10 + cube["x"]

@@ -17,7 +17,7 @@ from tripod_doe.analysis.model_choice.study_choice import describe_choice
 from tripod_doe.simulator import Candidate
 from tripod_doe.study.designs import make_points
 
-pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+pytestmark = pytest.mark.usefixtures("pages_not_made")
 
 SIMILAR = 10
 

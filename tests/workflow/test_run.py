@@ -23,7 +23,7 @@ from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.directory import ResultDirectory
 from tripod_doe.study.journal import Journal
 
-pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+pytestmark = pytest.mark.usefixtures("pages_not_made")
 
 GRID = """
     [study]
