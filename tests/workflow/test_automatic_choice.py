@@ -237,7 +237,7 @@ def test_a_budget_that_is_too_small_stops_before_the_study(wave):
     with pytest.raises(td.InputError, match=r"budget_cpu_s = 5: the pilot alone would take about 9"):
         wave.run(STUDY + "budget_cpu_s = 5\n")
     assert wave.calls() == []
-    with pytest.raises(td.InputError, match=r"budget_cpu_s = 50: pilot and study would take about 60 s of CPU"):
+    with pytest.raises(td.InputError, match=r"budget_cpu_s = 50: pilot and study would take about 57 s of CPU"):
         wave.run(STUDY.replace("y = 0.03", "y = 0.0015") + "budget_cpu_s = 50\n")
     assert not (wave.folder / "out" / "choice.nc").exists()
 
