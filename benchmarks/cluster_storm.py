@@ -1,11 +1,12 @@
 """A cluster whose processes are killed or stopped while a study runs: every value, every point committed once.
 
-    python benchmarks/cluster_storm.py [--what worker scheduler client stop] [--times 200] [--every 3] [--workers 4]
+    python benchmarks/cluster_storm.py [--what worker scheduler client stop freeze] [--times 200] [--every 3] [--workers 4]
                                        [--away 1] [--killer] [--seed 1]
 
 A real scheduler and real workers, which come back when they are killed, compute points that take --pause seconds. Every
 --every seconds a random process of the kinds that are named is killed (a worker, the scheduler, which stays away for
---away seconds, or the command itself, which is started again), or stopped for --frozen seconds. With --killer one point
+--away seconds, or the command itself, which is started again), or stopped for --frozen seconds ("stop": a worker or the
+scheduler, "freeze": the command; longer than 60 s is beyond all time limits). With --killer one point
 kills its worker each time. At the end every other point has its value, that one alone is worker_lost, and no point
 stands in the journal twice. Told is how many points were started more than once.
 """
@@ -15,6 +16,7 @@ from __future__ import annotations
 import argparse
 import os
 import random
+import signal
 import subprocess
 import sys
 import tempfile
@@ -70,6 +72,12 @@ class Command:
         self._process.wait()
         self.start()
 
+    def stop(self, seconds: float) -> None:
+        """SIGSTOP for some seconds; one that has ended meanwhile stays as it is."""
+        self._process.send_signal(signal.SIGSTOP)
+        time.sleep(seconds)
+        self._process.send_signal(signal.SIGCONT)
+
     @property
     def running(self) -> bool:
         """Whether it has not ended."""
@@ -93,6 +101,8 @@ def hit(what: str, cluster: SupervisedCluster, command: Command, frozen: float) 
         cluster.kill(random.choice(workers))
     elif what == "stop":
         cluster.stop(random.choice([*workers, "scheduler"]), frozen)
+    elif what == "freeze":
+        command.stop(frozen)
 
 
 def storm(folder: Path, options: argparse.Namespace) -> dict[str, object]:
@@ -139,7 +149,9 @@ def storm(folder: Path, options: argparse.Namespace) -> dict[str, object]:
 def parser() -> argparse.ArgumentParser:
     """Options with the storm of the issue as default."""
     words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    words.add_argument("--what", nargs="+", default=["worker"], choices=["worker", "scheduler", "client", "stop"])
+    words.add_argument(
+        "--what", nargs="+", default=["worker"], choices=["worker", "scheduler", "client", "stop", "freeze"]
+    )
     words.add_argument("--times", type=int, default=200)
     words.add_argument("--every", type=float, default=3.0)
     words.add_argument("--workers", type=int, default=4)

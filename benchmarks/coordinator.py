@@ -3,6 +3,7 @@
     python benchmarks/coordinator.py [--points 1000000] [--design sobol|grid] [--block 5000] [--page]
 
 The points are those of the joint with four factors; each "answers" at once with its outcome and 13 orders (104 bytes).
+What every run costs once (imports, machine code) is the stage "start", and stands in no price of a point.
 Memory is the largest of each stage, above that of the process before the study is read.
 """
 
@@ -72,6 +73,21 @@ def stage(name: str, points: int, before: float) -> Iterator[None]:
           flush=True)  # fmt: skip
 
 
+def rehearse(folder: Path) -> None:
+    """Import what a run imports, and load its machine code."""
+    import dask.array  # noqa: F401 - as xarray does for its first variable
+
+    file = folder / "rehearsal.toml"
+    file.write_text(SAMPLED.format(points=1024))
+    study = load_study(file)
+    asked = StudyPoints(study, make_points(study))
+    study.simulator.prepare(asked.columns(np.arange(1)))
+    with ResultDirectory(folder / "rehearsal") as directory:
+        for block in answers(study, asked, directory.missing(asked), 1024):
+            directory.commit(block)
+        directory.write_cube(asked, "rehearsal").close()
+
+
 def answers(study: Study, asked: StudyPoints, missing: np.ndarray, block: int) -> Iterator[FinishedBlock]:
     """Finished blocks without simulation."""
     orders = np.arange(13)
@@ -98,6 +114,9 @@ def main() -> None:
         study = load_study(file)
         out = Path(folder) / "out"
         before = memory("VmRSS")
+        with stage("start", options.points, before):
+            rehearse(Path(folder))
+        began = time.process_time()
         with stage("points", options.points, before):
             asked = StudyPoints(study, make_points(study))
         with stage("keys", options.points, before):
@@ -119,6 +138,8 @@ def main() -> None:
             with stage("failures", options.points, before):
                 asked.failures(cube)
             del cube
+        price = 1e6 * (time.process_time() - began) / options.points
+        print(f"a point costs {price:.2f} us besides its simulation, without the page")
         size = sum(path.stat().st_size for path in (out / "cube.nc", out / "cost.nc"))
         print(f"cube and costs {size / 1e6:,.0f} MB")
         with stage("one point", options.points, before), opened_arrays(out) as arrays:

@@ -12,6 +12,9 @@ import numpy as np
 import pytest
 
 from tripod_doe.simulator import Outcome
+from tripod_doe.study.definition import parse_study
+from tripod_doe.study.designs import make_points
+from tripod_doe.workflow.analyses import check_analyses
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
@@ -275,3 +278,29 @@ def test_a_storm_over_a_cluster_costs_blocks_at_work_only(benchmark, capsys):
     told = ast.literal_eval(capsys.readouterr().out)
     assert told["hits"] == {"worker": 1, "client": 1, "scheduler": 1}
     assert told["started again"] <= 3 * 2 * 2  # hits, blocks that are sent to a worker, points of a block
+
+
+def test_peers_are_held_against_the_product(benchmark, tmp_path):
+    """Exact: plain Dask, the only one that is always installed; a wrong answer is no price."""
+    peers = benchmark("peers")
+    x, y = peers.axes(3)
+    assert np.array_equal(peers.with_dask(tmp_path, 3), x[:, None] * y)
+    peers.checked("dask", 2)
+    peers.SWEEPS["dask"] = lambda folder, levels: np.zeros((levels, levels))
+    with pytest.raises(AssertionError):
+        peers.checked("dask", 2)
+
+
+def test_a_peer_that_is_not_there_is_told(benchmark, capsys):
+    benchmark("peers").main(["--only", "dask", "--levels", "1", "--python", "dask=/bin/false"])
+    assert capsys.readouterr().out == "dask         not measured: no word\n"
+
+
+@pytest.mark.parametrize("name", ["saltelli", "grid", "stability", "ablation", "multifidelity", "latin-hypercube"])
+def test_studies_of_the_memory_benchmark_are_ones(benchmark, tmp_path, name):
+    """Exact: about so many points, and analyses that suit their designs."""
+    large = benchmark("larger_than_memory")
+    (tmp_path / "force.py").write_text(large.FUNCTION)
+    study = parse_study(large.DESIGNS[name].study(1000), folder=tmp_path)
+    check_analyses(study)
+    assert 700 < make_points(study).count <= 1024
