@@ -31,8 +31,8 @@ def sampled(setting, third, noise=0.0, count=2, seed=1):
     return Pass(setting, (), 0, orders)
 
 
-def compared(coarse, fine, order=1, share=0.02):
-    return refinement._Comparison.of(coarse, fine, order, Goal({3: share}), POINT)
+def compared(coarse, fine, order=1, share=0.02, remembers=False):
+    return refinement._Comparison.of(coarse, fine, order, Goal({3: share}), POINT, remembers)
 
 
 @pytest.mark.parametrize("order", [1, 2, 4])
@@ -83,6 +83,17 @@ def test_what_the_coarse_pass_moves_by_chance_hides_no_error():
     """A coarse pass that tumbles and happens to be far off must not count as an honest one that is uncertain."""
     coarse = sampled(2e-3, np.array([0.7, 1.5]) * THIRD)
     assert compared(coarse, sampled(1e-3, THIRD)).error[3] == pytest.approx(0.1 * THIRD, rel=1e-9)
+
+
+def test_what_turns_the_same_way_in_any_steps_is_no_chance():
+    """Exact: a third order that rises by 3 % per revolution, and two passes whose difference changes by 1 % of it."""
+    third = np.array([1.0, 1.03]) * THIRD
+    coarse, fine = sampled(2e-3, third), sampled(1e-3, third + np.array([0.0, 0.01]) * THIRD)
+    found = compared(coarse, fine, remembers=True)
+    assert found.by_chance[3] == pytest.approx(0.01 * THIRD / 2, rel=1e-9)
+    assert found.settles
+    assert compared(coarse, fine, share=0.002, remembers=True).next_pass(fine, 1)[0] > 2
+    assert compared(coarse, fine, remembers=False).by_chance[3] > 0.02 * THIRD
 
 
 class SwingingIn:

@@ -97,18 +97,24 @@ class _Comparison:
     swung_in: int
 
     @classmethod
-    def of(cls, coarse: Pass, fine: Pass, method_order: int, goal: Goal, values: JointValues[float]) -> _Comparison:
+    def of(
+        cls, coarse: Pass, fine: Pass, method_order: int, goal: Goal, values: JointValues[float], remembers: bool
+    ) -> _Comparison:
         """Errors of the finer of two passes.
 
         A method of order p whose result changes by d from steps h to r h is still off by d r^p / (1 - r^p). Chance
         moves all orders alike; one that moves more, as it does while a motion still grows, counts by itself. What the
         finer pass moves by chance is no error of its steps. What the coarser pass moves by chance is not taken off:
         steps that do not resolve the motion could hide in it.
+
+        Of a joint that remembers, revolutions differ in any steps while its skews still turn. There only what the two
+        passes differ by in one and the same revolution is chance, half of its variance each.
         """
         allowed = goal.allowed(np.abs(fine.orders.mean(0)), values)
         asked = np.isfinite(allowed)
         dropped = swung_in(fine.orders[:, asked] / allowed[asked])
-        mean, chance = mean_and_chance(fine.orders[dropped:, None])
+        parts = (fine.orders - coarse.orders) / math.sqrt(2) if remembers else fine.orders
+        mean, (_, chance) = fine.orders[dropped:].mean(0), mean_and_chance(parts[dropped:, None])
         alike = math.sqrt(float((chance[1:] ** 2).mean()))
         change = np.abs(mean - coarse.orders[dropped:].mean(0))
         left = (fine.setting / coarse.setting) ** method_order
@@ -197,7 +203,7 @@ def refine(joint: FollowedJoint, goal: Goal, setting: float) -> Motion:
         except StoppedError as stop:
             missed = f"in finer steps the run ends as {stop.stopped.outcome.label}: {stop.stopped.detail}"
             break
-        found = _Comparison.of(coarse, finest, order, goal, joint.values)
+        found = _Comparison.of(coarse, finest, order, goal, joint.values, joint.remembers)
         error, dropped = found.error, found.swung_in
         if found.settles:
             break
