@@ -4,8 +4,10 @@
 field in which joints are used (`benchmarks/model_error.py` makes it from six studies). Where needles were not run, it
 is relative to `rollers`, whose own typical error there is added. A point is compared with the measured ones that are
 most like it, by the ratios on which the errors depend: their median is the typical error, their 90th percentile its
-limit. Nothing is known outside of what was measured, and where one of the two models has no answer at most of such
-points.
+limit. Joints that vibrate by themselves are mostly not among them: what leaving out vibration adds to the error of a
+balance is on record elsewhere (`vibration_record`), and every error of a similar point counts with each that joints of
+such an angle and friction have by that. Nothing is known outside of what was measured, and where one of the two models
+has no answer at most of such points.
 
 Of the second order, errors are recorded where needles were run and their own numerical error is small. `similar_errors`
 gives the errors of both orders at the similar points, one by one, for a choice of the model.
@@ -22,8 +24,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.joint.nearest import nearest_rows
 from tripod_doe.joint.operating_ratios import RATIOS, operating_ratios
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.joint.vibration_record import vibration_errors
 from tripod_doe.quantities import number
 from tripod_doe.simulator import Demand, Demands
 
@@ -37,13 +41,14 @@ RECORDED = Path(__file__).with_name("model_errors.csv")
 COMPARED, FINEST = ("equilibrium", "kinetostatic", "rollers"), "needles"
 """Models, and the one that the error of each was measured against: the end of the ladder."""
 
+WITHOUT_VIBRATION = ("equilibrium", "kinetostatic")
+"""Models in which no joint vibrates by itself."""
+
 QUANTITY = "third order"
 """What the errors are of that every answer states."""
 
 _NEAREST = 10
 """Measured points that a point is compared with."""
-_FEW = 500
-"""Points for which no compilation is worth its time."""
 _FAR = 1e6
 """Place of a ratio that has no logarithm: far from all that was measured."""
 _NO_REFERENCE = "this is the finest model, which the others are compared with"
@@ -93,15 +98,11 @@ class _Measured:
         low, high = number(self.low[ratio]), number(self.high[ratio])
         return f"{name}{meaning} is outside of the compared range {low} to {high}"
 
-    def near(self, model: str, places: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Median and ninth decile of the errors of a model at the measured points nearest to some places.
-
-        NaN where most of those have no answer.
-        """
+    def near(self, model: str, places: FloatArray) -> FloatArray:
+        """Errors of a model at the measured points nearest to some places, shape (place, nearest)."""
         asked = ~np.isinf(self.errors[model])
-        nearest = _nearest(self.places[asked], places)
-        found = np.sort(self.errors[model][asked][nearest], axis=1)  # NaN last
-        return _quantile(found, 0.5), _quantile(found, 0.9)
+        nearest = nearest_rows(self.places[asked], places, _NEAREST)
+        return self.errors[model][asked][nearest]
 
     def over_allowed(self, model: str, demand: Demand, floor: float) -> FloatArray | None:
         """Errors of a model over the allowed one, shape (measured,), as `errors`; None of what was not measured."""
@@ -128,17 +129,10 @@ class _Measured:
         return inside
 
 
-def _nearest(known: FloatArray, places: FloatArray) -> NDArray[np.int64]:
-    """The known places nearest to some others, of equally near ones the first, shape (len(places), nearest).
-
-    Known places that are the same to the last bit are common: their points differ in what no ratio depends on.
-    """
-    if len(places) <= _FEW:
-        apart = np.square(places[:, None] - known).sum(axis=2)
-        return np.argsort(apart, axis=1, kind="stable")[:, :_NEAREST]
-    from tripod_doe.joint.nearest import nearest_places  # compiles
-
-    return nearest_places(known, places, min(_NEAREST, len(known)))
+def _median_and_limit(errors: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Median and ninth decile of the numbers of each row; NaN where most of it is."""
+    found = np.sort(errors, axis=1)  # NaN last
+    return _quantile(found, 0.5), _quantile(found, 0.9)
 
 
 def _quantile(found: FloatArray, share: float) -> FloatArray:
@@ -170,8 +164,8 @@ def _measured() -> _Measured:
         tuple(ratios), values.min(axis=0), values.max(axis=0), np.log(values) / spread, spread, errors,
         table["needles_2"], second_missed, parameters,
     )  # fmt: skip
-    by_rollers = measured.near("rollers", measured.places[~direct])[0]
-    for model in COMPARED[:2]:
+    by_rollers = _median_and_limit(measured.near("rollers", measured.places[~direct]))[0]
+    for model in WITHOUT_VIBRATION:
         errors[model][~direct] += by_rollers
     return measured
 
@@ -199,7 +193,14 @@ def known_errors(model: str, points: Mapping[str, NDArray[Any]]) -> tuple[FloatA
     values = np.stack([ratios[name] for name in measured.names], axis=1)
     inside = (values >= measured.low) & (values <= measured.high)
     within = inside.all(axis=1)
-    expected[within], limit[within] = measured.near(model, np.log(values[within]) / measured.spread)
+    errors = measured.near(model, np.log(values[within]) / measured.spread)
+    expected[within], limit[within] = _median_and_limit(errors)
+    if model in WITHOUT_VIBRATION:
+        by_vibration = vibration_errors({name: column[within] for name, column in points.items()})
+        may = by_vibration.any(axis=1)
+        both = errors[may, :, None] + by_vibration[may, None, :]
+        rows = np.flatnonzero(within)[may]
+        expected[rows], limit[rows] = _median_and_limit(both.reshape(rows.size, _NEAREST * by_vibration.shape[1]))
     unknown = np.full(count, "", object)
     unknown[np.isnan(expected)] = _NO_ANSWER
     for ratio in range(len(measured.names))[::-1]:  # of several, the first is told
@@ -240,10 +241,22 @@ def similar_errors(model: str, points: Mapping[str, NDArray[Any]], demands: Dema
     with np.errstate(divide="ignore"):
         places = np.log(np.stack([ratios[name] for name in measured.names], axis=1)) / measured.spread
     places[~np.isfinite(places)] = _FAR
-    nearest = _nearest(measured.places[asked], places)
+    nearest = nearest_rows(measured.places[asked], places, _NEAREST)
     near = _apart(measured.places[asked], places, nearest) <= _usual_distance(measured.places[asked])
     similar[inside] = np.where(near[:, None, None], errors[asked][nearest], np.nan)
+    if model in WITHOUT_VIBRATION:
+        similar += _by_vibration(points, demands)
     return similar
+
+
+def _by_vibration(points: Mapping[str, NDArray[Any]], demands: Demands) -> FloatArray:
+    """What leaving out vibration adds to errors over the allowed ones, shape (point, similar, quantity).
+
+    What it makes of the second order is not on record: NaN where a joint like the point vibrates.
+    """
+    third = vibration_errors(points)[:, :_NEAREST]
+    second = np.where(third > 0, np.nan, 0.0)
+    return np.stack([third / each.allowed if each.label == 3 else second for each in demands.quantities], axis=-1)
 
 
 def _apart(known: FloatArray, places: FloatArray, nearest: NDArray[np.int64]) -> FloatArray:

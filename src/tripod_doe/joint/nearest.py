@@ -2,56 +2,37 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.mechanics.compilation import kernel
-
-__all__ = ["nearest_places"]
+__all__ = ["nearest_rows"]
 
 FloatArray = NDArray[np.float64]
 
+_FEW = 500
+"""Places for which no compilation is worth its time."""
 
-def nearest_places(known: FloatArray, places: FloatArray, count: int) -> NDArray[np.int64]:
+
+def nearest_rows(known: FloatArray, places: FloatArray, count: int) -> NDArray[np.int64]:
     """The known places nearest to some others, of equally near ones the first.
+
+    Known places that are the same to the last bit are common: their points differ in what no coordinate depends on.
 
     Parameters
     ----------
     known, places
         Shapes (known, coordinate) and (place, coordinate).
     count
-        How many of the known ones, at most as many as there are.
+        How many of the known ones, or all if there are fewer.
 
     Returns
     -------
     ndarray, shape (place, count)
         Their rows, the nearest first.
     """
-    found = np.empty((len(places), count), np.int64)
-    _find(np.ascontiguousarray(known.T), places, found)
-    return found
+    if len(places) <= _FEW:
+        apart = np.square(places[:, None] - known).sum(axis=2)
+        return np.argsort(apart, axis=1, kind="stable")[:, :count]
+    from tripod_doe.joint.nearest_kernel import nearest_places  # compiles
 
-
-@kernel
-def _find(known: Any, places: Any, found: Any) -> None:
-    """All distances to a place, in a loop that is vectorised; then the nearest by insertion."""
-    width, size = known.shape
-    count = found.shape[1]
-    apart, nearest = np.empty(size), np.empty(count)
-    for row in range(len(places)):
-        apart[:] = 0.0
-        for axis in range(width):
-            for each in range(size):
-                along = known[axis, each] - places[row, axis]
-                apart[each] += along * along
-        nearest[:] = np.inf
-        for each in range(size):
-            if apart[each] >= nearest[count - 1]:
-                continue
-            at = count - 1
-            while at > 0 and apart[each] < nearest[at - 1]:
-                nearest[at], found[row, at] = nearest[at - 1], found[row, at - 1]
-                at -= 1
-            nearest[at], found[row, at] = apart[each], each
+    return nearest_places(known, places, min(count, len(known)))

@@ -15,10 +15,11 @@ from tripod_doe.joint.candidates import JOINT_CANDIDATES
 from tripod_doe.joint.feasibility import infeasible
 from tripod_doe.joint.goal import Goal
 from tripod_doe.joint.model_error import FINEST, QUANTITY, known_errors, similar_errors
-from tripod_doe.joint.operating_ratios import RATIOS, operating_ratios
+from tripod_doe.joint.operating_ratios import operating_ratios
 from tripod_doe.joint.outputs import JOINT_OUTPUTS
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values, point_values
 from tripod_doe.joint.values import JointValues
+from tripod_doe.joint.vibration_record import SHARE, vibration_share
 from tripod_doe.mechanics.sources import source_hashes
 from tripod_doe.simulator import (
     NUMERICS,
@@ -109,7 +110,7 @@ class JointSimulator(Simulator):
         """The ranges in which the models of some points hold, each with the points that leave it."""
         found = []
         for model, rows, own in _by_model(points):
-            quantities = own | operating_ratios(own)
+            quantities = own | operating_ratios(own) | {SHARE: vibration_share(own)}
             for left in model.valid:
                 outside = np.zeros(len(points["model"]), bool)
                 outside[rows] = ~((quantities[left.quantity] >= left.low) & (quantities[left.quantity] <= left.high))
@@ -127,7 +128,7 @@ class JointSimulator(Simulator):
                     "minimum": valid.low if np.isfinite(valid.low) else None,
                     "maximum": valid.high if np.isfinite(valid.high) else None,
                     "unit": valid.unit,
-                    "meaning": RATIOS.get(valid.quantity) or self.parameters[valid.quantity].meaning,
+                    "meaning": valid.meaning or self.parameters[valid.quantity].meaning,
                     "reason": valid.reason,
                 }
                 for valid in found.valid

@@ -1,0 +1,96 @@
+"""Records which joints vibrate by themselves, and what that makes of their third order: joint/vibrating_joints.csv.
+
+    python benchmarks/field.py rollers --count 400 --seed 230116 --record FILE
+    python benchmarks/vibrating_joints.py FILE [--count 400] [--seed 230116]
+
+The joints are those of the field (field.py) that finished, followed by `rollers`, and those of model_errors.csv that
+were followed with needles, none of which vibrates so much that it matters (their runs would not have finished). Each row
+holds what joints are compared by, and how much the third order is changed by the vibration: over that of the same joint
+by `adaptive-euler`, which damps vibrations.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from field import Record, all_columns, answers, field_points, internal
+
+from tripod_doe.joint.model_error import RECORDED
+from tripod_doe.joint.multibody_scene import build_joint
+from tripod_doe.joint.orders import complex_amplitudes
+from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.joint.readings import groove_thrust
+from tripod_doe.joint.values import JointValues
+from tripod_doe.joint.vibration_record import VIBRATING
+from tripod_doe.mechanics.assembly import assemble
+from tripod_doe.mechanics.monitor import Settings
+from tripod_doe.mechanics.run import Limits, run
+from tripod_doe.mechanics.sources import source_hashes
+from tripod_doe.simulator import Outcome
+
+SAMPLES, TOLERANCE = 360, 4e-3
+
+
+def third_without_vibration(values: JointValues[float]) -> float:
+    """Third order of the thrust in the last revolution of a motion whose vibrations are damped."""
+    assembly, cycles = assemble(build_joint(values, needles=False)), int(values.cycles)
+    found = run(
+        assembly, "adaptive-euler", cycles * 2 * math.pi / values.speed, samples=cycles * SAMPLES,
+        settings=Settings(tolerance=TOLERANCE), limits=Limits(windows=0),
+    )  # fmt: skip
+    last = slice(-SAMPLES, None)
+    thrust = groove_thrust(assembly, found.positions[last], found.velocities[last]).sum(0)
+    return float(np.abs(complex_amplitudes(thrust))[3])
+
+
+def of_the_field(columns: dict[str, np.ndarray], record: Record) -> pd.DataFrame:
+    """Joints of the field that are bent and finished: the followed vibration beside the motion without it."""
+    outcome, _, _, orders, vibrates = answers("rollers", columns, record=record)
+    changed = np.where(vibrates, np.nan, 0.0)
+    known = (outcome == Outcome.FINISHED) & (columns["joint_angle_deg"] > 0)
+    for row in np.flatnonzero(known & vibrates):
+        values = internal(all_columns({name: column[[row]] for name, column in columns.items()})).point(0)
+        changed[row] = abs(orders[row, 3]) / third_without_vibration(values) - 1
+        print(f"  {row}: third order changed by {100 * changed[row]:.2g} %", flush=True)
+    return compared(columns, changed)[known]
+
+
+def compared(columns, changed) -> pd.DataFrame:
+    """What joints are compared by, and the change of their third order."""
+    return pd.DataFrame({
+        "joint_angle_deg": columns["joint_angle_deg"], "groove_friction": columns["groove_sliding_friction"],
+        "third_changed": changed,
+    })  # fmt: skip
+
+
+def followed_with_needles() -> pd.DataFrame:
+    """Joints of model_errors.csv whose reference is a run of `needles` that finished."""
+    table = pd.read_csv(RECORDED, comment="#")
+    for name in ("joint_angle_deg", "groove_sliding_friction"):
+        table[name] = table[name].fillna(JOINT_PARAMETERS[name].default)
+    return compared(table, 0.0)[(table["needles"] == 1) & table["kinetostatic"].notna()]
+
+
+def main(given: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("record", type=Path)
+    parser.add_argument("--count", type=int, default=400)
+    parser.add_argument("--seed", type=int, default=230116)
+    parser.add_argument("--out", type=Path, default=VIBRATING)
+    arguments = parser.parse_args(given)
+    columns = field_points(arguments.count, np.random.default_rng(arguments.seed), "rollers")
+    field = of_the_field(columns, Record(arguments.record, model="rollers", seed=arguments.seed, calm=False))
+    table = pd.concat([field, followed_with_needles()], ignore_index=True)
+    head = (
+        f"# made by benchmarks/vibrating_joints.py, sources {source_hashes().results}, from {len(field)} joints of the "
+        f"field (seed {arguments.seed}), and from {RECORDED.name}\n"
+    )
+    arguments.out.write_text(head + table.to_csv(index=False, float_format="%.4g"), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,74 @@
+"""How many joints like one vibrate by themselves, and how far a model without vibration is off there.
+
+`vibrating_joints.csv` holds joints that were followed with vibration and without (by `benchmarks/vibrating_joints.py`).
+Joint angle and sliding friction of the grooves tell best which of them vibrate: a joint is compared with those that are
+nearest in the logarithms of both. All have the default contact damping; with more, fewer joints vibrate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.joint.nearest import nearest_rows
+
+__all__ = ["SHARE", "SHARE_MEANING", "VIBRATING", "vibration_errors", "vibration_share"]
+
+FloatArray = NDArray[np.float64]
+
+VIBRATING = Path(__file__).with_name("vibrating_joints.csv")
+"""File of the recorded joints."""
+
+SHARE = "vibration_share"
+SHARE_MEANING = "share of the recorded joints with such an angle and groove friction that vibrate by themselves"
+
+_LIKE = 10
+"""Recorded joints that a joint is compared with."""
+_LEAST_ANGLE, _LEAST_FRICTION = 0.1, 1e-3
+"""Angle in deg and friction below which nothing vibrates: less counts as so much."""
+
+
+def vibration_errors(points: Mapping[str, NDArray[Any]]) -> FloatArray:
+    """Errors of the third order that leaving out vibration makes at the recorded joints most like some points.
+
+    Parameters
+    ----------
+    points
+        Every parameter by name, in the unit of its name, each of shape (point,).
+
+    Returns
+    -------
+    ndarray, shape (point, recorded joint)
+        Relative to the third order with vibration; 0 where the recorded joint does not vibrate.
+    """
+    recorded, errors, spread = _recorded()
+    friction = points["groove_sliding_friction"] * points["groove_sliding"]
+    found: FloatArray = errors[nearest_rows(recorded, _places(points["joint_angle_deg"], friction) / spread, _LIKE)]
+    return found
+
+
+def vibration_share(points: Mapping[str, NDArray[Any]]) -> FloatArray:
+    """Share of the recorded joints most like some points that vibrate by themselves, shape (point,)."""
+    share: FloatArray = (vibration_errors(points) > 0).mean(axis=1)
+    return share
+
+
+def _places(angle: NDArray[Any], friction: NDArray[Any]) -> FloatArray:
+    """Logarithms of what joints are compared by, shape (joint, 2)."""
+    columns = [np.maximum(angle, _LEAST_ANGLE), np.maximum(friction, _LEAST_FRICTION)]
+    return np.asarray(np.log(np.stack(columns, axis=1)), float)
+
+
+@cache
+def _recorded() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Places of the recorded joints over their spread, their errors, and that spread."""
+    with VIBRATING.open(encoding="utf-8") as file:
+        table = np.genfromtxt(file, delimiter=",", names=True, skip_header=1)
+    places = _places(table["joint_angle_deg"], table["groove_friction"])
+    spread = places.std(axis=0)
+    return places / spread, np.abs(1 / (1 + table["third_changed"]) - 1), spread
