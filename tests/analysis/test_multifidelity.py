@@ -269,6 +269,7 @@ def study(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("charts_not_drawn")
 def test_a_study_runs_its_pilot_takes_the_split_and_grows(study, tmp_path, capsys):
     """Exact: run again nothing is computed; with more samples every point that is there is used again."""
     out = tmp_path / "out"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import tripod_doe as td
 from tripod_doe.errors import InputError
@@ -69,3 +70,11 @@ def test_each_study_takes_the_function_of_its_own_folder(tmp_path):
         td.run(place / "s.toml", tmp_path / f"out{len(found)}", workers=0, progress=False)
         found.append(float(td.open_cube(tmp_path / f"out{len(found)}")["y"][0]))
     assert found == [2, 3, 2]
+
+
+def test_no_dataset_is_made_of_a_dict(tmp_path, monkeypatch):
+    """Regression: it cost twenty times as much as the call of a cheap function."""
+    monkeypatch.setattr(xr.Dataset, "__init__", lambda *given, **more: pytest.fail("a Dataset was made"))
+    result = answer(tmp_path, "growing", "[factors]\nx = {values = [2]}\n")
+    assert result.outputs["a"].dims == ("a_0",)
+    assert result.outputs["a"].data.tolist() == [[0, 1]]

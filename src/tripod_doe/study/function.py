@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Collection, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import BlockResult, Outcome, Parameter, Simulator, Value
-
-if TYPE_CHECKING:  # imported where a function answers: scenes need no xarray
-    import xarray as xr
 
 __all__ = ["FunctionSimulator"]
 
@@ -72,14 +69,14 @@ class FunctionSimulator(Simulator):
         for row in range(count):
             arguments = {name: _plain(column[row]) for name, column in points.items()}
             try:
-                answer = _as_dataset(self._function(**arguments))
+                values, labels = _outputs(self._function(**arguments))
             except Exception as error:
                 block.end(row, Outcome.ERROR, f"{type(error).__name__}: {error}")
                 continue
-            for name, values in answer.data_vars.items():
+            for name, (dims, data) in values.items():
                 if not keep or name in keep:
-                    block.put(str(name), tuple(str(dim) for dim in values.dims), row, values.values)
-            block.coordinates.update({str(dim): np.asarray(labels) for dim, labels in answer.coords.items()})
+                    block.put(name, dims, row, data)
+            block.coordinates.update(labels)
         return block
 
 
@@ -87,18 +84,17 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _as_dataset(answer: Any) -> xr.Dataset:
+def _outputs(answer: Any) -> tuple[dict[str, tuple[tuple[str, ...], NDArray[Any]]], dict[str, NDArray[Any]]]:
+    """Outputs by name with their dimensions, and labels along dimensions, of what a function gave."""
+    if isinstance(answer, Mapping) and not hasattr(answer, "data_vars"):  # a Dataset is a mapping, too
+        arrays = {str(name): np.asarray(value, float) for name, value in answer.items()}
+        return {name: (tuple(f"{name}_{axis}" for axis in range(a.ndim)), a) for name, a in arrays.items()}, {}
     import xarray as xr
 
-    if isinstance(answer, xr.Dataset):
-        return answer
-    if not isinstance(answer, Mapping):
+    if not isinstance(answer, xr.Dataset):
         raise TypeError(f"a study function must return a dict or a Dataset, not {type(answer).__name__}")
-    variables = {}
-    for name, value in answer.items():
-        array = np.asarray(value, float)
-        variables[str(name)] = (tuple(f"{name}_{axis}" for axis in range(array.ndim)), array)
-    return xr.Dataset(variables)
+    values = {str(name): (tuple(map(str, each.dims)), each.values) for name, each in answer.data_vars.items()}
+    return values, {str(dim): np.asarray(labels) for dim, labels in answer.coords.items()}
 
 
 def _arguments(reference: str, function: Callable[..., Any]) -> dict[str, Parameter]:
