@@ -157,12 +157,6 @@ def test_guards_take_points_of_the_whole_field_that_are_not_straight(benchmark):
     assert len({point["joint_angle_deg"] for point in points}) == 3
 
 
-def test_savings_of_a_choice(benchmark):
-    saved = benchmark("auto").spent(points=10.0, study=4.0, pilot=1.0, reference=100.0)
-    assert saved["cheaper_without_pilot"] == 10.0
-    assert saved["cheaper_with_pilot"] == 20.0
-
-
 def test_the_reference_of_a_choice_is_its_last_candidate_at_the_points_that_are_compared(benchmark):
     """Exact: the same points, all with the model that the pilot took as its reference."""
     auto = benchmark("auto")
@@ -170,7 +164,7 @@ def test_the_reference_of_a_choice_is_its_last_candidate_at_the_points_that_are_
     points, last = auto.make_points(study), study.accuracy.candidates[-1]
     choice = auto.xr.Dataset({"candidate_label": ("candidate_number", ["another", last.label])})
     chosen = np.array([2, 0])
-    reference = auto.make_points(auto.reference_study(study, choice, chosen)).columns
+    reference = auto.make_points(auto.full_model(study, choice, chosen)).columns
     for name, column in points.columns.items():
         assert reference[name].tolist() == column[chosen].tolist()
     for name, value in last.values.items():
