@@ -37,8 +37,9 @@ Allowed = Callable[[FloatArray], FloatArray]
 _FINER = 4.0
 """Factor by which errors fall with the next finer tolerance or step."""
 
-_FIRST, _DROPPED, _MOST = 4, 1 / 3, 128
-"""Revolutions that are followed at first, share of them that is dropped, and revolutions that are followed at most."""
+_FIRST, _DROPPED, _MOST = 4, 1 / 3, 256
+"""Revolutions that are followed at first, share of them that is dropped, and revolutions that are followed at most, half
+of them in the first steps."""
 
 _FEWEST, _HARDLY = 2, 0.5
 """Revolutions that an answer is made of at least, also in finer steps unless the vibration builds up in one of them;
@@ -141,24 +142,16 @@ def follow_vibration(
     finer = _FINER if joint.method.controlled else _FINER ** (1 / joint.method.order)
     passed = joint.follow(first, setting)
     kept = passed[round(_DROPPED * first) :]
-    while (more := _to_tell_steps(kept, allowed)) and len(passed) < _MOST:
-        passed += joint.follow(min(more, _MOST - len(passed)), setting)
+    while (more := _to_tell_steps(kept, allowed)) and len(passed) < _MOST // 2:
+        passed += joint.follow(min(more, _MOST // 2 - len(passed)), setting)
         kept = passed[round(_DROPPED * len(passed)) :]
     while True:
         setting /= finer
         joint.change_to(setting)
         coarse, kept = kept, joint.follow(_in_finer_steps(kept, allowed, fewest), setting)
         found = _Compared.of(coarse, kept, allowed)
-        while (left := _MOST - len(passed) - len(kept)) > 0:
-            if not _is_steady(kept):
-                more = len(kept)
-            elif not found.pooled and len(kept) < _FEWEST:
-                more = _FEWEST - len(kept)
-            elif found.wants_revolutions:
-                more = found.lacking(len(coarse), len(kept))
-            else:
-                break
-            kept += joint.follow(min(more, left), setting)
+        while more := _more(found, coarse, kept, _MOST - len(passed) - len(kept)):
+            kept += joint.follow(more, setting)
             found = _Compared.of(coarse, kept, allowed)
         passed += kept
         if found.certain or len(passed) >= _MOST:
@@ -230,12 +223,12 @@ class _Compared:
         return not self.certain and bool(self.by_chance[worst] > self.by_steps[worst])
 
     def lacking(self, coarse: int, fine: int) -> int:
-        """How many finer revolutions to go on for after so many of both, at most as many again."""
+        """How many more finer revolutions are needed after so many of both, as far as chance is known from them."""
         counted = fine + (coarse if self.pooled else 0)
         worst = int((self.error / self.allowed).argmax())
         left = (_AIM * self.allowed[worst]) ** 2 - self.by_steps[worst] ** 2
         excess = float(self.by_chance[worst] ** 2) / left - 1 if left > 0 else math.inf
-        return int(np.clip(math.ceil(counted * min(excess, 1e3)), 1, fine))
+        return max(math.ceil(counted * min(excess, 1e3)), 1)
 
 
 def _to_tell_steps(kept: Sequence[Revolution], allowed: Allowed) -> int:
@@ -248,6 +241,22 @@ def _to_tell_steps(kept: Sequence[Revolution], allowed: Allowed) -> int:
     if not _is_steady(kept):
         return len(kept)
     return math.ceil(len(kept) * min(excess - 1, 1.0)) if excess > 1 else 0
+
+
+def _more(found: _Compared, coarse: Sequence[Revolution], fine: Sequence[Revolution], left: int) -> int:
+    """How many more revolutions to follow in finer steps, at most as many again and no more than are left.
+
+    None where they would not help.
+    """
+    if not _is_steady(fine):
+        more = len(fine)
+    elif not found.pooled and len(fine) < _FEWEST:
+        more = _FEWEST - len(fine)
+    elif found.wants_revolutions:
+        more = found.lacking(len(coarse), len(fine))
+    else:
+        return 0
+    return min(more, len(fine), max(left, 0))
 
 
 def _in_finer_steps(kept: Sequence[Revolution], allowed: Allowed, fewest: int) -> int:

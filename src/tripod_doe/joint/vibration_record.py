@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint.nearest import nearest_rows
+from tripod_doe.simulator import NOTABLE_ERROR
 
 __all__ = ["SHARE", "SHARE_MEANING", "VIBRATING", "vibration_errors", "vibration_share"]
 
@@ -25,7 +26,10 @@ VIBRATING = Path(__file__).with_name("vibrating_joints.csv")
 """File of the recorded joints."""
 
 SHARE = "vibration_share"
-SHARE_MEANING = "share of the recorded joints with such an angle and groove friction that vibrate by themselves"
+SHARE_MEANING = (
+    "share of the recorded joints with such an angle and groove friction that vibrate by themselves, by which their third "
+    f"order changes by more than {100 * NOTABLE_ERROR:g} %"
+)
 
 _LIKE = 10
 """Recorded joints that a joint is compared with."""
@@ -53,8 +57,8 @@ def vibration_errors(points: Mapping[str, NDArray[Any]]) -> FloatArray:
 
 
 def vibration_share(points: Mapping[str, NDArray[Any]]) -> FloatArray:
-    """Share of the recorded joints most like some points that vibrate by themselves, shape (point,)."""
-    share: FloatArray = (vibration_errors(points) > 0).mean(axis=1)
+    """Share of the recorded joints most like some points to which vibration matters, shape (point,): `SHARE_MEANING`."""
+    share: FloatArray = (vibration_errors(points) > NOTABLE_ERROR).mean(axis=1)
     return share
 
 
