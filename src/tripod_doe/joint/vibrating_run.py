@@ -38,8 +38,8 @@ _FINER = 4.0
 """Factor by which errors fall with the next finer tolerance or step."""
 
 _FIRST, _DROPPED, _MOST = 4, 1 / 3, 256
-"""Revolutions that are followed at first, share of them that is dropped, and revolutions that are followed at most, half
-of them in the first steps."""
+"""Revolutions that are followed at first, share of them that is dropped, and revolutions that are followed at most.
+Half of these may have the first steps."""
 
 _FEWEST, _HARDLY = 2, 0.5
 """Revolutions that an answer is made of at least, also in finer steps unless the vibration builds up in one of them;

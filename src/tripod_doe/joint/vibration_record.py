@@ -27,8 +27,8 @@ VIBRATING = Path(__file__).with_name("vibrating_joints.csv")
 
 SHARE = "vibration_share"
 SHARE_MEANING = (
-    "share of the recorded joints with such an angle and groove friction that vibrate by themselves, by which their third "
-    f"order changes by more than {100 * NOTABLE_ERROR:g} %"
+    "share of the recorded joints with such an angle and groove friction that vibrate by themselves, by which their "
+    f"third order changes by more than {100 * NOTABLE_ERROR:g} %"
 )
 
 _LIKE = 10
@@ -57,7 +57,7 @@ def vibration_errors(points: Mapping[str, NDArray[Any]]) -> FloatArray:
 
 
 def vibration_share(points: Mapping[str, NDArray[Any]]) -> FloatArray:
-    """Share of the recorded joints most like some points to which vibration matters, shape (point,): `SHARE_MEANING`."""
+    """Share of recorded joints most like some points to which vibration matters (`SHARE_MEANING`), shape (point,)."""
     share: FloatArray = (vibration_errors(points) > NOTABLE_ERROR).mean(axis=1)
     return share
 
