@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from operating_points import points
 
 import tripod_doe as td
 from tripod_doe.joint import model_error
@@ -23,15 +24,6 @@ STUDIES = [
 ]
 SECOND = Demand("thrust_amplitude_2", "thrust_amplitude", 2, 0.1)
 THIRD = Demand("thrust_amplitude_3", "thrust_amplitude", 3, 0.015)
-
-
-def points(**varied):
-    """A block of points of the reference joint, but for some columns."""
-    count = max(np.size(value) for value in varied.values())
-    columns = {name: np.broadcast_to(np.asarray(value), (count,)) for name, value in varied.items()}
-    return simulator.columns(
-        {}, {name: simulator.parameters[name].column(column.tolist()) for name, column in columns.items()}, count
-    )
 
 
 def test_the_record_is_made_from_the_studies_as_they_stand(pytestconfig):

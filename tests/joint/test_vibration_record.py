@@ -4,26 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from operating_points import points
 
 from tripod_doe.joint import vibration_record
 from tripod_doe.joint.model_error import WITHOUT_VIBRATION, known_errors, similar_errors
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.simulator import simulator
-from tripod_doe.joint.vibration_record import SHARE, VIBRATING, vibration_errors, vibration_share
+from tripod_doe.joint.vibration_record import SHARE, vibration_errors, vibration_share
 from tripod_doe.simulator import Demand, Demands, model_notes
 
-RECORDED = np.genfromtxt(VIBRATING, delimiter=",", names=True, skip_header=1)
 FLUTTERING = {"joint_angle_deg": 17.0, "torque_n_m": -300.0, "speed_rpm": 1500.0, "groove_sliding_friction": 0.15}
 """Its third order is 391 N without vibration, and 255 N with it by three methods (docs/models.md)."""
-
-
-def points(**varied):
-    """Every parameter of one or more joints: those of the reference joint, but for some."""
-    count = max(np.size(value) for value in varied.values())
-    columns = {name: np.broadcast_to(np.asarray(value), (count,)) for name, value in varied.items()}
-    return simulator.columns(
-        {}, {name: simulator.parameters[name].column(column.tolist()) for name, column in columns.items()}, count
-    )
 
 
 def test_a_joint_is_compared_with_the_recorded_ones_nearest_in_angle_and_friction(monkeypatch, tmp_path):

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.joint.nearest import nearest_rows
+from tripod_doe.joint.nearest import ALIKE, nearest_rows
 from tripod_doe.joint.operating_ratios import RATIOS, operating_ratios
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.joint.vibration_record import vibration_errors
@@ -47,8 +47,6 @@ WITHOUT_VIBRATION = ("equilibrium", "kinetostatic")
 QUANTITY = "third order"
 """What the errors are of that every answer states."""
 
-_NEAREST = 10
-"""Measured points that a point is compared with."""
 _FAR = 1e6
 """Place of a ratio that has no logarithm: far from all that was measured."""
 _NO_REFERENCE = "this is the finest model, which the others are compared with"
@@ -101,7 +99,7 @@ class _Measured:
     def near(self, model: str, places: FloatArray) -> FloatArray:
         """Errors of a model at the measured points nearest to some places, shape (place, nearest)."""
         asked = ~np.isinf(self.errors[model])
-        nearest = nearest_rows(self.places[asked], places, _NEAREST)
+        nearest = nearest_rows(self.places[asked], places, ALIKE)
         return self.errors[model][asked][nearest]
 
     def over_allowed(self, model: str, demand: Demand, floor: float) -> FloatArray | None:
@@ -200,7 +198,7 @@ def known_errors(model: str, points: Mapping[str, NDArray[Any]]) -> tuple[FloatA
         may = by_vibration.any(axis=1)
         both = errors[may, :, None] + by_vibration[may, None, :]
         rows = np.flatnonzero(within)[may]
-        expected[rows], limit[rows] = _median_and_limit(both.reshape(rows.size, _NEAREST * by_vibration.shape[1]))
+        expected[rows], limit[rows] = _median_and_limit(both.reshape(rows.size, ALIKE * by_vibration.shape[1]))
     unknown = np.full(count, "", object)
     unknown[np.isnan(expected)] = _NO_ANSWER
     for ratio in range(len(measured.names))[::-1]:  # of several, the first is told
@@ -232,7 +230,7 @@ def similar_errors(model: str, points: Mapping[str, NDArray[Any]], demands: Dema
     if len(recorded) < len(found):
         return None
     errors = np.stack(recorded, axis=-1)
-    similar = np.full((len(points["torque_n_m"]), _NEAREST, errors.shape[-1]), np.nan)
+    similar = np.full((len(points["torque_n_m"]), ALIKE, errors.shape[-1]), np.nan)
     if model != known:
         return similar
     asked = np.asarray(~np.isinf(errors).any(axis=-1))
@@ -241,7 +239,7 @@ def similar_errors(model: str, points: Mapping[str, NDArray[Any]], demands: Dema
     with np.errstate(divide="ignore"):
         places = np.log(np.stack([ratios[name] for name in measured.names], axis=1)) / measured.spread
     places[~np.isfinite(places)] = _FAR
-    nearest = nearest_rows(measured.places[asked], places, _NEAREST)
+    nearest = nearest_rows(measured.places[asked], places, ALIKE)
     near = _apart(measured.places[asked], places, nearest) <= _usual_distance(measured.places[asked])
     similar[inside] = np.where(near[:, None, None], errors[asked][nearest], np.nan)
     if model in WITHOUT_VIBRATION:
@@ -254,7 +252,7 @@ def _by_vibration(points: Mapping[str, NDArray[Any]], demands: Demands) -> Float
 
     What it makes of the second order is not on record: NaN where a joint like the point vibrates.
     """
-    third = vibration_errors(points)[:, :_NEAREST]
+    third = vibration_errors(points)[:, :ALIKE]
     second = np.where(third > 0, np.nan, 0.0)
     return np.stack([third / each.allowed if each.label == 3 else second for each in demands.quantities], axis=-1)
 
@@ -267,4 +265,4 @@ def _apart(known: FloatArray, places: FloatArray, nearest: NDArray[np.int64]) ->
 def _usual_distance(known: FloatArray) -> float:
     """Distance within which nine in ten known places have their own nearest ones."""
     apart = np.sort(np.linalg.norm(known[:, None] - known, axis=2), axis=1)
-    return float(np.quantile(apart[:, _NEAREST], 0.9))  # each is its own first
+    return float(np.quantile(apart[:, ALIKE], 0.9))  # each is its own first

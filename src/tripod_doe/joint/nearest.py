@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["nearest_rows"]
+__all__ = ["ALIKE", "nearest_rows"]
 
 FloatArray = NDArray[np.float64]
+
+ALIKE = 10
+"""Recorded points that a point is compared with."""
 
 _FEW = 500
 """Places for which no compilation is worth its time."""

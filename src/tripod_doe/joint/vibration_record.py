@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.joint.nearest import nearest_rows
+from tripod_doe.joint.nearest import ALIKE, nearest_rows
 from tripod_doe.simulator import NOTABLE_ERROR
 
 __all__ = ["SHARE", "SHARE_MEANING", "VIBRATING", "vibration_errors", "vibration_share"]
@@ -31,8 +31,6 @@ SHARE_MEANING = (
     f"third order changes by more than {100 * NOTABLE_ERROR:g} %"
 )
 
-_LIKE = 10
-"""Recorded joints that a joint is compared with."""
 _LEAST_ANGLE, _LEAST_FRICTION = 0.1, 1e-3
 """Angle in deg and friction below which nothing vibrates: less counts as so much."""
 
@@ -52,7 +50,7 @@ def vibration_errors(points: Mapping[str, NDArray[Any]]) -> FloatArray:
     """
     recorded, errors, spread = _recorded()
     friction = points["groove_sliding_friction"] * points["groove_sliding"]
-    found: FloatArray = errors[nearest_rows(recorded, _places(points["joint_angle_deg"], friction) / spread, _LIKE)]
+    found: FloatArray = errors[nearest_rows(recorded, _places(points["joint_angle_deg"], friction) / spread, ALIKE)]
     return found
 
 
