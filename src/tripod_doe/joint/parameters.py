@@ -80,8 +80,8 @@ _PARAMETERS = [
               "assumed", low=5, high=100, group=_GEOMETRY),
     Parameter("roller_radius_mm", 16.0, "mm", "R_s", "radius of the spherical roller",
               "assumed", low=3, high=80, group=_GEOMETRY),
-    Parameter("roller_width_mm", 11.0, "mm", "", "width of the spherical roller",
-              "assumed", low=1, high=80, group=_GEOMETRY),
+    Parameter("roller_width_mm", 11.0, "mm", "", "width of the spherical roller, which ends "
+              "where its bore meets the sphere", "assumed", low=1, high=80, group=_GEOMETRY),
     Parameter("groove_radius_ratio", 1.0086, "1", "R_g/R_s", "groove radius over roller radius; 1.0086 gives the "
               "contact ellipse of 20 to 1", "paper 2.3.1", low=1, high=2, low_open=True, group=_GEOMETRY),
     Parameter("groove_rolling_lever_mm", None, "mm", "D/2", "lever of the rolling resistance in the groove; by "

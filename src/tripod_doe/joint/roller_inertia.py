@@ -15,6 +15,8 @@ def roller_inertia(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Mass and moments of inertia of a roller, the zone of a sphere with a bore; shapes broadcast.
 
+    A wide bore meets the sphere within the width: there the roller ends.
+
     Parameters
     ----------
     radius, width, bore
@@ -27,7 +29,7 @@ def roller_inertia(
     tuple of ndarray
         Mass in t, moment of inertia about the roller's axis and across it in t mm2.
     """
-    half = width / 2
+    half = np.minimum(width / 2, np.sqrt(np.maximum(radius**2 - bore**2, 0.0)))
     # a slice at x of the zone of a sphere, less the bore: powers of R^2 - x^2 integrated over the width
     second = 2 * (radius**2 * half - half**3 / 3)
     fourth = 2 * (radius**4 * half - 2 * radius**2 * half**3 / 3 + half**5 / 5)
