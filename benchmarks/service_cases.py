@@ -17,6 +17,7 @@ import random
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections import Counter
 from contextlib import suppress
@@ -59,14 +60,16 @@ QUICK = settings(
 )
 
 
-def start_stand_in(directory: Path, words: list[str]) -> subprocess.Popen[bytes]:
+def start_stand_in(directory: Path, words: list[str]) -> None:
     """A process that looks like a run."""
     lock = os.open(directory / ".alive", os.O_CREAT | os.O_RDWR)
     fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     words = [sys.executable, "-S", "-c", STAND_IN, "tripod_doe.cli", *words]
     child = subprocess.Popen(words, stderr=subprocess.DEVNULL, start_new_session=True, pass_fds=(lock,))
+    os.ftruncate(lock, 0)
+    os.write(lock, f"{child.pid}\n".encode())
     os.close(lock)
-    return child
+    threading.Thread(target=child.wait, daemon=True).start()
 
 
 def schema_of(app: FastAPI, tally: Counter[str]) -> schemathesis.BaseSchema:

@@ -24,13 +24,14 @@ import xarray as xr
 from service_load import LONG, Server, once
 
 import tripod_doe as td
+from tripod_doe.service.processes import run_process
 from tripod_doe.study.journal import Journal
 
 
 def processes_in(folder: Path) -> list[psutil.Process]:
-    """Processes of the command line that compute into a folder."""
-    return [process for process in psutil.process_iter(["cmdline"])
-            if "run" in (words := process.info["cmdline"] or []) and any(str(folder) in word for word in words)]  # fmt: skip
+    """Processes that run our command line on a folder or on folders in it."""
+    numbers = [run_process(place.parent) for place in folder.rglob(".alive")]
+    return [psutil.Process(number) for number in numbers if number]
 
 
 def kill(what: str, server: Server, folder: Path) -> None:

@@ -13,6 +13,7 @@ import urllib.request
 import psutil
 
 from started import Process
+from tripod_doe.service.processes import run_process
 from tripod_doe.study.journal import Journal
 
 LONG = """
@@ -74,9 +75,9 @@ class Server:
 
 
 def runs_in(folder):
-    """Processes of our command line that compute into a folder."""
-    return [process for process in psutil.process_iter(["cmdline"])
-            if "run" in (words := process.info["cmdline"] or []) and any(str(folder) in word for word in words)]  # fmt: skip
+    """Processes that run our command line on a folder or on folders in it."""
+    numbers = [run_process(place.parent) for place in folder.rglob(".alive")]
+    return [psutil.Process(number) for number in numbers if number]
 
 
 def committed(directory):

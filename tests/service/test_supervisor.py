@@ -46,9 +46,10 @@ def start(settings, monkeypatch):
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             with (directory / processes.LOG).open("wb") as log:
                 child = subprocess.Popen(words, stdout=log, stderr=log, start_new_session=True, pass_fds=(lock,))
+            os.ftruncate(lock, 0)
+            os.write(lock, f"{child.pid}\n".encode())
             os.close(lock)
             children.append(child)
-            return child
 
         monkeypatch.setattr(processes, "start_run", start_run)
         given.folder.mkdir(exist_ok=True)
@@ -110,6 +111,21 @@ def test_a_run_that_does_not_stop_is_killed(start, tmp_path, monkeypatch):
     wait(supervisor, run_id, State.STOPPED)
 
 
+def test_a_run_that_is_stopped_before_it_has_started_ends_as_soon_as_it_has(start, tmp_path, monkeypatch):
+    """Its number is not there yet; it is asked to stop once, for the second time would end it at once."""
+    monkeypatch.setattr("tripod_doe.service.supervisor._PATIENCE", 1000)
+    supervisor = start(SLEEP.format("SIG_DFL"))
+    run_id = submit(supervisor, tmp_path)
+    wait(supervisor, run_id, State.RUNNING)
+    number = supervisor.directory(run_id) / ".alive"
+    while not (told := number.read_text()):
+        time.sleep(0.02)
+    number.write_text("")
+    assert supervisor.stop(run_id).state is State.STOPPING
+    number.write_text(told)
+    wait(supervisor, run_id, State.STOPPED)
+
+
 def test_the_next_server_finds_runs_at_work_and_moves_the_queue(start, settings, tmp_path):
     """The first server ends as by a kill: nothing tells its runs, nothing is written."""
     first = start(SLEEP.format("SIG_DFL"))
@@ -121,7 +137,6 @@ def test_the_next_server_finds_runs_at_work_and_moves_the_queue(start, settings,
     assert second.find(at_work).state is State.RUNNING
     assert second.find(waiting).state is State.QUEUED
     processes.kill_run(second.directory(at_work))
-    first._children[at_work].wait()
     wait(second, at_work, State.FAILED)
     wait(second, waiting, State.RUNNING, seconds=5)
 

@@ -7,22 +7,15 @@ too long ends with its process, and the next question gets a fresh one.
 from __future__ import annotations
 
 import json
-import os
 import queue
-import signal
-import subprocess
 import threading
 import time
-from contextlib import suppress
-from io import BufferedReader, TextIOWrapper
-from typing import Any, cast
-
-import psutil
+from typing import Any
 
 from tripod_doe.errors import InputError
+from tripod_doe.service.fork_server import Answering
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import ForbiddenError, TooLargeError
-from tripod_doe.study.child_process import start_child
 
 __all__ = ["AllBusyError", "AnswerFailedError", "AnswerProcesses"]
 
@@ -109,17 +102,22 @@ class _AnswerProcess:
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
-        self._process: subprocess.Popen[str] | None = None
+        self._process: Answering | None = None
         self._changing = threading.Lock()
         self._closed = False
 
-    def start(self) -> subprocess.Popen[str]:
+    def start(self) -> Answering:
         """The process, started if there is none."""
         with self._changing:
             if self._closed:
                 raise AnswerFailedError("the server is about to end")
-            if self._process is None or self._process.poll() is not None:
-                self._process = start_child(_WORKER, str(self._limits.memory_bytes), own_group=True)
+            if self._process is not None:
+                self._process.look()
+                if self._process.has_ended:
+                    self._process.close()
+                    self._process = None
+            if self._process is None:
+                self._process = Answering(_WORKER, str(self._limits.memory_bytes))
             return self._process
 
     def end(self, for_good: bool = False) -> None:
@@ -127,13 +125,8 @@ class _AnswerProcess:
         with self._changing:
             process, self._process = self._process, None
             self._closed = self._closed or for_good
-        if process is None:
-            return
-        _kill(process)
-        process.wait()
-        for stream in (process.stdin, process.stdout):
-            with suppress(OSError):  # what could not be sent is of no use now
-                cast(TextIOWrapper, stream).close()
+        if process is not None:
+            process.close()
 
     def ask(self, question: str, seconds: float, arguments: dict[str, Any]) -> tuple[Any, bytes]:
         """Ask, and end the process if it does not answer in time; see `AnswerProcesses.ask`."""
@@ -152,45 +145,28 @@ class _AnswerProcess:
             over.set()
 
 
-def _end_late(process: subprocess.Popen[str], seconds: float, late: threading.Event, over: threading.Event) -> None:
+def _end_late(process: Answering, seconds: float, late: threading.Event, over: threading.Event) -> None:
     """End a process that has had its time and does not answer; CPU time, as on a busy machine it waits for others.
 
     One that does not work at all, as its disk hangs, has a multiple of it by the clock.
     """
-    started, before, rest = time.monotonic(), _cpu_seconds(process), seconds
+    started, before, rest = time.monotonic(), process.cpu_seconds(), seconds
     while not over.wait(rest):
-        rest = seconds - (_cpu_seconds(process) - before)
+        rest = seconds - (process.cpu_seconds() - before)
         if rest <= 0 or time.monotonic() - started > _PATIENCE * seconds:
             late.set()
-            _kill(process)
+            process.kill()
             return
 
 
-def _cpu_seconds(process: subprocess.Popen[str]) -> float:
-    """CPU time of a process and of its children that have ended; none where it is gone itself."""
-    try:
-        return float(sum(psutil.Process(process.pid).cpu_times()[:4]))
-    except psutil.Error:
-        return 0.0
-
-
-def _kill(process: subprocess.Popen[str]) -> None:
-    """End a process and what it started; it leads a group of its own."""
-    with suppress(ProcessLookupError):
-        os.killpg(process.pid, signal.SIGKILL)
-
-
-def _exchange(process: subprocess.Popen[str], asked: dict[str, Any]) -> tuple[Any, bytes]:
-    assert process.stdin is not None
-    assert process.stdout is not None
-    process.stdin.write(json.dumps(asked) + "\n")
-    process.stdin.flush()
-    stream = cast(BufferedReader, cast(TextIOWrapper, process.stdout).buffer)
-    head = stream.readline()
+def _exchange(process: Answering, asked: dict[str, Any]) -> tuple[Any, bytes]:
+    process.questions.write(json.dumps(asked).encode() + b"\n")
+    process.questions.flush()
+    head = process.answers.readline()
     if not head.endswith(b"\n"):
         raise EOFError
     answer = json.loads(head)
-    data = stream.read(answer["bytes"])
+    data = process.answers.read(answer["bytes"])
     if len(data) < answer["bytes"]:
         raise EOFError
     if error := answer.get("error"):

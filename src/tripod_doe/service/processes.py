@@ -1,7 +1,7 @@
 """The processes of runs: started to outlive the server, found again, and stopped.
 
 A run holds an open file that is locked before it starts: the lock ends with its process, however that ends, so it
-tells without any doubt whether the run is alive, for this server and for the next one.
+tells without any doubt whether the run is alive, for this server and for the next one. Its number stands in that file.
 """
 
 from __future__ import annotations
@@ -9,8 +9,6 @@ from __future__ import annotations
 import fcntl
 import os
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Sequence
 from contextlib import suppress
@@ -19,8 +17,9 @@ from pathlib import Path
 import psutil
 
 from tripod_doe.errors import InputError
+from tripod_doe.service.fork_server import start_module
 
-__all__ = ["LOG", "is_alive", "is_held", "kill_run", "last_words", "run_log", "start_run", "stop_run"]
+__all__ = ["LOG", "is_alive", "is_held", "kill_run", "last_words", "run_log", "run_process", "start_run", "stop_run"]
 
 LOG = "run.log"
 """File of a result directory with what the latest run of it said."""
@@ -31,7 +30,7 @@ _TRIES, _PAUSE = 20, 0.05
 _LAST_BYTES = 65_536
 
 
-def start_run(directory: Path, words: Sequence[str]) -> subprocess.Popen[bytes]:
+def start_run(directory: Path, words: Sequence[str]) -> None:
     """Start our own command line on a result directory, in a session of its own.
 
     Parameters
@@ -52,25 +51,16 @@ def start_run(directory: Path, words: Sequence[str]) -> subprocess.Popen[bytes]:
         raise InputError(f"{directory}: cannot write here: {error.strerror}") from error
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        with (directory / LOG).open("wb") as log:
-            process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "tripod_doe.cli", *words],
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=log,
-                start_new_session=True,
-                pass_fds=(lock,),  # the child holds the lock; what it starts itself does not
-                env=os.environ | {"PYTHONPATH": os.pathsep.join(place or os.getcwd() for place in sys.path)},
-            )
+        os.ftruncate(lock, 0)  # the number of an earlier run
+        with (directory / LOG).open("wb") as log, open(os.devnull, "rb") as nothing:
+            streams = (nothing.fileno(), log.fileno(), log.fileno())
+            start_module("tripod_doe.cli", words, streams, lock, _NICE)
     except BlockingIOError as error:
         raise InputError(f"{directory}: a run is at work here") from error
     except OSError as error:
         raise InputError(f"{directory}: cannot start a run here: {error.strerror}") from error
     finally:
         os.close(lock)
-    with suppress(OSError):
-        os.setpriority(os.PRIO_PGRP, process.pid, _NICE)
-    return process
 
 
 def is_alive(directory: Path) -> bool:
@@ -109,27 +99,32 @@ def kill_run(directory: Path) -> bool:
 
 def _signal(directory: Path, number: signal.Signals) -> bool:
     for _ in range(_TRIES):
-        if found := _of_directory(directory):
-            for process in found:
-                with suppress(ProcessLookupError, PermissionError):
-                    if number is signal.SIGKILL:
-                        os.killpg(process, number)  # it leads a group of its own
-                    else:
-                        os.kill(process, number)
+        if process := run_process(directory):
+            with suppress(ProcessLookupError, PermissionError):
+                if number is signal.SIGKILL:
+                    os.killpg(process, number)  # it leads a group of its own
+                else:
+                    os.kill(process, number)
             return True
         if not is_alive(directory):
             return False
-        time.sleep(_PAUSE)  # one that has only just started has no command line yet
+        time.sleep(_PAUSE)  # one that has only just started has not written its number yet
     return False
 
 
-def _of_directory(directory: Path) -> list[int]:
-    """Numbers of the processes that run our command line on a directory; its name is random, so it tells them."""
-    return [
-        process.pid
-        for process in psutil.process_iter(["cmdline"])
-        if {"tripod_doe.cli", str(directory)} <= set(process.info["cmdline"] or ())
-    ]
+def run_process(directory: Path) -> int | None:
+    """Number of the process that runs our command line on a directory; None where none is known.
+
+    It stands in the file that the process holds. Where that is open, it is no other process of the same number.
+    """
+    path = directory.absolute() / _ALIVE
+    try:
+        process = int(path.read_text() or 0)
+        if process and str(path.resolve()) in {file.path for file in psutil.Process(process).open_files()}:
+            return process
+    except (OSError, ValueError, psutil.Error):
+        pass
+    return None
 
 
 def run_log(directory: Path) -> str:

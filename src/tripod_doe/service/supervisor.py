@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 import secrets
 import shutil
-import subprocess
 import threading
 import time
 from collections.abc import Mapping
@@ -63,7 +62,7 @@ class Supervisor:
         self._lock = threading.RLock()
         self._runs: dict[str, Run] = {}
         self._progress: dict[str, RunProgress] = {}
-        self._children: dict[str, subprocess.Popen[bytes]] = {}
+        self._interrupted: set[str] = set()
         self._stop_by: dict[str, float] = {}
         self._endings: dict[str, tuple[State, str]] = {}  # as they were found; a full disk may have to be waited for
         self._ended = threading.Event()
@@ -194,7 +193,7 @@ class Supervisor:
             if run.state is State.RUNNING:
                 run = self._put(run.changed(state=State.STOPPING))
                 self._stop_by[run_id] = time.monotonic() + _PATIENCE
-                processes.stop_run(self.directory(run_id))
+                self._interrupt(run_id)
             return run
 
     def resume(self, run_id: str, retry_failed: bool = False) -> Run:
@@ -329,25 +328,27 @@ class Supervisor:
                     self._show(run.changed(counts=counts, steps=steps, eta_seconds=progress.eta_seconds(counts)))
                 self._hasten(run_id)
                 return
-            self._reap(run_id)
+            self._stop_by.pop(run_id, None)
+            self._interrupted.discard(run_id)
             state, message = self._endings.setdefault(run_id, ending_of(run, counts, steps, directory))
             self._progress.pop(run_id, None)
             self._put(run.changed(state=state, message=message, counts=counts, steps=steps, eta_seconds=None,
                                   retry_failed=False))  # fmt: skip
             del self._endings[run_id]
 
+    def _interrupt(self, run_id: str) -> None:
+        """Ask a run to stop, once: a second time would end it at once."""
+        if run_id not in self._interrupted and processes.stop_run(self.directory(run_id)):
+            self._interrupted.add(run_id)
+
     def _hasten(self, run_id: str) -> None:
-        """End a run that was asked to stop and did not."""
+        """Ask a run to stop that had only just started then, and end one that was asked to and did not."""
         if self._runs[run_id].state is State.STOPPING:
+            self._interrupt(run_id)
             due = self._stop_by.setdefault(run_id, time.monotonic() + _PATIENCE)
             if time.monotonic() > due:
                 self._stop_by[run_id] = time.monotonic() + _PATIENCE
                 processes.kill_run(self.directory(run_id))
-
-    def _reap(self, run_id: str) -> None:
-        self._stop_by.pop(run_id, None)
-        if child := self._children.pop(run_id, None):
-            child.wait()
 
     def _start_waiting(self) -> None:
         """Start the runs that have waited longest, as many as may be at work."""
@@ -362,7 +363,7 @@ class Supervisor:
         self._put(run.changed(state=State.RUNNING))  # first: a kill here leaves a run that is seen to be dead
         try:
             remove_report(directory)
-            self._children[run.id] = processes.start_run(directory, self._words(run, directory))
+            processes.start_run(directory, self._words(run, directory))
         except InputError as error:
             self._put(replace(self._runs[run.id], state=State.FAILED, message=str(error)))
 

@@ -18,7 +18,7 @@ __all__ = ["answers", "start_child"]
 _NO_LEAKS = "ignore::UserWarning:multiprocessing.resource_tracker"  # the system frees what a child that is killed had
 
 
-def start_child(module: str, *words: str, own_group: bool = False) -> subprocess.Popen[str]:
+def start_child(module: str, *words: str) -> subprocess.Popen[str]:
     """Start a module as a program with piped standard input and output.
 
     It imports from the same places as this process, so that it finds the same functions.
@@ -29,8 +29,6 @@ def start_child(module: str, *words: str, own_group: bool = False) -> subprocess
         Full name of the module.
     words
         Arguments of the program.
-    own_group
-        Whether it leads a process group of its own, so that it can be ended with all that it started.
     """
     places = os.pathsep.join(place or os.getcwd() for place in sys.path)
     return subprocess.Popen(
@@ -39,7 +37,6 @@ def start_child(module: str, *words: str, own_group: bool = False) -> subprocess
         stdout=subprocess.PIPE,
         env=os.environ | {"PYTHONPATH": places},
         text=True,
-        process_group=0 if own_group else None,
     )
 
 
