@@ -1,15 +1,18 @@
 """Records the errors of the models, by which every answer states them: src/tripod_doe/joint/model_errors.csv.
 
-    for study in rungs_needles joint_angle speed_torque needles_field needles_reference rungs; do
+    studies="rungs_needles joint_angle speed_torque needles_field needles_reference needles_wide_field rungs"
+    for study in $studies; do
         tripod-doe run studies/$study.toml --out results/$study
     done
-    cd results && python ../benchmarks/model_error.py rungs_needles joint_angle speed_torque needles_field \\
-        needles_reference rungs
+    cd results && python ../benchmarks/model_error.py $studies
+
+`--add` keeps the rows that are there, and adds those of the studies that are named.
 
 Each row is an operating point: what differs from the reference joint, and the third order of the models relative to
 that of the needles, or, where those were not run (`needles` is 0), to that of the rollers. The balances are run here,
-and so are the rollers at points of the needles. A value is empty where one of the two did not finish (mostly since the
-joint vibrates), or where the run of the finer model has a numerical error of more than 2 %, as far as it reports.
+and so are the rollers at points of the needles. A value is empty where one of the two did not finish, where the joint
+vibrates (vibrating_joints.py records what that makes of the third order), or where the run of the finer model has a
+numerical error of more than 2 %, as far as it reports.
 Columns with _2 hold the second order of a model over the third of the needles; they are empty where the second order of
 the needles has a numerical error of more than 10 % of itself and of a hundredth of the third.
 """
@@ -26,7 +29,9 @@ import xarray as xr
 
 import tripod_doe as td
 from tripod_doe.joint.model_error import COMPARED, FINEST, RECORDED
-from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values
+from tripod_doe.joint.simulator import simulator
+from tripod_doe.joint.vibration import growing_vibration
 from tripod_doe.mechanics.sources import source_hashes
 from tripod_doe.simulator import Outcome
 
@@ -71,6 +76,13 @@ def orders(model: str, point: dict[str, float]) -> np.ndarray:
     return result["thrust_amplitude"].sel(order=[2, 3]).values if result.attrs["finished"] else np.full(2, np.nan)
 
 
+def vibrates(point: dict[str, float]) -> bool:
+    """Whether a joint vibrates by itself."""
+    columns = simulator.columns({}, {name: np.array([value]) for name, value in point.items()}, 1)
+    plain = {name: column for name, column in columns.items() if JOINT_PARAMETERS[name].kind != "choice"}
+    return growing_vibration(internal_values(plain).point(0)) is not None
+
+
 def record(cubes: list[xr.Dataset]) -> pd.DataFrame:
     """The table: every operating point with the errors of the models; needles count first, and the first of them."""
     whole = pd.concat([runs(cube) for cube in cubes], ignore_index=True)
@@ -79,6 +91,8 @@ def record(cubes: list[xr.Dataset]) -> pd.DataFrame:
         whole[name] = whole[name].fillna(JOINT_PARAMETERS[name].default)
     whole = whole.sort_values("needles", ascending=False, kind="stable")
     table = whole.drop_duplicates(given)[[*given, "needles", "reference", f"{FINEST}_2"]].reset_index(drop=True)
+    without = [vibrates(point) for point in table[given].to_dict("records")]
+    table.loc[without, ["reference", f"{FINEST}_2"]] = np.nan
     for model in COMPARED:
         asked = np.isfinite(table["reference"]) & ((table["needles"] == 1) | (model != "rollers"))
         found = [
@@ -91,16 +105,30 @@ def record(cubes: list[xr.Dataset]) -> pd.DataFrame:
     return table.drop(columns="reference")
 
 
-def main(folders: list[Path]) -> None:
-    """Write the table, with what it was made of."""
+def main(folders: list[Path], add: bool = False) -> None:
+    """Write the table, or add to it, with what it was made of."""
     cubes = [td.open_cube(folder) for folder in folders]
     sources = ", ".join(
         f"{cube.attrs['title']} (study {cube.attrs['study_hash']}, kernels {cube.attrs['kernel_source_hash']})"
         for cube in cubes
     )
-    head = f"# made by benchmarks/model_error.py, kernels {source_hashes().kernels}, from {sources}\n"
-    RECORDED.write_text(head + record(cubes).to_csv(index=False, float_format="%.6g"), encoding="utf-8")
+    made = f"kernels {source_hashes().kernels}, from {sources}"
+    head, table = f"# made by benchmarks/model_error.py, {made}", record(cubes)
+    if add:
+        head = f"{RECORDED.read_text(encoding='utf-8').splitlines()[0]}; {made}"
+        table = joined(pd.read_csv(RECORDED, comment="#"), table)
+    RECORDED.write_text(f"{head}\n{table.to_csv(index=False, float_format='%.6g')}", encoding="utf-8")
+
+
+def joined(known: pd.DataFrame, added: pd.DataFrame) -> pd.DataFrame:
+    """Rows of both tables, those with needles first; what one of them does not vary has its default there."""
+    order = [*dict.fromkeys(name for table in (known, added) for name in table if name in POINT)]
+    order += [name for name in known if name not in POINT]
+    whole = pd.concat([known, added], ignore_index=True)[order]
+    filled = {name: JOINT_PARAMETERS[name].default for name in order if name in POINT}
+    return whole.fillna(filled).sort_values("needles", ascending=False, kind="stable")
 
 
 if __name__ == "__main__":
-    main([Path(word) for word in sys.argv[1:]])
+    words = [word for word in sys.argv[1:] if word != "--add"]
+    main([Path(word) for word in words], add="--add" in sys.argv)

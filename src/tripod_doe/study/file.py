@@ -286,9 +286,20 @@ def complaints(error: ValidationError, known: Callable[[list[str]], Iterable[str
         elif item["type"] == "literal_error":
             words = re.findall(r"'([^']*)'", item["ctx"]["expected"])
             yield f"{place}: {key} = {_shown(item['input'])}: unknown{near_match(str(item['input']), words)}"
+        elif item["type"] in ("model_type", "dict_type"):
+            yield f"{place}: {key} = {_shown(item['input'])}: {_as_table(where, key, item['input'])}"
         else:
             message = item["msg"][0].lower() + item["msg"][1:]
             yield f"{place}: {key} = {_shown(item['input'])}: {message}"
+
+
+def _as_table(where: str, key: str, value: object) -> str:
+    """What to write in place of a value where a table belongs."""
+    if where == "factors" and isinstance(value, list):
+        return f"write {key} = {{ values = {_shown(value)} }}"
+    if where == "factors":
+        return "a factor is a table of its values or its range; a parameter with one value belongs in [base]"
+    return f"expected a table, as [{where}.{key}]" if where else f"expected a table, as [{key}]"
 
 
 def _shown(value: object) -> str:

@@ -1,0 +1,53 @@
+"""The benchmarks that make the records of errors and of vibrating joints, in a tiny form."""
+
+from __future__ import annotations
+
+import pandas as pd
+import pytest
+
+import tripod_doe as td
+
+STUDY = """
+[study]
+name = "Two joints"
+question = "What do the rollers do?"
+[base]
+model = "rollers"
+cycles = 2
+[factors]
+joint_angle_deg = { values = [8, 9] }
+[keep]
+outputs = ["thrust_amplitude", "thrust_amplitude_error"]
+"""
+
+
+@pytest.fixture
+def recorder(benchmark):
+    return benchmark("model_error")
+
+
+def test_a_joint_that_vibrates_is_known_as_one(recorder):
+    """The first of the vibrations of docs/models.md, and the reference joint."""
+    vibrates = {"joint_angle_deg": 10.0, "torque_n_m": 25.0, "speed_rpm": 600.0, "groove_sliding_friction": 0.1}
+    assert recorder.vibrates(vibrates)
+    assert not recorder.vibrates({"joint_angle_deg": 10.0})
+
+
+def test_errors_of_the_balances_are_recorded_beside_those_that_are_there(recorder, tmp_path, monkeypatch):
+    """A study of two points added to a record of one; none of a joint that vibrates."""
+    (tmp_path / "two.toml").write_text(STUDY)
+    td.run(tmp_path / "two.toml", out=tmp_path / "two", workers=0)
+    known = tmp_path / "errors.csv"
+    known.write_text("# made before\njoint_angle_deg,speed_rpm,needles,needles_2,equilibrium,equilibrium_2,kinetostatic,"
+                     "kinetostatic_2,rollers,rollers_2\n3,700,1,0.1,0.2,0.3,0.4,0.5,0.6,0.7\n")  # fmt: skip
+    monkeypatch.setattr(recorder, "RECORDED", known)
+    monkeypatch.setattr(recorder, "vibrates", lambda point: point["joint_angle_deg"] == 9)
+    recorder.main([tmp_path / "two"], add=True)
+    head, _ = known.read_text().split("\n", 1)
+    assert head.startswith("# made before; kernels ")
+    table = pd.read_csv(known, comment="#")
+    assert table["joint_angle_deg"].tolist() == [3, 8, 9]
+    assert (table["speed_rpm"] == [700, 600, 600]).all()  # of the reference joint where it was not varied
+    assert table["kinetostatic"][0] == 0.4
+    assert abs(table["kinetostatic"][1]) < 0.02
+    assert table["kinetostatic"].isna().tolist() == [False, False, True]
