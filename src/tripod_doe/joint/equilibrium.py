@@ -294,7 +294,7 @@ def solve_balance(
         settle = partial(_settle, skews=skews[i], cosines=cosines, sines=sines, memory=memory)
         solution.settled[i], solution.sweeps[i], solution.extremes[i] = settle(table[i])
         lifts_off = solution.extremes[i, 1] < -points.groove_sliding_friction[i] * points.groove_load[i]
-        yaws = columns["yaw"][i] * columns["groove_spinning"][i] > 0.0
+        yaws = columns["yaw"][i] * columns["groove_spinning"][i] * columns["groove_sliding"][i] > 0.0
         if not (solution.settled[i] or lifts_off) and yaws:
             table[i, YAW] = 0.0
             solution.settled[i], iterations, solution.extremes[i] = settle(table[i])
