@@ -13,6 +13,8 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+from distributed import Client
+
 
 class SupervisedCluster:
     """A scheduler and its workers, without nannies.
@@ -25,15 +27,23 @@ class SupervisedCluster:
         Workers at the start.
     away
         Seconds for which a scheduler that was killed stays away.
+    threads
+        Of each worker.
+
+    Attributes
+    ----------
+    schedulers
+        When each scheduler was started (seconds since 1970).
     """
 
-    def __init__(self, folder: Path, workers: int, away: float = 0.0) -> None:
-        self.file, self.away = folder / "scheduler.json", away
+    def __init__(self, folder: Path, workers: int, away: float = 0.0, threads: int = 1) -> None:
+        self.file, self.away, self.threads = folder / "scheduler.json", away, threads
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             self.port = probe.getsockname()[1]
         self.address = f"tcp://127.0.0.1:{self.port}"
         self.processes: dict[str, subprocess.Popen] = {}
+        self.schedulers: list[float] = []
         self._ended = threading.Event()
         self._not_before: dict[str, float] = {}
         self._commands = {"scheduler": ["scheduler", "--host", "127.0.0.1", "--port", str(self.port), "--no-dashboard",
@@ -46,12 +56,17 @@ class SupervisedCluster:
     def add_worker(self, name: str, python_path: str = "") -> None:
         """Let one worker more join, with a folder before all others from which it imports."""
         self._places[name] = python_path
-        self._commands[name] = ["worker", self.address, "--no-nanny", "--nthreads", "1", "--no-dashboard",
+        self._commands[name] = ["worker", self.address, "--no-nanny", "--nthreads", str(self.threads), "--no-dashboard",
                                 "--host", "127.0.0.1", "--death-timeout", "60", "--name", name]  # fmt: skip
 
     def workers(self) -> list[str]:
         """Names of the workers that are alive."""
         return [name for name, process in self.processes.items() if name != "scheduler" and process.poll() is None]
+
+    def wait(self) -> None:
+        """Wait until all workers have joined."""
+        with Client(self.address) as client:
+            client.wait_for_workers(sum(name != "scheduler" for name in self._commands))
 
     def kill(self, name: str, for_good: bool = False) -> None:
         """SIGKILL; what is not gone for good comes back."""
@@ -80,6 +95,8 @@ class SupervisedCluster:
             for name, command in list(self._commands.items()):
                 ended = name not in self.processes or self.processes[name].poll() is not None
                 if ended and time.monotonic() >= self._not_before.get(name, 0.0):
+                    if name == "scheduler":
+                        self.schedulers.append(time.time())
                     self.processes[name] = self.start(["-m", "dask", *command], self._places.get(name, ""))
 
     def __enter__(self) -> SupervisedCluster:

@@ -274,6 +274,24 @@ def test_a_storm_over_a_cluster_costs_blocks_at_work_only(benchmark, capsys):
     assert told["started again"] <= 3 * 2 * 2  # hits, blocks that are sent to a worker, points of a block
 
 
+def test_recipes_for_slurm_have_the_words_that_the_benchmark_changes(benchmark):
+    """Both are taken from the page; a word that is not there any more is told."""
+    slurm = benchmark("slurm")
+    for ends in ({}, *slurm.ENDS.values()):
+        compile(slurm.recipe_text("python", slurm.SIZES | ends), "recipe", "exec")
+    assert "sbatch --array=1-40%3" in slurm.recipe_text("bash", slurm.ARRAY)
+    with pytest.raises(AssertionError, match=r"has no cores=3"):
+        slurm.recipe_text("python", {"cores=3": "cores=2"})
+
+
+def test_times_of_a_storm_are_those_of_its_log(benchmark, tmp_path):
+    """Exact: three points of 2 s on two workers in 6 s; after the second scheduler came back, 3 s until a new worker."""
+    storm = benchmark("cluster_storm")
+    (tmp_path / "log").write_text("1 100 a\n2 101 b\n2 104 c\n")
+    assert storm.busy_share(tmp_path, 2, 2.0) == pytest.approx(3 * 2 / (2 * 6))
+    assert storm.slowest_restart(tmp_path, [99.5, 101]) == 3
+
+
 def test_peers_are_held_against_the_product(benchmark, tmp_path):
     """Exact: plain Dask, the only one that is always installed; a wrong answer is no price."""
     peers = benchmark("peers")
