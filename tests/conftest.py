@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import gc
 import os
 import sys
 import textwrap
@@ -13,6 +14,8 @@ sys.dont_write_bytecode = False
 # before numpy is loaded, here and in what tests start: problems of linear algebra are small, and the threads of several
 # processes on few cores wait for each other, at full load
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+gc.disable()  # until all tests are collected: a million objects are made and hardly any is dropped
 
 # plain modules beside the tests (equal_cubes.py, joint/reference.py) are imported by name
 sys.path.insert(0, str(Path(__file__).parent))
@@ -66,6 +69,8 @@ def pytest_collection_finish(session):
     """
     from tripod_doe.joint.simulator import simulator
 
+    gc.freeze()  # what has been collected stays: to look through it again and again took 2 to 3 % of all tests
+    gc.enable()
     if len(session.items) > MANY:
         for model in MODELS_OF_PROCESS.get(os.environ.get("PYTEST_XDIST_WORKER", ""), ()):
             simulator.compile(model, next(iter(simulator.methods({"model": model}))))

@@ -15,13 +15,30 @@ TEXT = (ROOT / "README.md").read_text()
 FIRST, ACTIVATE, TESTS, *OTHERS = re.findall(r"```bash\n(.*?)```", TEXT, re.DOTALL)
 
 
+TWO_STEPS = """
+[workflow]
+name = "Two steps"
+[steps.map]
+kind = "study"
+study = "../studies/thrust_map.toml"
+[steps.summary]
+kind = "report"
+inputs = ["map"]
+[quick.map.factors]
+joint_angle_deg = { values = [5, 10] }
+"""
+"""In place of a workflow that takes minutes; all kinds of steps run in tests/workflow."""
+
+
 @pytest.fixture
 def clone(tmp_path):
     """What a fresh clone holds after the installation; results and new files stay here."""
     folder = tmp_path / "clone"
     folder.mkdir()
-    for name in ("studies", "workflows", "measurements"):
+    for name in ("studies", "measurements"):
         (folder / name).symlink_to(ROOT / name)
+    (folder / "workflows").mkdir()
+    (folder / "workflows" / "paper.toml").write_text(TWO_STEPS)
     (folder / ".venv").symlink_to(sys.prefix)
     return folder
 
@@ -47,8 +64,8 @@ def test_the_commands_work_as_pasted_in_their_order_and_then_the_python_block_as
     """`workflow/test_from_anywhere.py` runs scripts without results, and shows that workers need no guard of __main__."""
     first = FIRST.rpartition("&& ")[2]
     script = "".join([first, ACTIVATE, *OTHERS])
-    assert "workflows/paper.toml" in script  # takes minutes; the small one has the same kinds of steps
-    done = run(clone, script.replace("workflows/paper.toml", "workflows/small.toml"))
+    assert "workflows/paper.toml" in script
+    done = run(clone, script)
     assert done.returncode == 0, done.stderr[-2000:]
     (clone / "script.py").write_text(re.search(r"```python\n(.*?)```", TEXT, re.DOTALL)[1])
     done = subprocess.run([sys.executable, "script.py"], cwd=clone, capture_output=True, text=True, check=False)
