@@ -12,6 +12,7 @@ from tripod_doe.report.analyses import findings_of
 from tripod_doe.report.effects import effects_on, find_effects
 from tripod_doe.report.figures.effects import effect_charts
 from tripod_doe.report.findings import find
+from tripod_doe.report.main_outputs import quantile_text
 from tripod_doe.report.responses import factor_text, main_effect, responses
 
 LINE = """
@@ -305,8 +306,24 @@ def test_effects_in_a_multifidelity_study_are_those_of_the_truth(tmp_path):
         told = find(cube)
         fine = cube["y"].values[cube["level"].values == "fine"]
     of = "of the 40 points by fine, which counts as the truth."
-    assert f"Sentences and figures on the effects of factors are {of}" in told
+    assert f"Ranges of results, effects of factors and figures of both are {of}" in told
     assert told[0].startswith(f"y lies between {fine.min():.3g} (at x ")
     assert not [sentence for sentence in told if "over level" in sentence.lower()]
     page = (tmp_path / "out" / "report" / "index.html").read_text(encoding="utf-8")
     assert f"<p>O{of[1:]}</p>" in page
+
+
+def test_a_quantile_says_how_far_the_points_bound_it():
+    """Exact: both ends, one, none; without them a quantile of few points reads as if it were known."""
+    ends = {
+        "quantile": [1.0, 2, 3, 4],
+        "quantile_low": [0.5, np.nan, 2, np.nan],
+        "quantile_high": [1.5, 2.5, np.nan, np.nan],
+    }
+    answers = xr.Dataset(
+        {key: ("probability", values) for key, values in ends.items()}, {"probability": [0.1, 0.2, 0.9, 0.99]}
+    )
+    assert quantile_text(answers, "N") == (
+        "10 % below 1 N (0.5 to 1.5), 20 % below 2 N (at most 2.5), 90 % below 3 N (at least 2), 99 % below 4 N (too few "
+        "points for an interval)"
+    )

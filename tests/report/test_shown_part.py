@@ -85,6 +85,17 @@ def test_a_page_says_what_it_is_made_of_and_counts_all_points(few):
     assert told_part(shown_part(listed(30))) == []
 
 
+def test_a_part_of_several_models_has_all_points_by_the_truth(few):
+    """Exact: 15 of 200 points are by the truth, which sentences on the joint are made of; 25 others are drawn."""
+    level = np.where(np.arange(200) % 13 == 12, "fine", "rough").astype(object)
+    study = '[study]\nname = "s"\n[factors.level]\nvalues = ["rough", "fine"]\n[design]\nkind = "multifidelity"\nfidelity = "level"\n'
+    cube = listed().assign_coords(level=("point", level)).assign_attrs(study=study)
+    part = shown_part(cube)
+    assert part.sizes["point"] == 40
+    assert (part["level"].values == "fine").sum() == (level == "fine").sum() == 15
+    assert "(all 15 by fine, others drawn at random with a fixed seed)" in told_part(part)[0]
+
+
 def test_failed_points_and_the_largest_number_are_those_of_all_points(few):
     cube = listed()
     assert [point.position for point in failed_points(cube, most=50)] == list(range(0, 200, 20))

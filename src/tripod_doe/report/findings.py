@@ -59,7 +59,7 @@ def find(cube: xr.Dataset) -> list[str]:
         sentences = [_dominant_order(shown)] if every_order else []
         sentences += _responses(shown) + _missing_effects(shown) + told_part(part)
         if design_kind(cube) == "multifidelity":
-            sentences.append(f"Sentences and figures on the effects of factors are {told_points(shown)}.")
+            sentences.append(f"Ranges of results, effects of factors and figures of both are {told_points(shown)}.")
     if "attempt" in cube and (changed := int(((cube["attempt"] > 0) & finished(cube)).sum())):
         sentences.append(f"{changed:,} of {total:,} points finished only after a retry.")
     if "accuracy_met" in cube:

@@ -67,14 +67,22 @@ def _words(output: str, order: int | None) -> str:
 
 
 def quantile_text(answers: xr.Dataset, unit: str) -> str:
-    """Quantiles of a distribution, each with its interval where the points bound it."""
+    """Quantiles of a distribution, each with its interval, or with the one end that the points bound, or none."""
     told = []
     for probability in answers["probability"].values:
         at = answers.sel(probability=probability)
         low, value, high = (float(at[key]) for key in ("quantile_low", "quantile", "quantile_high"))
-        bounds = f" ({number(low)} to {number(high)})" if np.isfinite(low) and np.isfinite(high) else ""
-        told.append(f"{100 * probability:g} % below {with_unit(number(value), unit)}{bounds}")
+        told.append(f"{100 * probability:g} % below {with_unit(number(value), unit)} ({_bounds(low, high)})")
     return ", ".join(told)
+
+
+def _bounds(low: float, high: float) -> str:
+    """What the points say of where a quantile lies."""
+    if np.isfinite(low) and np.isfinite(high):
+        return f"{number(low)} to {number(high)}"
+    if np.isfinite(low):
+        return f"at least {number(low)}"
+    return f"at most {number(high)}" if np.isfinite(high) else "too few points for an interval"
 
 
 def left_points(result: xr.Dataset) -> list[str]:

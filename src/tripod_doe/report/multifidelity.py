@@ -46,7 +46,7 @@ def _distribution(part: OutputPart, truth: str) -> str:
 
 
 def _gain(part: OutputPart, truth: str) -> list[str]:
-    """What the cheaper models are worth at equal CPU time; nothing where prices are not known."""
+    """What the cheaper models are worth at equal price; nothing where prices are not known."""
     answers = part.answers
     if not np.isfinite(answers["gain"]):
         return []
@@ -58,7 +58,7 @@ def _gain(part: OutputPart, truth: str) -> list[str]:
         if gains.size:
             ends = list(dict.fromkeys(number(1 / gain, 2) for gain in (gains.max(), gains.min())))
             shares.append(f"{' to '.join(ends)} for its total indices")
-    return [f"The squared error for {part.what}, over that of {truth} alone at the same CPU time: {listed(shares)}."]
+    return [f"The squared error for {part.what}, over that of {truth} alone at the same price: {listed(shares)}."]
 
 
 def _samples(result: xr.Dataset) -> str:
@@ -67,7 +67,7 @@ def _samples(result: xr.Dataset) -> str:
     rows = zip(result["model"].values, result["samples"].values, result["price"].values, strict=True)
     told = listed([f"{int(count):,} of {model}" for model, count, _ in rows])
     seconds = float((result["samples"] * result["price"]).sum(skipna=False))
-    price = f", CPU time {duration(seconds)}" if np.isfinite(seconds) else ""
+    price = f", at a price of {duration(seconds)} of CPU time" if np.isfinite(seconds) else ""
     return f"Samples{f' of {block} points' if block > 1 else ''}: {told}{price}."
 
 
@@ -96,4 +96,4 @@ def model_table(result: xr.Dataset) -> tuple[list[str], list[list[str]]]:
         told = duration(price) if np.isfinite(price) else "-"
         rows.append([str(model), f"{int(result['samples'][at]):,}", told, *correlations])
     heads = [f"correlation, {part.what.removeprefix('the ')}" for part in parts]
-    return ["model", "samples", "CPU time per sample", *heads], rows
+    return ["model", "samples", "price per sample", *heads], rows

@@ -38,6 +38,7 @@ __all__ = [
     "spoken",
     "telling_points",
     "told_points",
+    "truth_of",
     "unit_text",
     "waiting",
 ]
@@ -212,7 +213,7 @@ def telling_points(cube: xr.Dataset) -> xr.Dataset:
         )
     if design_kind(cube) != "multifidelity":
         return cube
-    fidelity, truth = _truth(cube)
+    fidelity, truth = truth_of(cube)
     own = np.flatnonzero(cube[fidelity].values == truth)
     told = f"of the {own.size:,} points by {truth}, which counts as the truth"
     return cube.isel(point=own).drop_vars(fidelity).assign_attrs({_TELLING: told})
@@ -223,7 +224,7 @@ def told_points(telling: xr.Dataset) -> str:
     return str(telling.attrs.get(_TELLING, ""))
 
 
-def _truth(cube: xr.Dataset) -> tuple[str, object]:
+def truth_of(cube: xr.Dataset) -> tuple[str, object]:
     """The factor that names the models of a multifidelity study, and the model that counts as the truth."""
     study = tomllib.loads(str(cube.attrs["study"]))
     fidelity = str(study["design"].get("fidelity", "model"))

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from tripod_doe.report.responses import design_kind, truth_of
 from tripod_doe.study.slab_reading import read_positions
 
 __all__ = ["MOST_POINTS", "shown_part", "told_part"]
@@ -16,15 +17,16 @@ MOST_POINTS = 1_000_000
 """Points up to which sentences and figures are made of all of them."""
 
 _LONG = 40  # numbers of a point above which a variable is a course, of which only single points are shown
-_PART_OF = "part_of"  # attribute of a part: number of points of the whole
+_PART_OF, _HOW = "part_of", "how_chosen"  # attributes of a part: number of points of the whole, how they are chosen
 
 
 def shown_part(cube: xr.Dataset) -> xr.Dataset:
     """The points that sentences and figures are made of, read from the file once.
 
     Up to `MOST_POINTS` all; else of a grid every so many levels along its longest dimensions, of a list points that are
-    drawn at random with a fixed seed, in their order. Courses over the rotation angle stay in the file until a point
-    of them is asked for.
+    drawn at random with a fixed seed, in their order. A multifidelity study first gives all points by the model that
+    counts as the truth, of which sentences and figures on the joint are made. Courses over the rotation angle stay in
+    the file until a point of them is asked for.
     """
     count = math.prod(cube["outcome"].shape)
     short = [name for name, variable in cube.variables.items() if _numbers_of_a_point(cube, variable) <= _LONG]
@@ -32,14 +34,14 @@ def shown_part(cube: xr.Dataset) -> xr.Dataset:
         for name in short:
             cube.variables[name].load()
         return cube
-    rows = _rows(cube)
+    rows, how = _rows(cube)
     read = {}
     for name in short:
         variable = cube.variables[name]
         read[name] = xr.Variable(variable.dims, read_positions(variable, rows), variable.attrs)
     part = cube.isel(rows).assign({name: read[name] for name in short if name in cube.data_vars})
     part = part.assign_coords({name: read[name] for name in short if name in cube.coords})
-    return part.assign_attrs({_PART_OF: count})
+    return part.assign_attrs({_PART_OF: count, _HOW: how})
 
 
 def told_part(part: xr.Dataset) -> list[str]:
@@ -47,7 +49,7 @@ def told_part(part: xr.Dataset) -> list[str]:
     if _PART_OF not in part.attrs:
         return []
     of = f"{math.prod(part['outcome'].shape):,} of the {part.attrs[_PART_OF]:,} points"
-    how = "drawn at random with a fixed seed" if part["outcome"].dims == ("point",) else "every so many levels"
+    how = part.attrs[_HOW]
     return [f"Sentences and figures on the points are made of {of} ({how}); counts, costs and analyses, of all."]
 
 
@@ -56,18 +58,33 @@ def _numbers_of_a_point(cube: xr.Dataset, variable: xr.Variable) -> int:
     return math.prod(size for dim, size in variable.sizes.items() if dim not in design)
 
 
-def _rows(cube: xr.Dataset) -> dict[str, NDArray[np.int64]]:
-    """Positions along the dimensions of the design that are shown."""
+def _rows(cube: xr.Dataset) -> tuple[dict[str, NDArray[np.int64]], str]:
+    """Positions along the dimensions of the design that are shown, and how they are chosen."""
     sizes = {str(dim): size for dim, size in cube["outcome"].sizes.items()}
     if list(sizes) == ["point"]:
-        random = np.random.default_rng(0)
-        return {"point": np.sort(random.choice(sizes["point"], MOST_POINTS, replace=False))}
+        return _rows_of_list(cube, sizes["point"])
     shown = dict(sizes)
     while math.prod(shown.values()) > MOST_POINTS:
         longest = max(shown, key=lambda dim: shown[dim])
         shown[longest] = -(-shown[longest] // 2)
-    return {
+    rows = {
         dim: np.unique(np.linspace(0, size - 1, shown[dim]).round().astype(np.int64))
         for dim, size in sizes.items()
         if shown[dim] < size
     }
+    return rows, "every so many levels"
+
+
+def _rows_of_list(cube: xr.Dataset, count: int) -> tuple[dict[str, NDArray[np.int64]], str]:
+    """Points of a list at random, after all by the truth where there are several models."""
+    how, first = "drawn at random with a fixed seed", np.zeros(0, np.int64)
+    if design_kind(cube) == "multifidelity":
+        fidelity, truth = truth_of(cube)
+        first = np.flatnonzero(cube[fidelity].values == truth)
+        if first.size < MOST_POINTS:
+            how = f"all {first.size:,} by {truth}, others {how}"
+        else:
+            first = first[:0]
+    others = np.setdiff1d(np.arange(count), first, assume_unique=True)
+    drawn = np.random.default_rng(0).choice(others, MOST_POINTS - first.size, replace=False)
+    return {"point": np.sort(np.concatenate([first, drawn]))}, how
