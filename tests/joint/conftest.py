@@ -49,9 +49,10 @@ def simulated():
     answers = {}
 
     def simulate(**given):
+        given = {"model": "rollers", **given}
         key = tuple(sorted(given.items()))
         if key not in answers:
-            answers[key] = td.simulate(**{"model": "rollers", **given})
+            answers[key] = td.simulate(**given)
         return answers[key]
 
     return simulate
