@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import atexit
 import functools
-import gc
 import json
 import os
 import runpy
@@ -23,19 +22,14 @@ from contextlib import suppress
 from pathlib import Path
 
 IMPORTED = (
-    "dask.array",
-    "matplotlib.backends.backend_svg",
     "matplotlib.figure",
-    "netCDF4",
     "distributed.cli.dask_scheduler",
     "distributed.cli.dask_worker",
-    "tripod_doe.cli.main",
     "tripod_doe.service.server",
     "tripod_doe.study.dask_workers",
     "tripod_doe.study.on_worker",
-    "tripod_doe.workflow.chain",
-    "tripod_doe.workflow.run",
 )
+"""Besides what the service prepares for its own processes."""
 
 
 class Process:
@@ -194,6 +188,6 @@ def _become(words, environment, folder, ignores_interrupts):
 if __name__ == "__main__":
     for name in IMPORTED:
         __import__(name)
+    sys.modules["tripod_doe.service.fork_server"]._prepare()
     assert len(os.listdir("/proc/self/task")) == 1, "a process with threads must not fork"
-    gc.freeze()  # what is shared is neither looked through nor copied
     _become(**_serve(socket.socket(fileno=int(sys.argv[1]))))

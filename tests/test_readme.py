@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+
+from started import Process
 
 ROOT = Path(__file__).parent.parent
 TEXT = (ROOT / "README.md").read_text()
@@ -60,13 +64,19 @@ def test_the_commands_that_install_are_the_ones_that_ci_runs():
 
 @pytest.mark.slow
 @pytest.mark.skipif(not (Path(sys.prefix) / "bin" / "activate").exists(), reason="not in a virtual environment")
-def test_the_commands_work_as_pasted_in_their_order_and_then_the_python_block_as_a_plain_script(clone):
+def test_the_commands_work_as_pasted_in_their_order_and_then_the_python_block_as_a_plain_script(clone, monkeypatch):
     """`workflow/test_from_anywhere.py` runs scripts without results, and shows that workers need no guard of __main__."""
-    first = FIRST.rpartition("&& ")[2]
-    script = "".join([first, ACTIVATE, *OTHERS])
-    assert "workflows/paper.toml" in script
-    done = run(clone, script)
+    monkeypatch.chdir(clone)
+    done = run(clone, f"{FIRST.rpartition('&& ')[2]}{ACTIVATE}tripod-doe --version")
     assert done.returncode == 0, done.stderr[-2000:]
+    assert done.stdout.endswith(f"tripod-doe {version('tripod-doe')}\n")
+    assert "tripod-doe workflow workflows/paper.toml" in "".join(OTHERS)
+    for command in "".join(OTHERS).splitlines():  # what follows starts in the same way: it is forked
+        name, *words = shlex.split(command)
+        assert name == "tripod-doe"
+        process = Process(["-m", "tripod_doe.cli", *words])
+        _, complaints = process.communicate(600)
+        assert process.returncode == 0, complaints[-2000:]
     (clone / "script.py").write_text(re.search(r"```python\n(.*?)```", TEXT, re.DOTALL)[1])
     done = subprocess.run([sys.executable, "script.py"], cwd=clone, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
