@@ -176,6 +176,8 @@ def _become(words, environment, folder, ignores_interrupts):
     os.chdir(folder)
     if ignores_interrupts:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if "serve" in words:
+        _fork_a_fork_server()
     module = words[0] == "-m"
     sys.argv = words[module:]
     sys.path[0] = folder if module else str(Path(words[0]).parent)
@@ -183,6 +185,41 @@ def _become(words, environment, folder, ignores_interrupts):
         runpy.run_module(words[1], run_name="__main__", alter_sys=True)
     else:
         runpy.run_path(words[0], run_name="__main__")
+
+
+class _ForkServer:
+    """A forked fork server of the service, with what is used of `subprocess.Popen`."""
+
+    def __init__(self, pid):
+        self.pid, self.returncode = pid, None
+
+    def poll(self):
+        return None if os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOWAIT | os.WNOHANG) is None else 0
+
+    def kill(self):
+        os.kill(self.pid, signal.SIGKILL)
+
+    def wait(self):
+        os.waitpid(self.pid, 0)
+
+
+def _fork_a_fork_server():
+    """Give a server the process from which it forks its own: a new one would import all this once more."""
+    from tripod_doe.service import fork_server
+
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    if forked := os.fork():
+        theirs.close()
+        of_server = fork_server._fork_server
+        of_server._socket, of_server._process = ours, _ForkServer(forked)
+        atexit.register(of_server.end)
+        return
+    ours.close()
+    os.setsid()
+    with open(os.devnull, "w") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+    fork_server._serve(theirs)
+    sys.exit()
 
 
 if __name__ == "__main__":

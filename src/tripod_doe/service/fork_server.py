@@ -275,11 +275,16 @@ def _prepare() -> None:
     gc.freeze()  # what is shared is neither looked through nor copied
 
 
-def _main() -> None:
-    _prepare()
-    sys.argv = _forked(socket.socket(fileno=int(sys.argv[1])))
+def _serve(requests: socket.socket) -> None:
+    """Fork a process for every request, in which its program runs."""
+    sys.argv = _forked(requests)
     sys.modules.pop(sys.argv[0], None)  # what it has imported is kept
     runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
+
+
+def _main() -> None:
+    _prepare()
+    _serve(socket.socket(fileno=int(sys.argv[1])))
 
 
 if __name__ == "__main__":
