@@ -1,8 +1,9 @@
 """What a study costs besides its simulation: every stage of a run on made-up answers, in CPU time and memory.
 
-    python benchmarks/coordinator.py [--points 1000000] [--design sobol|grid] [--block 5000] [--page]
+    python benchmarks/coordinator.py [--points 1000000] [--design sobol|grid] [--block 5000] [--course 0] [--page]
 
-The points are those of the joint with four factors; each "answers" at once with its outcome and 13 orders (104 bytes).
+The points are those of the joint with four factors; each "answers" at once with its outcome and 13 orders (104 bytes),
+and with --course with a thrust of so many rotation angles (`--points 65536 --course 16000`: 8.4 GB).
 What every run costs once (imports, machine code) is the stage "start", and stands in no price of a point.
 Memory is the largest of each stage, above that of the process before the study is read.
 """
@@ -18,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+import tripod_doe as td
 from tripod_doe.report.page import write_report
 from tripod_doe.simulator import BlockResult, Outcome, Values
 from tripod_doe.study.arrays import opened_arrays
@@ -44,15 +46,16 @@ kind = "sobol"
 samples = {points}
 seed = 1
 [keep]
-outputs = ["thrust_amplitude"]
+outputs = ["thrust_amplitude", "thrust"]
 """
+_MOST_BYTES = 32_000_000  # of a block, as in a run
 
 
 def grid_of(points: int) -> str:
     """The study as a grid of about so many points."""
     levels = round(points**0.25)
     text = SAMPLED.split("[design]")[0].replace("}}", f", count = {levels}}}}}")
-    return text + '[design]\nkind = "grid"\n[keep]\noutputs = ["thrust_amplitude"]\n'
+    return text + '[design]\nkind = "grid"\n[keep]\noutputs = ["thrust_amplitude", "thrust"]\n'
 
 
 def memory(what: str) -> float:
@@ -88,15 +91,22 @@ def rehearse(folder: Path) -> None:
         directory.write_cube(asked, "rehearsal").close()
 
 
-def answers(study: Study, asked: StudyPoints, missing: np.ndarray, block: int) -> Iterator[FinishedBlock]:
-    """Finished blocks without simulation."""
-    orders = np.arange(13)
+def answers(
+    study: Study, asked: StudyPoints, missing: np.ndarray, block: int, course: int = 0
+) -> Iterator[FinishedBlock]:
+    """Finished blocks without simulation, with a course of so many numbers."""
+    orders, angles = np.arange(13), np.arange(course) * 0.0225
+    block = min(block, _MOST_BYTES // max(8 * course, 1))
     for start in range(0, missing.size, block):
         chosen = missing[start : start + block]
         asked.task(chosen)
         result = BlockResult.blank(chosen.size, Outcome.FINISHED)
         result.outputs["thrust_amplitude"] = Values(("order",), np.sin(chosen)[:, None] + 2.0 + orders)
         result.coordinates["order"] = orders
+        if course:
+            size = np.sin(chosen)[:, None]
+            result.outputs["thrust"] = Values(("rotation_deg",), size * np.sin(angles / 18) + size**2)
+            result.coordinates["rotation_deg"] = angles
         yield FinishedBlock(asked.keys[chosen], result, 0.1, 0.1, f"worker {start % 7}")
 
 
@@ -105,6 +115,7 @@ def main() -> None:
     words.add_argument("--points", type=int, default=1_000_000)
     words.add_argument("--design", choices=["sobol", "grid"], default="sobol")
     words.add_argument("--block", type=int, default=5000)
+    words.add_argument("--course", type=int, default=0)
     words.add_argument("--page", action="store_true")
     options = words.parse_args()
     with tempfile.TemporaryDirectory() as folder:
@@ -128,13 +139,16 @@ def main() -> None:
             with stage("preparation", options.points, before):
                 study.simulator.prepare(asked.columns(asked.of_each_kind(missing)))
             with stage("blocks, journal", options.points, before):
-                for block in answers(study, asked, missing, options.block):
+                for block in answers(study, asked, missing, options.block, options.course):
                     directory.commit(block)
             del missing
             with stage("resume", options.points, before):
                 assert directory.missing(asked).size == 0
+            began_cube = time.perf_counter()
             with stage("cube", options.points, before):
                 cube = directory.write_cube(asked, "benchmark")
+            size, seconds = cube.nbytes / 1e6, time.perf_counter() - began_cube
+            print(f"written {size:,.0f} MB of cube, {size / seconds:.0f} MB/s")
             with stage("failures", options.points, before):
                 asked.failures(cube)
             del cube
@@ -142,9 +156,14 @@ def main() -> None:
         print(f"a point costs {price:.2f} us besides its simulation, without the page")
         size = sum(path.stat().st_size for path in (out / "cube.nc", out / "cost.nc"))
         print(f"cube and costs {size / 1e6:,.0f} MB")
+        with stage("lazy open", options.points, before):
+            td.open_cube(out, chunks="auto").close()
         with stage("one point", options.points, before), opened_arrays(out) as arrays:
             along = "point=5" if options.design == "sobol" else "joint_angle_deg=4"
             records(arrays, "thrust_amplitude", [along, "order=3"])
+        if options.course and options.design == "sobol":
+            with stage("one course", options.points, before), opened_arrays(out) as arrays:
+                records(arrays, "thrust", [f"point={options.points // 2}"])
         if options.page:
             with stage("page", options.points, before):
                 page = write_report(out)

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 import tripod_doe as td
 from tripod_doe.study import query, results, written_cube
 from tripod_doe.study.arrays import opened_arrays
+from tripod_doe.study.cube_file import _shrinks
 from tripod_doe.study.query import records
 from tripod_doe.study.slabs import box, slabs
 
@@ -162,3 +163,12 @@ def test_a_question_is_answered_slab_by_slab(run_in_slabs, monkeypatch, asked):
         assert one["x"].size > 10
         for name, column in one.items():
             assert np.array_equal(column, other[name], equal_nan=column.dtype.kind == "f"), name
+
+
+def test_whether_compression_pays_is_asked_of_more_than_the_first_points():
+    """Regression: a first point that failed had all courses of noise compressed, which took five times as long."""
+    noise = np.random.default_rng(1).normal(size=(40, 16_000))
+    empty = np.full_like(noise, np.nan)
+    assert not _shrinks(np.vstack([empty[:1], noise]))
+    assert _shrinks(np.vstack([noise[:1], empty]))
+    assert not _shrinks(noise[:1, :3])

@@ -26,7 +26,7 @@ from tripod_doe.study.slabs import Slab, box
 __all__ = ["CubeFile", "cube_file"]
 
 _CHUNK_BYTES = 2_000_000
-_SAMPLE_BYTES = 64_000  # of the first slab, by which it is decided whether compression pays
+_SAMPLE_BYTES, _STRETCHES = 64_000, 16  # of the first slab, by which it is decided whether compression pays
 _PAYS = 0.7  # part of the bytes that are left where it does
 
 
@@ -146,8 +146,14 @@ def _missing(variable: xr.Variable) -> float | int:
 
 
 def _shrinks(values: NDArray[Any]) -> bool:
-    """Whether compression pays, with the bytes of a number sorted by their place in it as HDF5 does."""
-    sample = np.ascontiguousarray(values).ravel()[: _SAMPLE_BYTES // values.dtype.itemsize]
+    """Whether compression pays, with the bytes of a number sorted by their place in it as HDF5 does.
+
+    Asked are stretches all over the values: the first point alone may have failed, and be empty.
+    """
+    flat = np.ascontiguousarray(values).ravel()
+    length = min(_SAMPLE_BYTES // _STRETCHES // values.dtype.itemsize, flat.size)
+    starts = np.unique(np.linspace(0, flat.size - length, _STRETCHES).astype(np.int64))
+    sample = np.concatenate([flat[start : start + length] for start in starts])
     shuffled = sample.view(np.uint8).reshape(-1, values.dtype.itemsize).T.tobytes()
     return len(zlib.compress(shuffled, 1)) < _PAYS * len(shuffled)
 
