@@ -12,6 +12,7 @@ from published import ISHIGAMI
 import tripod_doe as td
 from tripod_doe.analysis.multifidelity import MultifidelitySettings, multifidelity
 from tripod_doe.analysis.multifidelity.estimates import estimate
+from tripod_doe.analysis.multifidelity.quantiles import quantiles
 from tripod_doe.analysis.multifidelity.split import find_split
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
@@ -122,6 +123,16 @@ def test_intervals_hold_what_they_say():
             hits[key].append(np.abs(result[key] - value) <= result[f"{key}_conf"])
     for key, each in hits.items():
         assert 0.90 <= np.mean(each) <= 0.99, key
+
+
+def test_quantiles_take_their_places_in_parts_of_bounded_size(monkeypatch):
+    """Exact: a few places at a time give what all at once do; of 8,000 samples of the truth that took 2.5 GB."""
+    random = np.random.default_rng(3)
+    truth = random.normal(size=(60, 2))
+    rough = np.concatenate([truth + 0.1 * random.normal(size=truth.shape), random.normal(size=(400, 2))])
+    whole = quantiles([truth, rough], [0.01, 0.5, 0.999], 1.96)
+    monkeypatch.setattr("tripod_doe.analysis.multifidelity.quantiles._MOST_NUMBERS", 1000)
+    np.testing.assert_array_equal(quantiles([truth, rough], [0.01, 0.5, 0.999], 1.96), whole)
 
 
 def test_quantiles_hold_and_are_sharper_than_those_of_the_truth_alone():

@@ -7,6 +7,7 @@ The interval holds all t at which the distribution function cannot be told from 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -19,6 +20,7 @@ __all__ = ["quantiles"]
 FloatArray = NDArray[np.float64]
 
 _LEVELS = 400  # places at which the distribution function is evaluated
+_MOST_NUMBERS = 4_000_000  # of the truth's points times places at once
 _ADDED = 2  # points that are taken to disagree besides those that do, of four more (Agresti and Coull 1998)
 
 
@@ -84,7 +86,46 @@ def _distribution(values: list[FloatArray], at: FloatArray) -> tuple[FloatArray,
     """Distribution function of the truth and its standard error, shape (place,)."""
     counts = [len(each) for each in values]
     ends, shares, fold = [0, *counts], shares_of(counts), folds_of(counts[0])
-    truth = values[0]
+    chance, own_variance, coefficients = np.zeros(at.size), np.zeros(at.size), np.zeros((len(values), at.size))
+    lines = {
+        (number, k): _lines(values[0][fold != number], cheap[: counts[0]][fold != number])
+        for number in range(fold.max() + 1)
+        for k, cheap in enumerate(values[1:], 1)
+    }
+    beside = {
+        (number, k): [_at_most(offset + slope * values[k][start:stop], at)
+                      for start, stop in pairwise(ends[1:]) if stop <= counts[k]]
+        for (number, k), (slope, offset) in lines.items()
+    }  # fmt: skip
+    most = max(_MOST_NUMBERS // values[0].size, 1)
+    for start in range(0, at.size, most):
+        part = slice(start, start + most)
+        means = {key: [mean[part] for mean in own] for key, own in beside.items()}
+        chance[part], own_variance[part], coefficients[:, part] = _of_truth(values, at[part], lines, means)
+    return chance, np.sqrt(own_variance + _variance_of_others(values, coefficients, shares, at))
+
+
+def _of_truth(
+    values: list[FloatArray],
+    at: FloatArray,
+    lines: Mapping[tuple[int, int], tuple[float, float]],
+    beside: Mapping[tuple[int, int], list[FloatArray]],
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Distribution function at some places, its variance over the truth's samples, and the mean coefficients.
+
+    Parameters
+    ----------
+    values
+        As in `quantiles`.
+    at
+        The places.
+    lines
+        Slope and offset from each cheaper model to the truth, by fold and model.
+    beside
+        Shares of the predictions that are at most as large, in each stratum of samples that the truth lacks.
+    """
+    counts = [len(each) for each in values]
+    shares, fold, truth = shares_of(counts), folds_of(counts[0]), values[0]
     below = truth[..., None] <= at  # (sample, point, place)
     chance, residual = np.zeros(at.size), below.astype(float)
     coefficients = np.zeros((len(values), at.size))
@@ -92,18 +133,15 @@ def _distribution(values: list[FloatArray], at: FloatArray) -> tuple[FloatArray,
         own, rest = fold == number, fold != number
         part = below[own].mean(axis=(0, 1))
         for k, cheap in enumerate(values[1:], 1):
-            slope, offset = _lines(truth[rest], cheap[: counts[0]][rest])
+            slope, offset = lines[number, k]
             guess = (offset + slope * cheap[: counts[0]])[..., None] <= at
             coefficient = _coefficient(below[rest], guess[rest])
-            means = [guess[own].mean(axis=(0, 1))]
-            means += [_at_most(offset + slope * cheap[start:stop], at)
-                      for start, stop in pairwise(ends[1:]) if stop <= counts[k]]  # fmt: skip
+            means = [guess[own].mean(axis=(0, 1)), *beside[number, k]]
             part = part + coefficient * sum(share * mean for share, mean in zip(shares[k], means, strict=False))
             residual[own] += coefficient * shares[k, 0] * guess[own]
             coefficients[k] += coefficient * own.mean()
         chance += part * own.mean()
-    own_variance = _variance_of_truth(residual, below)
-    return chance, np.sqrt(own_variance + _variance_of_others(values, coefficients, shares, at))
+    return chance, _variance_of_truth(residual, below), coefficients
 
 
 def _coefficient(truth: NDArray[np.bool_], guess: NDArray[np.bool_]) -> FloatArray:
