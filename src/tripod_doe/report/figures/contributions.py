@@ -122,13 +122,13 @@ def _maps(part: Contribution) -> list[Chart]:
     varying = [str(name) for name in part.points if part.points[str(name)].nunique() > 1]
     if len(varying) != 2 or not all(part.points[name].dtype.kind in "fiu" for name in varying):
         return []
+    across, up = sorted(varying, key=lambda name: part.points[name].nunique())
+    if part.points[across].nunique() * part.points[up].nunique() != len(part.points):  # of a sample, tables are huge
+        return []
     from matplotlib.colors import CenteredNorm
 
-    across, up = sorted(varying, key=lambda name: part.points[name].nunique())
     values = part.shares[part.fairest]
     tables = [part.points.assign(share=column).pivot_table("share", up, across, dropna=False) for column in values.T]
-    if any(table.size != len(part.points) for table in tables):
-        return []
     shown = [which for which, table in enumerate(tables) if bool(table.notna().any(axis=None))]
     with panels(len(shown), min(len(shown), 3), _PANEL, _PANEL) as (figure, grid):
         for panel, which in zip(grid, shown, strict=True):
