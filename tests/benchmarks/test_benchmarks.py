@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from started import Process
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points
@@ -265,10 +266,17 @@ def test_a_choice_is_compared_with_the_full_model_everywhere(benchmark, tmp_path
 
 
 @pytest.mark.slow
-def test_a_storm_over_a_cluster_costs_blocks_at_work_only(benchmark, capsys):
-    """Values and commits are held by the storm itself."""
+def test_a_storm_over_a_cluster_costs_blocks_at_work_only(benchmark, capsys, monkeypatch):
+    """Values and commits are held by the storm itself; its six processes are forked."""
+
+    def start(command):
+        command._process = Process(command._words[1:], quiet=True)
+
+    storm_over = benchmark("cluster_storm")
+    monkeypatch.setattr(storm_over.Command, "start", start)
+    monkeypatch.setattr(storm_over.SupervisedCluster, "start", lambda _, words, place: Process(words, quiet=True))
     storm = "--times 3 --what worker client scheduler --every 2 --workers 1 --count 60 --block 2 --seed 8"
-    benchmark("cluster_storm").main(storm.split())
+    storm_over.main(storm.split())
     told = ast.literal_eval(capsys.readouterr().out)
     assert told["hits"] == {"worker": 1, "client": 1, "scheduler": 1}
     assert told["started again"] <= 3 * 2 * 2  # hits, blocks that are sent to a worker, points of a block

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import shutil
+import signal
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import pytest
 
 import tripod_doe as td
+from started import Process
 
 pytestmark = pytest.mark.slow
 
@@ -19,6 +22,26 @@ def in_own_thread(function, *arguments):
         return thread.submit(function, *arguments).result()
 
 
+class ForkedServer(Process):
+    """A server that is forked: one that starts anew, and what it forks from, import for three seconds."""
+
+    def __init__(self, words, **streams):
+        super().__init__(words[1:])
+
+    def terminate(self):
+        self.send_signal(signal.SIGTERM)
+
+    def wait(self, timeout=60):
+        super().wait(timeout)
+        self.stderr.close()
+
+
+@pytest.fixture
+def forked_servers(benchmark, monkeypatch):
+    monkeypatch.setattr(benchmark("service_load"), "subprocess", SimpleNamespace(Popen=ForkedServer, PIPE=None))
+
+
+@pytest.mark.usefixtures("forked_servers")
 def test_load(benchmark, tmp_path, capsys):
     """Real server, client connections and runs: 200 event streams lose nothing, and answers go on beside two studies."""
     load = benchmark("service_load")
@@ -41,11 +64,13 @@ def test_requests_made_from_the_description_meet_no_internal_error(benchmark):
     assert {"2", "4"} <= {route.rpartition(" ")[2][0] for route in tally}
 
 
+@pytest.mark.usefixtures("forked_servers")
 def test_a_kill(benchmark):
     """Of a server, a run, a worker or all at a random moment: no finished point lost or run twice, and equal cubes."""
     assert sum(in_own_thread(benchmark("service_storm").storm_and_compare, 1, 4, "0", 12)["kills"].values()) == 1
 
 
+@pytest.mark.usefixtures("forked_servers")
 def test_page(benchmark, capsys):
     """A browser loads list and explorer, and draws slices and many points; this holds only that all of it happens."""
     if shutil.which("chromium") is None:
