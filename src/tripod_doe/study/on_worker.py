@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -33,8 +34,9 @@ class Unfit:
     reason: str
 
 
+@cache
 def our_version() -> str:
-    """Version of the package in this process."""
+    """Version of the package in this process; asked for with every block, and parsed from a file."""
     return version("tripod-doe")
 
 
