@@ -6,6 +6,7 @@ import json
 import os
 import re
 import resource
+import runpy
 import subprocess
 import sys
 
@@ -353,3 +354,11 @@ def test_a_full_disk_loses_nothing(write_study, tmp_path):
     assert summary.good
     assert summary.reused > 0
     assert summary.computed + summary.reused == 60
+
+
+def test_the_package_is_the_command_too(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["python", "--version"])
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_module("tripod_doe", run_name="__main__")
+    assert ended.value.code in (0, None)
+    assert capsys.readouterr().out.startswith("tripod-doe ")
