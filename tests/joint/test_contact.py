@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.optimize import brentq
 
 from tripod_doe.joint import contact
+from tripod_doe.joint.turned_bearing import turned_bearing
 
 
 def test_groove_of_ratio_1_008573_gives_the_ellipse_of_20_to_1():
@@ -95,11 +99,11 @@ def test_a_straight_bearing_tilts_as_its_spheres_stand_along_its_needles(clearan
     stiffness, load, offset = 6.3e5, 800.0, 1e-3
     kappa, penetration = contact.bearing_load_zone(load, clearance, stiffness, 27)
     along = (contact.bearing_load_zone(1.001 * load, clearance, stiffness, 27)[1] - penetration) * 2 / (1e-3 * load)
-    found = contact.tilted_bearing(load, offset, clearance, stiffness, 27, 10.0, 7.0, 0.0)
+    found = turned_bearing(load, offset, 1e-3 * load, clearance, stiffness, 27, 10.0, 7.0, 0.0)
     assert found[:2] == pytest.approx((kappa, clearance + 2 * penetration), rel=1e-6)
     spread = 10.0**2 / 12 * (1 - 1 / 7**2)
     assert found[2] == pytest.approx(load * offset * along / spread, rel=1e-3)
-    assert found[3] == pytest.approx(found[1] / spread, rel=1e-6)
+    assert found[3] == pytest.approx(1e-3 * found[1] / spread, rel=1e-4)
 
 
 def test_a_crowned_needle_rocks_on_its_crown():
@@ -108,21 +112,29 @@ def test_a_crowned_needle_rocks_on_its_crown():
     Of 41 spheres; those of the usual seven are steps of 1.4 mm.
     """
     for offset in (1.0, 2.0, 3.0):
-        tilt = contact.tilted_bearing(200.0, offset, 0.015, 6.3e5, 27, 10.0, 41.0, 0.01)[2]
+        tilt = turned_bearing(200.0, offset, 0.0, 0.015, 6.3e5, 27, 10.0, 41.0, 0.01)[2]
         assert tilt == pytest.approx(16 * 0.01 * offset / 10.0**2, rel=0.03)
 
 
-def test_a_load_far_off_the_middle_is_found():
-    """Exact: what the rings carry has its sum and its moment, whatever is asked for."""
-    for load in (50.0, 500.0, 5000.0):
-        for crown in (0.0, 0.002, 0.01):
-            shift, tilt = contact.tilted_bearing(load, 3.5, 0.03, 6.3e5, 27, 10.0, 7.0, crown)[1:3]
-            stations = 10.0 * ((np.arange(7) + 0.5) / 7 - 0.5)
-            rooms = 0.03 + 8 * crown * stations**2 / 100
-            turns = np.linspace(0, 2 * np.pi / 27, 500)
-            rings = [
-                np.mean([loads(shift + tilt * x, room, 6.3e5 / 7, 27, turn)[0] for turn in turns])
-                for x, room in zip(stations, rooms, strict=True)
+@pytest.mark.parametrize("lever", [0.0, 0.1, 0.4])
+@pytest.mark.parametrize("crown", [0.0, 0.002, 0.01])
+def test_a_load_far_off_the_middle_and_a_moment_are_found(crown, lever):
+    """Exact: what the rings carry has its sum and its moments, whatever is asked for."""
+    stations = 10.0 * ((np.arange(7) + 0.5) / 7 - 0.5)
+    rooms, turns = 0.03 + 8 * crown * stations**2 / 100, np.linspace(0, 2 * np.pi / 27, 200, endpoint=False)
+    for load, offset in itertools.product((50.0, 500.0, 5000.0), (0.0, 2.0, 3.5)):
+        shift, tilt, yaw = turned_bearing(load, offset, lever * load, 0.03, 6.3e5, 27, 10.0, 7.0, crown)[1:]
+
+        def carried(centre, shift=shift, tilt=tilt, yaw=yaw):
+            moved = shift + tilt * stations + 1j * yaw * (stations - centre)
+            size = [
+                np.mean([loads(abs(by), room, 6.3e5 / 7, 27, turn)[0] for turn in turns])
+                for by, room in zip(moved, rooms, strict=True)
             ]
-            assert sum(rings) == pytest.approx(load, rel=2e-3)
-            assert np.dot(rings, stations) == pytest.approx(3.5 * load, rel=2e-3)
+            return np.array(size) * moved / abs(moved)
+
+        centre = brentq(lambda place: carried(place).imag.sum(), -5, 5) if lever else 0.0
+        rings = carried(centre)
+        assert rings.real.sum() == pytest.approx(load, rel=2e-3)
+        assert np.dot(rings.real, stations) == pytest.approx(offset * load, rel=2e-3, abs=2e-3 * load)
+        assert np.dot(rings.imag, stations) == pytest.approx(lever * load, rel=5e-3)

@@ -23,18 +23,14 @@ __all__ = [
     "groove_curvature",
     "hertz_coefficients",
     "needle_contact_stiffness",
+    "needle_loads",
     "semi_major_axis_factor",
-    "tilted_bearing",
 ]
 
 FloatArray = NDArray[np.float64]
 
 _STEEL = 207e3 / (1 - 0.3**2)
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
-_NEWTON = 60
-"""Iterations of a bearing's balance, at most."""
-_WITHIN = 0.98
-"""Place of a load between the outermost spheres, at most."""
 
 
 def elastic_factor(youngs_modulus: FloatArray, poissons_ratio: FloatArray) -> FloatArray:
@@ -175,98 +171,21 @@ def bearing_load_zone(load, clearance, stiffness, needle_count):
     load = max(load, 1e-9)
     floor = max(clearance, 0.0)
     shift = floor + 2.0 * (load / stiffness) ** 0.9 + 1e-12
-    along, total, slope = _needle_loads(shift, clearance, stiffness, needle_count)
+    along, total, slope = needle_loads(shift, clearance, stiffness, needle_count)
     while along < load:
         shift = floor + 2.0 * (shift - floor)
-        along, total, slope = _needle_loads(shift, clearance, stiffness, needle_count)
+        along, total, slope = needle_loads(shift, clearance, stiffness, needle_count)
     for _ in range(60):  # the load is convex in the shift: Newton's method descends from above
         change = (along - load) / slope
         shift = max(shift - change, floor + 0.01 * (shift - floor))
-        along, total, slope = _needle_loads(shift, clearance, stiffness, needle_count)
+        along, total, slope = needle_loads(shift, clearance, stiffness, needle_count)
         if abs(change) <= 1e-12 * shift:
             break
     return total / along, 0.5 * (shift - clearance)
 
 
 @inner_kernel
-def tilted_bearing(load, offset, clearance, stiffness, needle_count, length, spheres, crown):
-    """Load zone of a bearing whose load is off the middle of its needles, which may be crowned; how its roller turns.
-
-    Each ring of spheres is a bearing of its own: at the station x along the needles the roller has moved by D + b x,
-    and the clearance is c + 8 h x^2 / l^2 with the crown h, which a needle has towards both partners. D and the tilt b
-    follow from the balance of forces and of moments. A ring that carries F holds against moving across its load by u
-    with F u / (D + b x), since the load zone turns with the shift. So a moment M about the load yaws the roller about
-    the middle of that resistance, by M / (sum(x^2 F / (D + b x)) - the same about the middle).
-
-    Parameters
-    ----------
-    load, clearance, stiffness, needle_count
-        As for `bearing_load_zone`.
-    offset
-        Of the load from the middle of the needles, mm.
-    length, spheres, crown
-        Of a needle, in mm, and how many spheres stand for it.
-
-    Returns
-    -------
-    tuple of float
-        The sum of the needle loads over the bearing load, the shift D in mm, the tilt b in rad, and the yaw over M and
-        the load, rad/mm. One sphere a needle holds no roller upright: it is taken to be so.
-    """
-    load, farthest = max(load, 1e-9), _WITHIN * 0.5 * length * (1.0 - 1.0 / spheres)
-    offset, bend = min(max(offset, -farthest), farthest), 8.0 * crown / (length * length)
-    # rigid, it would touch the crown's parabola at the offset
-    shift, tilt = max(clearance, 0.0) + 2.0 * (load / stiffness) ** 0.9 - bend * offset * offset, 2.0 * bend * offset
-    low, high = -math.inf, math.inf
-    total, yawing = load, 0.0
-    for _ in range(_NEWTON):
-        shift, total, moment, stiff, yawing = _rings(
-            load, shift, tilt, clearance, bend, stiffness, needle_count, length, spheres
-        )
-        missing = load * offset - moment
-        if missing > 0.0:
-            low = tilt
-        else:
-            high = tilt
-        if abs(missing) <= 1e-9 * load * length:
-            break
-        step = missing / max(stiff, 1e-300)
-        farther = max(bend * length, 2.0 * (spheres * load / stiffness) ** 0.9 / length)
-        tilt += min(max(step, -farther), farther)
-        if not low < tilt < high:
-            tilt = 0.5 * (low + high)
-    return total / load, shift, tilt, load / yawing if yawing > 0.0 else 0.0
-
-
-@inner_kernel
-def _rings(load, shift, tilt, clearance, bend, stiffness, needle_count, length, spheres):
-    """Rings of spheres that carry a load at a given tilt: shift, sum of loads, moment, its slope, resistance to yaw."""
-    for _ in range(_NEWTON):
-        along, moment, total, slope, slope_1, slope_2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        across, across_1, across_2 = 0.0, 0.0, 0.0
-        nearest = math.inf
-        for i in range(int(spheres)):
-            x = length * ((i + 0.5) / spheres - 0.5)
-            room = clearance + bend * x * x
-            carried, pressed, rise = _needle_loads(shift + tilt * x, room, stiffness / spheres, needle_count)
-            along, moment, total = along + carried, moment + carried * x, total + pressed
-            slope, slope_1, slope_2 = slope + rise, slope_1 + rise * x, slope_2 + rise * x * x
-            held = carried / max(shift + tilt * x, 1e-9)
-            across, across_1, across_2 = across + held, across_1 + held * x, across_2 + held * x * x
-            nearest = min(nearest, room - tilt * x)
-        if slope == 0.0:
-            shift = nearest + 2.0 * (spheres * load / stiffness) ** 0.9
-            continue
-        change = (load - along) / slope
-        if abs(change) <= 1e-10 * abs(shift) or abs(load - along) <= 1e-10 * load:
-            break
-        shift = max(shift + change, nearest + 0.01 * (shift - nearest))
-    yawing = across_2 - across_1 * across_1 / max(across, 1e-300)
-    return shift, total, moment, slope_2 - slope_1 * slope_1 / max(slope, 1e-300), yawing
-
-
-@inner_kernel
-def _needle_loads(shift, clearance, stiffness, needle_count):
+def needle_loads(shift, clearance, stiffness, needle_count):
     """Sum along the load, plain sum, and derivative of the first for the shift D, by Gauss's rule on the load zone."""
     if shift <= clearance:
         return 0.0, 0.0, 0.0

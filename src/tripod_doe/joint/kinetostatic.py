@@ -20,7 +20,7 @@ path is a few swings long: at 5 deg this turns the phase of the third order by 2
 
 Tilt. Loads off the middle of the needles tilt the roller about e_z: friction across the groove at the lever R_s, and
 the normal force at the lever r - r_m of its plunging. A load at x from the middle of the needles tilts the roller by
-k_t x (`contact.tilted_bearing`: under light load a crown makes that ten times as much), so that the slip across the
+k_t x (`turned_bearing`: under light load a crown makes that ten times as much), so that the slip across the
 groove gets
 
     R_s k_t d(r - r_m + R_s f_t / N) / dt,
@@ -33,8 +33,9 @@ their pitch circle, since a needle between two frictions tilts itself, and their
 Yaw. The spinning moment M_s turns the roller about its normal by y = k_y M_s / N, against its needles. So the axis
 about which it turns leaves the trunnion, and the trunnion's t_z becomes t_z - sigma t_tau y in all that the roller's
 spin does: a roller that is steered rolls another way. M_s is that of a roller that rolls upright, without slip, under
-the mean load, and yaws: of w_n + dy/dt. Crowned needles let rollers yaw by some per cent of the joint angle, straight
-ones by a thousandth.
+the mean load, and yaws: of w_n + dy/dt. k_y is that of the full moment (`turned_bearing`), since the needles of
+a crown resist the more the farther a roller yaws, with the load at its mean distance from the middle of the needles.
+Crowned needles let rollers yaw by some per cent of the joint angle, straight ones by a thousandth.
 
 Lag. Trunnions stay behind their grooves by rho, the bearing's clearance and the needles' penetrations together, over
 R_p: all happens that much later in the rotation.
@@ -51,15 +52,17 @@ rollers is left out, as is all else that the equilibrium leaves out but the moti
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.joint import contact
 from tripod_doe.joint.equilibrium import Equilibrium, point_constants, solve_balance
 from tripod_doe.joint.moving_needles import Followers
 from tripod_doe.joint.needle_constants import needle_constants
 from tripod_doe.joint.needle_motion import FARTHEST
 from tripod_doe.joint.roller_inertia import roller_inertia
+from tripod_doe.joint.turned_bearing import turned_bearing
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.compilation import kernel
 
@@ -67,17 +70,21 @@ __all__ = ["solve_kinetostatic"]
 
 FloatArray = NDArray[np.float64]
 
+_ON_AVERAGE = 2 / math.pi
+"""Mean distance of a load that swings about the middle of the needles, over the largest."""
+
 
 @kernel
-def _bearings(loads, offsets, clearances, stiffnesses, counts, lengths, spheres, crowns, out):
-    """`contact.tilted_bearing` for every point, shape (4, point)."""
+def _bearings(loads, offsets, levers, clearances, stiffnesses, counts, lengths, spheres, crowns, out):
+    """`turned_bearing` for every point, shape (4, point); moments are given over their loads."""
     for i in range(loads.size):
-        out[0, i], out[1, i], out[2, i], out[3, i] = contact.tilted_bearing(
-            loads[i], offsets[i], clearances[i], stiffnesses[i], counts[i], lengths[i], spheres[i], crowns[i]
+        load, lever = loads[i], levers[i]
+        out[0, i], out[1, i], out[2, i], out[3, i] = turned_bearing(
+            load, offsets[i], load * lever, clearances[i], stiffnesses[i], counts[i], lengths[i], spheres[i], crowns[i]
         )
 
 
-def _tilted_bearings(points: JointValues[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _turned_bearings(points: JointValues[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Sum of the needle loads over the bearing load, shift in mm, k_t and k_y in rad/mm, each of shape (point,)."""
     eccentricity = points.pitch_radius * (1 / np.cos(points.joint_angle) - 1) / 2
     swung = (
@@ -85,12 +92,14 @@ def _tilted_bearings(points: JointValues[FloatArray]) -> tuple[FloatArray, Float
     )
     farthest = FARTHEST * points.needle_length
     offset = np.clip(eccentricity + swung, 0.01 * farthest, farthest)
-    bearing = np.empty((4, offset.size))
-    _bearings(
-        points.groove_load, offset, points.bearing_radial_clearance, points.needle_stiffness, points.needle_count,
-        points.needle_length, points.spheres_per_needle, points.needle_crown, bearing,
-    )  # fmt: skip
-    return bearing[0], bearing[1], bearing[2] / offset, bearing[3]
+    spinning = 0.375 * points.groove_spin_friction * points.groove_axis_factor * points.groove_load ** (1 / 3)
+    bearing, yawed = np.empty((2, 4, offset.size))
+    for off, lever, out in ((offset, 0.0 * spinning, bearing), (_ON_AVERAGE * offset, spinning, yawed)):
+        _bearings(
+            points.groove_load, off, lever, points.bearing_radial_clearance, points.needle_stiffness,
+            points.needle_count, points.needle_length, points.spheres_per_needle, points.needle_crown, out,
+        )  # fmt: skip
+    return bearing[0], bearing[1], bearing[2] / offset, yawed[3] / np.maximum(spinning, 1e-300)
 
 
 def _moving_constants(
@@ -130,7 +139,7 @@ def solve_kinetostatic(points: JointValues[FloatArray], samples: int, needles_mo
     Equilibrium
         Of the mean of the last two revolutions, over which the needles' skew still changes.
     """
-    kappa, shift, tilt, yaw = _tilted_bearings(points)
+    kappa, shift, tilt, yaw = _turned_bearings(points)
     columns = point_constants(points, kappa) | _moving_constants(points, shift, tilt, yaw, samples)
     penetration = (shift - points.bearing_radial_clearance) / 2
     skews = np.stack(points.initial_skews, axis=1)

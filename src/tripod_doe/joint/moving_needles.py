@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.joint.balance_constants import TILT, PointConstants, flank, point_constants_of
-from tripod_doe.joint.contact import tilted_bearing
 from tripod_doe.joint.moving_roller import added_motion
 from tripod_doe.joint.needle_constants import needle_constants_of
 from tripod_doe.joint.needle_motion import (
@@ -28,6 +27,7 @@ from tripod_doe.joint.needle_motion import (
 )
 from tripod_doe.joint.revolution import Memory, motion_at
 from tripod_doe.joint.roller_balance import leaning_contact
+from tripod_doe.joint.turned_bearing import turned_bearing
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics import laws
 from tripod_doe.mechanics.by_reference import ByReference
@@ -122,7 +122,7 @@ def _tilt_of(p, c, samples, ring):
             farthest = max(farthest, abs(ring.offsets[k, j // WIDTH, j % WIDTH]))
     load = abs(p.torque) / (3.0 * p.pitch_radius)
     farthest, crown = min(farthest, FARTHEST * c.length), 0.25 * c.drop * c.length * c.length
-    bearing = tilted_bearing(load, farthest, c.clearance, c.stiffness, c.needles, c.length, c.spheres, crown)
+    bearing = turned_bearing(load, farthest, 0.0, c.clearance, c.stiffness, c.needles, c.length, c.spheres, crown)
     return p.roller_radius * bearing[2] / farthest
 
 
