@@ -18,6 +18,7 @@ RATIOS = {
     "joint_angle_deg": "joint angle",
     "groove_friction": "sliding friction coefficient of the grooves, 0 with their sliding off",
     "swing_ratio": "swing of a roller in its groove by friction, over its slip along the groove",
+    "needle_friction": "sliding friction coefficient of the needles, 0 with it off",
     "needle_ratio": "needle sliding friction, 0 with it off, over joint angle in rad",
     "inertia_ratio": "force that keeps a roller on its orbit, over its mean normal force",
     "crown_ratio": "1 + crown of the needles over the penetration of the most loaded one without crown and clearance",
@@ -41,6 +42,7 @@ def operating_ratios(points: Mapping[str, NDArray[Any]]) -> dict[str, FloatArray
     """
     theta, pitch, roller = np.radians(points["joint_angle_deg"]), points["pitch_radius_mm"], points["roller_radius_mm"]
     friction = points["groove_sliding_friction"] * points["groove_sliding"]
+    rubbing = points["needle_sliding_friction"] * points["needle_sliding"]
     play = (points["groove_radius_ratio"] - 1) * roller
     slip = pitch * np.tan(theta) * np.sin(theta) / 2
     bore = (points["needle_pitch_diameter_mm"] + points["needle_diameter_mm"]) / 2 + points[
@@ -58,7 +60,8 @@ def operating_ratios(points: Mapping[str, NDArray[Any]]) -> dict[str, FloatArray
             "joint_angle_deg": np.asarray(points["joint_angle_deg"], float),
             "groove_friction": friction,
             "swing_ratio": 2 * friction * play / slip,
-            "needle_ratio": points["needle_sliding_friction"] * points["needle_sliding"] / theta,
+            "needle_friction": rubbing,
+            "needle_ratio": rubbing / theta,
             "inertia_ratio": orbit * 3e-3 * pitch / np.abs(points["torque_n_m"]),
             "crown_ratio": 1 + 1e-3 * points["needle_crown_um"] / (carried / stiffness) ** 0.9,
         }
