@@ -20,7 +20,14 @@ from tripod_doe.study.definition import load_study
 
 STUDIES = [
     f"studies/{name}.toml"
-    for name in ("rungs_needles", "joint_angle", "speed_torque", "needles_field", "needles_reference", "needles_wide_field")
+    for name in (
+        "rungs_needles",
+        "joint_angle",
+        "speed_torque",
+        "needles_field",
+        "needles_reference",
+        "needles_wide_field",
+    )
 ] + ["studies/rungs.toml"]
 SECOND = Demand("thrust_amplitude_2", "thrust_amplitude", 2, 0.1)
 THIRD = Demand("thrust_amplitude_3", "thrust_amplitude", 3, 0.015)
