@@ -29,8 +29,7 @@ import xarray as xr
 
 import tripod_doe as td
 from tripod_doe.joint.model_error import COMPARED, FINEST, RECORDED
-from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values
-from tripod_doe.joint.simulator import simulator
+from tripod_doe.joint.parameters import JOINT_PARAMETERS, point_values
 from tripod_doe.joint.vibration import growing_vibration
 from tripod_doe.mechanics.sources import source_hashes
 from tripod_doe.simulator import Outcome
@@ -78,9 +77,7 @@ def orders(model: str, point: dict[str, float]) -> np.ndarray:
 
 def vibrates(point: dict[str, float]) -> bool:
     """Whether a joint vibrates by itself."""
-    columns = simulator.columns({}, {name: np.array([value]) for name, value in point.items()}, 1)
-    plain = {name: column for name, column in columns.items() if JOINT_PARAMETERS[name].kind != "choice"}
-    return growing_vibration(internal_values(plain).point(0)) is not None
+    return growing_vibration(point_values(point).point(0)) is not None
 
 
 def record(cubes: list[xr.Dataset]) -> pd.DataFrame:

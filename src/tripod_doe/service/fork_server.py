@@ -27,6 +27,8 @@ from importlib import import_module
 
 import psutil
 
+from tripod_doe.study.child_process import command, environment
+
 __all__ = ["Answering", "start_module"]
 
 _IMPORTED = (
@@ -43,7 +45,6 @@ _IMPORTED = (
 )
 """What nearly all runs and answers import."""
 
-_NO_LEAKS = "ignore::UserWarning:multiprocessing.resource_tracker"  # the system frees what a process that is killed had
 _LONGEST = 1 << 20  # bytes of a request
 
 
@@ -82,8 +83,8 @@ def start_module(
         _fork_server.ask(json.dumps([niceness, module, *words]).encode(), [*streams, mark], must_start)
         return
     process = subprocess.Popen(  # libraries of other systems do not survive a fork
-        _python(module, *words), stdin=streams[0], stdout=streams[1], stderr=streams[2], start_new_session=True,
-        pass_fds=(mark,), env=_environment(),
+        command(module, *words), stdin=streams[0], stdout=streams[1], stderr=streams[2], start_new_session=True,
+        pass_fds=(mark,), env=environment(),
     )  # fmt: skip
     os.setpriority(os.PRIO_PROCESS, process.pid, os.nice(0) + niceness)
     os.write(mark, f"{process.pid}\n".encode())
@@ -164,15 +165,6 @@ class Answering:
                 stream.close()
 
 
-def _python(module: str, *words: str) -> list[str]:
-    return [sys.executable, "-P", "-W", _NO_LEAKS, "-m", module, *words]
-
-
-def _environment() -> dict[str, str]:
-    """That of this process, with which another one imports from the same places."""
-    return os.environ | {"PYTHONPATH": os.pathsep.join(place or os.getcwd() for place in sys.path)}
-
-
 class _ForkServer:
     """The process that forks, as seen by the one that asks it; another takes its place if it has ended."""
 
@@ -202,8 +194,8 @@ class _ForkServer:
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             self._process = subprocess.Popen(
-                _python(__name__, str(theirs.fileno())), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-                start_new_session=True, pass_fds=(theirs.fileno(),), env=_environment(),
+                command(__name__, str(theirs.fileno())), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                start_new_session=True, pass_fds=(theirs.fileno(),), env=environment(),
             )  # fmt: skip
         self._socket = ours
         return ours

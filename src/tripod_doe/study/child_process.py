@@ -13,15 +13,13 @@ import subprocess
 import sys
 from typing import IO
 
-__all__ = ["answers", "start_child"]
+__all__ = ["answers", "command", "environment", "start_child"]
 
 _NO_LEAKS = "ignore::UserWarning:multiprocessing.resource_tracker"  # the system frees what a child that is killed had
 
 
 def start_child(module: str, *words: str) -> subprocess.Popen[str]:
     """Start a module as a program with piped standard input and output.
-
-    It imports from the same places as this process, so that it finds the same functions.
 
     Parameters
     ----------
@@ -30,14 +28,19 @@ def start_child(module: str, *words: str) -> subprocess.Popen[str]:
     words
         Arguments of the program.
     """
-    places = os.pathsep.join(place or os.getcwd() for place in sys.path)
     return subprocess.Popen(
-        [sys.executable, "-P", "-W", _NO_LEAKS, "-m", module, *words],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        env=os.environ | {"PYTHONPATH": places},
-        text=True,
+        command(module, *words), stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment(), text=True
     )
+
+
+def command(module: str, *words: str) -> list[str]:
+    """What runs a module of this package as a program with these arguments."""
+    return [sys.executable, "-P", "-W", _NO_LEAKS, "-m", module, *words]
+
+
+def environment() -> dict[str, str]:
+    """That of this process; a program with it imports from the same places, so that it finds the same functions."""
+    return os.environ | {"PYTHONPATH": os.pathsep.join(place or os.getcwd() for place in sys.path)}
 
 
 def answers() -> IO[str]:
