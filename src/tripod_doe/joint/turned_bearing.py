@@ -49,7 +49,7 @@ def turned_bearing(load, offset, moment, clearance, stiffness, needle_count, len
     load, farthest = max(load, 1e-9), _WITHIN * 0.5 * length * (1.0 - 1.0 / spheres)
     offset, bow = min(max(offset, -farthest), farthest), 8.0 * crown
     twist = moment / length if spheres > 1.0 else 0.0
-    moved, step, system = np.zeros(4), np.zeros(4), np.empty((4, 5))
+    moved, step, pull, system = np.zeros(4), np.zeros(4), np.zeros(4), np.empty((4, 5))
     # rigid, it would touch the crown's parabola at the offset
     at = offset / length
     moved[0], moved[2] = max(clearance, 0.0) + 2.0 * (load / stiffness) ** 0.9 - bow * at * at, 2.0 * bow * at
@@ -68,14 +68,15 @@ def turned_bearing(load, offset, moment, clearance, stiffness, needle_count, len
             continue
         if left <= 1e-9 * load:
             break
-        residual_0, residual_1, residual_2, residual_3 = system[0, 4], system[1, 4], system[2, 4], system[3, 4]
+        pull[:] = system[:, 4]
         eliminate(system, 4, 5)
-        longest = max(max(abs(system[0, 4]), abs(system[1, 4])), max(abs(system[2, 4]), abs(system[3, 4])))
-        part = min(1.0, farther / max(longest, 1e-300))
+        longest, descent = 1e-300, 0.0
         for i in range(4):
-            step[i] = -part * system[i, 4]
+            longest = max(longest, abs(system[i, 4]))
+        for i in range(4):
+            step[i] = -min(1.0, farther / longest) * system[i, 4]
             moved[i] += step[i]
-        descent = -(residual_0 * step[0] + residual_1 * step[1] + residual_2 * step[2] + residual_3 * step[3])
+            descent -= pull[i] * step[i]
     return total / load, moved[0], moved[2] / length, moved[3] / length
 
 
