@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import tripod_doe as td
-from tripod_doe.study import query, results, written_cube
+from tripod_doe.study import cube_file, query, results, written_cube
 from tripod_doe.study.arrays import opened_arrays
 from tripod_doe.study.cube_file import _shrinks
 from tripod_doe.study.query import records
@@ -35,6 +35,15 @@ def force(x, y=1.0, kind="soft"):
     course = x * y * np.sin(np.arange(6))
     answer = xr.Dataset({"peak": x * y, "course": ("place", course)}, coords={"place": [f"p{i}" for i in range(6)]})
     return answer if x > 1 else answer[["peak"]]
+"""
+COURSES = """
+import numpy as np
+import xarray as xr
+
+
+def force(x):
+    labels = {"rotation_deg": np.arange(512.0), "order": np.arange(3)}
+    return xr.Dataset({"course": ("rotation_deg", x * np.ones(512)), "few": ("order", x * np.ones(3))}, coords=labels)
 """
 GRID = """
 [study]
@@ -86,9 +95,9 @@ def test_slabs_are_the_points_in_order_and_no_larger_than_asked_for(shape, cell,
 @pytest.fixture
 def run_in_slabs(tmp_path, monkeypatch):
     """Run a study twice: its cube as a whole, and in slabs of so many bytes."""
-    (tmp_path / "force.py").write_text(FUNCTION)
 
-    def run(text, size):
+    def run(text, size, function=FUNCTION):
+        (tmp_path / "force.py").write_text(function)
         (tmp_path / "study.toml").write_text(text)
         td.run(tmp_path / "study.toml", tmp_path / "whole", workers=0, progress=False)
         monkeypatch.setattr(written_cube, "_SLAB_BYTES", size)
@@ -119,6 +128,19 @@ def test_a_cube_in_slabs_is_the_one_that_is_written_as_a_whole(run_in_slabs, tex
         assert "_FillValue" not in stored["y"].ncattrs()
     with netCDF4.Dataset(whole / "cube.nc") as stored:
         assert stored["outcome_detail"].dtype is str  # a small one is as it ever was
+
+
+@pytest.mark.parametrize("design", ['kind = "latin-hypercube"\nsamples = 200', 'kind = "grid"'])
+def test_a_chunk_of_a_course_has_all_points_of_a_slab_and_a_part_of_the_labels(run_in_slabs, monkeypatch, design):
+    """Exact: so that a part of a course is read at all points without the rest of it; short rows stay together."""
+    monkeypatch.setattr(cube_file, "_CHUNK_BYTES", 32 * 64 * 8)
+    count = ", count = 200" if "grid" in design else ""
+    text = LIST.split("[factors]")[0] + f"[factors]\nx = {{low = 1, high = 2{count}}}\n[design]\n{design}"
+    _, parts = run_in_slabs(text, 32 * (515 * 8 + 200), COURSES)
+    with netCDF4.Dataset(parts / "cube.nc") as stored:
+        assert stored["course"].chunking() == [32, 64]
+        assert stored["few"].chunking() == [32, 3]
+        assert stored["outcome"].chunking() == [32]
 
 
 def test_texts_of_a_large_cube_are_read_when_they_are_used(run_in_slabs, monkeypatch):

@@ -26,6 +26,7 @@ from tripod_doe.study.slabs import Slab, box
 __all__ = ["CubeFile", "cube_file"]
 
 _CHUNK_BYTES = 2_000_000
+_COURSE_BYTES = 2000  # of a point, above which a chunk has a part of them
 _SAMPLE_BYTES, _STRETCHES = 64_000, 16  # of the first slab, by which it is decided whether compression pays
 _PAYS = 0.7  # part of the bytes that are left where it does
 
@@ -114,7 +115,7 @@ class CubeFile:
             variables[name] = xr.Variable(
                 dims, dask.array.empty(shape, dtype=variable.dtype, chunks=-1), variable.attrs
             )
-            encoding[name] = self._encoding(variable, shape, name in part.coords)
+            encoding[name] = self._encoding(variable, name in part.coords)
         coords = xr.Coordinates({**self._levels, **{name: variables[name] for name in part.coords}}, indexes={})
         added = xr.Dataset({name: variables[name] for name in new if name not in coords}, coords)
         added.dump_to_store(self._store, encoding={name: encoding.get(name, {}) for name in added.variables})
@@ -125,17 +126,22 @@ class CubeFile:
                 for earlier in self._written:
                     self._store.ds.variables[name][earlier.place] = self._missing[name]
 
-    def _encoding(self, variable: xr.Variable, shape: tuple[int, ...], is_coordinate: bool) -> dict[str, Any]:
+    def _encoding(self, variable: xr.Variable, is_coordinate: bool) -> dict[str, Any]:
         """How a variable is stored: its chunks, and compressed where a part of its values says that this pays."""
-        most = (*self._lengths, *variable.shape[1:])
-        encoding: dict[str, Any] = {
-            "chunksizes": tuple(map(min, box(shape, variable.dtype.itemsize, _CHUNK_BYTES), most))
-        }
+        encoding: dict[str, Any] = {"chunksizes": self._chunk(variable)}
         if variable.dtype.kind == "f":
             encoding["_FillValue"] = None if is_coordinate else np.nan
         if _shrinks(variable.values):
             encoding |= {"zlib": True, "complevel": 1, "shuffle": True}
         return encoding
+
+    def _chunk(self, variable: xr.Variable) -> tuple[int, ...]:
+        """Of a course all points of a slab, and as many labels as fit: analyses read a part of it at all points."""
+        size, components = variable.dtype.itemsize, variable.shape[1:]
+        if size * math.prod(components) > _COURSE_BYTES:
+            components = box(components, size * math.prod(self._lengths), _CHUNK_BYTES)
+        points = box(self._points.shape, size * math.prod(components), _CHUNK_BYTES)
+        return (*map(min, points, self._lengths), *components)
 
 
 def _missing(variable: xr.Variable) -> float | int:

@@ -189,7 +189,7 @@ def _parts(cube: xr.Dataset, name: str, points: int) -> Iterator[xr.Dataset]:
     variable = cube[name]
     last, length = str(variable.dims[-1]), variable.shape[-1]
     numbers = points * math.prod(variable.shape[1:])
-    width = max(length * _MOST_NUMBERS // max(numbers, 1), 1)
+    width = 1 << max(length * _MOST_NUMBERS // max(numbers, 1), 1).bit_length() - 1  # as chunks of large cubes
     for start in range(0, length, width) if variable.ndim > 1 else [0]:
         yield cube.isel({last: slice(start, start + width)}) if width < length and variable.ndim > 1 else cube
 
