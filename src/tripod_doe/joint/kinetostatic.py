@@ -64,7 +64,6 @@ from tripod_doe.joint.needle_motion import FARTHEST
 from tripod_doe.joint.roller_inertia import roller_inertia
 from tripod_doe.joint.turned_bearing import turned_bearing
 from tripod_doe.joint.values import JointValues
-from tripod_doe.mechanics.compilation import kernel
 
 __all__ = ["solve_kinetostatic"]
 
@@ -72,16 +71,6 @@ FloatArray = NDArray[np.float64]
 
 _ON_AVERAGE = 2 / math.pi
 """Mean distance of a load that swings about the middle of the needles, over the largest."""
-
-
-@kernel
-def _bearings(loads, offsets, levers, clearances, stiffnesses, counts, lengths, spheres, crowns, out):
-    """`turned_bearing` for every point, shape (4, point); moments are given over their loads."""
-    for i in range(loads.size):
-        load, lever = loads[i], levers[i]
-        out[0, i], out[1, i], out[2, i], out[3, i] = turned_bearing(
-            load, offsets[i], load * lever, clearances[i], stiffnesses[i], counts[i], lengths[i], spheres[i], crowns[i]
-        )
 
 
 def _turned_bearings(points: JointValues[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -93,13 +82,19 @@ def _turned_bearings(points: JointValues[FloatArray]) -> tuple[FloatArray, Float
     farthest = FARTHEST * points.needle_length
     offset = np.clip(eccentricity + swung, 0.01 * farthest, farthest)
     spinning = 0.375 * points.groove_spin_friction * points.groove_axis_factor * points.groove_load ** (1 / 3)
-    bearing, yawed = np.empty((2, 4, offset.size))
-    for off, lever, out in ((offset, 0.0 * spinning, bearing), (_ON_AVERAGE * offset, spinning, yawed)):
-        _bearings(
-            points.groove_load, off, lever, points.bearing_radial_clearance, points.needle_stiffness,
-            points.needle_count, points.needle_length, points.spheres_per_needle, points.needle_crown, out,
-        )  # fmt: skip
-    return bearing[0], bearing[1], bearing[2] / offset, yawed[3] / np.maximum(spinning, 1e-300)
+    kappa, shift, tilt, _ = _turned(points, offset, 0.0 * spinning)
+    yaw = _turned(points, _ON_AVERAGE * offset, spinning)[3]
+    return kappa, shift, tilt / offset, yaw / np.maximum(spinning, 1e-300)
+
+
+def _turned(points: JointValues[FloatArray], offset: FloatArray, lever: FloatArray) -> FloatArray:
+    """`turned_bearing` for every point, shape (4, point); the moment is the load's at a lever."""
+    load = points.groove_load
+    columns = (
+        load, offset, load * lever, points.bearing_radial_clearance, points.needle_stiffness, points.needle_count,
+        points.needle_length, points.spheres_per_needle, points.needle_crown,
+    )  # fmt: skip
+    return np.array([turned_bearing(*each) for each in np.column_stack(columns)]).reshape(-1, 4).T
 
 
 def _moving_constants(

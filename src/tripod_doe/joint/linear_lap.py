@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.mechanics.by_reference import ByReference
-from tripod_doe.mechanics.compilation import kernel
+from tripod_doe.mechanics.compilation import inner_kernel, kernel
 from tripod_doe.mechanics.lanes import clear
 
-__all__ = ["LinearLap", "eliminate", "solve_lap"]
+__all__ = ["LinearLap", "solve_lap"]
 
 FloatArray = NDArray[np.float64]
 
@@ -70,8 +70,8 @@ class LinearLap(ByReference):
         )  # fmt: skip
 
 
-@kernel
-def eliminate(matrix, count, columns):
+@inner_kernel
+def _eliminate(matrix, count, columns):
     """Solve for `count` unknowns in place: the first columns are the system, others of them right-hand sides.
 
     With more rows than unknowns, those that are not needed end as equations without these unknowns.
@@ -105,7 +105,7 @@ def _solve_samples(lap, solutions):
     """Solve every sample for itself: one solution, or with its answers to a change of h seven."""
     for j in range(lap.steps.shape[0]):
         matrix, follows, changes, steps = lap.equations[j], lap.follows[j], lap.changes[j], lap.steps[j]
-        eliminate(matrix, 9, 9 + solutions)
+        _eliminate(matrix, 9, 9 + solutions)
         for row in range(9):
             for column in range(solutions):
                 changes[row, column] = -matrix[row, 9 + column]
@@ -162,7 +162,7 @@ def _fit_stretches(lap):
                 pair[12 + row, column], pair[12 + row, 12 + column] = -across[row, column], 0.0
                 pair[row, 24 + column], pair[12 + row, 24 + column] = 0.0, 1.0 if row == column else 0.0
             pair[12 + row, 36] = across[row, 12]
-        eliminate(pair, starts.shape[1], pair.shape[1])
+        _eliminate(pair, starts.shape[1], pair.shape[1])
         for row in range(12):
             for column in range(25):
                 links[stretch, row, column] = pair[row, 12 + column]
@@ -173,7 +173,7 @@ def _fit_stretches(lap):
         for column in range(12):
             lap.lap[row, column] = pair[row, column] + pair[row, 12 + column]
         lap.lap[row, 12] = pair[row, 36]
-    eliminate(lap.lap, starts.shape[1], lap.lap.shape[1])
+    _eliminate(lap.lap, starts.shape[1], lap.lap.shape[1])
     for row in range(12):
         starts[0, row] = lap.lap[row, 12]
     for stretch in range(stretches - 1, 0, -1):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.joint.balance_constants import TILT, PointConstants, flank, point_constants_of
 from tripod_doe.joint.moving_roller import added_motion
-from tripod_doe.joint.needle_constants import needle_constants_of
+from tripod_doe.joint.needle_constants import NeedleConstants
 from tripod_doe.joint.needle_motion import (
     FARTHEST,
     MOST_NEEDLES,
@@ -31,7 +31,7 @@ from tripod_doe.joint.turned_bearing import turned_bearing
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics import laws
 from tripod_doe.mechanics.by_reference import ByReference
-from tripod_doe.mechanics.compilation import inner_kernel, kernel, kernel_part
+from tripod_doe.mechanics.compilation import kernel, kernel_part
 from tripod_doe.mechanics.lanes import WIDTH, load, spread, store
 
 __all__ = ["Followers", "NeedleMemory"]
@@ -86,8 +86,8 @@ class NeedleMemory(ByReference):
 
 
 @kernel
-def _read_motions(row, needle_row, memory, ring):
-    """Read the motion of every roller on its trunnion off the balance, whose tilt becomes that of the motion."""
+def _read_motions(row, memory, ring):
+    """Read the motion of every roller on its trunnion off the balance."""
     p = point_constants_of(row)
     eccentricity, nothing = 0.5 * p.pitch_radius * (1.0 - p.cos_theta) / p.cos_theta, spread(0.0)
     for k in range(3):
@@ -110,20 +110,6 @@ def _read_motions(row, needle_row, memory, ring):
             store(ring.loads[k], b, load(e.normal, 0))
             store(ring.held[k], b, force)
             store(ring.offsets[k], b, off + p.roller_radius * lean - (p.roller_radius - p.bearing_radius) * force)
-    row[TILT] = _tilt_of(p, needle_constants_of(needle_row), memory.samples, ring)
-
-
-@inner_kernel
-def _tilt_of(p, c, samples, ring):
-    """R_s k_t for the load's largest distance from the middle of the needles in the motions that were read."""
-    farthest = 0.01 * c.length
-    for k in range(3):
-        for j in range(samples):
-            farthest = max(farthest, abs(ring.offsets[k, j // WIDTH, j % WIDTH]))
-    load = abs(p.torque) / (3.0 * p.pitch_radius)
-    farthest, crown = min(farthest, FARTHEST * c.length), 0.25 * c.drop * c.length * c.length
-    bearing = turned_bearing(load, farthest, 0.0, c.clearance, c.stiffness, c.needles, c.length, c.spheres, crown)
-    return p.roller_radius * bearing[2] / farthest
 
 
 @kernel_part
@@ -212,18 +198,28 @@ class Followers:
         a common one they would all be compiled once more.
         """
         ring, table = self._memory, self._table[i]
-        _read_motions(row, table, memory, ring)
+        _read_motions(row, memory, ring)
+        tilt = self._tilt(PointConstants._make(row), NeedleConstants._make(table))
+        row[TILT] = PointConstants._make(row).roller_radius * tilt
         if not self._move:
             ring.places[:] = 0.0
             for k in range(3):
                 _add_swing(row, memory, k, ring.held[k].reshape(-1), ring.places)
             return
-        tilt = row[TILT] / PointConstants._make(row).roller_radius
         for k, roller in enumerate(self._rollers):
             skew = follow_roller(
                 table, self._initial[i, k], tilt, roller, ring.needles, ring.contacts, self._found, self.skews[i, k]
             )
             _add_needles(row, memory, ring, k, skew)
+
+    def _tilt(self, p: PointConstants, c: NeedleConstants) -> float:
+        """Tilt k_t for the load's largest distance from the middle of the needles in the motions that were read."""
+        offsets = max(np.abs(roller.offsets).max() for roller in self._rollers)
+        farthest = min(max(offsets, 0.01 * c.length), FARTHEST * c.length)
+        load, crown = abs(p.torque) / (3.0 * p.pitch_radius), 0.25 * c.drop * c.length * c.length
+        bearing = turned_bearing(load, farthest, 0.0, c.clearance, c.stiffness, c.needles, c.length, c.spheres, crown)
+        tilt: float = bearing[2] / farthest
+        return tilt
 
     def keep(self, i: int) -> None:
         """Let the needles of point i keep their skew."""

@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from tripod_doe.joint.contact import needle_loads
-from tripod_doe.joint.linear_lap import eliminate
-from tripod_doe.mechanics.compilation import inner_kernel
+from tripod_doe.mechanics.compilation import kernel, kernel_part
 
 __all__ = ["turned_bearing"]
 
@@ -20,7 +19,7 @@ _LEAST = 1e-9
 """Stiffness of what no ring holds, over that of a needle."""
 
 
-@inner_kernel
+@kernel
 def turned_bearing(load, offset, moment, clearance, stiffness, needle_count, length, spheres, crown):
     """How a load off the middle of the needles, which may be crowned, and a moment about it turn a roller.
 
@@ -49,7 +48,8 @@ def turned_bearing(load, offset, moment, clearance, stiffness, needle_count, len
     load, farthest = max(load, 1e-9), _WITHIN * 0.5 * length * (1.0 - 1.0 / spheres)
     offset, bow = min(max(offset, -farthest), farthest), 8.0 * crown
     twist = moment / length if spheres > 1.0 else 0.0
-    moved, step, pull, system = np.zeros(4), np.zeros(4), np.zeros(4), np.empty((4, 5))
+    vectors, system = np.zeros((3, 4)), np.zeros((4, 5))
+    moved, step, pull = vectors[0], vectors[1], vectors[2]
     # rigid, it would touch the crown's parabola at the offset
     at = offset / length
     moved[0], moved[2] = max(clearance, 0.0) + 2.0 * (load / stiffness) ** 0.9 - bow * at * at, 2.0 * bow * at
@@ -68,8 +68,9 @@ def turned_bearing(load, offset, moment, clearance, stiffness, needle_count, len
             continue
         if left <= 1e-9 * load:
             break
-        pull[:] = system[:, 4]
-        eliminate(system, 4, 5)
+        for i in range(4):  # not as slices: their message about unequal shapes takes two seconds to compile
+            pull[i] = system[i, 4]
+        _solve(system)
         longest, descent = 1e-300, 0.0
         for i in range(4):
             longest = max(longest, abs(system[i, 4]))
@@ -80,13 +81,13 @@ def turned_bearing(load, offset, moment, clearance, stiffness, needle_count, len
     return total / load, moved[0], moved[2] / length, moved[3] / length
 
 
-@inner_kernel
+@kernel_part
 def _press(moved, clearance, bow, stiffness, needle_count, spheres, system):
     """Write what the rings act with, and its derivatives, for D, E, b l and y l; the plain sum of the needle loads."""
     total = 0.0
-    system[:] = 0.0
     for i in range(4):
-        system[i, i] = _LEAST * stiffness
+        for j in range(5):
+            system[i, j] = _LEAST * stiffness if i == j else 0.0
     for ring in range(int(spheres)):
         at = (ring + 0.5) / spheres - 0.5
         towards, aside = moved[0] + at * moved[2], moved[1] + at * moved[3]
@@ -105,3 +106,17 @@ def _press(moved, clearance, bow, stiffness, needle_count, spheres, system):
             system[2 * i, 4] += (at if i else 1.0) * along * n_0
             system[2 * i + 1, 4] += (at if i else 1.0) * along * n_1
     return total
+
+
+@kernel_part
+def _solve(system):
+    """Solve for the last column in place; the energy is convex, so that no pivots are looked for."""
+    for i in range(4):
+        for row in range(i + 1, 4):
+            weight = system[row, i] / system[i, i]
+            for column in range(i + 1, 5):
+                system[row, column] -= weight * system[i, column]
+    for i in range(3, -1, -1):
+        for column in range(i + 1, 4):
+            system[i, 4] -= system[i, column] * system[column, 4]
+        system[i, 4] /= system[i, i]
