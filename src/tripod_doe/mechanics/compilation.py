@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 import numba
@@ -88,8 +89,15 @@ class _Inner(CPUDispatcher):  # type: ignore[misc]
 
     @cached_property
     def _entry(self) -> Callable[..., Any]:
-        entry: Callable[..., Any] = numba.njit(lambda *arguments: self(*arguments))
-        return entry
+        called: FunctionType = self.py_func
+        entry = FunctionType(_enter.__code__, {"inner": self, "__name__": __name__})
+        entry.__qualname__ = f"{called.__module__}.{called.__qualname__}"  # names its file in the cache
+        compiled: Callable[..., Any] = kernel(entry)
+        return compiled
+
+
+def _enter(*arguments: Any) -> Any:
+    return inner(*arguments)  # type: ignore[name-defined] # noqa: F821 # a global of each entry, as closures are not cached
 
 
 _INNER = _OPTIONS | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
