@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ from tripod_doe.mechanics.sources import cache_root, hash_sources, source_hashes
 
 ROOT = Path(__file__).parent.parent
 SECTIONS = (ROOT / "docs" / "extending.md").read_text().split("\n## ")[1:]
+KEPT = cache_root() / "examples"
 
 
 def blocks(section):
@@ -45,15 +47,27 @@ def apply(section, folder):
     return touched
 
 
+def keep_machine_code(theirs):
+    """A folder for the kernels of the changed sources, with those that are there: the examples change none of them.
+
+    What the examples add is kept there, too, under a hash of all sources: a warm cache compiles nothing.
+    """
+    ours, kept = cache_root() / f"kernels-{source_hashes().kernels}", KEPT / f"kernels-{theirs}"
+    if ours.exists() and not kept.exists():
+        fresh = kept.with_suffix(f".{os.getpid()}")
+        shutil.copytree(ours, fresh, copy_function=os.link, ignore=shutil.ignore_patterns("*.lock"))
+        with suppress(OSError):  # another process has made it meanwhile
+            fresh.rename(kept)
+        shutil.rmtree(fresh, ignore_errors=True)
+
+
 @pytest.fixture(scope="module")
 def extended(tmp_path_factory):
     """A copy of the sources with all examples, and the files that each touches."""
     folder = tmp_path_factory.mktemp("extended")
-    shutil.copytree(ROOT / "src", folder / "src", ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
+    shutil.copytree(ROOT / "src", folder / "src", ignore=shutil.ignore_patterns("*.egg-info"))
     touched = {section: apply(section, folder) for section in SECTIONS}
-    ours, theirs = source_hashes().kernels, hash_sources(folder / "src" / "tripod_doe").kernels
-    if (compiled := cache_root() / f"kernels-{ours}").exists():  # the examples change no kernel that is there
-        shutil.copytree(compiled, folder / "cache" / f"kernels-{theirs}")
+    keep_machine_code(hash_sources(folder / "src" / "tripod_doe").kernels)
     return folder, touched
 
 
@@ -80,7 +94,7 @@ def answers(extended):
         for section in SECTIONS
     }
     folder, _ = extended
-    environment = os.environ | {"PYTHONPATH": str(folder / "src"), "NUMBA_CACHE_DIR": str(folder / "cache")}
+    environment = os.environ | {"PYTHONPATH": str(folder / "src"), "NUMBA_CACHE_DIR": str(KEPT)}
     done = subprocess.run(
         [sys.executable, "-c", CHECKS], cwd=folder, env=environment, input=json.dumps(checks),
         capture_output=True, text=True,

@@ -28,7 +28,7 @@ print(json.dumps([sum(copy_vectors.stats.cache_hits.values()), sum(copy_vectors.
 def package(tmp_path):
     """A copy of the package's Python files; its hashes are `source_hashes`, wherever it stands."""
     folder = tmp_path / "tripod_doe"
-    shutil.copytree(SOURCE, folder, ignore=shutil.ignore_patterns("__pycache__", "*.html", "*.css"))
+    shutil.copytree(SOURCE, folder, ignore=shutil.ignore_patterns("*.html", "*.css"))
     return folder
 
 
