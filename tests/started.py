@@ -8,14 +8,18 @@ Tests of imports, of command lines and of what another environment does start Py
 from __future__ import annotations
 
 import atexit
+import fcntl
 import functools
+import gc
 import json
 import os
 import runpy
+import selectors
 import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from contextlib import suppress
@@ -112,35 +116,50 @@ class Process:
 
 @functools.cache
 def _server():
-    """Socket of the process that forks; it ends with this one."""
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with theirs:
-        server = subprocess.Popen([sys.executable, __file__, str(theirs.fileno())], pass_fds=[theirs.fileno()],
-                                  env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-                                  start_new_session=True)  # fmt: skip
+    """Socket to the process that forks: one for all processes of a test session, as its imports take three seconds.
+
+    It ends when the last of them has ended.
+    """
+    name = "\0tripod-doe-tests-" + os.environ.get("PYTEST_XDIST_TESTRUNUID", str(os.getpid()))
+    ours = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with open(Path(tempfile.gettempdir()) / f"tripod-doe-tests-{os.getuid()}.lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        try:
+            ours.connect(name)
+            server = None
+        except ConnectionRefusedError:
+            server = _start_server(name)
+            ours.connect(name)
 
     def end():
         ours.close()
-        server.wait()
+        if server:
+            server.wait()
 
     atexit.register(end)
     return ours
 
 
-def _serve(requests):
+def _start_server(name):
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
+        listener.bind(name)
+        listener.listen()
+        return subprocess.Popen([sys.executable, __file__, str(listener.fileno())], pass_fds=[listener.fileno()],
+                                env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+                                start_new_session=True)  # fmt: skip
+
+
+def _serve(listener):
     """Fork a process for every request; gives what the forked one is to run."""
-    while True:
-        text, ends, _, _ = socket.recv_fds(requests, 1 << 20, 3)
-        with suppress(ChildProcessError):  # those in between that have ended, so that their time is counted
-            while os.waitpid(-1, os.WNOHANG)[0]:
-                pass
-        if not text:
-            sys.exit()
-        if not os.fork():
-            break
-        for end in ends:
-            os.close(end)
-    requests.close()
+    with selectors.DefaultSelector() as waiting:
+        waiting.register(listener, selectors.EVENT_READ)
+        text, ends = _next_request(listener, waiting)
+        while os.fork():
+            for end in ends:
+                os.close(end)
+            text, ends = _next_request(listener, waiting)
+        for place in list(waiting.get_map().values()):
+            place.fileobj.close()
     out, err, told = ends
     leads, begun = os.pipe()
     if forked := os.fork():
@@ -155,6 +174,25 @@ def _serve(requests):
         os.dup2(end, number)
         os.close(end)
     return json.loads(text)
+
+
+def _next_request(listener, waiting):
+    """What one of those that are connected asks for; the end, as soon as none of them is left."""
+    while True:
+        for place, _ in waiting.select():
+            if place.fileobj is listener:
+                waiting.register(listener.accept()[0], selectors.EVENT_READ)
+                continue
+            with suppress(ChildProcessError):  # those in between that have ended, so that their time is counted
+                while os.waitpid(-1, os.WNOHANG)[0]:
+                    pass
+            text, ends, _, _ = socket.recv_fds(place.fileobj, 1 << 20, 3)
+            if text:
+                return text, ends
+            waiting.unregister(place.fileobj)
+            place.fileobj.close()
+            if len(waiting.get_map()) == 1:
+                sys.exit()
 
 
 def _tell(asker, forked):
@@ -227,4 +265,6 @@ if __name__ == "__main__":
         __import__(name)
     sys.modules["tripod_doe.service.fork_server"]._prepare()
     assert len(os.listdir("/proc/self/task")) == 1, "a process with threads must not fork"
+    gc.collect()
+    gc.freeze()  # a forked process need not look through what all of them have imported
     _become(**_serve(socket.socket(fileno=int(sys.argv[1]))))
