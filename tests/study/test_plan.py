@@ -95,7 +95,14 @@ def test_price_is_the_mean_of_the_timed_points_with_their_quartiles(monkeypatch)
     assert plan.timed == 5
 
 
-def test_points_are_timed_in_batches_of_a_fifth_of_a_second(monkeypatch):
+@pytest.mark.parametrize(
+    ("samples", "blocks"),
+    [
+        pytest.param(2000, 11 * [100], id="batches of a fifth of a second"),
+        pytest.param(8, 3 * [8], id="three times all"),
+    ],
+)
+def test_points_are_timed_in_batches_of_a_fifth_of_a_second(samples, blocks, monkeypatch):
     """Exact, with a worker that takes 2 ms per point, 1 s for its first call: that one is no measure."""
     calls = []
 
@@ -104,9 +111,9 @@ def test_points_are_timed_in_batches_of_a_fifth_of_a_second(monkeypatch):
         return None, 1.0 if len(calls) == 1 else 0.002 * task.count, 0.0
 
     monkeypatch.setattr(timing, "run_task", run)
-    seconds = list(timing.timings(parse_study(TEXT)))
-    assert seconds == pytest.approx([0.002] * 11)
-    assert calls == [1, 1] + 11 * [100]
+    seconds = list(timing.timings(parse_study(TEXT.replace("2000", str(samples)))))
+    assert seconds == pytest.approx([0.002] * len(blocks))
+    assert calls == [1, 1, *blocks]
 
 
 def test_repeated_points_are_computed_once():

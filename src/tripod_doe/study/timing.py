@@ -19,6 +19,7 @@ __all__ = ["time_points", "timings"]
 
 _SAMPLES = 12
 _BATCH_SECONDS = 0.2
+_TIMES = 3  # that all points of a small study are timed
 _CANDIDATES = 50_000  # points from which those to time are drawn
 
 
@@ -51,6 +52,7 @@ def time_points(study: Study, seconds: float) -> list[float]:
 def timings(study: Study, prepared: Callable[[], object] = lambda: None) -> Iterator[float]:
     """Yield the CPU seconds per point of some batches of points, of a fifth of a second each.
 
+    They end when as many points have been timed as the study has three times over.
     `prepared` is called when the kernels are compiled.
     """
     points = make_points(study)
@@ -61,9 +63,12 @@ def timings(study: Study, prepared: Callable[[], object] = lambda: None) -> Iter
     study.simulator.prepare(full)
     prepared()
     run_task(make_task(study, points, allowed[:1]))  # the first call of a process is no measure
-    random, batch = np.random.default_rng(0), 1
+    random, batch, timed = np.random.default_rng(0), 1, 0
     for _ in range(_SAMPLES):
+        if timed >= _TIMES * allowed.size:
+            return
         chosen = random.choice(allowed, min(batch, allowed.size), replace=False)
+        timed += chosen.size
         seconds = run_task(make_task(study, points, chosen))[1] / chosen.size
         wanted = int(np.clip(_BATCH_SECONDS / max(seconds, 1e-6), 1, min(allowed.size, 10_000)))
         if 2 * batch >= wanted:  # smaller batches are mostly overhead, and no measure of a block
