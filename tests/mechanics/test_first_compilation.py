@@ -6,26 +6,29 @@ import gc
 import json
 import multiprocessing
 import os
-import subprocess
-import sys
 
 import pytest
 
+from started import Process
 from tripod_doe.mechanics.first_compilation import compilations, first_compilation
 
 COPY = """
-import json, sys
+import json, sys, time
+from pathlib import Path
 import numpy as np
+from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.first_compilation import first_compilation
 from tripod_doe.mechanics.motion import copy_vectors
+copy_vectors = kernel(copy_vectors.py_func)  # it was imported with another folder for machine code
 with first_compilation(sys.argv[1], 1):
     print("here", flush=True)
-    sys.stdin.readline()
+    while not Path(sys.argv[2]).exists():
+        time.sleep(0.01)
     copy_vectors(np.ones((1, 3)), np.ones((1, 3)))
 stats = copy_vectors.stats
 print(json.dumps([sum(stats.cache_hits.values()), sum(stats.cache_misses.values())]))
 """
-"""Compiles on a word from standard input, and answers how many kernels it loaded and compiled."""
+"""Compiles as soon as a file is there, and answers how many kernels it loaded and compiled."""
 
 WAITING = "another process is compiling kernels: waiting for it\n"
 
@@ -34,31 +37,32 @@ WAITING = "another process is compiling kernels: waiting for it\n"
 def start(tmp_path):
     """Start a process that compiles into a folder which is empty at first."""
     started = []
+    script, go = tmp_path / "copy.py", tmp_path / "go"
+    script.write_text(COPY)
 
     def start(kernels="model copy"):
-        pipe = subprocess.PIPE
-        place = {"NUMBA_CACHE_DIR": str(tmp_path)}
-        process = subprocess.Popen(
-            [sys.executable, "-c", COPY, kernels],
-            env=os.environ | place,
-            stdin=pipe,
-            stdout=pipe,
-            stderr=pipe,
-            text=True,
-        )
+        process = Process([str(script), kernels, str(go)], os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)})
         started.append(process)
         return process
 
     yield start
     for process in started:
         process.kill()
-        process.communicate()
+        process.wait()
+        process.stdout.close()
+        process.stderr.close()
 
 
-def finish(process):
-    """Hits and misses of the cache, and what stands on standard error."""
-    answer, messages = process.communicate("go\n", timeout=60)
-    return json.loads(answer.splitlines()[-1]), messages.splitlines()
+@pytest.fixture
+def finish(tmp_path):
+    """Let processes compile, and give hits and misses of the cache, and what stands on standard error."""
+
+    def finish(process):
+        (tmp_path / "go").touch()
+        answer, messages = process.communicate()
+        return json.loads(answer.splitlines()[-1]), messages.splitlines()
+
+    return finish
 
 
 @pytest.fixture
@@ -67,7 +71,7 @@ def empty_cache(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_one_process_compiles_and_the_other_waits_for_its_machine_code(start, tmp_path, monkeypatch):
+def test_one_process_compiles_and_the_other_waits_for_its_machine_code(start, finish, tmp_path, monkeypatch):
     first = start()
     assert first.stdout.readline() == "here\n"
     second = start()
@@ -85,7 +89,7 @@ def test_one_process_compiles_and_the_other_waits_for_its_machine_code(start, tm
 
 
 @pytest.mark.slow
-def test_other_kernels_are_compiled_meanwhile_and_a_process_that_is_killed_lets_the_next_one_compile(start):
+def test_other_kernels_are_compiled_meanwhile_and_a_process_that_is_killed_lets_the_next_one_compile(start, finish):
     first, other = start("model a"), start("model b")
     assert first.stdout.readline() == other.stdout.readline() == "here\n"
     second = start("model a")
