@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Mapping
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -42,9 +43,7 @@ def cube_attributes(study: Study, points: Points, models: ModelRecords) -> dict[
         "kernel_source_hash": study.simulator.source_hash,
         **({"design_notes": "\n".join(points.notes)} if points.notes else {}),
         "fixed_parameters": json.dumps(_fixed_parameters(study, points)),
-        "package_versions": json.dumps(
-            {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()}
-        ),
+        "package_versions": _package_versions(),
         **models.attributes,
     }
 
@@ -52,6 +51,12 @@ def cube_attributes(study: Study, points: Points, models: ModelRecords) -> dict[
 def cost_attributes(study: Study, points: Points, models: ModelRecords) -> dict[str, Any]:
     """Those of the costs."""
     return cube_attributes(study, points, models) | {"title": f"{study.file.study.name}: cost"}
+
+
+@cache
+def _package_versions() -> str:
+    """As JSON; to read those of nine packages takes 5 ms."""
+    return json.dumps({name: version(name) for name in _PACKAGES} | {"python": platform.python_version()})
 
 
 def _fixed_parameters(study: Study, points: Points) -> dict[str, Value]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -78,12 +79,17 @@ def skew_stays(evidence: Evidence, cases: Cases) -> Measured:
 
 def degrees_of_freedom(evidence: Evidence, cases: Cases) -> Measured:
     """Free velocities of the scene of the reference joint, less its constraints."""
+    free, constraints = _velocities_and_constraints()
+    return Measured(float(free - constraints), 0.0, f"{free} velocities minus {constraints} constraints.")
+
+
+@cache
+def _velocities_and_constraints() -> tuple[int, int]:
     from tripod_doe.joint.multibody_scene import build_joint
     from tripod_doe.mechanics.assembly import assemble
 
     tables = assemble(build_joint(point_values({}).point(0), needles=True)).tables
-    free = int(tables.bodies["free"][tables.bodies["block"] >= 0].sum())
-    return Measured(float(free - tables.rows.size), 0.0, f"{free} velocities minus {tables.rows.size} constraints.")
+    return int(tables.bodies["free"][tables.bodies["block"] >= 0].sum()), int(tables.rows.size)
 
 
 def friction_from_rest(evidence: Evidence, cases: Cases) -> Measured:
