@@ -5,22 +5,24 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 import tripod_doe
+from started import Process
 from tripod_doe.mechanics.sources import hash_sources, source_hashes
 
 SOURCE = Path(tripod_doe.__file__).parent
 
 COPY_TWICE = """
-import json, numpy as np
+import json, sys, numpy as np
+for name in [name for name in sys.modules if name.partition(".")[0] == "tripod_doe"]:
+    del sys.modules[name]  # the process has been forked: the package beside this script is another one
 from tripod_doe.mechanics.motion import copy_vectors
 copy_vectors(np.ones((1, 3)), np.ones((1, 3)))
-print(json.dumps([sum(copy_vectors.stats.cache_hits.values()), sum(copy_vectors.stats.cache_misses.values())]))
+stats, place = copy_vectors.stats, sys.modules[copy_vectors.__module__].__file__
+print(json.dumps([place, sum(stats.cache_hits.values()), sum(stats.cache_misses.values())]))
 """
 
 
@@ -82,12 +84,16 @@ def test_code_around_the_kernels_counts_for_results_only(package):
 
 @pytest.mark.slow
 def test_machine_code_is_kept_where_words_change_and_made_again_where_code_does(package, tmp_path):
+    script = package.parent / "copy_twice.py"
+    script.write_text(COPY_TWICE)
+
     def hits_and_misses():
-        places = {"PYTHONPATH": str(package.parent), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-        done = subprocess.run(
-            [sys.executable, "-c", COPY_TWICE], env=os.environ | places, capture_output=True, text=True, check=True
-        )
-        return json.loads(done.stdout)
+        process = Process([str(script)], os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")})
+        answer, messages = process.communicate()
+        assert answer, messages
+        place, *counts = json.loads(answer)
+        assert place == str(package / "mechanics" / "motion.py")
+        return counts
 
     assert hits_and_misses() == [0, 1]
     reword(package)
