@@ -62,11 +62,12 @@ def test_stiffer_steel_scales_the_constants():
 
 
 def loads(shift, clearance, stiffness, count, rotation):
-    """Plain sum over real needles, the load zone's oracle."""
+    """Plain sum over real needles, the load zone's oracle; of several shifts, clearances or rotations each."""
+    shift, clearance, rotation = (np.asarray(each)[..., None] for each in (shift, clearance, rotation))
     angle = rotation + 2 * np.pi * np.arange(count) / count
     pressed = np.maximum(shift * np.cos(angle) - clearance, 0)
     load = stiffness * (pressed / 2) ** (10 / 9)
-    return (load * np.cos(angle)).sum(), load.sum(), load.max()
+    return (load * np.cos(angle)).sum(axis=-1), load.sum(axis=-1), load.max(axis=-1)
 
 
 @pytest.mark.parametrize("clearance", [0.0, 0.002, 0.015])
@@ -127,11 +128,8 @@ def test_a_load_far_off_the_middle_and_a_moment_are_found(crown, lever):
 
         def carried(centre, shift=shift, tilt=tilt, yaw=yaw):
             moved = shift + tilt * stations + 1j * yaw * (stations - centre)
-            size = [
-                np.mean([loads(abs(by), room, 6.3e5 / 7, 27, turn)[0] for turn in turns])
-                for by, room in zip(moved, rooms, strict=True)
-            ]
-            return np.array(size) * moved / abs(moved)
+            size = loads(abs(moved), rooms, 6.3e5 / 7, 27, turns[:, None])[0].mean(axis=0)
+            return size * moved / abs(moved)
 
         centre = brentq(lambda place: carried(place).imag.sum(), -5, 5) if lever else 0.0
         rings = carried(centre)
