@@ -4,6 +4,7 @@
 
 The points are those of the joint with four factors; each "answers" at once with its outcome and 13 orders (104 bytes),
 and with --course with a thrust of so many rotation angles (`--points 65536 --course 16000`: 8.4 GB).
+"resume" is what the same command does, when it is run again, before it computes what is missing.
 What every run costs once (imports, machine code) is the stage "start", and stands in no price of a point.
 Memory is the largest of each stage, above that of the process before the study is read.
 """
@@ -27,6 +28,7 @@ from tripod_doe.study.definition import Study, load_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.directory import ResultDirectory
 from tripod_doe.study.journal import FinishedBlock
+from tripod_doe.study.plan import plan
 from tripod_doe.study.query import records
 from tripod_doe.study.study_points import StudyPoints
 
@@ -46,7 +48,7 @@ kind = "sobol"
 samples = {points}
 seed = 1
 [keep]
-outputs = ["thrust_amplitude", "thrust"]
+outputs = ["thrust_amplitude"{course}]
 """
 _MOST_BYTES = 32_000_000  # of a block, as in a run
 
@@ -55,7 +57,7 @@ def grid_of(points: int) -> str:
     """The study as a grid of about so many points."""
     levels = round(points**0.25)
     text = SAMPLED.split("[design]")[0].replace("}}", f", count = {levels}}}}}")
-    return text + '[design]\nkind = "grid"\n[keep]\noutputs = ["thrust_amplitude", "thrust"]\n'
+    return text + '[design]\nkind = "grid"\n[keep]\noutputs = ["thrust_amplitude"{course}]\n'
 
 
 def memory(what: str) -> float:
@@ -81,7 +83,7 @@ def rehearse(folder: Path) -> None:
     import dask.array  # noqa: F401 - as xarray does for its first variable
 
     file = folder / "rehearsal.toml"
-    file.write_text(SAMPLED.format(points=1024))
+    file.write_text(SAMPLED.format(points=1024, course=""))
     study = load_study(file)
     asked = StudyPoints(study, make_points(study))
     study.simulator.prepare(asked.columns(np.arange(1)))
@@ -121,12 +123,14 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "study.toml"
         text = SAMPLED if options.design == "sobol" else grid_of(options.points)
-        file.write_text(text.format(points=options.points))
+        file.write_text(text.format(points=options.points, course=', "thrust"' if options.course else ""))
         study = load_study(file)
         out = Path(folder) / "out"
         before = memory("VmRSS")
         with stage("start", options.points, before):
             rehearse(Path(folder))
+        with stage("plan", options.points, before):
+            plan(study, timing=False)
         began = time.process_time()
         with stage("points", options.points, before):
             asked = StudyPoints(study, make_points(study))
@@ -142,7 +146,7 @@ def main() -> None:
                 for block in answers(study, asked, missing, options.block, options.course):
                     directory.commit(block)
             del missing
-            with stage("resume", options.points, before):
+            with stage("points done", options.points, before):
                 assert directory.missing(asked).size == 0
             began_cube = time.perf_counter()
             with stage("cube", options.points, before):
@@ -152,10 +156,17 @@ def main() -> None:
             with stage("failures", options.points, before):
                 asked.failures(cube)
             del cube
+        del asked
         price = 1e6 * (time.process_time() - began) / options.points
-        print(f"a point costs {price:.2f} us besides its simulation, without the page")
+        print(f"a point costs {price:.2f} us besides its simulation, without plan and page")
         size = sum(path.stat().st_size for path in (out / "cube.nc", out / "cost.nc"))
         print(f"cube and costs {size / 1e6:,.0f} MB")
+        with stage("resume", options.points, before):
+            asked = StudyPoints(load_study(file), make_points(study))
+            with ResultDirectory(out) as directory:
+                directory.accept(asked)
+                assert directory.missing(asked).size == 0
+        del asked
         with stage("lazy open", options.points, before):
             td.open_cube(out, chunks="auto").close()
         with stage("one point", options.points, before), opened_arrays(out) as arrays:

@@ -86,6 +86,27 @@ def test_a_length_that_a_factor_sets_is_counted():
     assert td.plan(study, timing=False).cube_bytes == 2 * (3 * 7 * 3 * 8 + 1)
 
 
+@pytest.mark.parametrize("change", [
+    ("", ""),
+    ('kind = "sobol"', 'kind = "saltelli"'),
+    ('high = 14}\n[design]\nkind = "sobol"\nsamples = 2000', 'high = 14, count = 8}\n[design]\nkind = "grid"'),
+    ("[keep]", '[run]\nretry = ["smaller-step"]\n[keep]'),
+])  # fmt: skip
+def test_planned_bytes_of_cube_and_costs_are_those_of_their_variables(change):
+    """Exact: texts by the numbers that stand for them in large cubes; what has one value a level or label left out."""
+    study = parse_study(TEXT.replace(*change).replace("2000", "8"))
+    points = make_points(study)
+    keys = point_keys(study, points)
+    block = FinishedBlock(keys, *run_task(make_task(study, points, np.arange(points.count))), "")
+    cube, cost = build_cube(study, points, keys, iter([block]))
+    cube = cube.drop_vars([name for name in cube.data_vars if name.endswith("_used")])
+    if points.is_grid:
+        cube, cost = cube.drop_vars(points.dims), cost.drop_vars(points.dims)
+    along = [variable for part in (cube, cost) for variable in part.variables.values() if variable.dims != ("order",)]
+    written = sum(variable.size * (4 if variable.dtype == object else variable.dtype.itemsize) for variable in along)
+    assert td.plan(study, timing=False).written_bytes == written
+
+
 def test_price_is_the_mean_of_the_timed_points_with_their_quartiles(monkeypatch):
     """Exact: 2000 points; the clock is the test's."""
     monkeypatch.setattr(plan_module, "time_points", lambda study, seconds: [1.8, 3.6, 5.4, 7.2, 0.0])

@@ -143,6 +143,23 @@ def test_a_chunk_of_a_course_has_all_points_of_a_slab_and_a_part_of_the_labels(r
         assert stored["outcome"].chunking() == [32]
 
 
+def test_a_slab_that_cannot_be_written_ends_the_command_and_leaves_the_old_cube(run_in_slabs, monkeypatch):
+    """Slabs are written beside the making of the next one; what goes wrong there is told as anywhere."""
+    _, parts = run_in_slabs(LIST, 2000)
+    before, write = (parts / "cube.nc").read_bytes(), cube_file.CubeFile.write
+
+    def full(self, slab, part):
+        if slab.start:
+            raise OSError(28, "No space left on device")
+        write(self, slab, part)
+
+    monkeypatch.setattr(cube_file.CubeFile, "write", full)
+    with pytest.raises(td.StorageError, match="No space left"):
+        td.run(parts / "study.toml", parts, workers=0, progress=False)
+    assert (parts / "cube.nc").read_bytes() == before
+    assert not list(parts.glob("*.tmp*"))
+
+
 def test_texts_of_a_large_cube_are_read_when_they_are_used(run_in_slabs, monkeypatch):
     whole, parts = run_in_slabs(LIST, 2000)
     expected = td.open_cube(whole)

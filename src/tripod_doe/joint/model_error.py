@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from tripod_doe.joint.nearest import ALIKE, nearest_rows
 from tripod_doe.joint.operating_ratios import RATIOS, operating_ratios
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
-from tripod_doe.joint.vibration_record import vibration_errors
+from tripod_doe.joint.vibration_record import VIBRATES_BY, vibration_errors
 from tripod_doe.quantities import number
 from tripod_doe.simulator import Demand, Demands
 
@@ -194,7 +194,7 @@ def known_errors(model: str, points: Mapping[str, NDArray[Any]]) -> tuple[FloatA
     errors = measured.near(model, np.log(values[within]) / measured.spread)
     expected[within], limit[within] = _median_and_limit(errors)
     if model in WITHOUT_VIBRATION:
-        by_vibration = vibration_errors({name: column[within] for name, column in points.items()})
+        by_vibration = vibration_errors({name: points[name][within] for name in VIBRATES_BY})
         may = by_vibration.any(axis=1)
         both = errors[may, :, None] + by_vibration[may, None, :]
         rows = np.flatnonzero(within)[may]

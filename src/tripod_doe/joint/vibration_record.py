@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tripod_doe.joint.nearest import ALIKE, nearest_rows
 from tripod_doe.simulator import NOTABLE_ERROR
 
-__all__ = ["SHARE", "SHARE_MEANING", "VIBRATING", "vibration_errors", "vibration_share"]
+__all__ = ["SHARE", "SHARE_MEANING", "VIBRATES_BY", "VIBRATING", "vibration_errors", "vibration_share"]
 
 FloatArray = NDArray[np.float64]
 
@@ -31,6 +31,9 @@ SHARE_MEANING = (
     f"third order changes by more than {100 * NOTABLE_ERROR:g} %"
 )
 
+VIBRATES_BY = ("joint_angle_deg", "groove_sliding_friction", "groove_sliding")
+"""Parameters by which joints are compared."""
+
 _LEAST_ANGLE, _LEAST_FRICTION = 0.1, 1e-3
 """Angle in deg and friction below which nothing vibrates: less counts as so much."""
 
@@ -41,7 +44,7 @@ def vibration_errors(points: Mapping[str, NDArray[Any]]) -> FloatArray:
     Parameters
     ----------
     points
-        Every parameter by name, in the unit of its name, each of shape (point,).
+        Those of `VIBRATES_BY` at least, in the unit of its name, each of shape (point,).
 
     Returns
     -------
@@ -49,8 +52,8 @@ def vibration_errors(points: Mapping[str, NDArray[Any]]) -> FloatArray:
         Relative to the third order with vibration; 0 where the recorded joint does not vibrate.
     """
     recorded, errors, spread = _recorded()
-    friction = points["groove_sliding_friction"] * points["groove_sliding"]
-    found: FloatArray = errors[nearest_rows(recorded, _places(points["joint_angle_deg"], friction) / spread, ALIKE)]
+    angle, friction, switch = (points[name] for name in VIBRATES_BY)
+    found: FloatArray = errors[nearest_rows(recorded, _places(angle, friction * switch) / spread, ALIKE)]
     return found
 
 

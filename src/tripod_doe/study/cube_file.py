@@ -18,6 +18,7 @@ import pandas
 import xarray as xr
 from numpy.typing import NDArray
 from xarray.backends import NetCDF4DataStore
+from xarray.backends.netCDF4_ import NETCDF4_PYTHON_LOCK
 
 from tripod_doe.study.designs import Points
 from tripod_doe.study.netcdf import TEXT_TABLE, opened_store
@@ -32,7 +33,7 @@ _PAYS = 0.7  # part of the bytes that are left where it does
 
 
 class CubeFile:
-    """A cube that is being written.
+    """A cube that is being written, by one thread.
 
     Parameters
     ----------
@@ -73,12 +74,10 @@ class CubeFile:
         if new := [name for name in along if name not in self._missing]:
             self._define(part, coded, new, slab)
         for name, missing in self._missing.items():
-            target = self._store.ds.variables[name]
             if name in along:
-                own = along[name].values
-                target[slab.place] = own.reshape(*(each.stop - each.start for each in slab.place), *own.shape[1:])
+                self._put(name, slab, along[name].values.reshape(*slab.shape, *along[name].shape[1:]))
             elif not isinstance(missing, float):
-                target[slab.place] = missing
+                self._put(name, slab, missing)
         self._written.append(slab)
 
     def finish(self, attributes: Mapping[str, Any]) -> None:
@@ -124,7 +123,12 @@ class CubeFile:
             self._missing[name] = _missing(coded[name])
             if not isinstance(self._missing[name], float):
                 for earlier in self._written:
-                    self._store.ds.variables[name][earlier.place] = self._missing[name]
+                    self._put(name, earlier, self._missing[name])
+
+    def _put(self, name: Any, slab: Slab, values: NDArray[Any] | float) -> None:
+        variable = self._store.ds.variables[name]  # to get it takes the same lock
+        with NETCDF4_PYTHON_LOCK:  # the library is not made for several threads
+            variable[slab.place] = values
 
     def _encoding(self, variable: xr.Variable, is_coordinate: bool) -> dict[str, Any]:
         """How a variable is stored: its chunks, and compressed where a part of its values says that this pays."""

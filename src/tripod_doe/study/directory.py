@@ -11,7 +11,6 @@ import shutil
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -78,6 +77,7 @@ class ResultDirectory:
     def __init__(self, path: str | Path, take_over: bool = False) -> None:
         self.path = make_directory(path)
         self._hold = Hold(self.path, take_over)
+        self._known: tuple[StudyPoints, str, tuple[NDArray[np.bool_], bool]] | None = None  # see `_done`
         try:
             if lost := salvage(self.path):
                 print(f"tripod-doe: {lost}", file=sys.stderr)
@@ -129,9 +129,8 @@ class ResultDirectory:
             With every key that changed, its old and its new value.
         """
         study, stored = asked.study, self.path / "study.toml"
-        done = (keys for keys in (self._journal.key_blocks() if done is None else done) if keys.size)
-        first = next(done, None)
-        if first is None or not stored.exists():
+        there, grew = self._done(asked) if done is None else asked.done(done)
+        if not there.any() and grew or not stored.exists():
             return
         kernels = self._journal.recall(_KERNELS)
         if kernels != study.simulator.source_hash:
@@ -141,7 +140,6 @@ class ResultDirectory:
             )
         old = canonical(parse_study(stored.read_text(encoding="utf-8"), str(stored), study.folder))
         new = canonical(study)
-        grew = all(map(asked.hold, chain([first], done)))
         changed = sorted(key for key in old.keys() | new.keys() if old.get(key) != new.get(key))
         if grew and not any(key.startswith(("keep", "run")) for key in changed):
             return
@@ -150,6 +148,13 @@ class ResultDirectory:
             f"{study.origin}: the study differs from that of the results in {self.path}; choose another "
             f"{option('out')}, or undo these changes\n" + "\n".join(listed or ["  the points of the table"])
         )
+
+    def _done(self, asked: StudyPoints) -> tuple[NDArray[np.bool_], bool]:
+        """`StudyPoints.done` of the journal, which is read once for the checks of a study and for what it misses."""
+        state = self._journal.state()
+        if self._known is None or self._known[0] is not asked or self._known[1] != state:
+            self._known = asked, state, asked.done(self._journal.key_blocks())
+        return self._known[2]
 
     def adopt(self, study: Study) -> None:
         """Make this the study whose results are here."""
@@ -166,8 +171,9 @@ class ResultDirectory:
         retry_failed
             Whether points whose last outcome is a failure are missing too.
         """
-        if not retry_failed:
-            return asked.without(self._journal.key_blocks())
+        there, self._known = None if retry_failed else self._done(asked)[0], None  # it has a byte a point
+        if there is not None:
+            return asked.undone(there)
         last = np.full(asked.points.count, Outcome.NOT_RUN, np.int8)
         for block in self._journal.blocks():
             rows, at = asked.index.places(block.keys)

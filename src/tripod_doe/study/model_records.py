@@ -20,8 +20,8 @@ MODEL_ERROR, MODEL_ERROR_LIMIT = "model_error", "model_error_limit"
 
 Columns = dict[str, tuple[NDArray[np.float64], str]]
 
-_CHUNK = 20_000
-"""Points whose parameters are held at once."""
+_CHUNK = 10_000
+"""Points whose parameters are held at once: few enough that the memory of one chunk serves the next."""
 
 
 class ModelRecords:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ _TIMING_SECONDS = 10.0
 _BLOCK_SECONDS = 1.0
 _PRICED = 100  # points whose recorded prices are averaged
 _CHUNK = 10_000  # points that are looked at together
+_WORD, _COSTS = 4, 6  # bytes of a whole number, a text or the number of a point; numbers of a point in cost.nc
 _NOTABLE_BYTES = 100_000_000  # of memory, below which a plan does not tell them
 
 
@@ -61,6 +63,8 @@ class Plan:
         What the user should know of the design.
     memory_bytes
         Memory that the points take while the study runs, their results left out.
+    written_bytes
+        Size of cube and costs before compression; None where that of the cube is not known.
     """
 
     points: int
@@ -76,6 +80,7 @@ class Plan:
     models: tuple[str, ...] = ()
     design: tuple[str, ...] = ()
     memory_bytes: int = 0
+    written_bytes: int | None = None
 
     @property
     def able(self) -> int:
@@ -106,7 +111,8 @@ class Plan:
         if self.memory_bytes > _NOTABLE_BYTES:
             lines.append(f"memory       {size(self.memory_bytes)} for the list of points")
         if self.cube_bytes is not None:
-            lines.append(f"cube         {size(self.cube_bytes)}")
+            whole = f", {size(self.written_bytes)} with factors and costs" if self.written_bytes else ""
+            lines.append(f"cube         {size(self.cube_bytes)} of results{whole}, before compression")
         lines += [f"design       {text}" for text in self.design]
         lines += [f"model        {text.removeprefix('Model ')}" for text in self.models]
         return "\n".join(lines + [f"warning      {text}" for text in self.warnings])
@@ -127,7 +133,8 @@ def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False)
     if not isinstance(study, Study):
         study = load_study(study)
     points = make_points(study)
-    different = np.flatnonzero(StudyPoints(study, points).to_compute)
+    to_compute = StudyPoints(study, points).to_compute
+    different = np.flatnonzero(to_compute)  # eight bytes a point, after the fingerprints are gone
     able, foreseen = _foreseen(study, points, different)
     timed, prices = 0, np.array([])
     if able.size and study.accuracy is None and (timing or recorded):
@@ -155,6 +162,7 @@ def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False)
         tuple(models.told_errors),
         points.notes,
         points.count * point_bytes(study),
+        _written_bytes(study, points),
     )
 
 
@@ -192,3 +200,29 @@ def cube_bytes(study: Study, points: Points) -> int | None:
     values = study.simulator.effective({**study.base, **points.settings_of(0)})  # all points have the same lengths
     numbers = sum(math.prod(study.simulator.outputs[name].shape(values)) for name in study.keep)
     return points.count * (8 * numbers + 1)
+
+
+def _written_bytes(study: Study, points: Points) -> int | None:
+    """Size of all numbers in cube and costs, without those that runs settle or retries change.
+
+    A text counts as the number of its row in a table, as in large cubes.
+    """
+    if (results := cube_bytes(study, points)) is None:
+        return None
+    design = 0
+    if not points.is_grid:  # whose levels have no length to speak of
+        first = points.factors.at(slice(0, 1)) | points.labels.at(slice(0, 1))
+        design = _WORD + sum(_stored_bytes(column) for column in first.values())
+    cube, cost = design + _WORD, design + _WORD + _COSTS * 8  # with outcome_detail, and with worker
+    if study.accuracy is None and study.simulator.model_errors(StudyPoints(study, points).columns(np.arange(1))):
+        cube += 2 * 8  # the error to expect, and its limit
+    if study.retry.changes:
+        cube += 2 + _WORD  # attempt, first_outcome and its detail
+    return results + points.count * (cube + cost + points.has_excluded)
+
+
+def _stored_bytes(column: NDArray[Any]) -> int:
+    """Bytes of a value of a factor or label in a file, as `cube` writes them."""
+    if column.dtype == np.bool_:
+        return 1
+    return _WORD if column.dtype.kind in "OUi" else column.dtype.itemsize

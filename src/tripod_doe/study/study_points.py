@@ -61,21 +61,24 @@ class StudyPoints:
         expected = self.study.file.run.expected_outcomes
         return frozenset(int(o) for o in Outcome if o is Outcome.FINISHED or o.label in expected)
 
+    def done(self, keys: Iterable[NDArray[np.void]]) -> tuple[NDArray[np.bool_], bool]:
+        """Which points have some fingerprints, shape (point,), and whether all of these are points to have."""
+        there, known = np.zeros(self.points.count, bool), True
+        for block in keys:
+            rows, at = self.index.places(block)
+            there[at] = True
+            inside = np.zeros(block.size, bool)
+            inside[rows[self.points.allowed[at]]] = True
+            known &= bool(inside.all())
+        return there, known
+
     def without(self, done: Iterable[NDArray[np.void]]) -> NDArray[np.int64]:
         """Indices of the points to compute, each different one once, without those whose fingerprints are done."""
-        there = np.zeros(self.points.count, bool)
-        for keys in done:
-            there[self.index.places(keys)[1]] = True
-        return self.undone(there)
+        return self.undone(self.done(done)[0])
 
     def undone(self, done: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Indices of the points to compute, each different one once, without those that are done, shape (point,)."""
         return np.flatnonzero(self.to_compute & ~done)
-
-    def hold(self, keys: NDArray[np.void]) -> bool:
-        """Whether all of some fingerprints are those of points that no constraint excludes."""
-        rows, at = self.index.places(keys)
-        return np.unique(rows[self.points.allowed[at]]).size == keys.size
 
     def columns(self, chosen: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
         """All parameters of some points, each of shape (len(chosen),)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from tripod_doe.study.cube_file import cube_file
 from tripod_doe.study.model_records import ModelRecords
 from tripod_doe.study.netcdf import stamp_history, write_dataset
 from tripod_doe.study.provenance import cost_attributes, cube_attributes
-from tripod_doe.study.slabs import box, slabs
+from tripod_doe.study.slabs import Slab, box, slabs
 from tripod_doe.study.stored_results import StoredResults
 from tripod_doe.study.study_points import StudyPoints
 
@@ -63,11 +64,21 @@ def write_cube(
         cost_slabs = files.enter_context(
             cube_file(directory / "cost.nc", points, lengths, levels)
         )  # takes its place first
-        for slab in slabs(points.shape, lengths):
-            part = points.part(slab.start, slab.stop)
-            cube, cost = part_of_cube(study, part, results.between(slab.start, slab.stop), models)
+
+        def write(slab: Slab, cube: xr.Dataset, cost: xr.Dataset) -> None:
             cube_slabs.write(slab, cube)
             cost_slabs.write(slab, cost)
+
+        with ThreadPoolExecutor(1, "cube") as writer:  # a slab is compressed while the next one is made
+            writing: Future[None] | None = None
+            for slab in slabs(points.shape, lengths):
+                part = points.part(slab.start, slab.stop)
+                cube, cost = part_of_cube(study, part, results.between(slab.start, slab.stop), models)
+                if writing:
+                    writing.result()
+                writing = writer.submit(write, slab, cube, cost)
+            if writing:
+                writing.result()
         for written, attributes in ((cube_slabs, cube_attributes), (cost_slabs, cost_attributes)):
             stamped = stamp_history(xr.Dataset(attrs=attributes(study, points, models)), action)
             written.finish(stamped.attrs)
