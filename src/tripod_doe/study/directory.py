@@ -130,7 +130,7 @@ class ResultDirectory:
         """
         study, stored = asked.study, self.path / "study.toml"
         there, grew = self._done(asked) if done is None else asked.done(done)
-        if not there.any() and grew or not stored.exists():
+        if (not there.any() and grew) or not stored.exists():
             return
         kernels = self._journal.recall(_KERNELS)
         if kernels != study.simulator.source_hash:
