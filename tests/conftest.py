@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import gc
 import os
+import shutil
 import sys
 import textwrap
 from pathlib import Path
@@ -74,6 +75,20 @@ def pytest_collection_finish(session):
     if len(session.items) > MANY:
         for model in MODELS_OF_PROCESS.get(os.environ.get("PYTEST_XDIST_WORKER", ""), ()):
             simulator.compile(model, next(iter(simulator.methods({"model": model}))))
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    """A browser without a window."""
+    program = shutil.which("chromium")
+    if program is None:
+        pytest.skip("chromium is not installed")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=program, args=["--no-sandbox", "--disable-gpu"])
+        yield browser
+        browser.close()
 
 
 @pytest.fixture
