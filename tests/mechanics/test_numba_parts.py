@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import tomllib
 from pathlib import Path
 
@@ -21,7 +22,8 @@ def imported():
     """Names that the package imports from numba and llvmlite, by module."""
     found = {}
     for path in (ROOT / "src").rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
+        text = path.read_text()
+        for node in ast.walk(ast.parse(text)) if re.search("from (numba|llvmlite)", text) else ():
             if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] in ("numba", "llvmlite"):
                 found.setdefault(node.module, set()).update(name.name for name in node.names)
     return found
