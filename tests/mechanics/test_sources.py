@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import runpy
 import shutil
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 
 import tripod_doe
 from started import Process
+from tripod_doe.mechanics.compilation import KernelLocator
 from tripod_doe.mechanics.sources import hash_sources, source_hashes
 
 SOURCE = Path(tripod_doe.__file__).parent
@@ -100,3 +102,30 @@ def test_machine_code_is_kept_where_words_change_and_made_again_where_code_does(
     assert hits_and_misses() == [1, 0]
     change(package / "mechanics" / "motion.py", "target[i, d] = source[i, d]", "target[i, d] = -source[i, d]")
     assert hits_and_misses() == [0, 1]
+
+
+KERNEL = """
+from tripod_doe.mechanics.compilation import kernel
+from tripod_doe.mechanics.laws import contact_force
+@kernel
+def force(x):
+    return contact_force(x, 1.0, 1.5)
+def plain(x):
+    return x
+"""
+
+
+def test_machine_code_of_a_kernel_elsewhere_is_kept_by_the_sources_and_the_text_of_its_file(tmp_path, monkeypatch):
+    """Regression: numba looks at that file only; a benchmark measured kernels of this package as they had been before."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    folders = set()
+    for text in (KERNEL, KERNEL, KERNEL.replace("1.5", "2.5")):
+        path = tmp_path / f"elsewhere_{len(folders)}.py"
+        path.write_text(text)
+        module = runpy.run_path(str(path))
+        folders.add(KernelLocator.from_function(module["force"].py_func, str(path)).get_cache_path())
+        assert KernelLocator.from_function(module["plain"], str(path)) is None
+    assert {Path(folder).parents[1] for folder in folders} == {
+        tmp_path / "cache" / f"kernels-{source_hashes().kernels}"
+    }
+    assert len(folders) == 2

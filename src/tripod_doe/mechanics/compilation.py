@@ -7,6 +7,7 @@ modules with kernels (`sources`), and neither line numbers nor the place of the 
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
@@ -22,22 +23,33 @@ from tripod_doe.mechanics.sources import cache_root, source_hashes
 __all__ = ["KernelLocator", "inlined_kernel", "inner_kernel", "kernel", "kernel_part"]
 
 _PACKAGE = Path(__file__).resolve().parent.parent
+_MARK = "is_kernel"
 
 
 class KernelLocator:
-    """Where numba keeps the machine code of this package's kernels; it asks other locators for other functions."""
+    """Where numba keeps the machine code of kernels; it asks other locators for other functions.
+
+    Kernels of other files, such as benchmarks, contain kernels of this package. Their folders stand within that of this
+    package, each named by the text of its file.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
     @classmethod
     def from_function(cls, function: Callable[..., Any], file: str) -> KernelLocator | None:
-        """A locator for a kernel of this package, None for any other function or where nothing can be written."""
+        """A locator for a kernel, None for any other function or where nothing can be written."""
+        path = Path(file).resolve()
         try:
-            place = Path(file).resolve().relative_to(_PACKAGE)
-            locator = cls(cache_root() / f"kernels-{source_hashes().kernels}" / place.parent)
+            if path.is_relative_to(_PACKAGE):
+                place = path.relative_to(_PACKAGE).parent
+            elif _MARK in vars(function):
+                place = Path("other", hashlib.sha256(path.read_bytes()).hexdigest()[:16])
+            else:
+                return None
+            locator = cls(cache_root() / f"kernels-{source_hashes().kernels}" / place)
             locator.ensure_cache_path()
-        except (OSError, ValueError):
+        except OSError:
             return None
         return locator
 
@@ -68,6 +80,7 @@ vectorised. No fast-math: it gains at most a tenth and breaks the guards against
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a module-level function to machine code, cached on disk, releasing the interpreter lock."""
+    vars(function)[_MARK] = True
     return numba.jit(cache=True, **_OPTIONS)(function)
 
 
