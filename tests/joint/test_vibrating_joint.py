@@ -20,7 +20,7 @@ from tripod_doe.simulator import Outcome
 SMOOTH = Vibration(Growth(3.0, 10.0, 2 * math.pi * 700), third=10.0, unrest=0.1)
 
 
-def followed_to(third, unrest=5.0, certain=True):
+def followed_to(third, unrest=5.0, certain=True, lacking=0.0):
     """What following it came to."""
     readings = Readings(
         np.zeros((4, 3, 30)),
@@ -32,7 +32,18 @@ def followed_to(third, unrest=5.0, certain=True):
         penetration=0.0,
         energy_residual=0.0,
     )
-    return FollowedVibration(4, 11, 1e-3, third, 0.2, unrest, steady=certain, certain=certain, readings=readings)
+    return FollowedVibration(
+        4,
+        11,
+        1e-3,
+        third,
+        0.2,
+        unrest,
+        steady=certain or lacking > 0,
+        certain=certain,
+        lacking=lacking,
+        readings=readings,
+    )
 
 
 @pytest.fixture
@@ -95,6 +106,16 @@ def test_what_has_not_settled_is_no_result(vibrating):
     answer = joint.answer(needles=False)
     assert answer.outcome == Outcome.INACCURATE
     assert "after 11 revolutions it has not settled" in answer.detail
+
+
+def test_what_the_budget_leaves_uncertain_says_what_is_lacking(vibrating):
+    joint, _ = vibrating(followed_to(9.0, certain=False, lacking=312_000))
+    answer = joint.answer(needles=False)
+    assert (answer.outcome, answer.readings.amplitude_error[3]) == (Outcome.INACCURATE, 0.1)
+    assert answer.detail.endswith(
+        "is not as certain as required, which would take about 3e+05 more force evaluations; "
+        "raise evaluation_budget, accuracy or contact damping"
+    )
 
 
 def test_what_vibrates_only_after_a_kick_says_so(monkeypatch, joint_values):

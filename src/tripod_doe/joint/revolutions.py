@@ -145,6 +145,20 @@ class JointInTurns:
         """Whether needles are bodies."""
         return "needle 1.1" in self.assembly.names
 
+    @property
+    def evaluations_per_revolution(self) -> float:
+        """Force evaluations of a revolution like the last one; 0 before the first."""
+        if self.last_turn is None:
+            return 0.0
+        share = float(self.last_turn.times[-1] - self.last_turn.times[0]) / self._duration
+        return self.last_turn.force_evaluations / share
+
+    @property
+    def affordable(self) -> float:
+        """How many revolutions like the last one the budget still allows."""
+        each = self.evaluations_per_revolution
+        return self.budget / each if each else math.inf
+
     def follow(self, count: int, setting: float) -> list[Revolution]:
         """Follow so many revolutions with a tolerance or step.
 

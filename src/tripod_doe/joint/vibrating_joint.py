@@ -170,7 +170,10 @@ class VibratingJoint:
         if not followed.certain:
             reason = "has not settled" if not followed.steady else "is not as certain as required"
             note = f"{note}; after {followed.followed} revolutions it {reason}"
-            return JointRun(Outcome.INACCURATE, f"{note}; raise accuracy or contact damping", readings)
+            if followed.lacking:
+                note = f"{note}, which would take about {followed.lacking:.1g} more force evaluations"
+            raised = "evaluation_budget, accuracy" if followed.lacking else "accuracy"
+            return JointRun(Outcome.INACCURATE, f"{note}; raise {raised} or contact damping", readings)
         return JointRun(Outcome.FINISHED, f"{note}; {self._end}", readings)
 
     @property

@@ -45,6 +45,9 @@ _FEWEST, _HARDLY = 2, 0.5
 """Revolutions that an answer is made of at least, also in finer steps unless the vibration builds up in one of them;
 where chance makes more than such a share of the allowed error, as many as in the steps before."""
 
+_RESERVE, _DEARER = 0.75, 2.0
+"""Share of the budget left that stays for finer steps, and what a revolution costs in those over the one before."""
+
 _AIM = 0.95
 """Share of the allowed error that is aimed at by more revolutions."""
 
@@ -99,6 +102,8 @@ class FollowedVibration:
         Whether the vibration has stopped growing.
     certain
         Whether all orders are as certain as asked for, too.
+    lacking
+        About how many force evaluations that would take besides, where the budget did not allow them; 0 elsewhere.
     readings
         Its results; the error of an order is by chance (twice the standard deviation of the mean) and by the steps.
     """
@@ -111,13 +116,14 @@ class FollowedVibration:
     unrest: float
     steady: bool
     certain: bool
+    lacking: float
     readings: Readings
 
 
 def follow_vibration(
     joint: JointInTurns, setting: float, allowed: Allowed, builds_up: bool = False
 ) -> FollowedVibration:
-    """Follow a joint from its start until the mean orders of its thrust are certain.
+    """Follow a joint from its start until the mean orders of its thrust are certain, or its budget is nearly used up.
 
     Parameters
     ----------
@@ -133,7 +139,7 @@ def follow_vibration(
     Raises
     ------
     StoppedError
-        If the run stops on its way, or its budget is used up.
+        If the run stops on its way, or its budget is used up before anything is known of the error.
     """
     first, fewest = max(_FIRST, int(joint.values.cycles)), _FEWEST
     if builds_up:
@@ -142,20 +148,26 @@ def follow_vibration(
     finer = _FINER if joint.method.controlled else _FINER ** (1 / joint.method.order)
     passed = joint.follow(first, setting)
     kept = passed[round(_DROPPED * first) :]
-    while (more := _to_tell_steps(kept, allowed)) and len(passed) < _MOST // 2:
-        passed += joint.follow(min(more, _MOST // 2 - len(passed)), setting)
+    while (more := min(_to_tell_steps(kept, allowed), _MOST // 2 - len(passed), _afforded(joint, 1 - _RESERVE))) > 0:
+        passed += joint.follow(more, setting)
         kept = passed[round(_DROPPED * len(passed)) :]
     while True:
         setting /= finer
         joint.change_to(setting)
-        coarse, kept = kept, joint.follow(_in_finer_steps(kept, allowed, fewest), setting)
+        more = min(_in_finer_steps(kept, allowed, fewest), max(_afforded(joint), 1))
+        coarse, kept = kept, joint.follow(more, setting)
         found = _Compared.of(coarse, kept, allowed)
-        while more := _more(found, coarse, kept, _MOST - len(passed) - len(kept)):
+        while more := _more(found, coarse, kept, min(_MOST - len(passed) - len(kept), _afforded(joint))):
             kept += joint.follow(more, setting)
             found = _Compared.of(coarse, kept, allowed)
         passed += kept
-        if found.certain or len(passed) >= _MOST:
+        if found.certain or len(passed) >= _MOST or joint.affordable < _DEARER * _FEWEST:
             return _followed(joint, passed, coarse, kept, setting, found)
+
+
+def _afforded(joint: JointInTurns, share: float = 1.0) -> int:
+    """How many revolutions like the last one a share of the budget left allows, at most as many as are ever followed."""
+    return int(min(share * joint.affordable, _MOST))
 
 
 @dataclass(frozen=True)
@@ -300,7 +312,11 @@ def _followed(
     )  # fmt: skip
     scatter = float(found.by_chance[3]) / 2 * math.sqrt(len(kept))
     steady = _is_steady(fine)
+    certain, lacking = steady and found.certain, 0.0
+    if not certain and len(passed) < _MOST:
+        more = len(kept) * (found.miss**2 - 1) if found.wants_revolutions else _DEARER * len(fine)
+        lacking = (more if steady else len(fine)) * joint.evaluations_per_revolution
     return FollowedVibration(
         len(kept), len(passed), setting, float(abs(found.mean[3])), scatter,
-        float(np.mean([each.unrest for each in kept])), steady, steady and found.certain, readings,
+        float(np.mean([each.unrest for each in kept])), steady, certain, lacking, readings,
     )  # fmt: skip
