@@ -166,7 +166,7 @@ def follow_vibration(
 
 
 def _afforded(joint: JointInTurns, share: float = 1.0) -> int:
-    """How many revolutions like the last one a share of the budget left allows, at most as many as are ever followed."""
+    """How many revolutions like the last one a share of the budget left allows, at most as many as are followed."""
     return int(min(share * joint.affordable, _MOST))
 
 
