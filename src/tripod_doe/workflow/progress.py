@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
@@ -13,6 +14,7 @@ from tripod_doe.quantities import count_of, duration
 
 __all__ = ["Progress"]
 
+_BAR = "{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}, {rate_fmt}{postfix}]"  # tqdm's own without its time left
 _FIRST_LINE = 30.0  # seconds after which a log gets a first line; shorter runs print only their end
 _LONGEST_GAP = 600.0  # seconds between two lines, to which the gaps grow
 
@@ -29,12 +31,14 @@ class Progress:
         Points to compute.
     shown
         Whether anything is printed at all.
+    work
+        How much work the first so many points are, in any unit; by it the time left is estimated.
     """
 
-    def __init__(self, total: int, shown: bool) -> None:
-        self._total, self._done, self._at_first = total, 0, 0
+    def __init__(self, total: int, shown: bool, work: Callable[[int], float] = float) -> None:
+        self._total, self._done, self._at_first, self._work = total, 0, 0, work
         self._bar = tqdm(
-            total=total, unit="point", disable=None if shown else True, file=sys.stderr, smoothing=0.05
+            total=total, unit="point", disable=None if shown else True, file=sys.stderr, smoothing=0.05, bar_format=_BAR
         )  # None: only on a terminal
         self._logged = shown and bool(self._bar.disable)
         self._started = self._first = time.monotonic()
@@ -54,6 +58,7 @@ class Progress:
         if not self._done:
             self._first, self._at_first = now, points
         self._done += points
+        self._bar.set_postfix_str(self._left(now).removeprefix(", "), refresh=False)
         self._bar.update(points)
         passed = now - self._started
         if self._logged and passed >= self._next_line and self._done < self._total:
@@ -64,5 +69,6 @@ class Progress:
 
     def _left(self, now: float) -> str:
         """The time still to come, by the points since the first ones, which may have waited for compiled kernels."""
-        since = self._done - self._at_first
-        return f", about {duration((now - self._first) * (self._total - self._done) / since)} left" if since else ""
+        since = self._work(self._done) - self._work(self._at_first)
+        left = self._work(self._total) - self._work(self._done)
+        return f", about {duration((now - self._first) * left / since)} left" if since else ""

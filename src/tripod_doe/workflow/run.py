@@ -35,6 +35,7 @@ from tripod_doe.study.journal import PILOT
 from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.workflow.analyses import check_analyses, run_analyses
 from tripod_doe.workflow.progress import Progress
+from tripod_doe.workflow.work import work_of
 
 __all__ = ["RunSummary", "run", "run_on"]
 
@@ -256,7 +257,7 @@ def _compute(
         return 0
     computed = 0
     with (
-        Progress(int(missing.size), progress) as told,
+        Progress(int(missing.size), progress, work_of(asked, missing)) as told,
         directory.computing() as died_before,
         closing(execution.run(asked, missing, careful=died_before)) as finished,
     ):
