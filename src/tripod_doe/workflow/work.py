@@ -12,8 +12,7 @@ from tripod_doe.study.study_points import StudyPoints
 
 __all__ = ["work_of"]
 
-_CHUNK = 100_000  # points that are looked at together
-_APART = 100  # points between two at which the work is kept, unless the kind changes less often
+_LOOKED_AT = 10_000  # points, each of which stands for those up to the next one
 
 
 def work_of(asked: StudyPoints, missing: NDArray[np.int64]) -> Callable[[int], float]:
@@ -28,27 +27,22 @@ def work_of(asked: StudyPoints, missing: NDArray[np.int64]) -> Callable[[int], f
         The study, and the points of it that run, in this order.
     """
     names, prices = _kinds(asked), dict[tuple[Any, ...], float]()
-    ends: list[NDArray[np.float64]] = [np.zeros(1)]
-    work: list[NDArray[np.float64]] = [np.zeros(1)]
-    for start in range(0, missing.size if names else 0, _CHUNK):
-        rows = missing[start : start + _CHUNK]
-        columns = asked.points.at(rows)
-        kinds = list(zip(*(columns[name].tolist() for name in names), strict=True))
-        for kind in set(kinds) - prices.keys():
-            price = _price(asked, int(rows[kinds.index(kind)]), kind)
-            if price is None:
-                return float
-            prices[kind] = price
-        each = np.fromiter(map(prices.__getitem__, kinds), float, len(kinds))
-        sums, at = work[-1][-1] + np.cumsum(each), np.flatnonzero(np.diff(each, append=np.nan))
-        if at.size * _APART > rows.size:  # kinds alternate
-            at = np.append(np.arange(_APART, rows.size, _APART), rows.size) - 1
-        ends.append(start + 1.0 + at)
-        work.append(sums[at])
+    if not names or not missing.size:
+        return float
+    begins = np.unique(np.linspace(0, missing.size - 1, min(missing.size, _LOOKED_AT)).astype(np.int64))
+    rows = missing[begins]
+    columns = asked.points.at(rows)
+    kinds = list(zip(*(columns[name].tolist() for name in names), strict=True))
+    for kind in dict.fromkeys(kinds):
+        price = _price(asked, int(rows[kinds.index(kind)]), kind)
+        if price is None:
+            return float
+        prices[kind] = price
     if len(prices) < 2:
         return float
-    all_ends, all_work = np.concatenate(ends), np.concatenate(work)
-    return lambda count: float(np.interp(count, all_ends, all_work))
+    ends = np.append(begins[1:], missing.size)
+    work = np.cumsum(np.array([prices[kind] for kind in kinds]) * (ends - begins))
+    return lambda count: float(np.interp(count, np.append(0, ends), np.append(0.0, work)))
 
 
 def _kinds(asked: StudyPoints) -> list[str]:
