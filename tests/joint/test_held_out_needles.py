@@ -57,6 +57,6 @@ def test_stated_limits_and_ranges_hold_where_nothing_was_measured(balances):
     _, limit, _ = known_errors("kinetostatic", block)
     assert np.isfinite(limit).all()
     assert (error <= limit).sum() >= 20
-    inside = ~np.any([departure.outside for departure in simulator.departures(block)], axis=0)
+    inside = ~np.any([departure.outside for departure in simulator.model_errors(block).departures], axis=0)
     assert inside.sum() == 18
     assert (error[inside] < 0.05).all()

@@ -82,7 +82,7 @@ def test_models_that_nothing_is_measured_against_say_so():
 
 def test_every_range_is_of_a_parameter_or_a_ratio_and_only_points_outside_leave_it():
     block = points(joint_angle_deg=[1.0, 15.0], model=np.array(["equilibrium"] * 2, object))
-    left = {departure.left.quantity: departure.outside for departure in simulator.departures(block)}
+    left = {departure.left.quantity: departure.outside for departure in simulator.model_errors(block).departures}
     assert left["swing_ratio"].tolist() == [True, False]
     assert not left["bearing_radial_clearance_mm"].any()
     for name, model in MODELS.items():
@@ -96,7 +96,7 @@ def test_inside_its_range_a_model_is_within_five_per_cent_at_nine_in_ten_measure
     table = np.genfromtxt(RECORDED, delimiter=",", names=True, skip_header=1)
     names = [name for name in table.dtype.names if name in simulator.parameters]
     block = points(model=np.array([model] * table.size, object), **{name: table[name] for name in names})
-    inside = ~np.any([departure.outside for departure in simulator.departures(block)], axis=0)
+    inside = ~np.any([departure.outside for departure in simulator.model_errors(block).departures], axis=0)
     errors = np.abs(table[model][inside & np.isfinite(table[model])])
     assert errors.size >= 15
     assert np.quantile(errors, 0.9) < 0.05

@@ -25,10 +25,10 @@ def test_a_joint_is_compared_with_the_recorded_ones_nearest_in_angle_and_frictio
     vibration_record._recorded.cache_clear()
     try:
         block = points(joint_angle_deg=[11.0, 2.0], groove_sliding_friction=[0.09, 0.02])
-        np.testing.assert_allclose(vibration_share(block), [0.3, 0])
+        np.testing.assert_allclose(vibration_share(vibration_errors(block)), [0.3, 0])
         np.testing.assert_allclose(np.sort(vibration_errors(block)[0])[-4:], [0, 0.25, 0.25, 0.25])
         off = points(joint_angle_deg=[11.0], groove_sliding_friction=[0.09], groove_sliding=[0.0])
-        assert vibration_share(off) == 0  # without sliding friction in the grooves none is compared
+        assert vibration_share(vibration_errors(off)) == 0  # without sliding friction in the grooves none is compared
     finally:
         vibration_record._recorded.cache_clear()
 
@@ -53,7 +53,7 @@ def test_a_balance_states_what_vibration_may_make_of_its_error(model):
     block = points(model=np.array([model], object), **FLUTTERING)
     _, limit, unknown = known_errors(model, block)
     assert unknown[0] or limit[0] > 0.53
-    (share,) = vibration_share(block)
+    (share,) = vibration_share(vibration_errors(block))
     assert share > 0.5
     assert any(SHARE in told for told in model_notes(simulator, block))
 
@@ -62,7 +62,7 @@ def test_joints_of_little_friction_keep_their_errors_and_their_range():
     block = points(joint_angle_deg=[5.0, 10.0], groove_sliding_friction=0.05)
     _, limit, _ = known_errors("kinetostatic", block)
     assert (limit < 0.02).all()
-    assert not vibration_share(block).any()
+    assert not vibration_share(vibration_errors(block)).any()
 
 
 def test_a_choice_counts_what_vibration_makes_of_similar_errors():

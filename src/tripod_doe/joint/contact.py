@@ -9,6 +9,7 @@ mu and 2K/(pi mu) are Hertz's coefficients of the curvatures, not friction.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,19 +67,30 @@ def hertz_coefficients(cos_tau: FloatArray) -> tuple[FloatArray, FloatArray, Flo
     Standard Hertz theory as tabulated in bearing handbooks; the paper cites it for its Eq. 5 and 6.
     """
     distinct, where = np.unique(cos_tau, return_inverse=True)  # most studies never vary the curvature
-    low, high = np.full_like(distinct, math.log(1e-15)), np.full_like(distinct, math.log(1 - 1e-9))
+    coefficients = _of_one_curvature(float(distinct[0])) if distinct.size == 1 else _solved_coefficients(distinct)
+    mu, nu, two_k = (values[where].reshape(np.shape(cos_tau)) for values in coefficients)
+    return mu, nu, two_k
+
+
+@lru_cache(maxsize=16)
+def _of_one_curvature(cos_tau: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Coefficients of the one curvature of a study, whose points come block by block; each of shape (1,)."""
+    return _solved_coefficients(np.array([cos_tau]))
+
+
+def _solved_coefficients(cos_tau: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """`hertz_coefficients` of different curvatures."""
+    low, high = np.full_like(cos_tau, math.log(1e-15)), np.full_like(cos_tau, math.log(1 - 1e-9))
     for _ in range(60):  # cos tau falls as the ellipse gets rounder: bisection of log f, to rounding
         middle = (low + high) / 2
         flatness = np.exp(middle)
         first, second = _elliptic_integrals(flatness)
-        too_long = (1 + flatness - 2 * flatness * first / second) / (1 - flatness) > distinct
+        too_long = (1 + flatness - 2 * flatness * first / second) / (1 - flatness) > cos_tau
         low, high = np.where(too_long, middle, low), np.where(too_long, high, middle)
     flatness = np.exp((low + high) / 2)
     first, second = _elliptic_integrals(flatness)
     mu = np.cbrt(2 * second / (np.pi * flatness))
-    coefficients = (mu, mu * np.sqrt(flatness), 2 * first / (np.pi * mu))
-    mu, nu, two_k = (values[where].reshape(np.shape(cos_tau)) for values in coefficients)
-    return mu, nu, two_k
+    return mu, mu * np.sqrt(flatness), 2 * first / (np.pi * mu)
 
 
 def _elliptic_integrals(flatness: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -15,6 +15,7 @@ gives the errors of both orders at the similar points, one by one, for a choice 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -27,11 +28,11 @@ from numpy.typing import NDArray
 from tripod_doe.joint.nearest import ALIKE, nearest_rows
 from tripod_doe.joint.operating_ratios import RATIOS, operating_ratios
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
-from tripod_doe.joint.vibration_record import VIBRATES_BY, vibration_errors
+from tripod_doe.joint.vibration_record import vibration_errors
 from tripod_doe.quantities import number
 from tripod_doe.simulator import Demand, Demands
 
-__all__ = ["COMPARED", "FINEST", "QUANTITY", "RECORDED", "known_errors", "similar_errors"]
+__all__ = ["COMPARED", "FINEST", "QUANTITY", "RECORDED", "errors_at", "known_errors", "similar_errors"]
 
 FloatArray = NDArray[np.float64]
 
@@ -128,13 +129,15 @@ class _Measured:
 
 
 def _median_and_limit(errors: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Median and ninth decile of the numbers of each row; NaN where most of it is."""
-    found = np.sort(errors, axis=1)  # NaN last
-    return _quantile(found, 0.5), _quantile(found, 0.9)
+    """Median and ninth decile of the numbers of each row, which are sorted in place; NaN where most of it is."""
+    errors.sort(axis=1)  # NaN last
+    return _quantile(errors, 0.5), _quantile(errors, 0.9)
 
 
 def _quantile(found: FloatArray, share: float) -> FloatArray:
     """Quantile of the numbers of each row, which NaN follow; NaN where those are the most."""
+    if np.isfinite(found[:, -1]).all():  # as nearly always: all rows have it at the same place
+        return found[:, math.ceil(share * (found.shape[1] - 1))]
     known = np.isfinite(found).sum(axis=1)
     at = np.ceil(share * np.maximum(known - 1, 0)).astype(int)
     return np.where(2 * known > found.shape[1], found[np.arange(len(found)), at], np.nan)
@@ -183,18 +186,25 @@ def known_errors(model: str, points: Mapping[str, NDArray[Any]]) -> tuple[FloatA
     expected, limit, unknown
         See `simulator.ModelErrors`; each of shape (point,).
     """
-    count = len(points["torque_n_m"])
+    return errors_at(model, operating_ratios(points), vibration_errors(points))
+
+
+def errors_at(
+    model: str, ratios: Mapping[str, FloatArray], vibration: FloatArray
+) -> tuple[FloatArray, FloatArray, NDArray[np.object_]]:
+    """As `known_errors`, of points with these ratios and errors by leaving out vibration (`vibration_errors`)."""
+    count = len(vibration)
     expected, limit = np.full((2, count), np.nan)
     if model not in COMPARED:
         return expected, limit, np.full(count, _NO_REFERENCE if model == FINEST else _NOT_COMPARED, object)
-    measured, ratios = _measured(), operating_ratios(points)
+    measured = _measured()
     values = np.stack([ratios[name] for name in measured.names], axis=1)
     inside = (values >= measured.low) & (values <= measured.high)
     within = inside.all(axis=1)
     errors = measured.near(model, np.log(values[within]) / measured.spread)
     expected[within], limit[within] = _median_and_limit(errors)
     if model in WITHOUT_VIBRATION:
-        by_vibration = vibration_errors({name: points[name][within] for name in VIBRATES_BY})
+        by_vibration = vibration[within]
         may = by_vibration.any(axis=1)
         both = errors[may, :, None] + by_vibration[may, None, :]
         rows = np.flatnonzero(within)[may]

@@ -32,13 +32,14 @@ def nearest_places(known: FloatArray, places: FloatArray, count: int) -> NDArray
 
 def _cells(places: FloatArray) -> NDArray[np.uint16]:
     """The cell of each place in a grid over all of them, whose axes are divided where they are widest."""
-    low = places.min(axis=0)
-    width, parts = places.max(axis=0) - low, np.ones(places.shape[1], np.int64)
+    along_axes = np.ascontiguousarray(places.T)
+    low = along_axes.min(axis=1)
+    width, parts = along_axes.max(axis=1) - low, np.ones(places.shape[1], np.int64)
     while 2 * parts.prod() <= min(len(places) // _RUN, _MOST_RUNS):
         parts[np.argmax(width / parts)] *= 2
     cells = np.zeros(len(places), np.int64)
     for axis in np.flatnonzero((parts > 1) & (width > 0)):
-        along = (places[:, axis] - low[axis]) / width[axis] * parts[axis]
+        along = (along_axes[axis] - low[axis]) / width[axis] * parts[axis]
         cells = cells * parts[axis] + np.minimum(along.astype(np.int64), parts[axis] - 1)
     return cells.astype(np.uint16)
 

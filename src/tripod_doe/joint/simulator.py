@@ -14,12 +14,12 @@ from tripod_doe.joint import models
 from tripod_doe.joint.candidates import JOINT_CANDIDATES
 from tripod_doe.joint.feasibility import infeasible
 from tripod_doe.joint.goal import Goal
-from tripod_doe.joint.model_error import FINEST, QUANTITY, known_errors, similar_errors
+from tripod_doe.joint.model_error import FINEST, QUANTITY, errors_at, similar_errors
 from tripod_doe.joint.operating_ratios import operating_ratios
 from tripod_doe.joint.outputs import JOINT_OUTPUTS
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values, point_values
 from tripod_doe.joint.values import JointValues
-from tripod_doe.joint.vibration_record import SHARE, vibration_share
+from tripod_doe.joint.vibration_record import SHARE, vibration_errors, vibration_share
 from tripod_doe.mechanics.sources import source_hashes
 from tripod_doe.simulator import (
     NUMERICS,
@@ -35,6 +35,10 @@ from tripod_doe.simulator import (
 )
 
 __all__ = ["JointSimulator", "simulator"]
+
+
+_KIND = ("model", "method", "samples_per_revolution", "cycles")
+"""Parameters that points have in common which one run of a solver can answer."""
 
 
 class JointSimulator(Simulator):
@@ -90,9 +94,17 @@ class JointSimulator(Simulator):
         """Errors of the third order against `needles`, from measured points like these."""
         count = len(points["model"])
         expected, limit, unknown = np.empty(count), np.empty(count), np.empty(count, object)
+        departures = []
         for model, rows, own in _by_model(points):
-            expected[rows], limit[rows], unknown[rows] = known_errors(model.name, own)
-        return ModelErrors(QUANTITY, FINEST, np.asarray(points["model"], object), expected, limit, unknown)
+            ratios, vibration = operating_ratios(own), vibration_errors(own)
+            expected[rows], limit[rows], unknown[rows] = errors_at(model.name, ratios, vibration)
+            quantities = own | ratios | {SHARE: vibration_share(vibration)}
+            for left in model.valid:
+                outside = np.zeros(count, bool)
+                outside[rows] = ~((quantities[left.quantity] >= left.low) & (quantities[left.quantity] <= left.high))
+                departures.append(Departure(model.name, left, outside))
+        models_of = np.asarray(points["model"], object)
+        return ModelErrors(QUANTITY, FINEST, models_of, expected, limit, unknown, departures)
 
     def recorded_errors(self, points: Mapping[str, NDArray[Any]], demands: Demands) -> NDArray[np.float64] | None:
         """Errors of the second and third order against `needles` at measured points like these."""
@@ -104,17 +116,6 @@ class JointSimulator(Simulator):
             if found is None:
                 found = np.full((len(points["model"]), *errors.shape[1:]), np.nan)
             found[rows] = errors
-        return found
-
-    def departures(self, points: Mapping[str, NDArray[Any]]) -> list[Departure]:
-        """The ranges in which the models of some points hold, each with the points that leave it."""
-        found = []
-        for model, rows, own in _by_model(points):
-            quantities = own | operating_ratios(own) | {SHARE: vibration_share(own)}
-            for left in model.valid:
-                outside = np.zeros(len(points["model"]), bool)
-                outside[rows] = ~((quantities[left.quantity] >= left.low) & (quantities[left.quantity] <= left.high))
-                found.append(Departure(model.name, left, outside))
         return found
 
     def describe_model(self, model: str) -> dict[str, Any]:
@@ -154,7 +155,7 @@ class JointSimulator(Simulator):
                 text = f"method {method} is not one of {model.name}"
                 found += [(int(position), Outcome.NOT_APPLICABLE, text) for position in chosen]
                 continue
-            columns = {key: np.asarray(column)[chosen] for key, column in points.items()}
+            columns = _of_rows(points, chosen)
             refused = _refused(model, method, columns, _values(model, method, columns))
             found += [(int(chosen[row]), *why) for row, why in refused.items()]
         return found
@@ -169,7 +170,7 @@ class JointSimulator(Simulator):
         for (name, method, samples, _), alike in self._kinds(points):
             model, chosen = models.MODELS[name], alike[usable[alike]]
             if chosen.size:
-                columns = {key: np.asarray(column)[chosen] for key, column in points.items()}
+                columns = _of_rows(points, chosen)
                 wanted = [output for output in keep if output in model.outputs]
                 block.fill(chosen, model.simulate(_values(model, method, columns), method, samples, wanted, self.goal))
         first = {name: points[name][0] for name in ("samples_per_revolution", "cycles")}
@@ -178,8 +179,14 @@ class JointSimulator(Simulator):
 
     def _kinds(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[tuple[str, str, int, int], NDArray[np.int64]]]:
         """Positions of the points with the same model, method, samples per revolution and cycles."""
-        numbers = (np.asarray(points[name], float) for name in ("samples_per_revolution", "cycles"))
-        kinds = [(*solver, int(n), int(c)) for solver, n, c in zip(self.solvers(points), *numbers, strict=True)]
+        count, columns = len(points["model"]), {name: np.asarray(points[name]) for name in _KIND}
+        one = count > 0 and all((column == column[0]).all() for column in columns.values())  # as in most blocks
+        if one:
+            columns = {name: column[:1] for name, column in columns.items()}
+        numbers = (columns[name].astype(float) for name in ("samples_per_revolution", "cycles"))
+        kinds = [(*solver, int(n), int(c)) for solver, n, c in zip(self.solvers(columns), *numbers, strict=True)]
+        if one:
+            return [(kinds[0], np.arange(count))]
         rows: dict[tuple[str, str, int, int], list[int]] = {}
         for row, kind in enumerate(kinds):
             rows.setdefault(kind, []).append(row)
@@ -191,12 +198,16 @@ def _by_model(
 ) -> Iterator[tuple[models.Model, NDArray[np.int64], dict[str, NDArray[Any]]]]:
     """The points of each model: their positions and all their parameters."""
     names = list(dict.fromkeys(points["model"].tolist()))
-    if len(names) == 1:
-        yield models.MODELS[names[0]], np.arange(len(points["model"])), dict(points)
-        return
     for name in names:
-        rows = np.flatnonzero(points["model"] == name)
-        yield models.MODELS[name], rows, {key: np.asarray(column)[rows] for key, column in points.items()}
+        rows = np.flatnonzero(points["model"] == name) if len(names) > 1 else np.arange(len(points["model"]))
+        yield models.MODELS[name], rows, _of_rows(points, rows)
+
+
+def _of_rows(points: Mapping[str, NDArray[Any]], rows: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
+    """All parameters of some points, whose ascending rows are given; no copies where these are all points."""
+    if rows.size == len(points["model"]):
+        return {name: np.asarray(column) for name, column in points.items()}
+    return {name: np.asarray(column)[rows] for name, column in points.items()}
 
 
 def _values(model: models.Model, method: str, columns: Mapping[str, NDArray[Any]]) -> JointValues[NDArray[np.float64]]:
@@ -218,7 +229,7 @@ def _refused(
     for name in NUMERICS:
         if name not in model.methods[method]:
             text = f"{name} is not used by {model.name} with {method}"
-            given = np.flatnonzero([is_set(value) for value in columns[name]])
+            given = np.flatnonzero(~np.isnan(np.asarray(columns[name], float)))
             refused |= {int(row): (Outcome.NOT_APPLICABLE, text) for row in given}
     return infeasible(values) | refused
 

@@ -57,9 +57,15 @@ def vibration_errors(points: Mapping[str, NDArray[Any]]) -> FloatArray:
     return found
 
 
-def vibration_share(points: Mapping[str, NDArray[Any]]) -> FloatArray:
-    """Share of recorded joints most like some points to which vibration matters (`SHARE_MEANING`), shape (point,)."""
-    share: FloatArray = (vibration_errors(points) > NOTABLE_ERROR).mean(axis=1)
+def vibration_share(errors: FloatArray) -> FloatArray:
+    """Share of recorded joints most like some points to which vibration matters (`SHARE_MEANING`), shape (point,).
+
+    Parameters
+    ----------
+    errors
+        `vibration_errors` of the points.
+    """
+    share: FloatArray = (errors > NOTABLE_ERROR).mean(axis=1)
     return share
 
 

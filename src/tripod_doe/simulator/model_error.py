@@ -40,6 +40,8 @@ class ModelErrors:
         90th percentile of the error at those points, shape (point,).
     unknown
         Why the error is not known, shape (point,); empty where it is.
+    departures
+        The ranges in which these models hold, each with the points that leave it.
     """
 
     quantity: str
@@ -48,6 +50,7 @@ class ModelErrors:
     expected: FloatArray
     limit: FloatArray
     unknown: NDArray[np.object_]
+    departures: Sequence[Departure] = ()
 
 
 @dataclass(frozen=True)
@@ -142,12 +145,12 @@ class ModelSummary:
         self._errors: dict[str, _KnownErrors] = {}
         self._outside: Counter[tuple[str, ValidRange]] = Counter()
 
-    def add(self, errors: ModelErrors, departures: Sequence[Departure]) -> None:
+    def add(self, errors: ModelErrors) -> None:
         """Count some points: the errors known of their models, and the ranges that they leave."""
         self._of = errors.quantity, errors.reference
         for model in dict.fromkeys(errors.models):
             self._errors.setdefault(model, _KnownErrors()).add(errors, errors.models == model)
-        for departure in departures:
+        for departure in errors.departures:
             self._outside[departure.model, departure.left] += int(departure.outside.sum())
 
     @property

@@ -14,7 +14,7 @@ from tripod_doe.errors import InputError
 from tripod_doe.simulator.block import BlockResult
 from tripod_doe.simulator.candidate import Candidate
 from tripod_doe.simulator.demand import Demands
-from tripod_doe.simulator.model_error import Departure, ModelErrors, ModelSummary
+from tripod_doe.simulator.model_error import ModelErrors, ModelSummary
 from tripod_doe.simulator.outcome import Outcome
 from tripod_doe.simulator.output import Dimension, Output
 from tripod_doe.simulator.parameter import Parameter, Value, is_set
@@ -170,7 +170,7 @@ class Simulator(ABC):
         return []
 
     def model_errors(self, points: Mapping[str, NDArray[Any]]) -> ModelErrors | None:
-        """What is known of the errors that the models of some points make; None where there is one model only.
+        """What is known of the errors of the models of some points, and where they hold; None with one model only.
 
         Parameters
         ----------
@@ -196,10 +196,6 @@ class Simulator(ABC):
             errors are on record.
         """
         return None
-
-    def departures(self, points: Mapping[str, NDArray[Any]]) -> list[Departure]:
-        """The ranges in which the models of some points hold, each with the points that leave it."""
-        return []
 
     def describe_model(self, model: str) -> dict[str, Any]:
         """What a model ignores and where it holds, as plain data."""
@@ -345,7 +341,7 @@ def model_notes(simulator: Simulator, points: Mapping[str, NDArray[Any]]) -> lis
     if errors is None:
         return []
     summary = ModelSummary()
-    summary.add(errors, simulator.departures(points))
+    summary.add(errors)
     return [*summary.error_texts, *summary.departure_texts]
 
 

@@ -62,7 +62,7 @@ class ModelRecords:
             errors = self._study.simulator.model_errors(columns)
             if errors is None:
                 return {}
-            self._summary.add(errors, self._study.simulator.departures(columns))
+            self._summary.add(errors)
             expected[chosen], limit[chosen] = errors.expected, errors.limit
             of = _meaning(errors)
         if not np.isfinite(expected).any():
