@@ -20,15 +20,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import ThreadpoolController
 
 from tripod_doe.analysis.additive_fit import Fit, Separation, fit_factor, separation
 from tripod_doe.analysis.curve_shape import Shape, curve_shapes
 from tripod_doe.analysis.one_factor import Comparison, compare_settings, setting_of_others
+from tripod_doe.one_thread import one_thread
 
 __all__ = ["FactorEffect", "Ground", "factor_effects"]
 
@@ -140,15 +139,9 @@ def factor_effects(columns: Mapping[str, Column], response: FloatArray, error: f
         elif ground is Ground.STEPS:
             effects.append(_by_steps(name, varying, compared, settings[:, at], error))
         else:
-            with _threads().limit(limits=1, user_api="blas"):  # small problems: threads would wait for each other
+            with one_thread():
                 effects.append(_by_regression(name, varying, response, error))
     return effects
-
-
-@cache
-def _threads() -> ThreadpoolController:
-    """Threads of linear algebra, looked for once: that takes longer than a regression."""
-    return ThreadpoolController()
 
 
 def _ground(compared: Comparison, setting: IntArray, factors: int) -> Ground:

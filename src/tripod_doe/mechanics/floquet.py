@@ -23,12 +23,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
-from threadpoolctl import threadpool_limits
 
 from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.motion import copy_vectors, evaluate
 from tripod_doe.mechanics.rotations import move
+from tripod_doe.one_thread import one_thread
 
 __all__ = ["Growth", "departure_matrices", "fastest_growth"]
 
@@ -93,7 +93,7 @@ def fastest_growth(matrices: FloatArray, duration: float) -> Growth:
     duration
         How long the motion takes.
     """
-    with threadpool_limits(1, "blas"):  # small matrices: threads would wait for each other
+    with one_thread():
         return _growth(matrices.copy(), duration / len(matrices))
 
 

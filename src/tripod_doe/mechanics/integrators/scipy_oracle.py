@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import scipy.integrate
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, Settings, accept
 from tripod_doe.mechanics.motion import evaluate
 from tripod_doe.mechanics.tables import EVALUATIONS, FACTORISATIONS, Tables, Work
+from tripod_doe.one_thread import one_thread
 
 __all__ = ["bdf", "dop853", "lsoda", "radau"]
 
@@ -79,7 +79,7 @@ def _integrate(
     On one thread of linear algebra: on several, LU factors are rounded differently, and results must not depend on
     the process that computes them.
     """
-    with threadpool_limits(1, "blas"):
+    with one_thread():
         return _step_to_end(solver, tables, work, positions, velocities, clock, end, settings)
 
 
