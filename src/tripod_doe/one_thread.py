@@ -12,7 +12,8 @@ __all__ = ["one_thread"]
 
 def one_thread() -> AbstractContextManager[object]:
     """Keep NumPy's and SciPy's linear algebra to one thread within a ``with`` block."""
-    return _libraries().limit(limits=1, user_api="blas")
+    limited: AbstractContextManager[object] = _libraries().limit(limits=1, user_api="blas")
+    return limited
 
 
 @cache
