@@ -27,6 +27,9 @@ def cube_of(rows, study=ROLLER, variable="axial_force_n"):
     if variable == "thrust_amplitude":
         dims, data = ("point", "order"), np.repeat(answers[:, None], 4, axis=1)
         coords["order"] = ("order", np.arange(4))
+        # a run with neither step nor tolerance is one by accuracy: here that of the default
+        alone = np.isnan(coords["step_s"][1]) & np.isnan(coords["relative_tolerance"][1])
+        coords["accuracy"] = ("point", np.where(alone, 0.02, np.nan))
     else:
         coords.pop("model")
     return xr.Dataset(
@@ -51,6 +54,10 @@ def fixed(method, steps, error, price, model="", outcome=Outcome.FINISHED):
 
 def adaptive(method, tolerances, error, price, model="", outcome=Outcome.FINISHED):
     return [(model, method, np.nan, t, error(t), price(t), outcome) for t in tolerances]
+
+
+def by_accuracy(error, price, model):
+    return [(model, "adaptive-euler", np.nan, np.nan, error, price, Outcome.FINISHED)]
 
 
 STEPS, FINE = (1e-2, 1e-3, 1e-4, 1e-8), (1e-2, 1e-3, 1e-4, 1e-7)

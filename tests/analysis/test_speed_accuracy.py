@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from method_rows import EXACT, FINE, FIRST, JOINT, SECOND, STEPS, cube_of, fixed
+from method_rows import EXACT, FINE, FIRST, JOINT, SECOND, STEPS, by_accuracy, cube_of, fixed
 
 from tripod_doe.analysis.speed_accuracy import Known, SpeedAccuracySettings, speed_accuracy
+from tripod_doe.analysis.speed_runs import BY_ACCURACY
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
 
@@ -36,11 +37,23 @@ def test_prices_at_the_target_are_those_of_the_power_laws():
 def test_a_reference_is_known_by_what_another_method_differs_by():
     """Exact: errors 1e-7, 1e-10 and 1e-9 at the finest; the last two agree best, to 9e-10, and bdf2 is the dearer."""
     result = analyse(FIRST, SECOND, EXACT)
-    assert str(result["reference"].values[0]) == "bdf2, step 1e-07, with rosenbrock"
+    assert str(result["reference"].values[0]) == "bdf2, step 1e-7, with rosenbrock"
     assert float(result["reference_error"][0, 0]) == pytest.approx(1e-9 - 1e-10, rel=1e-5)
     below = result["below_reference"].values[:, 0].astype(bool)
     assert (result["numerical_error"].values[below, 0] < 1e-9).all()
     assert below.sum() == 2
+
+
+def test_runs_by_accuracy_are_the_default_and_no_witness():
+    """They agree exactly with the finest of implicit Euler."""
+    rows = fixed("implicit-euler", STEPS, lambda h: 10 * h, lambda h: 1e-3 / h, "rollers")
+    rows += fixed("bdf2", FINE, lambda h: 1e4 * h**2, lambda h: 2e-3 / h, "rollers")
+    rows += by_accuracy(1e-7, 20.0, "rollers")
+    result = speed_accuracy({"joint": cube_of(rows, JOINT, "thrust_amplitude")}, SpeedAccuracySettings())
+    assert result["reference"].item() == "implicit-euler, step 1e-8, with bdf2"
+    assert result["default_method"].item() == BY_ACCURACY
+    own = result.isel(run=np.flatnonzero(result["run_method"].values == BY_ACCURACY))
+    assert (own["is_default"].item(), own["described"].item()) == (1, "accuracy 0.02")
 
 
 def test_one_method_alone_has_no_reference():

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from tripod_doe.analysis.kinds import makes_kind
-from tripod_doe.analysis.speed_runs import QUANTITIES, Case, TimedRun, read_cases
+from tripod_doe.analysis.speed_runs import BY_ACCURACY, QUANTITIES, Case, TimedRun, read_cases
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
 
@@ -130,8 +130,12 @@ def _distance(answer: FloatArray, truth: FloatArray) -> float:
 
 
 def _reference(case: Case) -> _Reference | None:
-    """The more expensive of the two methods whose finest runs agree best; None if fewer than two methods finished."""
-    finest = [done[-1] for method in case.methods if (done := [run for run in case.of(method) if run.finished])]
+    """The more expensive of the two methods whose finest runs agree best; None if fewer than two methods finished.
+
+    Runs by accuracy have the method of others, and are no witness.
+    """
+    methods = [method for method in case.methods if method != BY_ACCURACY]
+    finest = [done[-1] for method in methods if (done := [run for run in case.of(method) if run.finished])]
     best: _Reference | None = None
     for one, other in itertools.combinations(sorted(finest, key=lambda run: run.price), 2):
         apart = {name: _distance(one.answers[name], answer) for name, answer in other.answers.items()
@@ -213,8 +217,9 @@ def _run_variables(
         "scene": along((case.scene for case, _ in runs), "step of the workflow"),
         "model": along((case.model for case, _ in runs), "model; empty if the scene has only one"),
         "run_method": along((run.method for _, run in runs), "time integration method"),
-        "setting_kind": along((run.kind for _, run in runs), "parameter that is set: step_s or relative_tolerance"),
-        "setting": along((run.setting for _, run in runs), "step in s, or relative tolerance"),
+        "setting_kind": along((run.kind for _, run in runs), "parameter that is set"),
+        "setting": along((run.setting for _, run in runs), "step in s, relative tolerance, or accuracy"),
+        "described": along((run.described for _, run in runs), "method and setting"),
         "is_default": along((np.int8(_is_default(case, run)) for case, run in runs), "1 for the default method and "
                             "its default setting"),
         "outcome": ("run", np.array([run.outcome for _, run in runs], np.int8), flags),
@@ -306,9 +311,7 @@ def _case_variables(
 def _told(reference: _Reference | None) -> str:
     if reference is None:
         return ""
-    run = reference.run
-    kind = "step" if run.kind == "step_s" else "tolerance"
-    return f"{run.method}, {kind} {run.setting:g}, with {reference.witness}"
+    return f"{reference.run.described}, with {reference.witness}"
 
 
 def _price(case: Case, method: str, errors: FloatArray, target: float) -> _Price:

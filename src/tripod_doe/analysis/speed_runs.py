@@ -14,15 +14,20 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
+from tripod_doe.quantities import level
 from tripod_doe.simulator import Outcome, Simulator
 from tripod_doe.study.file import parse_file
 from tripod_doe.study.scenes import load_simulator
 
-__all__ = ["QUANTITIES", "Case", "Quantity", "TimedRun", "read_cases"]
+__all__ = ["BY_ACCURACY", "QUANTITIES", "Case", "Quantity", "TimedRun", "read_cases"]
 
 FloatArray = NDArray[np.float64]
 
-_SETTINGS = ("step_s", "relative_tolerance")
+_SETTINGS = ("step_s", "relative_tolerance", "accuracy")
+"""Parameters by which the error of a run is set; the first that a run has is its own."""
+
+BY_ACCURACY = "by accuracy"
+"""Stands for the method of runs that find their tolerance by themselves."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +76,7 @@ class TimedRun:
     Attributes
     ----------
     method, kind, setting
-        The method, ``step_s`` or ``relative_tolerance``, and its value.
+        The method, or `BY_ACCURACY`; ``step_s``, ``relative_tolerance`` or ``accuracy``, and its value.
     outcome, detail
         How it ended.
     seconds
@@ -99,6 +104,12 @@ class TimedRun:
         """Whether its results may be used."""
         return self.outcome is Outcome.FINISHED
 
+    @property
+    def described(self) -> str:
+        """Method and setting in words."""
+        words = {"step_s": f"{self.method}, step", "relative_tolerance": f"{self.method}, tolerance"}
+        return f"{words.get(self.kind, 'accuracy')} {level(self.setting)}"
+
     @cached_property
     def price(self) -> float:
         """Median CPU seconds per simulated second; NaN if nothing was simulated."""
@@ -119,7 +130,7 @@ class Case:
     quantities
         Quantities that the scene has.
     default_method, default_setting
-        Default method, and its default step or tolerance.
+        Default method, or `BY_ACCURACY`, and its default step, tolerance or accuracy.
     """
 
     scene: str
@@ -170,8 +181,8 @@ def _cases_of(name: str, cube: xr.Dataset) -> list[Case]:
         mine = points.isel(run=np.flatnonzero(models == model))
         runs = tuple(_runs(mine, simulator, quantities))
         default = simulator.effective({"model": model} if model else {})
-        method = str(default["method"])
-        setting = next((float(value) for kind in _SETTINGS if (value := default[kind]) is not None), math.nan)
+        kind = next((kind for kind in _SETTINGS if default.get(kind) is not None), "")
+        method, setting = _named(str(default["method"]), kind), float(default[kind] or 0) if kind else math.nan
         given = tuple(q for q in quantities if any(q.name in run.answers for run in runs))
         found.append(Case(name, model, runs, given, method, setting))
     return found
@@ -186,6 +197,10 @@ def _column(points: xr.Dataset, simulator: Simulator, name: str) -> NDArray[np.s
     return np.full(points.sizes["run"], value, dtype=np.str_)
 
 
+def _named(method: str, kind: str) -> str:
+    return BY_ACCURACY if kind == "accuracy" else method
+
+
 def _runs(points: xr.Dataset, simulator: Simulator, quantities: Iterable[Quantity]) -> Iterable[TimedRun]:
     """Runs of the points; those that differ only in the repetition are one run."""
     methods = _column(points, simulator, "method")
@@ -194,7 +209,7 @@ def _runs(points: xr.Dataset, simulator: Simulator, quantities: Iterable[Quantit
     for at, method in enumerate(methods):
         kind = next((kind for kind in _SETTINGS if math.isfinite(settings[kind][at])), "")
         if kind:
-            groups.setdefault((str(method), kind, float(settings[kind][at])), []).append(at)
+            groups.setdefault((_named(str(method), kind), kind, float(settings[kind][at])), []).append(at)
     known = list(dict.fromkeys(method for method, _, _ in groups))
     for key in sorted(groups, key=lambda key: (known.index(key[0]), -key[2])):
         run = _timed(points, key, groups[key], quantities)

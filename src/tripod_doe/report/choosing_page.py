@@ -107,10 +107,8 @@ def _choices(runs: xr.Dataset) -> list[list[str]]:
                 rows.append([*start, "–", "–", f"{number(100 * known_to, 2)} % at best", "–", "–"])
                 continue
             at = found[np.argmin(price[found])]
-            kind = "step" if part["setting_kind"].values[at] == "step_s" else "tolerance"
-            setting = level(float(part["setting"].values[at]))
             rows.append([
-                *start, str(part["model"].values[at]), f"{part['run_method'].values[at]}, {kind} {setting}",
+                *start, str(part["model"].values[at]), str(part["described"].values[at]),
                 f"{number(100 * error[at], 2)} %", number(float(price[at])),
                 number(of_default / price[at]),
             ])  # fmt: skip

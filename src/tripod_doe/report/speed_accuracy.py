@@ -82,12 +82,12 @@ def _front_sentence(row: xr.Dataset, case: str) -> str:
             if default in row["method"].values
             else "not run"
         )
-        return f"{start}: at {level(target)} % error {best} is cheapest; the default {default}: {known}."
-    of_default = "is the cheapest" if best == default else f"{default} costs {number(over)} times the cheapest, {best}"
+        return f"{start}: at {level(target)} % error {best} is the cheapest; the default, {default}: {known}."
+    of_default = "is the cheapest" if best == default else f"costs {number(over)} times the cheapest, {best}"
     own = Known(int(row["price_known"].sel({"method": default})))
     price = number(float(row["price"].sel({"method": default})))
     return (
-        f"{start}: at {level(target)} % error the default {of_default} ({default} {price} s per simulated second, "
+        f"{start}: at {level(target)} % error the default, {default}, {of_default} ({price} s per simulated second, "
         f"{_HOW[own]}). Ratio to the default: {', '.join(_peers(row, own))}."
     )
 
