@@ -29,7 +29,7 @@ __all__ = ["CubeFile", "cube_file"]
 _CHUNK_BYTES = 2_000_000
 _COURSE_BYTES = 2000  # of a point, above which a chunk has a part of them
 _SAMPLE_BYTES, _STRETCHES = 64_000, 16  # of the first slab, by which it is decided whether compression pays
-_PAYS = 0.7  # part of the bytes that are left where it does
+_PAYS = 0.5  # part of the bytes that are left where it does
 
 
 class CubeFile:

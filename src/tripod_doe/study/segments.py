@@ -97,6 +97,7 @@ class StoredSegment:
         self._file = os.open(self.path, os.O_RDONLY)  # it can be read even when its journal was gathered meanwhile
         weakref.finalize(self, os.close, self._file)
         self.length = min(self.length, os.fstat(self._file).st_size)
+        self._checked: list[tuple[int, int]] | None = None  # records from the first one to `end`
 
     @property
     def torn(self) -> bool:
@@ -109,7 +110,11 @@ class StoredSegment:
             yield self.record(start, stop)
 
     def places(self, after: int = 0) -> Iterator[tuple[int, int]]:
-        """Where all whole records from a place on begin and end."""
+        """Where all whole records from a place on begin and end; those from the first one on are checked once."""
+        if not after and self._checked is not None:
+            yield from self._checked
+            return
+        checked = []
         at, expected = after, None if after else 0
         self.lost, self.end = 0, after
         while at < self.length:
@@ -121,8 +126,11 @@ class StoredSegment:
             self.lost += number - expected if expected is not None else 0
             expected = number + 1
             self.end = at + size
+            checked.append((at, self.end))
             yield at, self.end
             at = self.end
+        if not after:
+            self._checked = checked
 
     def record(self, start: int, stop: int) -> memoryview:
         """Bytes of the file; they take memory only as long as somebody holds them or an array made of them."""
