@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import SALib.sample.morris
 
 from tripod_doe.errors import InputError
 from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import load_study, parse_study
-from tripod_doe.study.designs import make_points, point_keys
+from tripod_doe.study.designs import make_points, point_keys, unit_sample
 
 HEAD = '[study]\nname = "d"\n'
 
@@ -60,6 +61,21 @@ def test_a_logarithmic_scale_is_sampled_log_uniformly():
         '[design]\nkind = "latin-hypercube"\nsamples = 64'
     )
     assert (points.columns["speed_rpm"] < 100).sum() == 32
+
+
+def test_the_trajectories_of_a_study_are_made_once_for_it_and_its_analysis(monkeypatch):
+    made, sample = [], SALib.sample.morris.sample
+    monkeypatch.setattr(SALib.sample.morris, "sample", lambda *told, **named: made.append(1) or sample(*told, **named))
+    text = (
+        HEAD + "[factors]\njoint_angle_deg = {low = 4, high = 12}\ntorque_n_m = {low = 50, high = 150}\n"
+        '[design]\nkind = "morris"\nsamples = 5\nseed = '
+    )
+    for seed in (2701, 2702):
+        study = parse_study(f"{text}{seed}")
+        points = make_points(study)
+        unit = unit_sample(study.file.design, study.file.factors).at(np.arange(points.count))
+        np.testing.assert_allclose(points.columns["joint_angle_deg"], 4 + 8 * unit[:, 0])
+    assert len(made) == 2
 
 
 def test_a_morris_design_meets_the_ends_of_its_ranges():

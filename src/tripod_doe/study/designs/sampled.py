@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,14 @@ from tripod_doe.study.designs.columns import Column, Columns, Rows, row_numbers
 from tripod_doe.study.designs.correlation import correlated, correlation_matrix
 from tripod_doe.study.designs.method_samples import CurveSample, DifferenceSample
 from tripod_doe.study.designs.request import Family, Made, Request, factor_groups, held
-from tripod_doe.study.designs.sequences import HaltonSample, HeldSample, SaltelliSample, SobolSample, UnitSample
+from tripod_doe.study.designs.sequences import (
+    FloatArray,
+    HaltonSample,
+    HeldSample,
+    SaltelliSample,
+    SobolSample,
+    UnitSample,
+)
 from tripod_doe.study.distributions import is_unbounded, quantile
 from tripod_doe.study.file import DesignTable, FactorTable
 
@@ -97,10 +105,21 @@ def _saltelli(table: DesignTable, tables: Mapping[str, FactorTable]) -> UnitSamp
 
 
 def _morris(table: DesignTable, tables: Mapping[str, FactorTable]) -> UnitSample:
+    groups = tuple(factor.group for factor in tables.values())
+    return HeldSample(_trajectories(_samples(table), table.levels or 4, table.seed, tuple(tables), groups))
+
+
+@lru_cache(maxsize=1)  # a study makes them, and then its analysis: 60 us a point
+def _trajectories(
+    count: int, levels: int, seed: int, names: tuple[str, ...], groups: tuple[str | None, ...]
+) -> FloatArray:
+    """The points of Morris' trajectories, shape (point, factor); not to be changed."""
     from SALib.sample import morris
 
-    points = morris.sample(salib_problem(tables), _samples(table), num_levels=table.levels or 4, seed=table.seed)
-    return HeldSample(points)
+    tables = {name: FactorTable(group=group) for name, group in zip(names, groups, strict=True)}
+    points: FloatArray = morris.sample(salib_problem(tables), count, num_levels=levels, seed=seed)
+    points.flags.writeable = False
+    return points
 
 
 def _fast(table: DesignTable, tables: Mapping[str, FactorTable]) -> UnitSample:
