@@ -18,6 +18,7 @@ from tripod_doe.quantities import (
     pace,
     rounded_up,
     size,
+    squared,
 )
 
 
@@ -103,3 +104,8 @@ def test_numbers_that_differ_look_different():
 def test_levels_in_a_legend_are_short_and_differ():
     assert levels_apart([61.66666, 7.44444, 1499, 0.005]) == ["61.67", "7.444", "1499", "0.005"]
     assert levels_apart([1.00001, 1.00002]) == ["1.00001", "1.00002"]
+
+
+@pytest.mark.parametrize(("unit", "square"), [("N", "N^2"), ("N m", "(N m)^2"), ("mm/s", "(mm/s)^2"), ("", "")])
+def test_a_variance_has_the_square_of_the_unit(unit, square):
+    assert squared(unit) == square

@@ -20,6 +20,7 @@ __all__ = [
     "pace",
     "rounded_up",
     "size",
+    "squared",
     "with_unit",
 ]
 
@@ -96,6 +97,11 @@ def interval(value: float, half: float) -> str:
 def with_unit(value: str, unit: str) -> str:
     """Value and unit, without a trailing blank where there is no unit."""
     return f"{value} {unit}" if unit else value
+
+
+def squared(unit: str) -> str:
+    """The unit of a square, such as a variance: ``N^2``, ``(N m)^2``; none where there is no unit."""
+    return f"{unit}^2" if unit.isalpha() else f"({unit})^2" if unit else ""
 
 
 def count_of(count: int, thing: str) -> str:

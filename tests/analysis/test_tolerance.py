@@ -54,6 +54,15 @@ def test_a_sum_of_normal_factors_has_its_distribution():
     assert abs(float(gain.sel(factor="speed_rpm"))) <= float(half.sel(factor="speed_rpm"))
 
 
+def test_the_distribution_is_that_of_the_points():
+    """Exact: as many of the points are below a value as its share says, from the first half per cent to the last."""
+    cube = cube_of(lambda angle, torque, speed: angle + torque + 0 * speed)
+    curve = tolerance(cube, ToleranceSettings(outputs=["y"]))["distribution"]
+    below = (cube["y"].values[:, None] < curve.values).mean(axis=0)
+    np.testing.assert_allclose(below, curve["share"], atol=1 / 4096)
+    assert curve["share"].values[[0, -1]].tolist() == [0.005, 0.995]
+
+
 @pytest.mark.parametrize(
     ("scatter", "left"),
     [

@@ -11,6 +11,7 @@ from tripod_doe.report import templates
 from tripod_doe.report.chain import step_page, write_charts
 from tripod_doe.report.figures import effect_charts, index_charts, spectrum_chart, waveform_charts
 from tripod_doe.report.figures.chart import Chart, drawing, legend_above
+from tripod_doe.report.figures.tolerance import quantile_chart
 from tripod_doe.report.figures.waveforms import chosen_points
 from tripod_doe.study.cube import RESPONSE_ROLE
 
@@ -139,6 +140,24 @@ def test_morris_chart_shows_every_factor_in_the_unit_of_the_output(data_of):
     (chart,) = index_charts({"morris": result}, sampled(3))
     assert data_of(chart)["mu_star"].tolist() == [2.0, 1.0]
     assert {"x", "z", "mean elementary effect μ* (N)"} <= set(texts_of(chart))
+
+
+def test_a_distribution_is_drawn_through_more_quantiles_than_were_asked_for(data_of):
+    """Regression: three straight lines through four quantiles stood for the distribution."""
+    shares = np.arange(0.005, 1, 0.005)
+    result = xr.Dataset(
+        {"quantile": ("probability", [0.4, 6.4]), "quantile_low": ("probability", [0.3, np.nan]),
+         "quantile_high": ("probability", [0.5, 9.0]), "distribution": ("share", 10 * shares**2)},
+        {"probability": [0.2, 0.8], "share": shares},
+    )  # fmt: skip
+    chart = quantile_chart("some", "scatter", "y", result, "N", 0.95)
+    data = data_of(chart)
+    assert data["quantile"].to_numpy() == pytest.approx(10 * data["probability"].to_numpy() ** 2)
+    assert data["probability"].is_monotonic_increasing
+    assert data["quantile_high"].dropna().tolist() == [0.5, 9]
+    assert max(line.count("L") for line in re.findall(r'd="([^"]*)"', chart.svg())) > 10  # of the lines in a path
+    earlier = quantile_chart("some", "scatter", "y", result.drop_dims("share"), "N", 0.95)
+    assert data_of(earlier)["quantile"].tolist() == [0.4, 6.4]
 
 
 def test_levels_out_of_order_are_drawn_in_order(grid_cube):

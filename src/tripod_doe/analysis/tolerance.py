@@ -26,7 +26,7 @@ from tripod_doe.analysis.sensitivity.outputs import (
 )
 from tripod_doe.analysis.sensitivity.resampling import bootstrap_weights, half_width
 from tripod_doe.analysis.sensitivity.sample import Sample, read_sample
-from tripod_doe.analysis.sensitivity.settings import Probabilities, SensitivitySettings
+from tripod_doe.analysis.sensitivity.settings import SHARES, Probabilities, SensitivitySettings
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.distributions import scatter_density
 from tripod_doe.study.file import FactorTable
@@ -48,7 +48,10 @@ class ToleranceSettings(SensitivitySettings):
 
 
 def _quantiles(values: FloatArray, probabilities: list[float], confidence: float) -> dict[str, FloatArray]:
-    """Quantiles with distribution-free intervals from the order of the values, shape (probability, component)."""
+    """Quantiles with distribution-free intervals from the order of the values, shape (probability, component).
+
+    ``distribution`` has those of `SHARES`, without intervals.
+    """
     from scipy import stats  # slow to import: every study would wait for it
 
     ordered, count = np.sort(values, axis=0), len(values)
@@ -56,8 +59,10 @@ def _quantiles(values: FloatArray, probabilities: list[float], confidence: float
     low = stats.binom.ppf(outside, count, probabilities).astype(int) - 1
     high = stats.binom.ppf(1 - outside, count, probabilities).astype(int)
     inside_low, inside_high = low >= 0, high < count  # beyond the sample nothing bounds the quantile
+    found = np.quantile(ordered, [*probabilities, *SHARES], axis=0, method="median_unbiased")
     return {
-        "quantile": np.quantile(values, probabilities, axis=0, method="median_unbiased"),
+        "quantile": found[: len(probabilities)],
+        "distribution": found[len(probabilities) :],
         "quantile_low": np.where(inside_low[:, None], ordered[np.maximum(low, 0)], np.nan),
         "quantile_high": np.where(inside_high[:, None], ordered[np.minimum(high, count - 1)], np.nan),
     }
@@ -142,7 +147,8 @@ def _of_output(sample: Sample, table: OutputTable, settings: ToleranceSettings) 
     gains = _gains(_halved_weights(sample), values, limit, settings)
     gains = {key: np.where(table.varies, answer, np.nan) for key, answer in gains.items()}
     return xr.Dataset(
-        {key: table.labelled(answer, ("probability",)) for key, answer in quantiles.items()}
+        {"distribution": table.labelled(quantiles.pop("distribution"), ("share",))}
+        | {key: table.labelled(answer, ("probability",)) for key, answer in quantiles.items()}
         | {key: table.labelled(answer, ()) for key, answer in single.items()}
         | {key: table.labelled(answer, ("factor",)) for key, answer in gains.items()}
     )
@@ -150,6 +156,7 @@ def _of_output(sample: Sample, table: OutputTable, settings: ToleranceSettings) 
 
 _MEANINGS = {
     "quantile": "value that the output stays below with the probability",
+    "distribution": "value that the output stays below at the share of the points",
     "quantile_low": "lower end of the interval of the quantile",
     "quantile_high": "upper end of the interval of the quantile",
     "exceedance": "probability to exceed the limit",
@@ -177,9 +184,10 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
     Returns
     -------
     xarray.Dataset
-        quantile, quantile_low, quantile_high (probability, ...), exceedance with its interval, gain_of_halving with its
-        half width and exceedance_if_halved (factor, ...), mean, std, limit; with the dimensions of the output, and with
-        several outputs also along ``output``. The gain of a factor with listed values is NaN.
+        quantile, quantile_low, quantile_high (probability, ...), distribution (share, ...), exceedance with its
+        interval, gain_of_halving with its half width and exceedance_if_halved (factor, ...), mean, std, limit; with the
+        dimensions of the output, and with several outputs also along ``output``. The gain of a factor with listed
+        values is NaN.
 
     Raises
     ------
@@ -196,7 +204,7 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
     _check_limits(settings.limits, tables)
     parts = [_of_output(sample, table, settings) for table in tables]
     result = stacked(parts, names)
-    result = result.assign_coords(probability=settings.probabilities, factor=list(sample.tables))
+    result = result.assign_coords(probability=settings.probabilities, share=SHARES, factor=list(sample.tables))
     pure = ("exceedance", "gain")
     for name in result.data_vars:
         unit = {"units": "1"} if str(name).startswith(pure) else {}

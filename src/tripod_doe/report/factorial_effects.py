@@ -7,7 +7,7 @@ import json
 import numpy as np
 import xarray as xr
 
-from tripod_doe.quantities import count_of, interval, number, with_unit
+from tripod_doe.quantities import count_of, interval, number, squared, with_unit
 from tripod_doe.report.main_outputs import OutputPart, left_points, main_outputs
 from tripod_doe.report.responses import listed, spoken
 
@@ -85,7 +85,9 @@ def effect_table(result: xr.Dataset) -> tuple[list[str], list[list[str]]]:
             rows.append([
                 what, term_text(str(part["term"].values[at])),
                 with_unit(interval(values["effect"], values["effect_conf"]), unit),
-                number(values["sum_of_squares"]), number(values["f_value"]), number(values["p_value"], 2),
+                with_unit(number(values["sum_of_squares"]), squared(unit)),
+                number(values["f_value"]), number(values["p_value"], 2),
             ])  # fmt: skip
-        rows.append([what, "residual", "", number(float(part["residual_sum_of_squares"])), "", ""])
+        residual = with_unit(number(float(part["residual_sum_of_squares"])), squared(unit))
+        rows.append([what, "residual", "", residual, "", ""])
     return ["output", "term", "effect", "sum of squares", "F", "p"], rows

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from tripod_doe.quantities import count_of, duration, interval, number, with_unit
+from tripod_doe.quantities import count_of, duration, interval, number, squared, with_unit
 from tripod_doe.report.main_outputs import OutputPart, main_outputs, quantile_text
 from tripod_doe.report.responses import listed
 from tripod_doe.report.sensitivity import sobol_sentence
@@ -41,7 +41,7 @@ def find_in_multifidelity(name: str, result: xr.Dataset) -> list[str]:
 def _distribution(part: OutputPart, truth: str) -> str:
     answers, unit = part.answers, part.unit
     mean = with_unit(interval(float(answers["mean"]), float(answers["mean_conf"])), unit)
-    variance = interval(float(answers["variance"]), float(answers["variance_conf"]))
+    variance = with_unit(interval(float(answers["variance"]), float(answers["variance_conf"])), squared(unit))
     return f"Scatter of {part.what} by {truth}: mean {mean}, variance {variance}; {quantile_text(answers, unit)}"
 
 

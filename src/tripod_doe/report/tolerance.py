@@ -39,7 +39,8 @@ def find_in_tolerance(name: str, result: xr.Dataset) -> list[str]:
 
 
 def _quantiles(what: str, part: xr.Dataset, unit: str, name: str) -> list[str]:
-    centre = f"mean {with_unit(number(float(part['mean'])), unit)}, standard deviation {number(float(part['std']))}"
+    mean, deviation = (with_unit(number(float(part[key])), unit) for key in ("mean", "std"))
+    centre = f"mean {mean}, standard deviation {deviation}"
     return [f"Scatter of {what}: {centre}; {quantile_text(part, unit)} (analysis {name})."]
 
 

@@ -20,7 +20,7 @@ from tripod_doe.analysis.sensitivity.outputs import (
     read_outputs,
     stacked,
 )
-from tripod_doe.analysis.sensitivity.settings import PointSettings, Probabilities
+from tripod_doe.analysis.sensitivity.settings import SHARES, PointSettings, Probabilities
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.file import parse_file
@@ -74,8 +74,9 @@ def _of_component(values: list[FloatArray], alone: float, settings: Multifidelit
             answers[f"{name}_conf"] = np.array([_half(each, settings.confidence) for each in indices])
             answers[f"{name}_gain"] = np.array([_gain(each, alone) for each in indices])
     points = [each[:, [0, -1]] if found.first else each for each in values]  # those of a block that are independent
-    bounds = quantiles(points, settings.probabilities, NormalDist().inv_cdf(0.5 + settings.confidence / 2))
-    return answers | dict(zip(("quantile", "quantile_low", "quantile_high"), bounds, strict=True))
+    asked = len(settings.probabilities)
+    bounds = quantiles(points, [*settings.probabilities, *SHARES], NormalDist().inv_cdf(0.5 + settings.confidence / 2))
+    return answers | dict(zip(_QUANTILES, bounds[:, :asked], strict=True)) | {"distribution": bounds[0, asked:]}
 
 
 def _correlations(values: list[FloatArray]) -> FloatArray:
@@ -92,21 +93,22 @@ def _correlations(values: list[FloatArray]) -> FloatArray:
 _PLAIN = ("mean", "mean_conf", "variance", "variance_conf", "gain", "variance_gain")
 _QUANTILES = ("quantile", "quantile_low", "quantile_high")
 _INDICES = tuple(f"{index}{tail}" for index in ("S1", "ST") for tail in ("", "_conf", "_gain"))
-_PLACES = ("mean", *_QUANTILES)  # which move with the centre of phases
+_PLACES = ("mean", *_QUANTILES, "distribution")  # which move with the centre of phases
 
 
 def _dims(ladder: Ladder) -> dict[str, tuple[str, ...]]:
     """The answers with their dimensions before those of the output."""
     indices = dict.fromkeys(_INDICES if ladder.design.indices else (), ("factor",))
     dims: dict[str, tuple[str, ...]] = dict.fromkeys(_PLAIN, ())
-    return dims | dict.fromkeys(_QUANTILES, ("probability",)) | indices | {"correlation": ("model",)}
+    dims |= dict.fromkeys(_QUANTILES, ("probability",)) | {"distribution": ("share",)}
+    return dims | indices | {"correlation": ("model",)}
 
 
 def _of_output(ladder: Ladder, table: OutputTable, settings: MultifidelitySettings) -> xr.Dataset:
     """All components of an output; of one that does not vary, the mean."""
     alone = ladder.price / ladder.truth.price
     sizes = {
-        "probability": len(settings.probabilities), "factor": len(ladder.factors),
+        "probability": len(settings.probabilities), "share": len(SHARES), "factor": len(ladder.factors),
         "model": len(ladder.rungs) + len(ladder.aside),
     }  # fmt: skip
     dims, width = _dims(ladder), table.values.shape[1]
@@ -159,6 +161,7 @@ def outputs_of_all(cube: xr.Dataset, asked: list[str]) -> list[str]:
 _MEANINGS = {
     "mean": "mean", "variance": "variance",
     "quantile": "value that the output stays below with the probability",
+    "distribution": "value that the output stays below with the share as probability",
     "quantile_low": "lower end of the interval of the quantile",
     "quantile_high": "upper end of the interval of the quantile",
     "S1": "first-order Sobol' index", "ST": "total Sobol' index",
@@ -188,9 +191,10 @@ def multifidelity(cube: xr.Dataset, settings: MultifidelitySettings | None = Non
     Returns
     -------
     xarray.Dataset
-        mean, variance, with their half widths and gains, quantile, quantile_low, quantile_high (probability, ...), S1
-        and ST with theirs (factor, ...), correlation (model, ...), samples and price (model); with the dimensions of
-        the output, and with several outputs also along ``output``. Gains are NaN where the prices are not known.
+        mean, variance, with their half widths and gains, quantile, quantile_low, quantile_high (probability, ...),
+        distribution (share, ...), S1 and ST with theirs (factor, ...), correlation (model, ...), samples and price
+        (model); with the dimensions of the output, and with several outputs also along ``output``. Gains are NaN where
+        the prices are not known.
 
     Raises
     ------
@@ -207,7 +211,9 @@ def multifidelity(cube: xr.Dataset, settings: MultifidelitySettings | None = Non
         samples=("model", np.array([rung.count for rung in models], np.int32)),
         price=("model", np.array([rung.price for rung in models])),
     )
-    labels: dict[str, list[object]] = {"probability": [*settings.probabilities], "factor": [*ladder.factors]}
+    labels: dict[str, list[object]] = {
+        "probability": [*settings.probabilities], "share": [*SHARES], "factor": [*ladder.factors],
+    }  # fmt: skip
     labels["model"] = [rung.model for rung in models]
     result = result.assign_coords({dim: values for dim, values in labels.items() if dim in result.dims})
     return _described(result, ladder, output_attributes(cube, names), settings)

@@ -6,7 +6,10 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-__all__ = ["PointSettings", "Probabilities", "SensitivitySettings"]
+__all__ = ["SHARES", "PointSettings", "Probabilities", "SensitivitySettings"]
+
+SHARES = [at / 200 for at in range(1, 200)]
+"""Probabilities of the quantiles that draw a distribution, besides those asked for."""
 
 
 def _between_0_and_1(values: list[float]) -> list[float]:

@@ -30,15 +30,17 @@ def tolerance_charts(analyses: Mapping[str, xr.Dataset]) -> list[Chart]:
 
 
 def quantile_chart(key: str, name: str, what: str, part: xr.Dataset, unit: str, confidence: float) -> Chart:
-    """Quantiles of one output with their intervals, and with the limit where one is set."""
+    """The distribution of one output, quantiles with their intervals, and the limit where one is set."""
     columns = ("quantile", "quantile_low", "quantile_high")
-    data = pd.DataFrame({"probability": part["probability"].values} | {key: part[key].values for key in columns})
+    asked = pd.DataFrame({"probability": part["probability"].values} | {key: part[key].values for key in columns})
     limited = "limit" in part and bool(np.isfinite(part["limit"]))
-    below, above = data["quantile"] - data["quantile_low"], data["quantile_high"] - data["quantile"]
+    below, above = asked["quantile"] - asked["quantile_low"], asked["quantile_high"] - asked["quantile"]
+    data = _with_curve(asked, part)
     with drawing(5.0, 2.8) as (figure, axes):
+        axes.plot(data["quantile"], 100 * data["probability"], color=COLOURS[0], label="stays below")
         axes.errorbar(
-            data["quantile"], 100 * data["probability"], xerr=[below.fillna(0), above.fillna(0)], fmt="o-",
-            color=COLOURS[0], ecolor=INK, elinewidth=1.1, capsize=2.5, label="stays below",
+            asked["quantile"], 100 * asked["probability"], xerr=[below.fillna(0), above.fillna(0)], fmt="o",
+            color=COLOURS[0], ecolor=INK, elinewidth=1.1, capsize=2.5,
         )  # fmt: skip
         if limited:
             axes.axvline(float(part["limit"]), color=COLOURS[1], ls="--", label="limit")
@@ -49,6 +51,15 @@ def quantile_chart(key: str, name: str, what: str, part: xr.Dataset, unit: str, 
     level = f"{100 * confidence:g} %"
     told = f"Share of the joints in which {what} stays below a value, with {level} intervals (analysis {name})."
     return Chart(key, f"Distribution of {what}", told + chance, figure, data)
+
+
+def _with_curve(asked: pd.DataFrame, part: xr.Dataset) -> pd.DataFrame:
+    """Further quantiles between those that were asked for, without intervals, by which the curve is drawn."""
+    if "distribution" not in part:  # an older analysis
+        return asked
+    curve = pd.DataFrame({"probability": part["share"].values, "quantile": part["distribution"].values})
+    data = pd.concat([asked, curve[~curve["probability"].isin(asked["probability"])]])
+    return data.sort_values("probability", ignore_index=True)
 
 
 def _gain_chart(key: str, name: str, what: str, part: xr.Dataset) -> Chart:
