@@ -166,8 +166,23 @@ def stopping(monkeypatch, joint_values, joint_assembly):
 def test_a_revolution_that_stops_is_followed_in_shorter_steps(stopping):
     """Regression: 27 needles of 5 mm that vibrate at 726 Hz diverged 2.5 ms after their start, with steps of 3e-5 s."""
     joint, tried = stopping(Outcome.DIVERGED)
-    assert len(joint.follow(2, 3e-5)) == 2
-    assert tried == [3e-5, 1.5e-5, 0.75e-5, 0.75e-5]
+    assert len(joint.follow(1, 3e-5)) == 1
+    assert tried == [3e-5, 1.5e-5, 0.75e-5]
+
+
+def test_long_steps_with_which_most_revolutions_stop_are_given_up(stopping):
+    joint, tried = stopping(Outcome.DIVERGED)
+    joint.follow(4, 3e-5)
+    assert tried[3:] == [3e-5, 1.5e-5, 0.75e-5, 1.5e-5, 0.75e-5, 0.75e-5]
+
+
+def test_a_stop_by_chance_leaves_the_steps_of_the_next_revolutions(stopping):
+    """Regression: all revolutions after it cost twice as much, after three of them eight times."""
+    joint, tried = stopping(Outcome.DIVERGED)
+    joint.follow(6, 0.9e-5)
+    joint.follow(1, 1.2e-5)
+    joint.follow(1, 0.9e-5)
+    assert tried[6:] == [1.2e-5, 0.6e-5, 0.9e-5]
 
 
 @pytest.mark.parametrize(("outcome", "count"), [(Outcome.DIVERGED, 4), (Outcome.EVALUATION_LIMIT, 1)])

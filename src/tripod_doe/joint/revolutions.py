@@ -45,6 +45,10 @@ and costs half as much again."""
 _HALVED = 3
 """How often tolerances or steps are halved where a revolution stops on its way."""
 
+_OFTEN, _TOLD = 2 / 3, 2
+"""Share of the revolutions that stop above which all are followed with half: one that stops half-way, and is followed
+again with half, costs two and a half; and how many must have stopped for that."""
+
 
 class StoppedError(Exception):
     """A run stopped on its way."""
@@ -121,7 +125,9 @@ class JointInTurns:
     last_turn
         The last revolution that was followed.
     halved
-        How often tolerances or steps were halved, since a revolution stopped on its way.
+        How often tolerances or steps are halved from the start of each revolution.
+    turns, stops
+        Revolutions, or parts of them, that were begun so, and those of them that stopped on their way.
     steps, force_evaluations, solves
         Counted work.
     """
@@ -136,6 +142,8 @@ class JointInTurns:
     state: State | None = None
     last_turn: Run | None = None
     halved: int = 0
+    turns: int = 0
+    stops: int = 0
     steps: int = 0
     force_evaluations: int = 0
     solves: int = 0
@@ -162,8 +170,8 @@ class JointInTurns:
     def follow(self, count: int, setting: float) -> list[Revolution]:
         """Follow so many revolutions with a tolerance or step.
 
-        One that stops on its way is followed again with half of it, a few times, and so are all after it: rattling
-        needles may ask for steps shorter than those that resolve a vibration.
+        One that stops on its way is followed again with half of it, a few times: rattling needles may ask for steps
+        shorter than those that resolve a vibration. So are all after it where most of them stop.
 
         Raises
         ------
@@ -188,13 +196,22 @@ class JointInTurns:
         self._turn(setting, end - self.state.time)
 
     def _turn(self, setting: float, duration: float) -> Run:
+        self.turns, halved = self.turns + 1, self.halved
         while True:
             try:
-                return self._tried(setting / 2**self.halved, duration)
+                return self._tried(setting / 2**halved, duration)
             except StoppedError as stop:
-                if stop.stopped.outcome == Outcome.EVALUATION_LIMIT or self.halved == _HALVED:
+                if stop.stopped.outcome == Outcome.EVALUATION_LIMIT or halved == _HALVED:
                     raise
-                self.halved += 1
+                self._count_stop(halved)
+                halved += 1
+
+    def _count_stop(self, halved: int) -> None:
+        """Count a stop with a tolerance or step that was halved so often, and halve that of all to come if need be."""
+        if halved == self.halved:
+            self.stops += 1
+            if self.stops >= _TOLD and self.stops > _OFTEN * self.turns:
+                self.halved, self.turns, self.stops = halved + 1, 1, 0
 
     def _tried(self, setting: float, duration: float) -> Run:
         controlled = self.method.controlled
