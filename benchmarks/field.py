@@ -4,7 +4,7 @@
                                [--held 40] [--record FILE]
 
 Every point has operating conditions, frictions, skews and a geometry of its own, as far as the parts fit; every 25th is
-a straight joint. The balances have random mechanisms switched off. `--calm` stays near the paper's point instead: what
+a straight joint. `needles` have as many needles as fit. The balances have random mechanisms switched off. `--calm` stays near the paper's point instead: what
 the field costs is compared with that. Points that did not finish are listed as arguments of `simulate`.
 
 `--against 10` solves again with a tenth of the tolerance (of the accuracy, where runs find their tolerance) and tells
@@ -84,6 +84,9 @@ def field_points(count: int, rng: np.random.Generator, model: str = "kinetostati
         for name in GEOMETRY:
             drawn[name] = JOINT_PARAMETERS[name].default * rng.uniform(0.75, 1.25, _BATCH)
         drawn["needle_count"] = np.round(drawn["needle_count"])
+        if model == "needles":  # as bodies without a cage they would run together: no ring has such gaps
+            fit = np.arcsin(np.minimum(drawn["needle_diameter_mm"] / drawn["needle_pitch_diameter_mm"], 1.0))
+            drawn["needle_count"] = np.floor(np.pi / fit)
         drawn["groove_radius_ratio"] = 1 + 0.0086 * rng.uniform(0.75, 1.25, _BATCH)
         drawn |= {name: rng.integers(model not in BALANCES, 2, _BATCH).astype(float) for name in SWITCHES}
         full = all_columns(drawn)

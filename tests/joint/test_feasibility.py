@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq, minimize
 from scipy.spatial.transform import Rotation
 
-from tripod_doe.joint.feasibility import misfits
+from tripod_doe.joint.feasibility import misfits, room_for_needles
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Limits, run
 from tripod_doe.simulator import Outcome
@@ -47,6 +47,13 @@ def test_skewed_needles_fit_until_neighbours_touch(internal_points):
     for name, sign in (("initial_skew_1_deg", 1), ("initial_skew_3_deg", -1)):
         assert border(internal_points, name, 0.0, sign * 10.0) == pytest.approx(sign * largest, rel=1e-5)
     assert not reasons(internal_points, initial_skew_1_deg=10, needle_count=1)
+
+
+@pytest.mark.parametrize("count", [10, 26, 27])
+def test_needles_fit_up_to_the_room_that_there_is(internal_points, joint_values, count):
+    full = count + room_for_needles(joint_values(needle_count=count))
+    assert not reasons(internal_points, needle_count=full)
+    assert reasons(internal_points, needle_count=full + 1)
 
 
 def test_preload_holds_a_roller_where_its_friction_is_the_grooves_load(internal_points):

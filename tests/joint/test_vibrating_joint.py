@@ -10,6 +10,7 @@ import pytest
 
 from tripod_doe.joint.joint_run import Readings
 from tripod_doe.joint.orders import ORDERS
+from tripod_doe.joint.revolutions import StoppedError
 from tripod_doe.joint.vibrating_joint import VibratingJoint
 from tripod_doe.joint.vibrating_run import FollowedVibration
 from tripod_doe.joint.vibration import Vibration
@@ -116,6 +117,22 @@ def test_what_the_budget_leaves_uncertain_says_what_is_lacking(vibrating):
         "is not as certain as required, which would take about 3e+05 more force evaluations; "
         "raise evaluation_budget, accuracy or contact damping"
     )
+
+
+@pytest.mark.parametrize(("needles", "count", "told"), [(True, 20, True), (True, 26, False), (False, 20, False)])
+def test_needles_that_a_vibration_shakes_together_are_named(monkeypatch, joint_values, needles, count, told):
+    """27 needles fit; with one less no pack of them leaves room for another."""
+    joint = VibratingJoint(joint_values(needle_count=count), SMOOTH, 30, Limits(), lambda a: 0.02 * a, split=False)
+    bodies = SimpleNamespace(has_needles=needles, steps=1, solves=1, force_evaluations=1, state=None)
+
+    def stop(self, needles):
+        self._joints.append(bodies)
+        raise StoppedError(SimpleNamespace(outcome=Outcome.INACCURATE, detail="a penetration is outside the law"))
+
+    monkeypatch.setattr(VibratingJoint, "_followed", stop)
+    answer = joint.answer(needles=needles)
+    assert answer.outcome == Outcome.INACCURATE
+    assert ("there is room for 7 more: raise needle_count" in answer.detail) == told
 
 
 def test_what_vibrates_only_after_a_kick_says_so(monkeypatch, joint_values):

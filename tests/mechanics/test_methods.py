@@ -7,14 +7,16 @@ from threadpoolctl import threadpool_limits
 import tripod_doe as td
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.mechanics.monitor import Settings, begin_watch
+from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, Settings, begin_watch
 from tripod_doe.mechanics.scenes.examples import smooth_groove
+from tripod_doe.mechanics.tables import REJECTED
 
 END = 2e-3
 FIXED = {name: method for name, method in METHODS.items() if method.compiled}
 
 
-def _end(method, count, **settings):
+def _followed(method, count, **settings):
+    """Status, steps that were rejected, and the end of the motion."""
     assembly = assemble(smooth_groove())
     state, work = assembly.initial_state(), assembly.work()
     begin_watch(assembly.tables, work, state.positions, state.velocities, 0.0)
@@ -22,8 +24,14 @@ def _end(method, count, **settings):
     status = method.integrate(
         assembly.tables, work, state.positions, state.velocities, np.zeros(3), END, count, numerics
     )
+    end = np.concatenate([state.positions[1:].ravel(), 1e-3 * state.velocities[1:].ravel()])
+    return status, int(work.counters[REJECTED]), end
+
+
+def _end(method, count, **settings):
+    status, _, end = _followed(method, count, **settings)
     assert status == 0
-    return np.concatenate([state.positions[1:].ravel(), 1e-3 * state.velocities[1:].ravel()])
+    return end
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +45,18 @@ def test_observed_order_is_the_declared_one(name, reference):
     counts = {1: (6400, 12800), 2: (1600, 3200), 3: (800, 1600), 4: (400, 800)}[method.order]
     errors = [np.abs(_end(method, count) - reference).max() for count in counts]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(method.order, abs=0.2)
+
+
+def test_a_step_of_bdf2_that_does_not_converge_is_made_in_parts(reference):
+    """Regression: one needle that rattled ended a revolution, which was followed again in half steps, and all after it."""
+    status, rejected, end = _followed(METHODS["bdf2"], 100, correction=1e-9, iterations=4)
+    assert (status, 5 < rejected < 50) == (FINISHED, True)
+    first_order = _end(METHODS["implicit-euler"], 100)
+    assert np.abs(end - reference).max() < 0.5 * np.abs(first_order - reference).max()
+
+
+def test_a_step_of_bdf2_that_does_not_converge_in_parts_ends_the_run():
+    assert _followed(METHODS["bdf2"], 100, iterations=1)[:2] == (DIVERGED, 4)
 
 
 @pytest.mark.parametrize("name", [name for name, method in METHODS.items() if method.controlled and method.order > 1])

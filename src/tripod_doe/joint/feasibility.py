@@ -25,7 +25,7 @@ from tripod_doe.joint.transition import slides_too_slowly
 from tripod_doe.joint.values import JointValues
 from tripod_doe.simulator import Outcome
 
-__all__ = ["infeasible", "misfits"]
+__all__ = ["infeasible", "misfits", "room_for_needles"]
 
 FloatArray = NDArray[np.float64]
 
@@ -84,6 +84,12 @@ def misfits(points: JointValues[FloatArray]) -> list[tuple[int, str]]:
         for k, skew in enumerate(points.initial_skews, 1)
     ]
     return [(int(position), text) for bad, text in reasons for position in np.flatnonzero(bad)]
+
+
+def room_for_needles(values: JointValues[float]) -> int:
+    """How many more needles fit on the pitch circle of an operating point, unskewed."""
+    half = np.arcsin(values.needle_diameter / values.needle_pitch_diameter)
+    return int(np.pi / half + 1e-9) - int(values.needle_count)
 
 
 def _spacing(points: JointValues[FloatArray], skew: FloatArray | float) -> FloatArray:

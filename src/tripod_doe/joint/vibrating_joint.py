@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.joint.feasibility import room_for_needles
 from tripod_doe.joint.goal import SMALLEST_THIRD
 from tripod_doe.joint.joint_run import JointRun, VibrationReadings
 from tripod_doe.joint.multibody_scene import build_joint
@@ -80,7 +81,7 @@ class VibratingJoint:
                 return None
             followed = self._followed(needles=True) if needles else lumped
         except StoppedError as stop:
-            done = JointRun(stop.stopped.outcome, f"{self._vibration.described}; {stop.stopped.detail}")
+            done = JointRun(stop.stopped.outcome, f"{self._vibration.described}; {stop.stopped.detail}{self._loose}")
         else:
             done = self._told(followed, needles)
         return replace(
@@ -137,6 +138,14 @@ class VibratingJoint:
         with first_compilation(f"vibrating joints with {method.name}", seconds=30):
             run(joint.assembly, method.name, 1e-9, step=1e-9, limits=self._limits)
         return follow_vibration(joint, setting, self._allowed, builds_up)
+
+    @property
+    def _loose(self) -> str:
+        """What may have become of needles as bodies that a vibration shakes in a ring with gaps, in words."""
+        room = room_for_needles(self._values)
+        if room < 2 or not self._joints[-1].has_needles:
+            return ""
+        return f"; without a cage needles run together, and there is room for {room} more: raise needle_count"
 
     @property
     def _builds_up(self) -> bool:

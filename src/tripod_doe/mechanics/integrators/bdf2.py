@@ -2,23 +2,52 @@
 
 p = (4 p_n - p_(n-1)) / 3 + (2 h / 3) Q(q, u) for the momenta, and the same for displacements counted from q_n, where
 the attitude at t_(n-1) enters as its rotation vector from that at t_n. The first step is one of implicit
-Euler, whose error of second order in h is made once.
+Euler, whose error of second order in h is made once. So is a step whose equations do not converge, in parts: a light
+body that rattles would end a run that hardly feels it.
 """
 
 from __future__ import annotations
 
-from tripod_doe.mechanics.compilation import kernel
+from tripod_doe.mechanics.compilation import kernel, kernel_part
 from tripod_doe.mechanics.implicit import LEAST_SHARE, Stage, solve_stage
 from tripod_doe.mechanics.inertia import add_momenta
 from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
 from tripod_doe.mechanics.motion import copy_vectors
 from tripod_doe.mechanics.rotations import load_attitude, rotation_vector
+from tripod_doe.mechanics.tables import REJECTED
 
 __all__ = ["integrate"]
 
 _START, _BASE, _OLD_POSITIONS, _OLD_VELOCITIES = range(4)
 """Rows of `Work.stages`."""
+
+_MOST_PARTS = 16
+
+
+@kernel_part
+def _in_parts(tables, work, end, step, settings, positions, velocities):
+    """Advance by implicit Euler in halves, quarters and so on of a step until all converge; whether they do."""
+    start, base = work.stages[_START], work.stages[_BASE]
+    clear(base)
+    parts, done = 1, 0
+    while done < parts < _MOST_PARTS:
+        work.counters[REJECTED] += 1
+        copy_vectors(work.stages[_OLD_POSITIONS], positions)
+        copy_vectors(work.stages[_OLD_VELOCITIES], velocities)
+        parts, done = 2 * parts, 0
+        part, converged = step / parts, True
+        while converged and done < parts:
+            copy_vectors(positions, start)
+            clear(work.momenta)
+            add_momenta(tables, start, velocities, 1.0, part, work.momenta)
+            stage = Stage(start, base, work.nothing, part, part, end - (parts - 1 - done) * part)
+            converged = solve_stage(
+                tables, work, stage, settings.iterations, settings.correction, LEAST_SHARE, positions, velocities
+            )
+            if converged:
+                done += 1
+    return done == parts
 
 
 @kernel
@@ -47,7 +76,7 @@ def integrate(tables, work, positions, velocities, clock, end, count, settings):
         stage = Stage(start, base, work.nothing, factor, factor, time)
         if not solve_stage(
             tables, work, stage, settings.iterations, settings.correction, LEAST_SHARE, positions, velocities
-        ):
+        ) and not _in_parts(tables, work, time, step, settings, positions, velocities):
             return DIVERGED
         clock[1] = step
         status = accept(tables, work, positions, velocities, clock, time, step, settings)
