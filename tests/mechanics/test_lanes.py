@@ -3,10 +3,24 @@
 import math
 
 import numpy as np
+import pytest
+from numba.core.errors import TypingError
 
 from tripod_doe.mechanics import laws
 from tripod_doe.mechanics.compilation import kernel
-from tripod_doe.mechanics.lanes import everywhere, load, pick, ramp, replace, row, row_of_sums, select, store
+from tripod_doe.mechanics.lanes import (
+    clear,
+    everywhere,
+    load,
+    pick,
+    ramp,
+    replace,
+    row,
+    row_of_sums,
+    select,
+    spread,
+    store,
+)
 from tripod_doe.mechanics.rotations import cross
 
 
@@ -56,3 +70,20 @@ def test_a_condition_holds_everywhere_or_not_and_never_of_what_is_no_number():
     assert not _below(numbers, 6.5)
     numbers[0, 4] = np.nan
     assert not _below(numbers, 7.0)
+
+
+@kernel
+def _clear_and_fill(numbers, number):
+    clear(numbers)
+    store(numbers, 1, spread(number))
+
+
+def test_an_array_is_cleared_as_a_whole_and_a_number_spread_over_a_row():
+    numbers = np.full((3, 9), 5.0)
+    _clear_and_fill(numbers, 2.5)
+    assert numbers.tolist() == [[0.0] * 9, [2.5] * 8 + [0.0], [0.0] * 9]
+
+
+def test_an_array_with_gaps_is_refused_as_what_lies_between_would_be_cleared():
+    with pytest.raises(TypingError):
+        _clear_and_fill(np.full((3, 18), 5.0)[:, ::2], 2.5)

@@ -24,7 +24,11 @@ from tripod_doe.service.settings import Settings
 from tripod_doe.service.supervisor import UPLOAD, Supervisor
 
 PLAN = {"kind": "study", "name": "idle", "question": "", "unique": 3, "expected_outcomes": []}
-SLEEP = "import signal, time; signal.signal(signal.SIGINT, signal.{}); time.sleep(60)"
+SLEEP = "import signal, time; signal.signal(signal.SIGINT, signal.SIG_DFL); time.sleep(60)"
+STUBBORN = (
+    "import signal, time; signal.signal(signal.SIGINT, lambda *_: print('asked', flush=True));"
+    " print('ready', flush=True); time.sleep(60)"
+)
 ENDS = "print('tripod-doe: {}', flush=True)"
 
 
@@ -80,8 +84,15 @@ def wait(supervisor, run_id, state, seconds=20):
     return found[0]
 
 
+def wait_for_word(log, word, seconds=20):
+    until = time.monotonic() + seconds
+    while word not in log.read_text():
+        assert time.monotonic() < until
+        time.sleep(0.02)
+
+
 def test_runs_wait_their_turn_and_a_stop_lets_the_next_one_go(start, tmp_path):
-    supervisor = start(SLEEP.format("SIG_DFL"))
+    supervisor = start(SLEEP)
     first, second = submit(supervisor, tmp_path), submit(supervisor, tmp_path)
     wait(supervisor, first, State.RUNNING)
     assert supervisor.find(second).state is State.QUEUED
@@ -101,20 +112,24 @@ def test_a_run_killed_without_a_message_is_failed_and_says_so(start, tmp_path):
     assert "without a message" in wait(supervisor, submit(supervisor, tmp_path), State.FAILED).message
 
 
-def test_a_run_that_does_not_stop_is_killed(start, tmp_path, monkeypatch):
-    monkeypatch.setattr("tripod_doe.service.supervisor._PATIENCE", 0.3)
-    supervisor = start(SLEEP.format("SIG_IGN"))
+def test_a_run_that_does_not_stop_is_killed(start, tmp_path):
+    """It is asked once, goes on, and is killed when its time is over: that is now."""
+    supervisor = start(STUBBORN)
     run_id = submit(supervisor, tmp_path)
+    log = supervisor.directory(run_id) / processes.LOG
     wait(supervisor, run_id, State.RUNNING)
-    time.sleep(0.3)  # it ignores interrupts by now
+    wait_for_word(log, "ready")
     supervisor.stop(run_id)
+    wait_for_word(log, "asked")
+    supervisor._stop_by[run_id] = time.monotonic()
     wait(supervisor, run_id, State.STOPPED)
+    assert log.read_text().split() == ["ready", "asked"]
 
 
 def test_a_run_that_is_stopped_before_it_has_started_ends_as_soon_as_it_has(start, tmp_path, monkeypatch):
     """Its number is not there yet; it is asked to stop once, for the second time would end it at once."""
     monkeypatch.setattr("tripod_doe.service.supervisor._PATIENCE", 1000)
-    supervisor = start(SLEEP.format("SIG_DFL"))
+    supervisor = start(SLEEP)
     run_id = submit(supervisor, tmp_path)
     wait(supervisor, run_id, State.RUNNING)
     number = supervisor.directory(run_id) / ".alive"
@@ -128,12 +143,12 @@ def test_a_run_that_is_stopped_before_it_has_started_ends_as_soon_as_it_has(star
 
 def test_the_next_server_finds_runs_at_work_and_moves_the_queue(start, settings, tmp_path):
     """The first server ends as by a kill: nothing tells its runs, nothing is written."""
-    first = start(SLEEP.format("SIG_DFL"))
+    first = start(SLEEP)
     at_work, waiting = submit(first, tmp_path), submit(first, tmp_path)
     wait(first, at_work, State.RUNNING)
     first._ended.set()
     first._thread.join()
-    second = start(SLEEP.format("SIG_DFL"))
+    second = start(SLEEP)
     assert second.find(at_work).state is State.RUNNING
     assert second.find(waiting).state is State.QUEUED
     processes.kill_run(second.directory(at_work))
@@ -144,12 +159,12 @@ def test_the_next_server_finds_runs_at_work_and_moves_the_queue(start, settings,
 def test_a_run_that_died_while_no_server_looked_is_not_running(start, settings, tmp_path):
     settings.folder.mkdir()
     table = RunTable(settings.folder)
-    lost = start(SLEEP.format("SIG_DFL"))
+    lost = start(SLEEP)
     run = replace(lost.find(submit(lost, tmp_path)), id="0" * 16, key=None, state=State.RUNNING)
     table.put(run)
     table.put(replace(run, id="1" * 16, state=State.STOPPING))
     table.close()
-    supervisor = start(SLEEP.format("SIG_DFL"))
+    supervisor = start(SLEEP)
     wait(supervisor, "0" * 16, State.FAILED)
     wait(supervisor, "1" * 16, State.STOPPED)
 
@@ -181,7 +196,7 @@ def test_a_deleted_run_leaves_nothing(start, settings, tmp_path):
 
 
 def test_a_full_queue_is_told(start, tmp_path):
-    supervisor = start(SLEEP.format("SIG_DFL"))
+    supervisor = start(SLEEP)
     wait(supervisor, submit(supervisor, tmp_path), State.RUNNING)
     for _ in range(3):
         submit(supervisor, tmp_path)
@@ -192,12 +207,12 @@ def test_a_full_queue_is_told(start, tmp_path):
 
 
 def test_an_empty_key_is_none(start, tmp_path):
-    supervisor = start(SLEEP.format("SIG_DFL"))
+    supervisor = start(SLEEP)
     assert submit(supervisor, tmp_path, key="") != submit(supervisor, tmp_path, key="")
 
 
 def test_the_upload_becomes_part_of_the_run(start, settings, tmp_path):
-    supervisor = start(SLEEP.format("SIG_DFL"))
+    supervisor = start(SLEEP)
     upload = tmp_path / "new"
     upload.mkdir()
     (upload / "study.toml").write_text("a study")
@@ -207,9 +222,9 @@ def test_the_upload_becomes_part_of_the_run(start, settings, tmp_path):
 
 
 def test_a_server_that_only_reads_follows_the_one_that_runs(start, settings, tmp_path):
-    supervisor = start(SLEEP.format("SIG_DFL"))
+    supervisor = start(SLEEP)
     run_id = submit(supervisor, tmp_path)
-    reader = start(SLEEP.format("SIG_DFL"), replace(settings, read_only=True))
+    reader = start(SLEEP, replace(settings, read_only=True))
     wait(supervisor, run_id, State.RUNNING)
     wait(reader, run_id, State.RUNNING)
     other = submit(supervisor, tmp_path)
@@ -225,7 +240,7 @@ def test_a_server_that_only_reads_follows_the_one_that_runs(start, settings, tmp
 
 def test_a_clock_that_jumps_moves_times_and_nothing_else(start, settings, tmp_path, monkeypatch):
     """Twenty years back, then forty on: order, states and the queue stay."""
-    supervisor = start(SLEEP.format("SIG_DFL"))
+    supervisor = start(SLEEP)
     first = submit(supervisor, tmp_path)
     wait(supervisor, first, State.RUNNING)
     for year in (2006, 2046):
@@ -265,7 +280,7 @@ def test_a_table_that_is_none_is_told(tmp_path):
 
 
 def test_a_full_disk_is_told_and_ends_nothing(start, tmp_path, monkeypatch):
-    supervisor = start(SLEEP.format("SIG_DFL"))
+    supervisor = start(SLEEP)
     run_id = submit(supervisor, tmp_path)
     wait(supervisor, run_id, State.RUNNING)
 

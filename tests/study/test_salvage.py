@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import random
 import shutil
-from contextlib import suppress
+from contextlib import closing, suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,12 +13,15 @@ import pytest
 import tripod_doe as td
 from tripod_doe.errors import CubeError
 from tripod_doe.simulator import BlockResult, Outcome
+from tripod_doe.study.archive import Archive, is_whole, write_archive
+from tripod_doe.study.block_record import encode
 from tripod_doe.study.directory import ResultDirectory
 from tripod_doe.study.journal import FinishedBlock, Journal
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
 
 BLOCKS = 60
+EARLIER = Path(__file__).parent / "earlier_journal" / "journal.sqlite"
 
 
 def block(number):
@@ -102,3 +106,40 @@ def test_a_study_with_a_damaged_journal_runs_what_is_lost(tmp_path, capsys):
     assert 0 < summary.computed < 6
     assert f"{20 - summary.computed} blocks can be read, at least {summary.computed} cannot" in capsys.readouterr().err
     assert (td.open_cube(tmp_path / "out")["y"] == before).all()
+
+
+@pytest.fixture(params=["record", "npz archive of an earlier version"])
+def row(request, whole):
+    """A block as an archive stores it."""
+    place = whole / "journal.sqlite" if request.param == "record" else EARLIER
+    with closing(Archive(place)) as archive:
+        return next(archive.rows())
+
+
+def read(rows, folder):
+    """What a journal reads of stored blocks, each as bytes."""
+    write_archive(folder / "again.sqlite", rows, {})
+    with closing(Archive(folder / "again.sqlite")) as archive:
+        return [encode(block, 0) for block in archive.blocks()]
+
+
+def test_a_block_that_counts_as_whole_is_read_as_it_was_written(row, tmp_path):
+    """Damage of each byte, in turn by one bit or all others; what no checksum holds is a date of a zip archive."""
+    keys, payload, *others = row
+    rows = [row]
+    for place in range(len(payload)):
+        damaged = bytearray(payload)
+        damaged[place] ^= 8 if place % 2 else 247  # bit 3 alone names another compression
+        rows.append((keys, bytes(damaged), *others))
+    whole = [row for row in rows if is_whole(*row)]
+    assert whole[0] is row
+    assert len(whole) < len(rows) / 2
+    assert set(read(whole, tmp_path)) == set(read([row], tmp_path))
+
+
+def test_a_block_with_a_column_of_another_kind_is_not_whole(row):
+    """As a damaged page of SQLite gives it: each column has a value of each kind that is not its own."""
+    for column in range(len(row)):
+        for strange in (None, 7, 0.5, "text", b"", b"PK", row[0][::-1], row[1][:-9]):
+            if type(strange) is not type(row[column]) or column < 2:
+                assert not is_whole(*row[:column], strange, *row[column + 1 :]), (column, strange)
