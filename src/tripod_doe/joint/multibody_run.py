@@ -105,12 +105,12 @@ def run_joint(
         return JointRun(Outcome.OUT_OF_RANGE, reason)
     goal = goal or Goal({3: values.accuracy})
     settles = math.isnan(values.step) and math.isnan(values.relative_tolerance)
-    vibrating = None
-    if found := growing_vibration(values):
+    lumped, vibrating = assemble(build_joint(values, needles=False)), None
+    if found := growing_vibration(values, lumped):
         vibrating = _vibrating(values, found, samples, goal, split)
         if settles and method == _DAMPS and (answer := vibrating.answer(needles)):
             return _with_rates(answer, vibrating.last_turn, values) if rates else answer
-    assembly = assemble(build_joint(values, needles))
+    assembly = assemble(build_joint(values, needles)) if needles else lumped
     if settles:
         motion = _follow_to(goal, assembly, values, method, samples, usual)
     else:

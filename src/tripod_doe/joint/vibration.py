@@ -121,7 +121,7 @@ class Vibration:
         return self.growth.frequency / (2 * math.pi)
 
 
-def growing_vibration(values: JointValues[float]) -> Vibration | None:
+def growing_vibration(values: JointValues[float], assembly: Assembly | None = None) -> Vibration | None:
     """Find a vibration that grows from the smooth motion of a joint; None where all departures die out.
 
     Needles rattle, so that a joint with needle bodies has no smooth motion whose departures could be followed: joints
@@ -131,13 +131,15 @@ def growing_vibration(values: JointValues[float]) -> Vibration | None:
     ----------
     values
         The operating point.
+    assembly
+        Its joint with lumped bearings, where that is there already.
     """
-    assembly = assemble(build_joint(values, needles=False))
+    assembly = assembly or assemble(build_joint(values, needles=False))
     asked = _smooth(assembly, values, _ASKS)
-    if not (asked and (growth := _vibrates(_departures(asked.middles, values), values))):
+    if not (asked and (growth := _vibrates(_departures(assembly, asked.middles, values), values))):
         return None
     decides = _smooth(assembly, values, _DECIDES, asked)
-    if decides and not (growth := _vibrates(_departures(decides.middles, values), values)):
+    if decides and not (growth := _vibrates(_departures(assembly, decides.middles, values), values)):
         return None
     thrust = groove_thrust(assembly, asked.run.positions[asked.last], asked.run.velocities[asked.last]).sum(0)
     return Vibration(growth, float(np.abs(complex_amplitudes(thrust))[3]), unrest(thrust), asked.middles)
@@ -162,16 +164,17 @@ def damping_against(values: JointValues[float], states: Sequence[State]) -> floa
         None where the joint vibrates with all that are tried.
     """
     own = max(values.contact_damping, _LEAST_DAMPING)
-    once, twice = (_departures(states, replace(values, contact_damping=factor * own)) for factor in (1, 2))
+    damped = (replace(values, contact_damping=factor * own) for factor in (1, 2))
+    once, twice = (_departures(assemble(build_joint(given, needles=False)), states, given) for given in damped)
     for factor in _STRONGER:
         if not _vibrates(once + (factor - 1) * (twice - once), values):
             return factor * own
     return None
 
 
-def _departures(states: Sequence[State], values: JointValues[float]) -> FloatArray:
+def _departures(assembly: Assembly, states: Sequence[State], values: JointValues[float]) -> FloatArray:
     """Matrices of departures from a revolution through these states."""
-    return departure_matrices(assemble(build_joint(values, needles=False)), states, 2 * math.pi / values.speed)
+    return departure_matrices(assembly, states, 2 * math.pi / values.speed)
 
 
 def _vibrates(departures: FloatArray, values: JointValues[float]) -> Growth | None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from numba import typeof
 from numba.core import types
 from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.extending import NativeValue, lower_getattr_generic, models, register_model, typeof_impl, unbox
+from numba.np.numpy_support import from_dtype
 
 __all__ = ["ByReference"]
 
@@ -76,7 +78,15 @@ def _reference_to(bundle: ByReference) -> _Reference:
 
 
 def _type_of(value: Any) -> types.Type:
-    return types.int64 if isinstance(value, int) else typeof(value)
+    if isinstance(value, int):
+        return types.int64
+    return _array_type(value.dtype, value.ndim, value.flags.writeable) if isinstance(value, np.ndarray) else typeof(value)
+
+
+@cache
+def _array_type(dtype: np.dtype[Any], dimensions: int, writeable: bool) -> types.Array:
+    """What `typeof` says of a contiguous array; it looks through all fields of records each time."""
+    return types.Array(from_dtype(dtype), dimensions, "C", readonly=not writeable)
 
 
 def _words_of(kind: types.Type) -> int:

@@ -28,6 +28,7 @@ from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.motion import copy_vectors, evaluate
 from tripod_doe.mechanics.rotations import move
+from tripod_doe.mechanics.tables import Work
 from tripod_doe.one_thread import one_thread
 
 __all__ = ["Growth", "departure_matrices", "fastest_growth"]
@@ -80,7 +81,8 @@ def departure_matrices(assembly: Assembly, states: Sequence[State], duration: fl
     duration
         How long the motion takes.
     """
-    return np.array([_departure_matrix(assembly, state, len(states) / duration) for state in states])
+    work = assembly.work()
+    return np.array([_departure_matrix(assembly, work, state, len(states) / duration) for state in states])
 
 
 def fastest_growth(matrices: FloatArray, duration: float) -> Growth:
@@ -130,14 +132,14 @@ def _exponential(matrix: FloatArray) -> tuple[FloatArray, float]:
     return expm(matrix - largest * np.eye(len(matrix))), largest
 
 
-def _departure_matrix(assembly: Assembly, state: State, stabilisation: float) -> FloatArray:
+def _departure_matrix(assembly: Assembly, work: Work, state: State, stabilisation: float) -> FloatArray:
     """The matrix of the equation of departures at one state, shape (2 x dof, 2 x dof)."""
     tables, scene = assembly.tables, assembly.scene
     rows, count = tables.body_of_row, tables.body_of_row.size
     turn = scene.length_scale * scene.rotation_scale / scene.speed_scale
     small = _DIFFERENCE * np.array([scene.length_scale, turn, scene.speed_scale, scene.rotation_scale])
     slopes = np.zeros((2, 6 * count, 6 * count))
-    _differentiate(tables, assembly.work(), state.positions, state.velocities, state.time, stabilisation, small, slopes)
+    _differentiate(tables, work, state.positions, state.velocities, state.time, stabilisation, small, slopes)
     matrix = np.zeros((12 * count, 12 * count))
     matrix[6 * count :, : 6 * count], matrix[6 * count :, 6 * count :] = slopes[0].T, slopes[1].T
     matrix[: 6 * count, 6 * count :] = np.eye(6 * count)
