@@ -18,7 +18,6 @@ from numba import typeof
 from numba.core import types
 from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.extending import NativeValue, lower_getattr_generic, models, register_model, typeof_impl, unbox
-from numba.np.numpy_support import from_dtype
 
 __all__ = ["ByReference"]
 
@@ -84,9 +83,11 @@ def _type_of(value: Any) -> types.Type:
 
 
 @cache
-def _array_type(dtype: np.dtype[Any], dimensions: int, writeable: bool) -> types.Array:
-    """What `typeof` says of a contiguous array; it looks through all fields of records each time."""
-    return types.Array(from_dtype(dtype), dimensions, "C", readonly=not writeable)
+def _array_type(dtype: np.dtype[Any], dimensions: int, writeable: bool) -> types.Type:
+    """Type of a contiguous array; `typeof` looks through all fields of records each time."""
+    example = np.empty((1,) * dimensions, dtype)
+    example.flags.writeable = writeable
+    return typeof(example)
 
 
 def _words_of(kind: types.Type) -> int:
