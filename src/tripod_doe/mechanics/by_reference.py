@@ -79,7 +79,10 @@ def _reference_to(bundle: ByReference) -> _Reference:
 def _type_of(value: Any) -> types.Type:
     if isinstance(value, int):
         return types.int64
-    return _array_type(value.dtype, value.ndim, value.flags.writeable) if isinstance(value, np.ndarray) else typeof(value)
+    if isinstance(value, np.ndarray):
+        return _array_type(value.dtype, value.ndim, value.flags.writeable)
+    kind: types.Type = typeof(value)
+    return kind
 
 
 @cache
@@ -87,7 +90,8 @@ def _array_type(dtype: np.dtype[Any], dimensions: int, writeable: bool) -> types
     """Type of a contiguous array; `typeof` looks through all fields of records each time."""
     example = np.empty((1,) * dimensions, dtype)
     example.flags.writeable = writeable
-    return typeof(example)
+    kind: types.Type = typeof(example)
+    return kind
 
 
 def _words_of(kind: types.Type) -> int:
