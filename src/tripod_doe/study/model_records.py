@@ -23,6 +23,9 @@ Columns = dict[str, tuple[NDArray[np.float64], str]]
 _CHUNK = 10_000
 """Points whose parameters are held at once: few enough that the memory of one chunk serves the next."""
 
+_PART = 100_000
+"""Points whose errors are held at once where only what is told of all is wanted."""
+
 
 class ModelRecords:
     """The models of the points of a study that no constraint excludes, gathered from part to part of the points.
@@ -113,5 +116,6 @@ def _meaning(errors: ModelErrors) -> str:
 def model_records(study: Study, points: Points) -> ModelRecords:
     """What is known of the models of all points before any has run."""
     records = ModelRecords(study)
-    records.of(points, {})
+    for start in range(0, points.count, _PART):
+        records.of(points.part(start, min(start + _PART, points.count)), {})
     return records

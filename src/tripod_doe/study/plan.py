@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -133,24 +134,25 @@ def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False)
     if not isinstance(study, Study):
         study = load_study(study)
     points = make_points(study)
-    to_compute = StudyPoints(study, points).to_compute
-    different = np.flatnonzero(to_compute)  # eight bytes a point, after the fingerprints are gone
-    able, foreseen = _foreseen(study, points, different)
+    able = StudyPoints(study, points).to_compute
+    unique = int(able.sum())
+    foreseen = common_failures(_foreseen(study, points, able))
+    count = int(able.sum())
     timed, prices = 0, np.array([])
-    if able.size and study.accuracy is None and (timing or recorded):
+    if count and study.accuracy is None and (timing or recorded):
         seconds = time_points(study, _TIMING_SECONDS) if timing else []
         timed, prices = len(seconds), np.array(seconds) if seconds else _recorded_prices(study, points, able)
     hours, blocks = None, None
     models = model_records(study, points)
     if prices.size:
-        total = able.size / 3600
+        total = count / 3600
         mean, (low, high) = prices.mean(), np.quantile(prices, (0.25, 0.75))
         low, high = min(low, mean), max(high, mean)  # a few dear points raise the mean above most prices
         hours = float(low * total), float(mean * total), float(high * total)
-        blocks = _blocks(study.file.run.block, able.size, hours[1] * 3600)
+        blocks = _blocks(study.file.run.block, count, hours[1] * 3600)
     return Plan(
         points.count,
-        different.size,
+        unique,
         int((~points.allowed).sum()),
         blocks,
         hours,
@@ -171,25 +173,25 @@ def _blocks(fixed: int | None, points: int, seconds: float) -> int:
     return -(-points // fixed) if fixed else min(points, max(1, round(seconds / _BLOCK_SECONDS)))
 
 
-def _foreseen(study: Study, points: Points, different: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[Failure]]:
-    """Points that can be run, and why others will fail."""
+def _foreseen(study: Study, points: Points, able: NDArray[np.bool_]) -> Iterator[tuple[int, str]]:
+    """Why points will fail, each with its outcome; they are struck out of those that can be run, shape (point,)."""
     if study.accuracy:  # a pilot sets what decides
-        return different, []
-    fails = np.zeros(different.size, bool)
-    ends: list[tuple[int, str]] = []
-    for start in range(0, different.size, _CHUNK):
-        chosen = different[start : start + _CHUNK]
+        return
+    for start in range(0, points.count, _CHUNK):
+        chosen = start + np.flatnonzero(able[start : start + _CHUNK])
+        if not chosen.size:
+            continue
         columns = study.simulator.columns(study.base, points.at(chosen), chosen.size)
         for row, outcome, reason in study.simulator.foreseen(columns):
-            fails[start + row] = True
-            ends.append((outcome, reason))
-    return different[~fails], common_failures(ends)
+            able[chosen[row]] = False
+            yield outcome, reason
 
 
-def _recorded_prices(study: Study, points: Points, able: NDArray[np.int64]) -> NDArray[np.float64]:
+def _recorded_prices(study: Study, points: Points, able: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Recorded CPU seconds of points spread over the design; none where a point has no recorded price."""
-    rows = able[np.unique(np.linspace(0, able.size - 1, _PRICED).astype(int))].tolist()
-    prices = [study.simulator.recorded_price({**study.base, **points.settings_of(row)}) for row in rows]
+    rows = np.flatnonzero(able)
+    rows = rows[np.unique(np.linspace(0, rows.size - 1, _PRICED).astype(int))]
+    prices = [study.simulator.recorded_price({**study.base, **points.settings_of(row)}) for row in rows.tolist()]
     return np.array([price for price in prices if price is not None] if None not in prices else [])
 
 
