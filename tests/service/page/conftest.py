@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
+import shutil
+import signal
 import sys
+import threading
 import time
 import tomllib
 import urllib.request
@@ -13,6 +14,7 @@ import urllib.request
 import pytest
 
 import tripod_doe as td
+from started import Process
 from tripod_doe.report.figures.chart import Chart
 
 COAST = """
@@ -93,11 +95,10 @@ class Served:
     """A server in a process of its own."""
 
     def __init__(self, folder):
-        environment = {**os.environ, "PYTHONWARNINGS": "default"}
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "tripod_doe.cli", "serve", "--folder", str(folder), "--port", "0", "--workers", "0"],
-            stdout=subprocess.PIPE, text=True, env=environment,
-        )  # fmt: skip
+        words = ["serve", "--folder", str(folder), "--port", "0", "--workers", "0"]
+        self._process = Process(["-m", "tripod_doe.cli", *words])
+        self._complaints = threading.Thread(target=shutil.copyfileobj, args=(self._process.stderr, sys.stderr))
+        self._complaints.start()  # nobody else would empty the pipe
         self.door = self._process.stdout.readline().strip()
         self.address, _, self.token = self.door.partition("/?token=")
 
@@ -119,9 +120,11 @@ class Served:
         return found[0]
 
     def close(self):
-        self._process.terminate()
+        self._process.send_signal(signal.SIGTERM)
         self._process.wait(30)
+        self._complaints.join()
         self._process.stdout.close()
+        self._process.stderr.close()
 
 
 @pytest.fixture(scope="session")
