@@ -276,6 +276,7 @@ def analysed(dims, coords, **attrs):
     (analysed(["joint_angle_deg", "pair"], {"joint_angle_deg": [2, 13], "pair": ["torque_n_m + bearing_radial_clearance_mm"]}), 1,
      {"x": "torque_n_m", "by": "bearing_radial_clearance_mm", "select": ("joint_angle_deg=13",)}),
     (analysed(["probability"], {"probability": [0.05, 0.95]}), 1, {"where": "thrust_amplitude >= 1"}),
+    (analysed(["share"], {"share": [0.005, 0.5]}), 0, {"where": "thrust_amplitude <= 0"}),
     (analysed(["output"], {"output": ["thrust"]}), 0, {"variable": "thrust"}),
 ])  # fmt: skip
 def test_behind_a_number_are_the_points_of_its_factors_at_its_place(folders, result, cell, view):

@@ -62,8 +62,8 @@ def view_behind(cube: xr.Dataset, result: xr.Dataset, variable: str, cell: int) 
                    if name in axes and name not in named)  # fmt: skip
     output = _output(cube, result, at)
     view = View(output, select=select)
-    if "probability" in at:
-        beyond = "<=" if at["probability"] < 0.5 else ">="
+    if (share := at.get("probability", at.get("share"))) is not None:
+        beyond = "<=" if share < 0.5 else ">="
         number = float(result[variable].values.ravel()[cell])
         view = View(output, "points", select=select, where=f"{output} {beyond} {number:.12g}")
     return view if not named else View(output, "points", named[0], next(iter(named[1:]), ""), select)
