@@ -265,7 +265,7 @@ def test_the_study_of_contributions_keeps_the_point(folders):
 
 def analysed(dims, coords, **attrs):
     sizes = [len(coords[dim]) for dim in dims]
-    return xr.Dataset({"share": (dims, np.arange(np.prod(sizes), dtype=float).reshape(sizes))}, coords, attrs)
+    return xr.Dataset({"number": (dims, np.arange(np.prod(sizes), dtype=float).reshape(sizes))}, coords, attrs)
 
 
 @pytest.mark.parametrize(("result", "cell", "view"), [
@@ -281,7 +281,7 @@ def analysed(dims, coords, **attrs):
 ])  # fmt: skip
 def test_behind_a_number_are_the_points_of_its_factors_at_its_place(folders, result, cell, view):
     found = view_behind(
-        numbered(td.open_cube(folders["grid"])), result.assign_attrs(outputs="thrust_amplitude"), "share", cell
+        numbered(td.open_cube(folders["grid"])), result.assign_attrs(outputs="thrust_amplitude"), "number", cell
     )
     assert {name: getattr(found, name) for name in view} == view
     assert found.variable == view.get("variable", "thrust_amplitude")
