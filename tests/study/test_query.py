@@ -106,6 +106,8 @@ def test_messages_name_what_the_user_wrote(cube):
     """In Python an argument, on the command line an option."""
     with pytest.raises(InputError, match=r"^select='z': not a coordinate here"):
         query(cube, "f", ["z=3"])
+    with pytest.raises(InputError, match=r"^select='x': 'y=2' is not a number; select each coordinate"):
+        query(cube, "f", ["x=1,y=2"])
     with speaking_of_options(), pytest.raises(InputError, match=r"^--select z: not a coordinate here"):
         query(cube, "f", ["z=3"])
 

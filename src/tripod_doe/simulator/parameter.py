@@ -136,11 +136,17 @@ def check_parameters(parameters: Mapping[str, Parameter], values: Mapping[str, o
     Raises
     ------
     InputError
-        For an unknown name (with the nearest known one) or a value that its parameter refuses.
+        For every unknown name (with the nearest known one) and every value that its parameter refuses.
     """
     checked: dict[str, Value] = {}
+    wrong = []
     for name, value in values.items():
-        if name not in parameters:
-            raise InputError(f"{name} = {value!r}: unknown parameter{near_match(name, parameters)}")
-        checked[name] = parameters[name].check(value)
+        try:
+            if name not in parameters:
+                raise InputError(f"{name} = {value!r}: unknown parameter{near_match(name, parameters)}")
+            checked[name] = parameters[name].check(value)
+        except InputError as error:
+            wrong.append(str(error))
+    if wrong:
+        raise InputError("\n".join(wrong))
     return checked

@@ -141,17 +141,13 @@ def parse_study(text: str, origin: str = "study", folder: Path | None = None, fu
     simulator = _at(origin, "[study]", lambda: load_simulator(file.study.scene, file.study.function, str(folder)))
     auto = file.base.get("model") == AUTO
     given = {name: value for name, value in file.base.items() if not (auto and name == "model")}
-    base = _at(origin, "[base]", lambda: check_parameters(simulator.parameters, given))
+    base = _base(origin, simulator, given, file.factors)
     file = _at(origin, "[design]", lambda: _at_operating_points(simulator, file))
     switches = _at(origin, "[design]", lambda: _switches(simulator, file))
     tables = file.factors | {name: FactorTable(values=[0, 1]) for name in switches if name not in file.factors}
     tables |= _at(origin, "[design]", lambda: _fidelity(simulator, file))
-    for name in tables:
-        if name not in simulator.parameters:
-            known = near_match(name, simulator.parameters)
-            raise InputError(f"{origin}: [factors.{name}]: unknown parameter{known}")
-        if name in base:
-            raise InputError(f"{origin}: {name} is both a base value and a factor; remove it from [base]")
+    for name in (name for name in tables if name in base):
+        raise InputError(f"{origin}: {name} is both a base value and a factor; remove it from [base]")
     factors = {
         name: _at(origin, f"[factors.{name}]", lambda n=name, t=table: _factor(simulator.parameters[n], t))
         for name, table in tables.items()
@@ -207,11 +203,30 @@ def _demands(origin: str, simulator: Simulator, file: StudyFile, taken: set[str]
 
 
 def _at(origin: str, where: str, step: Any) -> Any:
-    """Run one step of the check, and put file and key before the message of its error."""
+    """Run one step of the check, and put file and key before every line of the message of its error."""
     try:
         return step()
     except InputError as error:
-        raise InputError(f"{origin}: {where}: {error}") from error
+        raise InputError("\n".join(f"{origin}: {where}: {line}" for line in str(error).splitlines())) from error
+
+
+def _base(
+    origin: str, simulator: Simulator, given: Mapping[str, Value], factors: Mapping[str, FactorTable]
+) -> dict[str, Value]:
+    """The base values, checked; unknown factors are told with what is wrong about these."""
+    wrong, base = [], dict[str, Value]()
+    try:
+        base = _at(origin, "[base]", lambda: check_parameters(simulator.parameters, given))
+    except InputError as error:
+        wrong.append(str(error))
+    wrong += [
+        f"{origin}: [factors.{name}]: unknown parameter{near_match(name, simulator.parameters)}"
+        for name in factors
+        if name not in simulator.parameters
+    ]
+    if wrong:
+        raise InputError("\n".join(wrong))
+    return base
 
 
 def _at_operating_points(simulator: Simulator, file: StudyFile) -> StudyFile:

@@ -292,7 +292,8 @@ def _matching(values: NDArray[Any], selection: Selection, nearest: bool) -> NDAr
     keep = np.zeros(values.size, bool)
     for wanted in selection.values:
         if isinstance(wanted, str):
-            raise InputError(f"{option('select', f'{selection.name}={wanted}')}: expected numbers")
+            place = option("select", selection.name)
+            raise InputError(f"{place}: {wanted!r} is not a number; select each coordinate by an argument of its own")
         slack = _MATCH * max(abs(wanted), 1e-300)
         match = (values >= np.float64(wanted - slack)) & (values <= np.float64(wanted + slack))
         if nearest and not match.any() and values.size:
