@@ -63,7 +63,9 @@ def test_mistakes_are_named(text, message):
 
 
 def test_all_names_and_base_values_that_are_wrong_are_told_at_once():
-    text = HEAD + "[base]\npitch_radius = 23\nneedle_count = 27.5\nspeed_rpm = 60\n[factors]\ntorque = { values = [1] }\n"
+    text = (
+        HEAD + "[base]\npitch_radius = 23\nneedle_count = 27.5\nspeed_rpm = 60\n[factors]\ntorque = { values = [1] }\n"
+    )
     with pytest.raises(InputError) as caught:
         parse_study(text, "mine.toml")
     places = [line.split(": ")[:2] for line in str(caught.value).splitlines()]
