@@ -16,7 +16,7 @@ from tripod_doe.analysis.factor_effects import FactorEffect, Ground, factor_effe
 from tripod_doe.quantities import count_of, interval, level, number, rounded_up, with_unit
 from tripod_doe.report.responses import Response, factor_label, factor_names, factor_text, factor_unit, listed
 
-__all__ = ["effects_on", "find_effects", "point_columns", "unseparated"]
+__all__ = ["effects_on", "find_effects", "point_columns", "unseparated", "varies"]
 
 _MINOR = 0.05  # change over the range of the response below which a factor shares one sentence with others
 _ROUNDING = 1e-9  # part of the range of a response that is no effect
@@ -40,6 +40,11 @@ def point_columns(cube: xr.Dataset, rows: NDArray[np.bool_]) -> dict[str, NDArra
         words = values.dtype.kind not in "fiu" or bool(np.isnan(values.astype(float)).any())
         columns[name] = values.astype(str) if words else values
     return columns
+
+
+def varies(column: NDArray[np.generic]) -> bool:
+    """Whether the values of a factor (`point_columns`) are not all the same; to sort them takes ten times as long."""
+    return column.size > 1 and bool((column != column[0]).any())
 
 
 def effects_on(response: Response, cube: xr.Dataset) -> list[FactorEffect]:

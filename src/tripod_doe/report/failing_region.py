@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
 import xarray as xr
 
 from tripod_doe.analysis.failing_region import FailingRegion, failing_region
-from tripod_doe.report.effects import point_columns
+from tripod_doe.report.effects import point_columns, varies
 from tripod_doe.report.responses import asked, finished, waiting
 
 __all__ = ["failing_region_of"]
@@ -15,5 +14,5 @@ __all__ = ["failing_region_of"]
 def failing_region_of(cube: xr.Dataset) -> FailingRegion | None:
     """The region of a study in which most of its failed points lie, None where they do not lie together."""
     rows = asked(cube).values & ~waiting(cube).values
-    columns = {name: column for name, column in point_columns(cube, rows).items() if np.unique(column).size > 1}
+    columns = {name: column for name, column in point_columns(cube, rows).items() if varies(column)}
     return failing_region(columns, ~finished(cube).values[rows])

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.quantities import digits_apart, level, number, with_unit
-from tripod_doe.report.effects import effects_on, find_effects, point_columns, unseparated
+from tripod_doe.report.effects import effects_on, find_effects, point_columns, unseparated, varies
 from tripod_doe.report.failing_region import failing_region_of
 from tripod_doe.report.model_choice import asked_orders
 from tripod_doe.report.responses import (
@@ -188,7 +188,7 @@ def _range(response: Response, cube: xr.Dataset) -> str:
 def _place(cube: xr.Dataset, at: int) -> str:
     """The point with this number in brackets, by its factors that vary; empty where they are too many to read."""
     columns = point_columns(cube, np.ones(cube["outcome"].shape, bool))
-    varying = {name: column for name, column in columns.items() if np.unique(column).size > 1}
+    varying = {name: column for name, column in columns.items() if varies(column)}
     if not 0 < len(varying) <= _MOST_NAMED:
         return ""
     told = []
@@ -203,7 +203,7 @@ def _one_level(cube: xr.Dataset) -> list[str]:
     """Factors of which only one level finished, so that nothing is known of their effect."""
     every = point_columns(cube, np.ones(cube["outcome"].shape, bool))
     done = point_columns(cube, finished(cube).values)
-    lost = [name for name in every if np.unique(every[name]).size > 1 and np.unique(done[name]).size == 1]
+    lost = [name for name in every if varies(every[name]) and done[name].size and not varies(done[name])]
     told = []
     for name in lost:
         value = done[name][0].item()
