@@ -30,6 +30,7 @@ MODELS_OF_PROCESS = {
     "gw0": ("rollers", "equilibrium", "kinetostatic"),
     "gw1": ("equilibrium", "kinetostatic", "rollers"),
     "gw2": ("equilibrium", "kinetostatic", "rollers"),
+    "gw3": ("equilibrium", "kinetostatic", "rollers"),
 }
 MANY = 500
 SHARED = ({"served", "chromium"}, {"client"}, {"simulated"})
@@ -65,7 +66,7 @@ def pytest_collection_finish(session):
     """Two of the processes of a long session fill an empty compile cache side by side, each with other models first.
 
     Otherwise tests of both would compile the same kernels at the same time. From a full cache it takes two seconds. The
-    third process, which works while tests wait for processes, polls and disks, waits for them: a kernel that a test
+    other processes, which work while tests wait for processes, polls and disks, wait for them: a kernel that a test
     compiled alone would be compiled once more with its model.
     """
     from tripod_doe.joint.simulator import simulator
