@@ -19,7 +19,7 @@ from distributed import Client
 import tripod_doe as td
 from started import Process
 from tripod_doe.errors import TripodDoeError
-from tripod_doe.study import on_dask
+from tripod_doe.study import dask_workers, on_dask
 from tripod_doe.study.existing_scheduler import ExistingScheduler
 from tripod_doe.study.scenes import load_simulator
 from tripod_doe.study.user_code import check_imported, placed, read_user_code
@@ -129,20 +129,21 @@ def test_a_point_that_kills_its_worker_is_condemned_alone(case, tmp_path, monkey
 
 
 @pytest.mark.slow
-def test_workers_that_join_before_the_first_block_is_finished_get_work_at_once(case, tmp_path, capsys):
+def test_workers_that_join_before_the_first_block_is_finished_get_work_at_once(case, tmp_path, monkeypatch):
     """Regression: without a worker at the start two blocks were sent, and others only when one of them was finished."""
-    study = case(count=4, pause=8.0)
+    study, told, begun = case(count=4, pause=8.0), [], time.monotonic()
+    monkeypatch.setattr(dask_workers, "print", lambda text, **_: told.append(text), raising=False)
     with Cluster(tmp_path, workers=0) as cluster:
 
         def join():
             for number in range(4):
                 cluster.add_worker(f"worker {number}")
 
-        thread = meanwhile(join, lambda: True)
+        thread = meanwhile(join, lambda: told or time.monotonic() > begun + 60)
         run(study, tmp_path / "out", scheduler=cluster.address, progress=False)
         thread.join()
     assert set(td.open_cube(tmp_path / "out")["worker"].values.tolist()) == {f"worker {number}" for number in range(4)}
-    assert "no worker has joined yet; waiting for the first" in capsys.readouterr().err
+    assert "no worker has joined yet; waiting for the first" in told[0]
 
 
 @pytest.mark.slow
