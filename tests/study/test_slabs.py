@@ -10,13 +10,14 @@ from pathlib import Path
 
 import netCDF4
 import numpy as np
+import pandas
 import pytest
 import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
 import tripod_doe as td
-from tripod_doe.study import cube_file, query, results, written_cube
+from tripod_doe.study import cube_file, netcdf, query, results, written_cube
 from tripod_doe.study.arrays import opened_arrays
 from tripod_doe.study.cube_file import _shrinks
 from tripod_doe.study.query import records
@@ -171,6 +172,29 @@ def test_texts_of_a_large_cube_are_read_when_they_are_used(run_in_slabs, monkeyp
     with td.open_cube(parts, chunks={"point": 16}) as cube:
         assert cube["outcome_detail"].chunks is not None
         xr.testing.assert_equal(cube["outcome_detail"].compute(), expected["outcome_detail"])
+
+
+@pytest.mark.parametrize("read_whole", [1_000_000, 50])
+def test_points_are_found_by_their_numbers_which_need_not_be_read(run_in_slabs, monkeypatch, tmp_path, read_whole):
+    """Numbers count from 0 in a cube as it was written; in one of chosen or sorted points they are those stored."""
+    monkeypatch.setattr(netcdf, "_READ_WHOLE", read_whole)
+    monkeypatch.setattr(netcdf, "_STRETCH", 5)
+    _, parts = run_in_slabs(LIST, 2000)
+    with td.open_cube(parts, chunks="auto") as cube:
+        assert isinstance(cube.indexes["point"], pandas.RangeIndex)
+        assert cube["point"].dtype == np.int32
+        whole = cube.load()
+    with opened_arrays(parts) as arrays:
+        np.testing.assert_equal(records(arrays, "peak", ["point=17"])["peak"], whole["peak"].sel(point=[17]).values)
+    for case, chosen in enumerate((np.arange(0, 60, 2), np.arange(60)[::-1], np.r_[1, 0, 2:60])):
+        part = whole[["peak", "outcome"]].isel(point=chosen)
+        part.to_netcdf(file := tmp_path / f"{case}.nc")
+        with td.open_cube(file, chunks="auto") as cube:
+            assert cube["point"].values.tolist() == chosen.tolist()
+            np.testing.assert_equal(cube["peak"].sel(point=0).values, whole["peak"].sel(point=0).values)
+        with opened_arrays(file) as arrays:
+            found = records(arrays, "peak", ["point=0"])["peak"]
+            np.testing.assert_equal(found, whole["peak"].sel(point=[0]).values)
 
 
 @pytest.mark.slow

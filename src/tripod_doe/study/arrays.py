@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.study.netcdf import TEXT_TABLE, reading
+from tripod_doe.study.netcdf import TEXT_TABLE, are_point_numbers, reading
 from tripod_doe.study.results import cube_files, cube_so_far, is_shown
 
 if TYPE_CHECKING:
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = ["CubeArrays", "Variable", "cube_arrays", "opened_arrays"]
+
+_READ = ("flag_values", "flag_meanings", "long_name")  # attributes that say what values stand for
 
 
 @dataclass(frozen=True)
@@ -162,7 +164,12 @@ def _stored_variable(stored: netCDF4.Dataset, name: str, file: Path) -> Variable
         is_switch = "dtype" in array.ncattrs() and array.getncattr("dtype") == "bool"  # xarray's way: netCDF has none
         return values.astype(bool) if is_switch else values
 
-    attributes = {name: array.getncattr(name) for name in array.ncattrs() if name in ("flag_values", "flag_meanings")}
+    def numbers(place: tuple[slice, ...]) -> NDArray[Any]:
+        return np.arange(*place[0].indices(array.shape[0]), dtype=array.dtype)
+
+    attributes = {name: array.getncattr(name) for name in array.ncattrs() if name in _READ}
+    if name == "point" and array.dimensions == ("point",) and are_point_numbers(attributes, array):
+        return Variable(("point",), numbers)
     return Variable(tuple(array.dimensions), read, _words(attributes))
 
 

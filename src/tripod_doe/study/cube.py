@@ -25,6 +25,7 @@ from tripod_doe.study.designs import SAMPLE, Column, Columns, Points, Rows
 from tripod_doe.study.journal import PILOT, FinishedBlock
 from tripod_doe.study.key_index import KeyIndex
 from tripod_doe.study.model_records import ModelRecords
+from tripod_doe.study.netcdf import POINT_ATTRIBUTES
 from tripod_doe.study.provenance import cost_attributes, cube_attributes
 
 __all__ = [
@@ -71,7 +72,6 @@ PlacedBlock = tuple[FinishedBlock, NDArray[np.int64], NDArray[np.int64]]
 
 _CHUNK = 1_000_000  # points whose factors are looked at together
 _USER_FUNCTION = "user function"
-_POINT_ATTRIBUTES = {"long_name": "number of the point in the design", "units": "1"}
 _LABELS = {"varied": "factor that is varied", SAMPLE: "sample that the point belongs to, the same in all models"}
 _UNKNOWN = -1  # flag of a point that has not run, or of a choice that its model does not have
 
@@ -374,7 +374,7 @@ def _coordinates(study: Study, points: Points, labels: Mapping[str, NDArray[Any]
             attrs["role"] = SWITCH_ROLE
         coordinates[name] = xr.Variable((name if points.is_grid else "point",), _cf_type(column), attrs)
     if not points.is_grid:
-        coordinates["point"] = xr.Variable(("point",), np.arange(points.count, dtype=np.int32), _POINT_ATTRIBUTES)
+        coordinates["point"] = xr.Variable(("point",), np.arange(points.count, dtype=np.int32), POINT_ATTRIBUTES)
     for name, column in points.labels.at(slice(None)).items():
         meaning = _LABELS.get(name, "row of the sub-design")
         coordinates[name] = xr.Variable(("point",), _cf_type(column), {"long_name": meaning})

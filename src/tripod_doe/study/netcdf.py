@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,7 +17,23 @@ if TYPE_CHECKING:  # a query reads cubes without xarray
     import xarray as xr
     from xarray.backends import NetCDF4DataStore
 
-__all__ = ["TEXT_TABLE", "lazy_dataset", "opened_store", "read_dataset", "reading", "stamp_history", "write_dataset"]
+__all__ = [
+    "POINT_ATTRIBUTES",
+    "TEXT_TABLE",
+    "are_point_numbers",
+    "lazy_dataset",
+    "opened_store",
+    "read_dataset",
+    "reading",
+    "stamp_history",
+    "write_dataset",
+]
+
+POINT_ATTRIBUTES = {"long_name": "number of the point in the design", "units": "1"}
+"""Attributes of the coordinate ``point`` of a cube, which counts from 0."""
+
+_READ_WHOLE, _STRETCH, _STRETCHES = 1_000_000, 1000, 8
+"""Numbers of points that are all looked at; else how many of a stretch, and stretches."""
 
 TEXT_TABLE = "text_table"
 """Attribute of a variable of numbers: the name of the variable with the texts to which they refer."""
@@ -99,6 +115,30 @@ def read_dataset(path: Path) -> xr.Dataset:
         return stored.load()
 
 
+def are_point_numbers(attributes: Mapping[str, Any], stored: Any) -> bool:
+    """Whether a stored coordinate counts the points of a cube; of many, some stretches are looked at.
+
+    It does so in a cube as it was written, not in one of chosen or sorted points.
+    """
+    if attributes.get("long_name") != POINT_ATTRIBUTES["long_name"]:
+        return False
+    (size,) = stored.shape
+    length = size if size <= _READ_WHOLE else _STRETCH
+    starts = np.unique(np.linspace(0, size - length, _STRETCHES).astype(int)).tolist()
+    return all(np.array_equal(stored[at : at + length], np.arange(at, at + length)) for at in starts)
+
+
+def _with_point_numbers(cube: xr.Dataset) -> xr.Dataset:
+    """A cube whose points can be selected by their numbers, without an array of them."""
+    import pandas
+    import xarray as xr
+    from xarray.indexes import PandasIndex
+
+    stored = cube.variables["point"]
+    index = PandasIndex(pandas.RangeIndex(stored.size), "point", coord_dtype=stored.dtype)
+    return cube.assign_coords(xr.Coordinates(index.create_variables({"point": stored}), {"point": index}))
+
+
 def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None, by_number: bool = True) -> xr.Dataset:
     """A netCDF file whose variables are read when they are used, each time anew; open until the dataset is closed.
 
@@ -109,7 +149,7 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
     chunks
         As in `xarray.open_dataset`; None leaves Dask out.
     by_number
-        Whether points of a list can be selected by their numbers, for which xarray holds 14 bytes a point.
+        Whether points of a list can be selected by their numbers.
 
     Raises
     ------
@@ -126,7 +166,11 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
         )
         read = with_texts(stored)
         for dim in stored.dims:
-            if dim in stored.coords and (by_number or dim != "point"):
+            if dim not in stored.coords or (dim == "point" and not by_number):
+                continue
+            if dim == "point" and are_point_numbers(stored[dim].attrs, stored[dim].variable):
+                read = _with_point_numbers(read)
+            else:
                 read = read.set_xindex(str(dim))
         read.set_close(stored.close)
         return read
