@@ -78,7 +78,8 @@ def opened_cube(path: str | Path) -> xr.Dataset:
 
 def _lazily(path: Path, chunks: int | str | Mapping[str, int] | None = None, by_number: bool = True) -> xr.Dataset:
     with ExitStack() as opened:
-        cube = _joined(*(opened.enter_context(lazy_dataset(file, chunks, by_number)) for file in cube_files(path)))
+        files = (opened.enter_context(lazy_dataset(file, chunks, by_number)) for file in cube_files(path))
+        cube = _joined(*files).assign()  # another object than the first file, which it closes
         cube.set_close(opened.pop_all().close)
     return cube
 
