@@ -73,6 +73,7 @@ def pytest_collection_finish(session):
 
     gc.freeze()  # what has been collected stays: to look through it again and again took 2 to 3 % of all tests
     gc.enable()
+    gc.set_threshold(20_000, 20, 20)  # charts and cubes make many objects: by default 3 to 5 % of the time is looking
     if len(session.items) > MANY:
         for model in MODELS_OF_PROCESS.get(os.environ.get("PYTEST_XDIST_WORKER", ""), ()):
             simulator.compile(model, next(iter(simulator.methods({"model": model}))))
