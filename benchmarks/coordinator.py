@@ -82,10 +82,6 @@ def rehearse(folder: Path) -> None:
     """Import what a run imports, and load its machine code."""
     import dask.array  # noqa: F401 - as xarray does for its first variable
 
-    from tripod_doe.study.designs.digests import digests_of
-
-    digests_of(b"any", np.ones((1, 1)))
-
     file = folder / "rehearsal.toml"
     file.write_text(SAMPLED.format(points=1024, course=""))
     study = load_study(file)

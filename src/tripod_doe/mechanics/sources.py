@@ -20,7 +20,6 @@ __all__ = ["SourceHashes", "cache_root", "hash_sources", "source_hashes"]
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 _DECIDE_RESULTS = ("mechanics", "joint")
-_COMPILES = b"tripod_doe.mechanics.compilation import"
 _KERNEL_DECORATORS = {"kernel", "inlined_kernel", "inner_kernel", "kernel_part"}
 
 
@@ -83,7 +82,7 @@ def hash_sources(package: Path) -> SourceHashes:
     """
     trees = _Trees()
     decide = [path for path in _modules(package) if path.relative_to(package).parts[0] in _DECIDE_RESULTS]
-    waiting = [path for path in _modules(package) if _COMPILES in path.read_bytes() and _has_kernels(trees[path])]
+    waiting = [path for path in decide if _has_kernels(trees[path])]
     kernels: set[Path] = set()
     while waiting:  # numba compiles the values of globals in, so all that a kernel's module imports counts
         path = waiting.pop()

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,6 @@ from tripod_doe.study.designs.points import Points
 __all__ = ["point_keys"]
 
 _CHUNK = 10_000  # points whose parameters are held at once
-_MANY = 500_000  # points from which on a compilation is worth its time
 
 
 def point_keys(study: Study, points: Points) -> NDArray[np.void]:
@@ -27,40 +27,29 @@ def point_keys(study: Study, points: Points) -> NDArray[np.void]:
     names, varied = sorted(fixed), set(points.setting_names)
     shared = next((at for at, name in enumerate(names) if name in varied), len(names))
     rest = names[shared:]
-    beginning = _names(study, names) + _numbers(fixed, names[:shared], 1).tobytes()
-    digests_of = _compiled() if points.count > _MANY else _digests_of
+    start = _digest_of_names(study, names)
+    start.update(_numbers(fixed, names[:shared], 1).tobytes())
+
+    def fingerprint(row: NDArray[np.float64]) -> bytes:
+        digest = start.copy()
+        digest.update(row)
+        done: bytes = digest.digest()
+        return done
+
     keys = np.empty(points.count, "V16")
     rows = np.repeat(_numbers(fixed, rest, 1), min(_CHUNK, points.count), axis=0)
     at = [rest.index(name) for name in points.setting_names]
     for first in range(0, points.count, _CHUNK):
         own = rows[: points.count - first]
         own[:, at] = _numbers(points.at(slice(first, first + len(own))), points.setting_names, len(own))
-        keys[first : first + len(own)] = digests_of(beginning, own)
+        keys[first : first + len(own)] = np.frombuffer(b"".join(map(fingerprint, own)), "V16")
     return keys
 
 
-def _names(study: Study, names: Sequence[str]) -> bytes:
-    """What the values belong to."""
+def _digest_of_names(study: Study, names: Sequence[str]) -> Any:
+    """The beginning of all fingerprints: what the values belong to."""
     named = [study.simulator.name, *names, *([study.demands.text] if study.demands else [])]
-    return "\n".join(named).encode()
-
-
-def _digests_of(beginning: bytes, ends: NDArray[np.float64]) -> NDArray[np.void]:
-    """As `digests.digests_of`, one by one."""
-    begun = hashlib.blake2b(beginning, digest_size=16)
-
-    def digest_of(end: NDArray[np.float64]) -> bytes:
-        digest = begun.copy()
-        digest.update(end.data)
-        return digest.digest()
-
-    return np.frombuffer(b"".join(map(digest_of, ends)), "V16")
-
-
-def _compiled() -> Callable[[bytes, NDArray[np.float64]], NDArray[np.void]]:
-    from tripod_doe.study.designs.digests import digests_of
-
-    return digests_of
+    return hashlib.blake2b("\n".join(named).encode(), digest_size=16)
 
 
 def _numbers(columns: Mapping[str, Column], names: Sequence[str], count: int) -> NDArray[np.float64]:
