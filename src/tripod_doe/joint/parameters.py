@@ -142,7 +142,7 @@ _PARAMETERS = [
               "cycles - 2 before them", "paper 3.2", low=2, high=1000, kind="integer", group=_NUMERICS),
     Parameter("samples_per_revolution", 360, "1", "", "samples of the rotation angle per revolution", "numerics",
               low=30, high=36000, kind="integer", group=_NUMERICS),
-    Parameter("evaluation_budget", 20_000_000, "1", "", "largest number of force evaluations of a run: about a minute "
+    Parameter("evaluation_budget", 20_000_000, "1", "", "largest number of force evaluations of a run: some minutes "
               "of rollers, half an hour of needles", "numerics", low=1, high=1e12, kind="integer", group=_NUMERICS),
     Parameter("replicate", 0, "1", "", "number of the repetition; has no effect on results", "numerics",
               low=0, high=1e6, kind="integer", group=_NUMERICS),

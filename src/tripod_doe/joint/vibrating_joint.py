@@ -1,10 +1,10 @@
 """The answer of a joint that vibrates by itself: the motion with its vibration, or whether a run may do without.
 
 The method by which runs find their own steps damps the vibration: such a run of `rollers` is followed with it instead.
-Needles as bodies make that twenty times as dear as their own run. Lumped bearings tell first by how much the vibration
-changes the third order (of 20 points that were also followed with needles, they were wrong about a loss of 5 % at one);
-needles are followed where that is more than the error that is allowed. A run whose method or step is chosen stays what
-it is, and its third order is held against that of lumped bearings.
+Needles as bodies make that ten to three hundred times as dear as their own run. Lumped bearings tell first by how much
+the vibration changes the third order (of 20 points that were also followed with needles, they were wrong about a loss
+of 5 % at one); needles are followed where that is more than the error that is allowed. A run whose method or step is
+chosen stays what it is, and its third order is held against that of lumped bearings.
 """
 
 from __future__ import annotations
