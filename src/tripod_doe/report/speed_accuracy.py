@@ -87,8 +87,8 @@ def _front_sentence(row: xr.Dataset, case: str) -> str:
     own = Known(int(row["price_known"].sel({"method": default})))
     price = number(float(row["price"].sel({"method": default})))
     return (
-        f"{start}: at {level(target)} % error the default, {default}, {of_default} ({price} s per simulated second, "
-        f"{_HOW[own]}). Ratio to the default: {', '.join(_peers(row, own))}."
+        f"{start}: at {level(target)} % error the default, {default}, {of_default} ({default} {price} s per simulated "
+        f"second, {_HOW[own]}). Ratio to the default: {', '.join(_peers(row, own))}."
     )
 
 
