@@ -167,16 +167,6 @@ def _iterate(row: FloatArray, memory: Memory, tolerance: float, patient: bool, m
     return False, most
 
 
-def _start(row: FloatArray, memory: Memory) -> None:
-    """Make tilts and spins those of a start without slip."""
-    for _ in range(2):  # tilts first, then the spins that go with them
-        remember(memory, 1.0)
-        _linearise(row, memory)
-        for place, name in enumerate(("tilt", "spin")):
-            memory.eights[name].reshape(3, -1)[:, : memory.samples] += memory.lap.follows[:, place::2, 0].T
-    remember(memory, 1.0)
-
-
 def settle_together(row: FloatArray, memory: Memory) -> tuple[bool, int]:
     """Solve a point.
 
@@ -194,7 +184,7 @@ def settle_together(row: FloatArray, memory: Memory) -> tuple[bool, int]:
     """
     tolerance, done = PointConstants(*row).tolerance, 0
     power, stride, reached, before = 0.0, 3.0, math.inf, math.inf
-    _start(row, memory)
+    remember(memory, 1.0)
     kept = earlier = memory.state.copy()
     while done < _IN_ALL:
         wide = row.copy()
@@ -226,7 +216,7 @@ def loads_at_rest(row: FloatArray, memory: Memory) -> FloatArray:
 
     Parameters as for `settle_together`.
     """
-    _start(row, memory)
+    remember(memory, 1.0)
     _linearise(row, memory)
     spider = memory.lap.equations[:, 6:9]
     change = np.linalg.solve(spider[..., 6:9], spider[..., 9:10])[..., 0]
