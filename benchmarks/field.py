@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import beta
 
-from tripod_doe.joint.feasibility import misfits
+from tripod_doe.joint.feasibility import misfits, most_needles
 from tripod_doe.joint.goal import SMALLEST_THIRD
 from tripod_doe.joint.model_error import known_errors
 from tripod_doe.joint.models import MODELS
@@ -85,8 +85,7 @@ def field_points(count: int, rng: np.random.Generator, model: str = "kinetostati
             drawn[name] = JOINT_PARAMETERS[name].default * rng.uniform(0.75, 1.25, _BATCH)
         drawn["needle_count"] = np.round(drawn["needle_count"])
         if model == "needles":  # as bodies without a cage they would run together: no ring has such gaps
-            fit = np.arcsin(np.minimum(drawn["needle_diameter_mm"] / drawn["needle_pitch_diameter_mm"], 1.0))
-            drawn["needle_count"] = np.floor(np.pi / fit)
+            drawn["needle_count"] = most_needles(drawn["needle_diameter_mm"], drawn["needle_pitch_diameter_mm"])
         drawn["groove_radius_ratio"] = 1 + 0.0086 * rng.uniform(0.75, 1.25, _BATCH)
         drawn |= {name: rng.integers(model not in BALANCES, 2, _BATCH).astype(float) for name in SWITCHES}
         full = all_columns(drawn)

@@ -21,7 +21,7 @@ from tripod_doe.study.journal import FinishedBlock, Journal
 pytestmark = pytest.mark.usefixtures("pages_not_made")
 
 BLOCKS = 60
-EARLIER = Path(__file__).parent / "earlier_journal" / "journal.sqlite"
+EARLIER = Path(__file__).parent / "earlier_journal"
 
 
 def block(number):
@@ -109,10 +109,11 @@ def test_a_study_with_a_damaged_journal_runs_what_is_lost(tmp_path, capsys):
 
 
 @pytest.fixture(params=["record", "npz archive of an earlier version"])
-def row(request, whole):
+def row(request, whole, tmp_path):
     """A block as an archive stores it."""
-    place = whole / "journal.sqlite" if request.param == "record" else EARLIER
-    with closing(Archive(place)) as archive:
+    if request.param != "record":  # a copy: SQLite writes beside what it reads
+        whole = shutil.copytree(EARLIER, tmp_path / "earlier")
+    with closing(Archive(whole / "journal.sqlite")) as archive:
         return next(archive.rows())
 
 

@@ -181,8 +181,9 @@ def _cases_of(name: str, cube: xr.Dataset) -> list[Case]:
         mine = points.isel(run=np.flatnonzero(models == model))
         runs = tuple(_runs(mine, simulator, quantities))
         default = simulator.effective({"model": model} if model else {})
-        kind = next((kind for kind in _SETTINGS if default.get(kind) is not None), "")
-        method, setting = _named(str(default["method"]), kind), float(default[kind] or 0) if kind else math.nan
+        found_by = ((kind, float(value)) for kind in _SETTINGS if (value := default.get(kind)) is not None)
+        kind, setting = next(found_by, ("", math.nan))
+        method = _named(str(default["method"]), kind)
         given = tuple(q for q in quantities if any(q.name in run.answers for run in runs))
         found.append(Case(name, model, runs, given, method, setting))
     return found

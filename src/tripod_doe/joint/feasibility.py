@@ -25,7 +25,7 @@ from tripod_doe.joint.transition import slides_too_slowly
 from tripod_doe.joint.values import JointValues
 from tripod_doe.simulator import Outcome
 
-__all__ = ["infeasible", "misfits", "room_for_needles"]
+__all__ = ["infeasible", "misfits", "most_needles", "room_for_needles"]
 
 FloatArray = NDArray[np.float64]
 
@@ -86,10 +86,15 @@ def misfits(points: JointValues[FloatArray]) -> list[tuple[int, str]]:
     return [(int(position), text) for bad, text in reasons for position in np.flatnonzero(bad)]
 
 
+def most_needles(diameter: FloatArray | float, pitch_diameter: FloatArray | float) -> FloatArray:
+    """How many unskewed needles of a diameter fit on their pitch circle; lengths in one unit, shapes broadcast."""
+    found: FloatArray = np.floor(np.pi / np.arcsin(np.minimum(np.divide(diameter, pitch_diameter), 1.0)) + 1e-9)
+    return found
+
+
 def room_for_needles(values: JointValues[float]) -> int:
     """How many more needles fit on the pitch circle of an operating point, unskewed."""
-    half = np.arcsin(values.needle_diameter / values.needle_pitch_diameter)
-    return int(np.pi / half + 1e-9) - int(values.needle_count)
+    return int(most_needles(values.needle_diameter, values.needle_pitch_diameter)) - int(values.needle_count)
 
 
 def _spacing(points: JointValues[FloatArray], skew: FloatArray | float) -> FloatArray:

@@ -146,8 +146,9 @@ def parse_study(text: str, origin: str = "study", folder: Path | None = None, fu
     switches = _at(origin, "[design]", lambda: _switches(simulator, file))
     tables = file.factors | {name: FactorTable(values=[0, 1]) for name in switches if name not in file.factors}
     tables |= _at(origin, "[design]", lambda: _fidelity(simulator, file))
-    for name in (name for name in tables if name in base):
-        raise InputError(f"{origin}: {name} is both a base value and a factor; remove it from [base]")
+    for name in tables:
+        if name in base:
+            raise InputError(f"{origin}: {name} is both a base value and a factor; remove it from [base]")
     factors = {
         name: _at(origin, f"[factors.{name}]", lambda n=name, t=table: _factor(simulator.parameters[n], t))
         for name, table in tables.items()
