@@ -8,9 +8,11 @@ import xarray as xr
 
 from tripod_doe.errors import InputError, speaking_of_options
 from tripod_doe.simulator import OUTCOME_ATTRIBUTES
-from tripod_doe.study.arrays import cube_arrays, opened_arrays
+from tripod_doe.study import selection
+from tripod_doe.study.arrays import Variable, cube_arrays, opened_arrays
 from tripod_doe.study.netcdf import write_dataset
-from tripod_doe.study.query import parse_selection, query, records, records_text
+from tripod_doe.study.query import query, records, records_text
+from tripod_doe.study.selection import parse_selection, taken
 
 
 @pytest.fixture
@@ -59,6 +61,41 @@ def test_conditions_see_coordinates_outcome_and_values(cube):
     assert found["x"].tolist() == [0.2, 0.4]
     assert found["outcome"].tolist() == ["finished", "finished"]
     assert records(cube_arrays(cube), "f")["outcome"].tolist().count("diverged") == 2
+
+
+@pytest.mark.parametrize("nearest", [False, True])
+@pytest.mark.parametrize("asked", ["x=3", "x=2.2,9", "x=-4", "x=2:5", "x=:1", "x=40", "x=inf", "x=4.5"])
+@pytest.mark.parametrize("left", [None, np.array([1, 2, 4, 7, 8])])
+def test_labels_are_found_stretch_by_stretch(monkeypatch, asked, nearest, left):
+    """As in one stretch, whatever is missing among them."""
+    values = np.array([7, 3, np.nan, 2, 2.5, 3, 0, np.nan, np.nan, 1, 9])
+
+    def found(values, is_counted=False):
+        labels = Variable(("x",), lambda place: values[place], is_counted=is_counted)
+        return taken(labels, left, values.size, parse_selection(asked), nearest).tolist()
+
+    at_once, counted = found(values), found(np.arange(11.0))
+    monkeypatch.setattr(selection, "_STRETCH", 3)
+    assert found(values) == at_once
+    assert found(np.arange(11.0), is_counted=True) == counted
+    if left is None and nearest:
+        expected = {"x=3": [1, 5], "x=2.2,9": [3, 10], "x=-4": [6], "x=2:5": [1, 3, 4, 5], "x=:1": [6, 9],
+                    "x=40": [10], "x=inf": [], "x=4.5": [1, 5]}  # fmt: skip
+        assert at_once == expected[asked]
+
+
+@pytest.mark.parametrize(
+    ("asked", "expected"),
+    [("3", [3]), ("7,400000000", [7, 400000000]), ("3.4", []), ("-1,nan,inf", []), ("3:5", [3, 4, 5])],
+)
+def test_numbers_of_points_are_not_looked_at(asked, expected):
+    """A million million of them would fit into no memory."""
+    count = 10**12
+    labels = Variable(("point",), lambda place: np.arange(*place[0].indices(count)), is_counted=True)
+    assert taken(labels, None, count, parse_selection(f"point={asked}"), False).tolist() == expected
+    assert taken(labels, None, count, parse_selection("point=3.6"), True).tolist() == [4]
+    with pytest.raises(InputError, match="'a' is not a number"):
+        taken(labels, None, count, parse_selection("point=a"), False)
 
 
 def test_a_cube_and_its_file_answer_alike(cube, tmp_path):

@@ -6,6 +6,7 @@ import json
 import math
 import subprocess
 import sys
+import tracemalloc
 from pathlib import Path
 
 import netCDF4
@@ -17,7 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import tripod_doe as td
-from tripod_doe.study import cube_file, netcdf, query, results, written_cube
+from tripod_doe.study import arrays, cube_file, netcdf, query, results, selection, written_cube
 from tripod_doe.study.arrays import opened_arrays
 from tripod_doe.study.cube_file import _shrinks
 from tripod_doe.study.query import records
@@ -184,8 +185,8 @@ def test_points_are_found_by_their_numbers_which_need_not_be_read(run_in_slabs, 
         assert isinstance(cube.indexes["point"], pandas.RangeIndex)
         assert cube["point"].dtype == np.int32
         whole = cube.load()
-    with opened_arrays(parts) as arrays:
-        np.testing.assert_equal(records(arrays, "peak", ["point=17"])["peak"], whole["peak"].sel(point=[17]).values)
+    with opened_arrays(parts) as stored:
+        np.testing.assert_equal(records(stored, "peak", ["point=17"])["peak"], whole["peak"].sel(point=[17]).values)
     file = tmp_path / "part.nc"
     for chosen in (np.arange(0, 60, 2), np.arange(60)[::-1], np.r_[1, 0, 2:60]):
         part = whole[["peak", "outcome"]].isel(point=chosen)
@@ -193,9 +194,49 @@ def test_points_are_found_by_their_numbers_which_need_not_be_read(run_in_slabs, 
         with td.open_cube(file, chunks="auto") as cube:
             assert cube["point"].values.tolist() == chosen.tolist()
             np.testing.assert_equal(cube["peak"].sel(point=0).values, whole["peak"].sel(point=0).values)
-        with opened_arrays(file) as arrays:
-            found = records(arrays, "peak", ["point=0"])["peak"]
+        with opened_arrays(file) as stored:
+            found = records(stored, "peak", ["point=0"])["peak"]
             np.testing.assert_equal(found, whole["peak"].sel(point=[0]).values)
+
+
+def made_up_cube(file, count):
+    """A cube of many points that costs little disk: what is not written is fill value."""
+    with netCDF4.Dataset(file, "w") as made:
+        made.createDimension("point", count)
+        made.createDimension("order", 2)
+        point = made.createVariable("point", "i4", ("point",), chunksizes=(5000,))
+        point.setncatts(netcdf.POINT_ATTRIBUTES)
+        for start in np.linspace(0, count - 1000, 8).astype(int).tolist():
+            point[start : start + 1000] = np.arange(start, start + 1000)
+        made.createVariable("order", "i4", ("order",))[:] = [0, 1]
+        for name, dims in (("x", ("point",)), ("force", ("point", "order"))):
+            made.createVariable(name, "f8", dims, chunksizes=(5000, 2)[: len(dims)], fill_value=np.nan)
+        made["force"].coordinates = "x"
+        made["x"][[5, count - 1]] = 0.25, 0.75
+        made["force"][[5, count - 1]] = [[2, 3], [4, 5]]
+
+
+@pytest.mark.parametrize(
+    ("count", "select", "expected", "most"),
+    [
+        (100_000_000, ["point=5"], [2, 3], 8e6),
+        (100_000_000, ["point=5,99999999", "order=1"], [3, 5], 8e6),
+        (20_000_000, ["x=0.75"], [4, 5], 60e6),
+    ],
+)
+def test_points_of_a_large_cube_are_found_in_little_memory(tmp_path, monkeypatch, count, select, expected, most):
+    """Numbers of 1e8 points are 400 MB, a factor of 2e7 is 160 MB; peaks of what NumPy and Python allocate."""
+    monkeypatch.setattr(selection, "_STRETCH", 1_000_000)
+    made_up_cube(tmp_path / "cube.nc", count)
+    query.query(tmp_path / "cube.nc", "force", ["point=3"])  # imports are not counted
+    tracemalloc.start()
+    try:
+        with opened_arrays(tmp_path / "cube.nc") as cube:
+            assert records(cube, "force", select)["force"].tolist() == expected
+        assert query.query(tmp_path / "cube.nc", "force", select)["force"].values.ravel().tolist() == expected
+        assert tracemalloc.get_traced_memory()[1] < most
+    finally:
+        tracemalloc.stop()
 
 
 @pytest.mark.slow
@@ -220,6 +261,8 @@ def test_a_question_is_answered_slab_by_slab(run_in_slabs, monkeypatch, asked):
     with opened_arrays(whole) as cube:
         expected = [records(cube, name, **asked) for name in ("course", "outcome_detail")]
     monkeypatch.setattr(query, "_SLAB_CELLS", 10)
+    monkeypatch.setattr(selection, "_STRETCH", 4)
+    monkeypatch.setattr(arrays, "_STRETCH", 2)
     with opened_arrays(parts) as cube:
         found = [records(cube, name, **asked) for name in ("course", "outcome_detail")]
     for one, other in zip(expected, found, strict=True):

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 __all__ = ["CubeArrays", "Variable", "cube_arrays", "opened_arrays"]
 
+_STRETCH = 1 << 14  # positions that are read together where those asked for are far apart
+_NONE = np.zeros(0, np.int64)
 _READ = ("flag_values", "flag_meanings", "long_name")  # attributes that say what values stand for
 
 
@@ -36,11 +38,14 @@ class Variable:
         Gives its values in a box of cells, of one axis per dimension.
     words
         Meanings of its values where it is a flag, by value; empty for numbers and texts.
+    is_counted
+        Whether its values are the positions along its dimension: numbers of points.
     """
 
     dims: tuple[str, ...]
     read: Callable[[tuple[slice, ...]], NDArray[Any]]
     words: Mapping[int, str] = field(default_factory=dict)
+    is_counted: bool = False
 
     @cached_property
     def values(self) -> NDArray[Any]:
@@ -48,17 +53,27 @@ class Variable:
         return self.read(tuple(slice(None) for _ in self.dims))
 
     def at(self, rows: Mapping[str, NDArray[np.int64]]) -> NDArray[Any]:
-        """Its values at some positions along its dimensions; no more is read than the stretches that hold them."""
+        """Its values at ascending positions along its dimensions; only stretches that hold them are read."""
         if "values" in vars(self):
-            taken, first = self.values, dict.fromkeys(rows, 0)
-        else:
-            first = {dim: int(own.min()) if own.size else 0 for dim, own in rows.items()}
-            last = {dim: int(own.max()) + 1 if own.size else 0 for dim, own in rows.items()}
-            taken = self.read(tuple(slice(first[dim], last[dim]) if dim in rows else slice(None) for dim in self.dims))
+            return _taken(self.values, self.dims, rows, dict.fromkeys(rows, 0))
         for axis, dim in enumerate(self.dims):
-            if dim in rows:
-                taken = np.take(taken, rows[dim] - first[dim], axis)
-        return taken
+            own = rows.get(dim, _NONE)
+            if own.size and own[-1] - own[0] > 4 * own.size + _STRETCH:
+                stretches = np.split(own, np.flatnonzero(np.diff(own // _STRETCH)) + 1)
+                return np.concatenate([self.at({**rows, dim: stretch}) for stretch in stretches], axis)
+        first = {dim: int(own[0]) if own.size else 0 for dim, own in rows.items()}
+        last = {dim: int(own[-1]) + 1 if own.size else 0 for dim, own in rows.items()}
+        place = tuple(slice(first[dim], last[dim]) if dim in rows else slice(None) for dim in self.dims)
+        return _taken(self.read(place), self.dims, rows, first)
+
+
+def _taken(
+    values: NDArray[Any], dims: tuple[str, ...], rows: Mapping[str, NDArray[np.int64]], first: Mapping[str, int]
+) -> NDArray[Any]:
+    for axis, dim in enumerate(dims):
+        if dim in rows:
+            values = np.take(values, rows[dim] - first[dim], axis)
+    return values
 
 
 @dataclass(frozen=True)
@@ -86,16 +101,17 @@ class CubeArrays:
 def cube_arrays(cube: xr.Dataset) -> CubeArrays:
     """The arrays of an open cube."""
 
-    def variable(array: xr.DataArray) -> Variable:
+    def variable(name: str, array: xr.DataArray) -> Variable:
         def read(place: tuple[slice, ...]) -> NDArray[Any]:
             return np.asarray(array.variable[place].values)
 
-        return Variable(tuple(map(str, array.dims)), read, _words(array.attrs))
+        is_counted = _is_counted(name, array.dims, array.attrs, array.variable)
+        return Variable(tuple(map(str, array.dims)), read, _words(array.attrs), is_counted)
 
     return CubeArrays(
         {str(dim): int(size) for dim, size in cube.sizes.items()},
-        {str(name): variable(array) for name, array in cube.coords.items()},
-        {str(name): variable(array) for name, array in cube.data_vars.items()},
+        {str(name): variable(str(name), array) for name, array in cube.coords.items()},
+        {str(name): variable(str(name), array) for name, array in cube.data_vars.items()},
         _notes(cube.attrs),
     )
 
@@ -168,9 +184,13 @@ def _stored_variable(stored: netCDF4.Dataset, name: str, file: Path) -> Variable
         return np.arange(*place[0].indices(array.shape[0]), dtype=array.dtype)
 
     attributes = {name: array.getncattr(name) for name in array.ncattrs() if name in _READ}
-    if name == "point" and array.dimensions == ("point",) and are_point_numbers(attributes, array):
-        return Variable(("point",), numbers)
+    if _is_counted(name, array.dimensions, attributes, array):
+        return Variable(("point",), numbers, is_counted=True)
     return Variable(tuple(array.dimensions), read, _words(attributes))
+
+
+def _is_counted(name: str, dims: tuple[Any, ...], attributes: Mapping[Any, Any], stored: Any) -> bool:
+    return name == "point" and dims == ("point",) and are_point_numbers(attributes, stored)
 
 
 def _words(attributes: Mapping[str, Any]) -> dict[int, str]:

@@ -19,6 +19,7 @@ from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.study.arrays import CubeArrays, Variable, cube_arrays
 from tripod_doe.study.expressions import Expression
 from tripod_doe.study.results import opened_cube
+from tripod_doe.study.selection import Chosen, Selection, parse_selection, selections, taken
 from tripod_doe.study.slabs import box, slabs
 
 if TYPE_CHECKING:  # the command line answers without xarray
@@ -36,78 +37,9 @@ __all__ = [
     "selections",
 ]
 
-_MATCH = 1e-9
 _SLAB_CELLS = 4_000_000  # cells of a variable that are looked at together
 
 Columns = dict[str, NDArray[Any]]
-Chosen = float | str | slice | Sequence[float | str]
-"""What a coordinate may be: a value, a range (either end may be None), or several values."""
-
-
-@dataclass(frozen=True)
-class Selection:
-    """One selection: a coordinate, and the values or the range that it may take."""
-
-    name: str
-    values: tuple[float | str, ...] = ()
-    low: float = -math.inf
-    high: float = math.inf
-
-
-def parse_selection(text: str) -> Selection:
-    """Parse ``name=value``, ``name=a,b,c`` or ``name=a:b`` (either end may be left out).
-
-    Raises
-    ------
-    InputError
-        If the text has another form.
-    """
-    name, equals, wanted = text.partition("=")
-    name = name.strip().replace("-", "_")
-    if not equals or not name or not wanted:
-        raise InputError(f"{option('select', text)}: write name=value, name=a,b,c or name=a:b")
-    if ":" in wanted:
-        try:
-            low, high = (float(end) if end.strip() else None for end in wanted.split(":"))
-        except ValueError as error:
-            raise InputError(f"{option('select', text)}: a range is two numbers, a:b") from error
-        return Selection(name, (), -math.inf if low is None else low, math.inf if high is None else high)
-    return Selection(name, tuple(_word(part.strip()) for part in wanted.split(",")))
-
-
-def _end(given: Any, default: float) -> float:
-    return default if given is None else float(given)
-
-
-def selections(select: Mapping[str, Chosen] | Sequence[Selection | str]) -> list[Selection]:
-    """Selections from texts (``"order=3"``) or by name (``{"order": 3, "torque_n_m": slice(20, 60)}``).
-
-    Raises
-    ------
-    InputError
-        If a text has another form, or a range other ends than numbers.
-    """
-    if not isinstance(select, Mapping):
-        return [parse_selection(item) if isinstance(item, str) else item for item in select]
-    found = []
-    for name, wanted in select.items():
-        if isinstance(wanted, slice):
-            try:
-                low, high = _end(wanted.start, -math.inf), _end(wanted.stop, math.inf)
-            except (TypeError, ValueError) as error:
-                raise InputError(f"select={select!r}: a range of {name} is two numbers, slice(a, b)") from error
-            found.append(Selection(name, (), low, high))
-        else:
-            several = [wanted] if isinstance(wanted, str | float | int | np.generic) else list(wanted)
-            found.append(Selection(name, tuple(one if isinstance(one, str) else float(one) for one in several)))
-    return found
-
-
-def _word(text: str) -> float | str:
-    try:
-        return float(text)
-    except ValueError:
-        return text
 
 
 def query(
@@ -223,7 +155,10 @@ class _Choice:
             return
         for slab in slabs(shape, box(shape, 1, _SLAB_CELLS)):
             places = zip(self.target.dims, slab.place, strict=True)
-            rows = {dim: self.rows.get(dim, np.arange(self.cube.sizes[dim]))[place] for dim, place in places}
+            rows = {
+                dim: self.rows[dim][place] if dim in self.rows else np.arange(place.start, place.stop)
+                for dim, place in places
+            }
             yield replace(self, rows={**self.rows, **rows})
 
     def columns(self, where: str | None) -> Columns:
@@ -255,7 +190,7 @@ class _Choice:
 
 
 def _positions(count: int, place: tuple[slice, ...]) -> NDArray[np.int64]:
-    return np.arange(count)[place]
+    return np.arange(*place[0].indices(count))
 
 
 def _choose(
@@ -276,30 +211,8 @@ def _choose(
         if len(labels.dims) != 1:
             raise InputError(f"{option('select', selection.name)}: it has only one value, so it cannot be selected")
         dim = labels.dims[0]
-        left = rows.get(dim)
-        matching = np.flatnonzero(_matching(labels.values if left is None else labels.values[left], selection, nearest))
-        rows[dim] = matching if left is None else left[matching]
+        rows[dim] = taken(labels, rows.get(dim), cube.sizes[dim], selection, nearest)
     return _Choice(cube, variable, shown, coordinates, rows)
-
-
-def _matching(values: NDArray[Any], selection: Selection, nearest: bool) -> NDArray[np.bool_]:
-    """Which labels a selection takes."""
-    if values.dtype.kind not in "fiub":
-        return np.isin(values.astype(str), [str(wanted) for wanted in selection.values])
-    if not selection.values:
-        slack = _MATCH * np.abs(values)  # linspace's 0.30000000000000004 lies in 0.1:0.3
-        return np.asarray((values >= selection.low - slack) & (values <= selection.high + slack))
-    keep = np.zeros(values.size, bool)
-    for wanted in selection.values:
-        if isinstance(wanted, str):
-            place = option("select", selection.name)
-            raise InputError(f"{place}: {wanted!r} is not a number; select each coordinate by an argument of its own")
-        slack = _MATCH * max(abs(wanted), 1e-300)
-        match = (values >= np.float64(wanted - slack)) & (values <= np.float64(wanted + slack))
-        if nearest and not match.any() and values.size:
-            match = values == values[np.argmin(np.abs(values.astype(float) - wanted))]
-        keep |= match
-    return keep
 
 
 def _decoded(values: NDArray[Any], words: Mapping[int, str]) -> NDArray[Any]:

@@ -1,0 +1,168 @@
+"""Selections: which labels of a coordinate are wanted, and where they stand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.errors import InputError, option
+from tripod_doe.study.arrays import Variable
+
+__all__ = ["Chosen", "Selection", "parse_selection", "selections", "taken"]
+
+_MATCH = 1e-9
+_STRETCH = 4_000_000  # labels that are looked at together
+
+Chosen = float | str | slice | Sequence[float | str]
+"""What a coordinate may be: a value, a range (either end may be None), or several values."""
+
+
+@dataclass(frozen=True)
+class Selection:
+    """One selection: a coordinate, and the values or the range that it may take."""
+
+    name: str
+    values: tuple[float | str, ...] = ()
+    low: float = -math.inf
+    high: float = math.inf
+
+
+def parse_selection(text: str) -> Selection:
+    """Parse ``name=value``, ``name=a,b,c`` or ``name=a:b`` (either end may be left out).
+
+    Raises
+    ------
+    InputError
+        If the text has another form.
+    """
+    name, equals, wanted = text.partition("=")
+    name = name.strip().replace("-", "_")
+    if not equals or not name or not wanted:
+        raise InputError(f"{option('select', text)}: write name=value, name=a,b,c or name=a:b")
+    if ":" in wanted:
+        try:
+            low, high = (float(end) if end.strip() else None for end in wanted.split(":"))
+        except ValueError as error:
+            raise InputError(f"{option('select', text)}: a range is two numbers, a:b") from error
+        return Selection(name, (), -math.inf if low is None else low, math.inf if high is None else high)
+    return Selection(name, tuple(_word(part.strip()) for part in wanted.split(",")))
+
+
+def _end(given: Any, default: float) -> float:
+    return default if given is None else float(given)
+
+
+def selections(select: Mapping[str, Chosen] | Sequence[Selection | str]) -> list[Selection]:
+    """Selections from texts (``"order=3"``) or by name (``{"order": 3, "torque_n_m": slice(20, 60)}``).
+
+    Raises
+    ------
+    InputError
+        If a text has another form, or a range other ends than numbers.
+    """
+    if not isinstance(select, Mapping):
+        return [parse_selection(item) if isinstance(item, str) else item for item in select]
+    found = []
+    for name, wanted in select.items():
+        if isinstance(wanted, slice):
+            try:
+                low, high = _end(wanted.start, -math.inf), _end(wanted.stop, math.inf)
+            except (TypeError, ValueError) as error:
+                raise InputError(f"select={select!r}: a range of {name} is two numbers, slice(a, b)") from error
+            found.append(Selection(name, (), low, high))
+        else:
+            several = [wanted] if isinstance(wanted, str | float | int | np.generic) else list(wanted)
+            found.append(Selection(name, tuple(one if isinstance(one, str) else float(one) for one in several)))
+    return found
+
+
+def _word(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def taken(
+    labels: Variable, left: NDArray[np.int64] | None, count: int, selection: Selection, nearest: bool
+) -> NDArray[np.int64]:
+    """Positions whose labels a selection takes; of many labels a stretch at a time is in memory.
+
+    Parameters
+    ----------
+    labels
+        Labels along a dimension.
+    left
+        Positions among which they are looked for; None for all.
+    count
+        Length of the dimension.
+    selection
+        What is wanted.
+    nearest
+        Whether the nearest label is taken where none matches.
+    """
+    if left is None and labels.is_counted:
+        left = _around(selection, count)
+    stretches = partial(_stretches, labels, left, count)
+    if nearest:
+        nearest_ones = tuple(_nearest(wanted, stretches()) for wanted in selection.values)
+        selection = replace(selection, values=selection.values + nearest_ones)
+    return np.concatenate([own[_matching(values, selection)] for own, values in stretches()])
+
+
+def _around(selection: Selection, count: int) -> NDArray[np.int64]:
+    """Positions near the numbers that a selection names: where labels are positions, no others can meet it."""
+    wanted = [value for value in selection.values if not isinstance(value, str)]
+    ends = zip(wanted, wanted, strict=True) if selection.values else [(selection.low, selection.high)]
+    near = [np.zeros(0, np.int64)]
+    for low, high in ends:
+        first, last = low - _MATCH * abs(low) - 1, high + _MATCH * abs(high) + 1
+        near.append(np.arange(int(max(0, min(count - 1, first))), int(min(count, max(1, last + 1)))))
+    return np.unique(np.concatenate(near))
+
+
+def _stretches(
+    labels: Variable, left: NDArray[np.int64] | None, count: int
+) -> Iterator[tuple[NDArray[np.int64], NDArray[Any]]]:
+    """Positions with their labels, so many that they fit into memory at a time; at least one stretch, maybe empty."""
+    size = count if left is None else left.size
+    for start in range(0, max(size, 1), _STRETCH):
+        stop = min(start + _STRETCH, size)
+        own = np.arange(start, stop) if left is None else left[start:stop]
+        yield own, labels.values if own.size == count else labels.at({labels.dims[0]: own})
+
+
+def _nearest(wanted: float | str, stretches: Iterator[tuple[NDArray[np.int64], NDArray[Any]]]) -> float | str:
+    """The first of the labels that are nearest to a number; of texts what is wanted."""
+    best, least = wanted, math.inf
+    for _, values in stretches:
+        if isinstance(wanted, str) or values.dtype.kind not in "fiub":
+            return wanted
+        distances = np.abs(values.astype(float) - wanted)
+        if np.fmin.reduce(distances, initial=math.inf) < least:
+            least = float(np.nanmin(distances))
+            best = float(values[np.flatnonzero(distances == least)[0]])
+    return best
+
+
+def _matching(values: NDArray[Any], selection: Selection) -> NDArray[np.bool_]:
+    """Which labels a selection takes."""
+    if values.dtype.kind not in "fiub":
+        return np.isin(values.astype(str), [str(wanted) for wanted in selection.values])
+    if not selection.values:
+        slack = _MATCH * np.abs(values)  # linspace's 0.30000000000000004 lies in 0.1:0.3
+        return np.asarray((values >= selection.low - slack) & (values <= selection.high + slack))
+    keep = np.zeros(values.size, bool)
+    for wanted in selection.values:
+        if isinstance(wanted, str):
+            place = option("select", selection.name)
+            raise InputError(f"{place}: {wanted!r} is not a number; select each coordinate by an argument of its own")
+        slack = _MATCH * max(abs(wanted), 1e-300)
+        keep |= (values >= np.float64(wanted - slack)) & (values <= np.float64(wanted + slack))
+    return keep
