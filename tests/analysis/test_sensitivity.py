@@ -69,6 +69,27 @@ def test_every_component_and_output_gets_its_indices():
     assert set(single["S1"].dims) == {"factor", "order"}
 
 
+def test_an_output_with_further_dimensions_stands_alone():
+    """Exact: no answer is repeated along a dimension of another output, so each number stands there once."""
+
+    def over(*shape):
+        return lambda x: additive(x).reshape(-1, *(1,) * len(shape)) * np.ones(shape)
+
+    data = cube(
+        "saltelli", 16, g=(("groove", "order"), over(3, 4)), a=(("order",), over(4)), b=(("order",), over(4)),
+        plain=((), additive), power=(("mechanism",), over(5)), course=(("rotation_deg",), over(9)),
+    )  # fmt: skip
+    result = sobol_indices(data)
+    assert result["ST"].sizes == {"output": 3, "factor": 3, "order": 4}
+    assert result["output"].values.tolist() == ["a", "b", "plain"]
+    assert result["g_ST"].sizes == {"factor": 3, "groove": 3, "order": 4}
+    assert result["power_S2"].sizes == {"factor": 3, "factor_2": 3, "mechanism": 5}
+    assert result["course_ST"].sizes == {"factor": 3, "rotation_deg": 9}
+    np.testing.assert_allclose(result["g_ST"].sel(groove=2), result["ST"].sel(output="a"))
+    assert result["g_ST"].attrs == result["ST"].attrs
+    assert result.attrs["outputs"].startswith("a, b, plain, ")
+
+
 def test_failed_points_take_their_whole_block_out():
     data = cube("saltelli", 512, y=((), additive))
     rng = np.random.default_rng(0)

@@ -169,7 +169,7 @@ def surrogate(cube: xr.Dataset, settings: SurrogateSettings | None = None) -> xr
     names = [name for name in names if not is_course(cube, name)]
     tables = list(read_outputs(cube, names, sample.rows))
     parts = [_of_output(sample, table, settings) for table in tables]
-    result = stacked(parts, names)
+    result = stacked(dict(zip(names, parts, strict=True)), names)
     if any(table.varies.any() for table in tables):
         result = result.merge(what_if(sample, tables, cube, settings.seed), combine_attrs="no_conflicts")
     for name, meaning in _MEANINGS.items():

@@ -203,7 +203,7 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
     tables = list(read_outputs(cube, names, sample.rows))
     _check_limits(settings.limits, tables)
     parts = [_of_output(sample, table, settings) for table in tables]
-    result = stacked(parts, names)
+    result = stacked(dict(zip(names, parts, strict=True)), names)
     result = result.assign_coords(probability=settings.probabilities, share=SHARES, factor=list(sample.tables))
     pure = ("exceedance", "gain")
     for name in result.data_vars:

@@ -16,8 +16,10 @@ from tripod_doe.analysis.multifidelity.quantiles import quantiles
 from tripod_doe.analysis.sensitivity.outputs import (
     OutputTable,
     chosen_outputs,
+    meaning_of,
     output_attributes,
     read_outputs,
+    side_by_side,
     stacked,
 )
 from tripod_doe.analysis.sensitivity.settings import SHARES, PointSettings, Probabilities
@@ -205,7 +207,8 @@ def multifidelity(cube: xr.Dataset, settings: MultifidelitySettings | None = Non
     names = outputs_of_all(cube, settings.outputs)
     ladder = read_ladder(cube, settings, names)
     tables = read_outputs(cube, names, np.arange(cube.sizes["point"]))
-    result = stacked([_of_output(ladder, table, settings) for table in tables], names)
+    joint = side_by_side(cube, names)
+    result = stacked({table.name: _of_output(ladder, table, settings) for table in tables}, joint)
     models = [*ladder.rungs, *ladder.aside]
     result = result.assign(
         samples=("model", np.array([rung.count for rung in models], np.int32)),
@@ -216,6 +219,7 @@ def multifidelity(cube: xr.Dataset, settings: MultifidelitySettings | None = Non
     }  # fmt: skip
     labels["model"] = [rung.model for rung in models]
     result = result.assign_coords({dim: values for dim, values in labels.items() if dim in result.dims})
+    names = joint + [name for name in names if name not in joint]
     return _described(result, ladder, output_attributes(cube, names), settings)
 
 
@@ -223,11 +227,11 @@ def _described(
     result: xr.Dataset, ladder: Ladder, outputs: dict[str, str], settings: MultifidelitySettings
 ) -> xr.Dataset:
     """Meanings, units, and what was used."""
-    without_unit = ("S1", "ST", "gain", "variance_gain", "correlation", "samples")
+    without_unit = ("S1", "ST", "gain", "correlation", "samples")
     for name in map(str, result.data_vars):
         tail = ", half width of its interval" if name.endswith("_conf") else ""
-        unit = {"units": "1"} if name.startswith(without_unit) else {}
-        result[name].attrs = {"long_name": _MEANINGS[name.removesuffix("_conf")] + tail} | unit
+        unit = {"units": "1"} if name.removesuffix("_conf").endswith(without_unit) else {}
+        result[name].attrs = {"long_name": meaning_of(name.removesuffix("_conf"), _MEANINGS) + tail} | unit
     result["price"].attrs["units"] = "s"
     for label in result.coords:
         result[label].attrs.setdefault("long_name", str(label).replace("_", " "))

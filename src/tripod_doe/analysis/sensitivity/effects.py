@@ -22,7 +22,9 @@ from tripod_doe.analysis.sensitivity.outputs import (
     answered_in_parts,
     chosen_outputs,
     is_course,
+    meaning_of,
     output_attributes,
+    side_by_side,
     stacked,
 )
 from tripod_doe.analysis.sensitivity.sample import Sample, read_sample
@@ -208,8 +210,9 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
     -------
     xarray.Dataset
         effect, effect_conf, p_value, coefficient, sum_of_squares, f_value (term, and the dimensions of the output; with
-        several outputs also along ``output``); mean, residual_sum_of_squares, r_squared. The attribute ``aliases``
-        names by JSON the terms that are left out, each with those that hold its effect.
+        several outputs also along ``output``, those with further dimensions as ``OUTPUT_effect``, see
+        `outputs.side_by_side`); mean, residual_sum_of_squares, r_squared. The attribute ``aliases`` names by JSON the
+        terms that are left out, each with those that hold its effect.
 
     Raises
     ------
@@ -222,14 +225,17 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
     sample = read_sample(cube, settings, EFFECT_DESIGNS, names)
     terms = _terms(sample, settings)
     names = [name for name in names if not is_course(cube, name) or len(names) == 1]
-    parts = [
-        answered_in_parts(cube, name, sample.rows, lambda table: _of_output(terms, table, settings.confidence))
+    joint = side_by_side(cube, names)
+    names = joint + [name for name in names if name not in joint]
+    parts = {
+        name: answered_in_parts(cube, name, sample.rows, lambda table: _of_output(terms, table, settings.confidence))
         for name in names
-    ]
-    result = stacked(parts, names)
+    }
+    result = stacked(parts, joint)
     result = result.assign_coords(term=np.array(terms.names, dtype=object))
     for name in result.data_vars:
-        result[name].attrs = {"long_name": _MEANINGS[str(name)]} | ({"units": "1"} if name in _PURE else {})
+        result[name].attrs = {"long_name": meaning_of(str(name), _MEANINGS)}
+        result[name].attrs |= {"units": "1"} if str(name).endswith(_PURE) else {}
     for label in result.coords:
         result[label].attrs.setdefault("long_name", str(label).replace("_", " "))
     region = {"failing_region": sample.region.text} if sample.region else {}

@@ -18,8 +18,8 @@ from tripod_doe.analysis.sensitivity.outputs import (
     OutputTable,
     answered_in_parts,
     chosen_outputs,
-    is_course,
     output_attributes,
+    side_by_side,
     stacked,
 )
 from tripod_doe.analysis.sensitivity.sample import Sample, read_sample
@@ -98,8 +98,8 @@ def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr
     -------
     xarray.Dataset
         The answers (factor, and the dimensions of the output; with several outputs also along ``output``),
-        ``resolved``, and over nested subsamples of the points ``RANKED_over_samples``; courses over the rotation angle
-        beside other outputs as ``OUTPUT_ANSWER``. NaN where an output does not vary.
+        ``resolved``, and over nested subsamples of the points ``RANKED_over_samples``; beside other outputs, those with
+        further dimensions as ``OUTPUT_ANSWER``, see `outputs.side_by_side`. NaN where an output does not vary.
 
     Raises
     ------
@@ -111,14 +111,9 @@ def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr
     sample = read_sample(cube, settings, method.designs, names)
     if method.independent and sample.design.correlation:
         raise InputError(CORRELATED)
-    courses = [name for name in names if is_course(cube, name) and len(names) > 1]
-    plain = [name for name in names if name not in courses]
-    result = (
-        stacked([_analyse(method, sample, cube, name, settings) for name in plain], plain) if plain else xr.Dataset()
-    )
-    for name in courses:
-        own = _analyse(method, sample, cube, name, settings)
-        result = result.merge({f"{name}_{key}": own[key] for key in own.data_vars}, compat="override")
+    joint = side_by_side(cube, names)
+    names = joint + [name for name in names if name not in joint]
+    result = stacked({name: _analyse(method, sample, cube, name, settings) for name in names}, joint)
     return _described(result, method, sample, output_attributes(cube, names), settings)
 
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,8 +27,10 @@ __all__ = [
     "answered_in_parts",
     "chosen_outputs",
     "is_course",
+    "meaning_of",
     "output_attributes",
     "read_outputs",
+    "side_by_side",
     "stacked",
 ]
 
@@ -219,12 +222,46 @@ def _around_mean(degrees: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.degrees(np.angle(turns / mean)), np.degrees(np.angle(mean))
 
 
-def stacked(parts: Sequence[xr.Dataset], names: Sequence[str]) -> xr.Dataset:
-    """The answers of several outputs along ``output``; those of one as they are."""
-    if len(parts) == 1:
-        return parts[0]
-    outputs = xr.DataArray(np.array(names, dtype=object), dims="output", name="output")
-    return xr.concat(parts, outputs, join="outer", coords="minimal", compat="equals")
+def side_by_side(cube: xr.Dataset, names: Sequence[str]) -> list[str]:
+    """The outputs whose answers stand in one variable along ``output``; the others have variables of their own.
+
+    Those with the dimensions that most outputs have (else the fewest), or with some of them: an output with a further
+    dimension would repeat the answers of all others along it, six hundred times for all outputs of the joint. Courses
+    over the rotation angle stand alone.
+    """
+    if len(names) == 1:
+        return list(names)
+    own = {name: tuple(dim for dim in cube[name].dims if dim != "point") for name in names}
+    own = {name: dims for name, dims in own.items() if _WAVEFORM not in dims}
+    counts = Counter(dims for dims in own.values() if dims)
+    shared = max(counts, key=lambda dims: (counts[dims], -len(dims)), default=())
+    return [name for name, dims in own.items() if set(dims) <= set(shared)]
+
+
+def stacked(parts: Mapping[str, xr.Dataset], joint: Sequence[str]) -> xr.Dataset:
+    """The answers of several outputs: some along ``output``, each other one as variables OUTPUT_ANSWER.
+
+    Parameters
+    ----------
+    parts
+        Answers of each output.
+    joint
+        Outputs that stand side by side; one alone has no dimension ``output``.
+    """
+    together = [parts[name] for name in joint]
+    result = together[0] if together else xr.Dataset()
+    if len(together) > 1:
+        outputs = xr.DataArray(np.array(joint, dtype=object), dims="output", name="output")
+        result = xr.concat(together, outputs, join="outer", coords="minimal", compat="equals")
+    for name in [name for name in parts if name not in joint]:
+        own = {f"{name}_{key}": values for key, values in parts[name].data_vars.items()}
+        result = result.merge(own, compat="override", combine_attrs="drop")
+    return result
+
+
+def meaning_of(name: str, meanings: Mapping[str, str]) -> str:
+    """The meaning of an answer, also of one that stands under the name of its output."""
+    return meanings[next(key for key in sorted(meanings, key=len, reverse=True) if f"_{name}".endswith(f"_{key}"))]
 
 
 def output_attributes(cube: xr.Dataset, names: Iterable[str]) -> dict[str, str]:
