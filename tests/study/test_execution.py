@@ -178,6 +178,8 @@ def test_blocks_on_a_cluster_last_longer_and_none_has_large_results():
     assert queue.take(1).size == 1000
     queue.learn(0.5, 100, size=100 * 64_000)
     assert queue.take(1).size == 500
+    queue.learn(2.001, 1)
+    assert queue.take(1).size == 3  # two would be 4 s
 
 
 def test_a_block_that_comes_back_is_run_in_halves():

@@ -5,16 +5,18 @@ from __future__ import annotations
 import importlib
 import json
 import os
+import pickle
 import sys
 import threading
 import time
 from collections import Counter
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from distributed import Client
+from distributed import Client, LocalCluster
 
 import tripod_doe as td
 from started import Process
@@ -192,6 +194,53 @@ def test_a_connection_that_is_reset_or_carries_nothing_more_is_replaced(case, tm
     np.testing.assert_array_equal(cube["y"], cube["x"] ** 2)
     assert max(case.started().values()) <= 3
     assert capsys.readouterr().err.count("connected again") == 2
+
+
+@pytest.fixture
+def here():
+    """Gives an executor whose workers are threads of this process, and the keys of each question for answers."""
+    asked = []
+    with (
+        LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster,
+        Client(cluster) as client,
+    ):
+        gather = cluster.scheduler.handlers["gather"]
+
+        async def counted(keys, **others):
+            asked.append(keys)
+            return await gather(keys=keys, **others)
+
+        cluster.scheduler.handlers["gather"] = counted
+        with closing(on_dask.OnDask(client, lambda client: client)) as executor:
+            yield executor, asked
+
+
+@pytest.mark.parametrize("broken", [None, 5])
+def test_answers_that_are_there_are_fetched_together(here, monkeypatch, broken):
+    """Regression: one after the other took as many ways to the scheduler and back, for which workers waited."""
+
+    def square(wanted, work):
+        number, _ = pickle.loads(work)
+        if number == broken:
+            raise ValueError("broken")
+        return "name", "address", pickle.dumps(number**2)
+
+    monkeypatch.setattr(on_dask, "run_block", square)
+    executor, asked = here
+    for number in range(16):
+        executor.submit(np.array([number]), number)
+    while executor._finished.qsize() < 16:
+        time.sleep(0.01)
+    found = {}
+    while executor.busy:
+        try:
+            points, answer = executor.next_finished()
+        except ValueError as error:
+            found[broken] = str(error)
+        else:
+            found[points.item()] = answer
+    assert found == {number: "broken" if number == broken else number**2 for number in range(16)}
+    assert len(asked) == 2
 
 
 def test_code_that_a_worker_does_not_see_is_copied_there(tmp_path, monkeypatch):

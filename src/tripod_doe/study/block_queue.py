@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,7 +26,7 @@ class BlockQueue:
     block
         Points per block; None sizes the blocks by what the finished ones took.
     seconds
-        How long a block should last.
+        How long a block should last at least.
     """
 
     def __init__(self, waiting: NDArray[np.int64], block: int | None = None, seconds: float = 1.0) -> None:
@@ -58,7 +60,7 @@ class BlockQueue:
         if seconds >= _FAIR_SAMPLE_SECONDS:
             self._seconds_per_point = seconds / count
         if self._fixed is None and seconds > 0:
-            wanted = min(self._target * count / seconds, _MOST_BYTES * count / max(size, 1))
+            wanted = min(math.ceil(self._target * count / seconds), _MOST_BYTES * count / max(size, 1))
             self._size = int(min(max(wanted, 1), _LARGEST_GROWTH * max(self._size, count)))
 
     def expect(self, seconds: float, count: int) -> None:

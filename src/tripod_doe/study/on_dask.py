@@ -15,6 +15,8 @@ from collections.abc import Callable
 from concurrent.futures import CancelledError
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 from dask.typing import Key
@@ -36,6 +38,7 @@ DEATHS = 3
 """Workers that a point takes down by itself before it is given up."""
 
 _IN_FLIGHT = 2  # blocks per thread: one at work, one waiting, so that no worker waits for this process
+_TOGETHER = 8  # answers that are fetched at once: the way there and back takes longer than to send one
 _LOOK = 1.0  # seconds after which workers are counted again, and room for more blocks is noticed
 _LOST = "scheduler-connection-lost"  # Dask's reason of a cancellation
 _NEWS = (None, "memory", "erred")  # states of a task (none: unknown) of which a scheduler tells at once
@@ -86,6 +89,8 @@ class OnDask:
         self._suspects: deque[_Block] = deque()
         self._alone: _Block | None = None
         self._finished: queue.SimpleQueue[DaskFuture] = queue.SimpleQueue()
+        self._next: deque[DaskFuture] = deque()
+        self._fetched: dict[DaskFuture, Any] = {}
         self._threads, self._counted_at, self._heard_at = 0, -np.inf, time.monotonic()
         self._untold: dict[Key, float] = {}
         self._answered, self._left_out = False, set[str]()
@@ -166,7 +171,7 @@ class OnDask:
                 self._alone = self._suspects.popleft()
                 self._send([self._alone])
             try:
-                future = self._finished.get(timeout=_LOOK)
+                future = self._next_future()
             except queue.Empty:
                 if self._is_silent():
                     self._send(self._taken_back([]))
@@ -179,10 +184,25 @@ class OnDask:
                 self._alone = None
                 return block.points, answer
 
+    def _next_future(self) -> DaskFuture:
+        """The next finished block, whose answer is fetched with those of others; `queue.Empty` where none is."""
+        if self._next:
+            return self._next.popleft()
+        found = [self._finished.get(timeout=_LOOK)]
+        while len(found) < _TOGETHER and not self._finished.empty():
+            found.append(self._finished.get())
+        good = [future for future in found if future in self._at_work and future.status == "finished"]
+        with suppress(Exception):  # `_answer` asks for each that is not there, and judges
+            gather = partial(self._dask.gather, good, asynchronous=True)
+            self._fetched = dict(zip(good, self._dask.sync(gather, callback_timeout=_ANSWER), strict=True))
+        self._next.extend(found)
+        return self._next.popleft()
+
     def _answer(self, future: DaskFuture, block: _Block) -> Answer | Lost | None:
         """What a block gave; None where it runs again."""
         try:
-            answer = read_answer(future.result(timeout=_SILENCE))
+            given = self._fetched.pop(future, None)
+            answer = read_answer(future.result(timeout=_SILENCE) if given is None else given)
         except KilledWorker as error:
             return self._judge(block, error.allowed_failures + 1)
         except (CancelledError, CommClosedError, TimeoutError) as error:
