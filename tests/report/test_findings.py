@@ -64,6 +64,52 @@ def test_values_of_both_signs_are_not_told_as_a_size(make_cube):
     assert any(s.startswith("y increases with x (with its sign), from ") for s in more)
 
 
+SIZES = """
+[study]
+name = "sizes"
+function = "report_functions:vee"
+[factors]
+x = {{ values = {values} }}
+z = {{ values = [0, {bend}] }}
+"""
+
+
+@pytest.mark.parametrize(
+    ("values", "bend", "told"),
+    [
+        ([-6, -2, 2, 6], 1e-6, "Over x, y grows to both sides of zero, symmetrically: 2 at -2 and 2, 6 at -6 and 6, "),
+        ([-900, 700, 2200], 1, "Over x, y grows to both sides of zero: 855 at -900, and 735 at 700 to 2310 at 2200, "),
+        ([-9, 0, 4], 1, "Over x, y is smallest, 0, at 0 and grows to both sides: 8.55 at -9, 4.2 at 4, "),
+    ],
+)
+def test_between_drive_and_coast_no_value_is_the_smallest(make_cube, values, bend, told):
+    """Regression: "smallest, 58.5 N, at 700 N m and grows to both sides: 72.8 N at -900 N m", with none at 0 N m."""
+    assert any(s.startswith(told) for s in find(make_cube(SIZES.format(values=values, bend=bend))))
+
+
+def test_more_of_a_negative_value_is_told_with_its_sign(make_cube):
+    """Regression: "the third order decreases with torque" for a joint in coast, where it grows with its size."""
+    text = SIZES.replace("values = {values}", "low = -9, high = -1").replace(
+        "values = [0, {bend}]", "low = 0, high = 1"
+    )
+    text += "[design]\nkind = 'saltelli'\nsamples = 8\n"
+    (told,) = [s for s in find(make_cube(text.format())) if "alone, y decreases" in s]
+    assert "y decreases with x (with its sign), by up to " in told
+
+
+def test_orders_that_are_nothing_but_error_do_not_compete(grid_cube):
+    """Regression: at 8 of 32 points of a straight joint "another order is larger", by 1e-9 N."""
+    cube = grid_cube.copy(deep=True)
+    amplitude = cube["thrust_amplitude"]
+    assert "another order is larger" not in find(cube)[0]
+    amplitude[0, 0] = 1e-9 * np.arange(13) * float(amplitude.max())
+    assert "another order is larger" not in find(cube)[0]
+    amplitude[0, 0] = 1e-3 * np.arange(13) * float(amplitude.max())
+    assert "at 1 of" in find(cube)[0]
+    cube["thrust_amplitude_error"] = xr.full_like(amplitude, 0.1 * float(amplitude.max()))
+    assert "another order is larger" not in find(cube)[0]
+
+
 def test_factors_with_their_values_read_as_words():
     """Regression: "initial skew 1 2 deg", and "step nan s" where a table leaves it open."""
     cube = xr.Dataset(
@@ -99,7 +145,7 @@ def test_a_user_variable_has_no_article(make_cube):
 def test_failures_are_counted_and_named(joint_cube):
     assert find(joint_cube)[-2:] == [
         "12 of 24 points did not finish: 12 jammed.",
-        "Most of them are close together: points fail where needle_count > 28 (12 of the 12 points there, 0 elsewhere).",
+        "All of them are close together: points fail where needle_count > 28 (12 of the 12 points there, 0 elsewhere).",
     ]
 
 
@@ -108,6 +154,18 @@ def test_notes_on_finished_points_are_stated(joint_cube):
     assert find(joint_cube.assign(outcome_detail=noted))[-1] == (
         "12 points finished with a note (outcome_detail), the first: it hums."
     )
+
+
+def test_a_region_between_two_values_is_told_as_one(make_cube):
+    """Regression: "Most of them ...: points fail where x < 2.65 and x > 0.15 (8 of the 8 points there, 0 elsewhere)"."""
+    text = SIZES.format(values=[0, 1, 2, 5, 9, 10], bend="0.5, 1, 2, 3, 4, 5, 6, 7")
+    cube = make_cube(text)
+    cube["outcome"][2] = td.Outcome.DIVERGED
+    cube["y"][2] = np.nan
+    told = [s for s in find(cube) if "points fail" in s]
+    assert told == [
+        "All of them are close together: points fail where 1.5 < x < 3.5 (9 of the 9 points there, 0 elsewhere)."
+    ]
 
 
 def test_failures_come_first_where_they_are_the_rule(make_cube):

@@ -185,6 +185,15 @@ def check_curve(sentence: str, truth: Truth, at: int) -> None:
         assert (step >= -small).all()
     elif re.search(r"decreases|proportional to \w+: -", sentence):
         assert (step <= small).all()
+    elif "both sides of zero" in sentence:
+        levels = np.unique(truth.points[np.isfinite(truth.values), at])
+        assert levels[0] < 0 < levels[-1]
+        assert 0 not in levels
+        assert (step[levels[1:] < 0] <= small).all()
+        assert (step[levels[:-1] > 0] >= -small).all()
+        assert ("symmetrically" in sentence) <= np.allclose(curve, curve[::-1], atol=0.0101 * np.ptp(curve))
+        for value, level in re.findall(r"([\d.e-]+) at (-?[\d.e-]+\d)", sentence):
+            assert curve[np.isclose(levels, float(level))] == pytest.approx(float(value), rel=2e-2, abs=1e-8)
     elif "smallest" in sentence or "largest" in sentence:
         turned = curve if "smallest" in sentence else -curve
         bottom = int(turned.argmin())
@@ -270,6 +279,8 @@ def check_weak(sentence: str, truth: Truth, factors: list[int]) -> None:
 def check_region(sentence: str, truth: Truth) -> None:
     """The region that fails holds as many points and failures as it says; thresholds are printed to four digits."""
     inside = np.ones(len(truth.failed_or_not), bool)
+    for low, name in re.findall(r"(-?[\d.]+) < (x[123]) <", sentence):
+        inside &= truth.every[:, NAMES.index(name)] > float(low)
     for name, side, threshold in re.findall(r"(x[123]) ([<>]) (-?[\d.]+)", sentence):
         column = truth.every[:, NAMES.index(name)]
         inside &= column > float(threshold) if side == ">" else column < float(threshold)

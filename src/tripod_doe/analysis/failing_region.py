@@ -73,15 +73,29 @@ class FailingRegion:
     @property
     def text(self) -> str:
         """As a sentence has it, with its numbers."""
-        where = " and ".join(condition.text for condition in self.conditions)
         return (
-            f"where {where} ({self.failed:,} of the {self.points:,} points there, "
+            f"where {_in_words(self.conditions)} ({self.failed:,} of the {self.points:,} points there, "
             f"{self.all_failed - self.failed:,} elsewhere)"
         )
 
     def outside(self, columns: Mapping[str, NDArray[np.generic]]) -> NDArray[np.bool_]:
         """Points of the largest box outside of the region, shape (point,)."""
         return ~self.kept.holds(columns)
+
+
+def _in_words(conditions: tuple[Condition, ...]) -> str:
+    """Conditions as a sentence has them; both sides of one factor as ``0.15 < joint_angle_deg < 2.65``."""
+    told: dict[str, str] = {}
+    for factor in dict.fromkeys(condition.factor for condition in conditions):
+        own = [condition for condition in conditions if condition.factor == factor]
+        below = [number(condition.threshold, 4) for condition in own if condition.above]
+        told[factor] = own[0].text
+        if len(own) == 2 and len(below) == 1:
+            above = next(number(condition.threshold, 4) for condition in own if not condition.above)
+            told[factor] = f"{below[0]} < {factor} < {above}"
+        elif len(own) == 2:  # two on one side: the narrower one
+            told[factor] = (max if own[0].above else min)(own, key=lambda condition: condition.threshold).text
+    return " and ".join(told.values())
 
 
 def failing_region(columns: Mapping[str, NDArray[np.generic]], failed: NDArray[np.bool_]) -> FailingRegion | None:

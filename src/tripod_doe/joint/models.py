@@ -123,6 +123,8 @@ def _balance_chunk(
     points: JointValues[FloatArray], samples: int, keep: Collection[str],
 ) -> BlockResult:  # fmt: skip
     solution = solve(points, samples)
+    straight = points.joint_angle == 0  # nothing slides or rolls: what there is of a thrust, the iteration left
+    solution.groove_thrust[straight] = solution.thrust_parts[straight] = 0.0
     outputs = thrust_outputs(solution.groove_thrust[:, None], keep)
     if not set(PART_OUTPUTS).isdisjoint(keep):
         outputs |= part_outputs(solution.thrust_parts[:, None], keep)

@@ -140,6 +140,13 @@ def _both_signs(effect: FactorEffect) -> bool:
     return bool(effect.level[0] < 0 < effect.level[-1])
 
 
+def _about_zero(levels: NDArray[np.float64], extreme: NDArray[np.float64]) -> bool:
+    """Whether values of both signs are there, but not zero, and the extreme lies at those next to it."""
+    if 0 in levels or not levels[0] < 0 < levels[-1]:
+        return False
+    return bool(np.isin(extreme, (levels[levels < 0].max(), levels[levels > 0].min())).all())
+
+
 def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
@@ -183,6 +190,11 @@ class _Teller:
             Shape.VALLEY: self._optimum, Shape.PEAK: self._optimum, Shape.MIXED: self._mixed,
         }[effect.shape](effect)  # fmt: skip
         return f"{told}{self._alike(effect)}."
+
+    def _signed(self, effect: FactorEffect) -> str:
+        """A factor whose value grows or falls: where it is negative, that is not its size, as the torque of coast."""
+        sign = " (with its sign)" * bool((self.cube[effect.factor].values < 0).any())
+        return factor_label(self.cube, effect.factor) + sign
 
     def value(self, value: float) -> str:
         """A value of the response with its unit; rounding errors are zero."""
@@ -240,8 +252,7 @@ class _Teller:
         if straight < _STRAIGHT or levels.size < 3:
             ends = self._extremes(effect)
             ends = ends if effect.shape is Shape.RISING else ends[::-1]
-            label += " (with its sign)" * _both_signs(effect)
-            return f"{self.start} {verb} with {label}, from {ends[0]} to {ends[1]}{self.where(effect)}"
+            return f"{self.start} {verb} with {self._signed(effect)}, from {ends[0]} to {ends[1]}{self.where(effect)}"
         # Without a unit "per 1" is far outside the range of a friction coefficient: say it per 0.01, for instance.
         step = 1.0 if own else 10.0 ** math.floor(math.log10(float(np.ptp(levels))))
         written = number if effect.ground is Ground.REGRESSION else level
@@ -252,11 +263,13 @@ class _Teller:
             per = f"{self.value(slope * step)} per {own or number(step)}"
             return f"{self.start} is {'' if exact else 'nearly '}proportional to {label}: {per} ({over}; {fit})"
         per = f"{self.value(abs(slope) * step)} per {own or number(step)}"
-        return f"{self.start} {verb} with {label} by {per} ({over}; straight line with {fit})"
+        return f"{self.start} {verb} with {self._signed(effect)} by {per} ({over}; straight line with {fit})"
 
     def _optimum(self, effect: FactorEffect) -> str:
         levels, curve = effect.level.astype(float), effect.mean
         inside = extreme_levels(levels, curve, effect.shape, effect.error)
+        if effect.ground is Ground.CURVES and effect.shape is Shape.VALLEY and _about_zero(levels, inside):
+            return self._from_zero(effect)
         best, verb = ("largest", "falls") if effect.shape is Shape.PEAK else ("smallest", "grows")
         extreme = float(curve.max() if effect.shape is Shape.PEAK else curve.min())
         spot = " to ".join(dict.fromkeys(self.at(effect, end.item()) for end in (inside[0], inside[-1])))
@@ -269,6 +282,23 @@ class _Teller:
             return f"{head}, symmetrically: {far}{self.where(effect)}"
         ends = [f"{self.value(float(curve[at]))} at {self.at(effect, levels[at].item())}" for at in (0, -1)]
         return f"{head}: {ends[0]}, {ends[1]}{self.where(effect)}"
+
+    def _from_zero(self, effect: FactorEffect) -> str:
+        """A rise with the size of a factor to both signs, without a value at zero: where it is smallest is not known."""
+        levels, curve, label = effect.level.astype(float), effect.mean, factor_label(self.cube, effect.factor)
+        head = f"Over {label}, {self.name} grows to both sides of zero"
+        if mirror_level(levels, curve, effect.error) is not None:
+            ends = [
+                f"{self.value(float(curve[[at, -1 - at]].mean()))} at {level(levels[at].item())} and "
+                f"{self.at(effect, levels[-1 - at].item())}"
+                for at in (int((levels < 0).sum()) - 1, 0)
+            ]
+            return f"{head}, symmetrically: {', '.join(dict.fromkeys(ends))}{self.where(effect)}"
+        sides = []
+        for rows in (np.flatnonzero(levels < 0)[::-1], np.flatnonzero(levels > 0)):
+            told = [f"{self.value(float(curve[at]))} at {self.at(effect, levels[at].item())}" for at in rows[[0, -1]]]
+            sides.append(" to ".join(dict.fromkeys(told)))
+        return f"{head}: {', and '.join(sides)}{self.where(effect)}"
 
     def _mixed(self, effect: FactorEffect) -> str:
         least, most = self._extremes(effect)
@@ -313,9 +343,9 @@ class _Teller:
             verb, moved = ("increases", effect.rising) if effect.rising else ("decreases", effect.falling)
             every = f"In {'all ' if pairs > 1 else ''}{alone}" if moved == pairs else f"In {moved:,} of {alone}"
             rest = "" if moved == pairs else ", and does not change beyond its numerical error in the others"
-            return f"{every}{held}, {self.name} {verb} with {label}, {most}{rest}."
+            return f"{every}{held}, {self.name} {verb} with {self._signed(effect)}, {most}{rest}."
         return (
-            f"{self.start} has no single direction over {label}: with a larger value, it increases in "
+            f"{self.start} has no single direction over {self._signed(effect)}: with a larger value, it increases in "
             f"{effect.rising:,} and decreases in {effect.falling:,} of {alone}{held}, {most}."
         )
 
@@ -326,7 +356,7 @@ class _Teller:
         label, told = factor_label(self.cube, effect.factor), []
         if trend.sure:
             verb = "increases" if trend.value > 0 else "decreases"
-            told.append(f"{verb} with {label}, by {self._estimate(trend)} over its range")
+            told.append(f"{verb} with {self._signed(effect)}, by {self._estimate(trend)} over its range")
         if bend.sure:
             place = "above" if bend.value > 0 else "below"
             told.append(f"is curved over {label}: the ends lie {self._estimate(bend)} {place} the middle")

@@ -12,6 +12,7 @@ from tripod_doe.report.effects import effects_on, find_effects, point_columns, u
 from tripod_doe.report.failing_region import failing_region_of
 from tripod_doe.report.model_choice import asked_orders
 from tripod_doe.report.responses import (
+    ERRORS,
     ORDINALS,
     Response,
     asked,
@@ -77,7 +78,8 @@ def _unfinished(cube: xr.Dataset, part: xr.Dataset, good: int, total: int) -> li
         start = f"None of {total:,} points finished" if none else f"{failed:,} of {total:,} points did not finish"
         told.append(f"{start}: {_reasons(cube)}.")
         if region := failing_region_of(part):
-            told.append(f"Most of them are close together: points fail {region.text}.")
+            share = "All" if region.failed == region.all_failed else "Most"
+            told.append(f"{share} of them are close together: points fail {region.text}.")
     if left:
         told.append(f"{left:,} of {total:,} points {'is' if left == 1 else 'are'} not computed yet.")
     return told
@@ -159,12 +161,23 @@ def _dominant_order(cube: xr.Dataset) -> str:
         return "The thrust force has no rotating order: all amplitudes are zero."
     over = " on average over the study" if int(finished(cube).sum()) > 1 else ""
     rotating = amplitude.isel(order=slice(1, None)).fillna(-1)
-    other = int(((rotating.sel(order=first) < rotating.max("order")) & finished(cube)).sum())
+    beyond = rotating.max("order") - rotating.sel(order=first)
+    other = int(((beyond > _left_over(cube)) & finished(cube)).sum())
     told = f"; at {other:,} of {int(finished(cube).sum()):,} points another order is larger" if other else ""
     return (
         f"The {ORDINALS[first]} of the thrust force is the largest: {number(float(mean.sel(order=first)))} N{over}; "
         f"the next is the {ORDINALS[second]} with {number(float(mean.sel(order=second)))} N{told}."
     )
+
+
+def _left_over(cube: xr.Dataset) -> xr.DataArray:
+    """Up to which difference two orders of a point are alike: their numerical errors, or what is written as zero."""
+    amplitude = cube["thrust_amplitude"]
+    error = _FLAT * float(amplitude.max()) + xr.zeros_like(cube["outcome"], dtype=float)
+    for name in ERRORS:
+        if name in cube:
+            error = error + 2 * cube[name].isel(order=slice(1, None)).max("order").fillna(0.0)
+    return error
 
 
 def _range(response: Response, cube: xr.Dataset) -> str:

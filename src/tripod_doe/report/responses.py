@@ -18,6 +18,7 @@ from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import COST_VARIABLES, EXCLUDED, RECORD_ROLE, RESPONSE_ROLE, SWITCH_ROLE
 
 __all__ = [
+    "ERRORS",
     "ORDINALS",
     "Effect",
     "Response",
@@ -54,7 +55,9 @@ ORDINALS = (
 """Orders in words."""
 
 _CHECKS = ("energy_residual", "largest_penetration_um")  # of the numerics: shown among the settings
-_ERRORS = ("thrust_amplitude_error", "thrust_amplitude_scatter")
+ERRORS = ("thrust_amplitude_error", "thrust_amplitude_scatter")
+"""Outputs that tell the numerical error of the orders."""
+
 _VISIBLE = 5e-3  # orders smaller than this part of the largest one are not worth a sentence
 _MOST_OWN = 6  # numbers of a function
 _UNITS = {"1": "", "degree": "deg", "mm s-1": "mm/s", "kg m-3": "kg/m3", "s mm-1": "s/mm", "s-1": "1/s"}
@@ -279,7 +282,7 @@ def _own(cube: xr.Dataset, names: list[str]) -> list[Response]:
 
 def _error_of_order(cube: xr.Dataset, order: int) -> float:
     """Twice the mean numerical error that the runs report: both of two means may have it."""
-    known = [cube[name].sel(order=order) for name in _ERRORS if name in cube]
+    known = [cube[name].sel(order=order) for name in ERRORS if name in cube]
     errors = [float(values.mean()) for values in known if bool(values.notnull().any())]
     return 2 * max(errors, default=0.0)
 
