@@ -234,6 +234,24 @@ def test_many_operating_points_are_told_by_median_and_quartiles(many):
     assert share_rows(many)[1][0][1] == "70.8 (62.5 to 76.2)"
 
 
+def test_operating_points_without_an_amplitude_do_not_take_the_shapley_values_of_all(make_cube):
+    """Regression: with two points of a straight joint among eight, shares were told by switching off."""
+    cube = make_cube(MANY)
+    still = cube["a"] == 4
+    cube["y"] = cube["y"].where(~still, 0.0)
+    (part,) = contributions({"s": contribution_shares(cube, ContributionSettings(output="y"))})
+    first, second, *_ = contribution_findings(part)
+    assert "by Shapley value, median (and quartiles) over 9 operating points: x " in first
+    assert second == "At 3 of 12 operating points y is zero within its numerical error, and has no shares."
+    assert "at 9 operating points" in contribution_charts(part)[0].caption
+    cube["outcome"] = cube["outcome"].where(~(still & (cube["b"] == 3)), Outcome.DIVERGED)
+    (part,) = contributions({"s": contribution_shares(cube, ContributionSettings(output="y"))})
+    assert contribution_findings(part)[1:3] == [
+        "At 2 of 12 operating points y is zero within its numerical error, and has no shares.",
+        "At 1 of 12 operating points y has no shares, since points that they need did not finish.",
+    ]
+
+
 def test_one_unusual_operating_point_does_not_set_the_scale(many):
     spread, of_two = contribution_charts(many)
     assert "Beyond the axis (triangles): 2 shares, the furthest that of x at a 4, b 3, 400000.0 %." in spread.caption

@@ -31,7 +31,7 @@ def contribution_findings(part: Contribution) -> list[str]:
     """State the shares, who opposes the sum, the most unusual operating point, and what is closest to the paper."""
     if part.missing:
         return [f"{_start(part.what)} has no shares: {part.missing} (analysis {part.analysis})."]
-    return [_who_makes_it(part), *_uncertain(part), *_furthest(part), *_nearest_to_paper(part)]
+    return [_who_makes_it(part), *_without(part), *_uncertain(part), *_furthest(part), *_nearest_to_paper(part)]
 
 
 def contribution_notes(part: Contribution) -> list[str]:
@@ -84,6 +84,17 @@ def _who_makes_it(part: Contribution) -> str:
         f"Of {part.what}{f' ({part.amplitude})' if part.amplitude else ''}, by {DEFINITIONS[part.fairest]}{over}: "
         f"{', '.join(told)}{opposed}{closure} (analysis {part.analysis})."
     )
+
+
+def _without(part: Contribution) -> list[str]:
+    """Count the operating points at which nothing is shared out, by the reason."""
+    lost = ~part.shared & ~part.zero
+    reasons = {
+        f"{part.what} is zero within its numerical error, and has no shares": int(part.zero.sum()),
+        f"{part.what} has no shares, since points that they need did not finish": int(lost.sum()),
+    }
+    of = f"{len(part.labels):,} operating points"
+    return [f"At {count:,} of {of} {reason}." for reason, count in reasons.items() if count]
 
 
 def _uncertain(part: Contribution) -> list[str]:

@@ -37,6 +37,7 @@ DEFINITIONS = {
 
 _PAPER_POINT = {name: JOINT_PARAMETERS[name].default for name in ("joint_angle_deg", "torque_n_m", "speed_rpm")}
 _UNSURE = 0.05  # error of an amplitude, as a part of it, above which its shares are flagged
+_ZERO = 1  # flag of a share: no amplitude beyond its error
 _MANY = 4  # operating points from which on quartiles say more than the ends
 
 
@@ -68,8 +69,10 @@ class Contribution:
         The pairs with that interaction.
     amplitude
         With all mechanisms on, as text with its unit.
+    zero
+        At which operating points the amplitude is zero within its error, so that there are no shares.
     uncertain
-        At which operating points the error of the amplitude is so large that shares there say little.
+        At which other operating points the error of the amplitude is so large that shares there say little.
     paper
         The paper's shares of it, for each mechanism; None where it gives none.
     like_paper
@@ -96,6 +99,7 @@ class Contribution:
     interaction: FloatArray
     pairs: list[str]
     amplitude: str
+    zero: NDArray[np.bool_]
     uncertain: NDArray[np.bool_]
     paper: FloatArray | None
     like_paper: NDArray[np.bool_]
@@ -104,9 +108,15 @@ class Contribution:
     shapley_bounds: tuple[FloatArray, FloatArray] | None
 
     @property
+    def shared(self) -> NDArray[np.bool_]:
+        """At which operating points some share is known."""
+        known = [np.isfinite(values).any(axis=1) for values in self.shares.values()]
+        return np.asarray(np.any(known, axis=0), bool)
+
+    @property
     def summarised(self) -> str:
         """How shares at several operating points are stated."""
-        count = len(self.labels)
+        count = int(self.shared.sum())
         if self.many:
             return f"median (and quartiles) over {count:,} operating points"
         return f"smallest to largest at {count} operating points"
@@ -114,12 +124,12 @@ class Contribution:
     @property
     def many(self) -> bool:
         """Whether there are so many operating points that only their distribution can be stated."""
-        return len(self.labels) >= _MANY
+        return int(self.shared.sum()) >= _MANY
 
     @property
     def fairest(self) -> str:
         """The definition that sentences and charts of many operating points show."""
-        known = [name for name, values in self.shares.items() if np.isfinite(values).all()]
+        known = [name for name, values in self.shares.items() if np.isfinite(values[self.shared]).all()]
         return next((name for name in ("share_shapley", "share_off", "share_on") if name in known), "share_off")
 
     def differences(self) -> dict[str, float]:
@@ -155,6 +165,7 @@ def _contribution(name: str, result: xr.Dataset, order: int | None) -> Contribut
     mechanisms = [str(each) for each in points["mechanism"].values]
     amplitude = points["amplitude"].values
     of_paper = order == 3 and output.startswith("thrust_") and set(mechanisms) == set(MECHANISMS)
+    zero = (points["share_off_flag"] == _ZERO).all("mechanism").values
     like_paper = np.ones(points.sizes["at"], bool)
     for factor in set(factors) & set(_PAPER_POINT):
         like_paper &= points[factor].values == _PAPER_POINT[factor]
@@ -179,7 +190,8 @@ def _contribution(name: str, result: xr.Dataset, order: int | None) -> Contribut
         interaction=points["strongest_interaction"].values if "interaction" in points else nothing,
         pairs=[str(pair) for pair in points["strongest_pair"].values] if "interaction" in points else [],
         amplitude=_amplitude(amplitude, unit_text(str(points["amplitude"].attrs.get("units", "1")))),
-        uncertain=_error(points) > _UNSURE * amplitude,
+        zero=zero,
+        uncertain=~zero & (_error(points) > _UNSURE * amplitude),
         paper=np.array([PAPER_SHARES.get(each, rest) for each in mechanisms])
         if of_paper and like_paper.any()
         else None,
@@ -201,7 +213,7 @@ def _error(points: xr.Dataset) -> FloatArray:
 def _why_missing(points: xr.Dataset) -> str:
     if any(bool(points[key].notnull().any()) for key in DEFINITIONS if key in points):
         return ""
-    zero = bool((points["share_off_flag"] == 1).all())
+    zero = bool((points["share_off_flag"] == _ZERO).all())
     return "its amplitude is zero within its error" if zero else "points that they need did not finish"
 
 

@@ -284,7 +284,7 @@ class _Teller:
         return f"{head}: {ends[0]}, {ends[1]}{self.where(effect)}"
 
     def _from_zero(self, effect: FactorEffect) -> str:
-        """A rise with the size of a factor to both signs, without a value at zero: where it is smallest is not known."""
+        """A rise with the size of a factor to both signs, without a value at zero: where it is least is not known."""
         levels, curve, label = effect.level.astype(float), effect.mean, factor_label(self.cube, effect.factor)
         head = f"Over {label}, {self.name} grows to both sides of zero"
         if mirror_level(levels, curve, effect.error) is not None:

@@ -69,7 +69,7 @@ def _distribution_chart(part: Contribution) -> Chart:
             legend_above(axes, 3)
     model = f" with model {part.model}" if part.model else ""
     caption = (
-        f"Shares of the mechanisms in {part.what}{model} by {DEFINITIONS[part.fairest]} at {len(part.labels):,} "
+        f"Shares of the mechanisms in {part.what}{model} by {DEFINITIONS[part.fairest]} at {int(part.shared.sum()):,} "
         f"operating points: median (line), quartiles (bar), points that are no outliers (thin line)."
         f"{_beyond(part, low, high)}"
     )
