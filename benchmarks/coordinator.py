@@ -1,6 +1,7 @@
 """What a study costs besides its simulation: every stage of a run on made-up answers, in CPU time and memory.
 
     python benchmarks/coordinator.py [--points 1000000] [--design sobol|grid] [--block 5000] [--course 0] [--page]
+                                      [--only plan]
 
 The points are those of the joint with four factors; each "answers" at once with its outcome and 13 orders (104 bytes),
 and with --course with a thrust of so many rotation angles (`--points 65536 --course 16000`: 8.4 GB).
@@ -119,6 +120,7 @@ def main() -> None:
     words.add_argument("--block", type=int, default=5000)
     words.add_argument("--course", type=int, default=0)
     words.add_argument("--page", action="store_true")
+    words.add_argument("--only", choices=["plan"], help="nothing after this stage")
     options = words.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "study.toml"
@@ -131,6 +133,8 @@ def main() -> None:
             rehearse(Path(folder))
         with stage("plan", options.points, before):
             plan(study, timing=False)
+        if options.only:
+            return
         began = time.process_time()
         with stage("points", options.points, before):
             asked = StudyPoints(study, make_points(study))

@@ -10,7 +10,7 @@ import xarray as xr
 from tripod_doe.report import templates
 from tripod_doe.report.chain import step_page, write_charts
 from tripod_doe.report.figures import effect_charts, index_charts, spectrum_chart, waveform_charts
-from tripod_doe.report.figures.chart import Chart, drawing, legend_above
+from tripod_doe.report.figures.chart import Chart, drawing, factor_ticks, legend_above
 from tripod_doe.report.figures.tolerance import quantile_chart
 from tripod_doe.report.figures.waveforms import chosen_points
 from tripod_doe.study.cube import RESPONSE_ROLE
@@ -240,3 +240,14 @@ def test_a_page_is_never_larger_than_ten_megabytes(tmp_path, monkeypatch):
     assert 'download="step-a.csv"' in page
     assert 'download="step-c.csv"' in page
     assert page.count("<svg role") == 3
+
+
+def test_levels_of_a_factor_are_written_in_full():
+    """Regression: 1800 was 1.8e+03, and levels a thousandth apart looked the same."""
+    for levels, told in (
+        ([-600, 600, 1800], ["\N{MINUS SIGN}600", "600", "1800"]),
+        ([4.996, 4.999], ["4.996", "4.999"]),
+    ):
+        with drawing(2.0, 2.0) as (_, axes):
+            factor_ticks(axes, np.array(levels))
+            assert [text.get_text() for text in axes.get_xticklabels()] == told

@@ -72,6 +72,31 @@ def test_all_names_and_base_values_that_are_wrong_are_told_at_once():
     assert places == [["mine.toml", "[base]"], ["mine.toml", "[base]"], ["mine.toml", "[factors.torque]"]]
 
 
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ("[design]\nsample = 3\n", "[design]: unknown key 'sample'; did you mean 'samples'?"),
+        ("[keep]\noutputs = 'thrust'\n", "[keep]: outputs = 'thrust': input should be a valid list"),
+    ],
+)
+def test_names_that_are_wrong_are_told_with_what_is_wrong_in_form(wrong, told):
+    """At once, and nothing that is only wrong in form a second time."""
+    text = HEAD + wrong + "[base]\nspeed = 60\nmodel = 'auto'\n[factors]\ntorque = { values = [1] }\n"
+    with pytest.raises(InputError) as caught:
+        parse_study(text, "mine.toml")
+    form, base, factor = str(caught.value).splitlines()
+    assert form == f"mine.toml: {told}"
+    assert base == "mine.toml: [base]: speed = 60: unknown parameter; did you mean 'speed_rpm'?"
+    assert factor.startswith("mine.toml: [factors.torque]: unknown parameter; did you mean")
+
+
+def test_what_no_simulator_can_judge_is_told_by_its_form_alone():
+    for study in ("scene = 'nowhere'", "function = 'no_module:f'"):
+        with pytest.raises(InputError) as caught:
+            parse_study(f"[study]\nname = 'a'\n{study}\n[base]\nspeed = 60\n[design]\nsample = 3\n", "mine.toml")
+        assert str(caught.value) == "mine.toml: [design]: unknown key 'sample'; did you mean 'samples'?"
+
+
 def test_a_file_that_is_not_there(tmp_path):
     (tmp_path / "thrust_map.toml").touch()
     with pytest.raises(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,9 @@ from tripod_doe.study.file import (
     RunTable,
     Scalar,
     StudyFile,
+    StudyTable,
     parse_file,
+    parse_toml,
     read_text,
 )
 from tripod_doe.study.retry import NO_RETRIES, RetryPlan, check_retries
@@ -135,13 +137,15 @@ def parse_study(text: str, origin: str = "study", folder: Path | None = None, fu
         Whether the study may name a function of its own; if not, nothing of it is imported.
     """
     folder = folder or Path.cwd()
-    file = parse_file(text, origin)
+    try:
+        file = parse_file(text, origin)
+    except InputError as error:
+        raise InputError("\n".join([str(error), *_wrong_besides(text, origin)])) from error
     if file.study.function is not None and not functions:
         raise InputError(f"{origin}: [study]: function = {file.study.function!r}: functions are not allowed here")
     simulator = _at(origin, "[study]", lambda: load_simulator(file.study.scene, file.study.function, str(folder)))
     auto = file.base.get("model") == AUTO
-    given = {name: value for name, value in file.base.items() if not (auto and name == "model")}
-    base = _base(origin, simulator, given, file.factors)
+    base = _base(origin, simulator, _given(file.base), file.factors)
     file = _at(origin, "[design]", lambda: _at_operating_points(simulator, file))
     switches = _at(origin, "[design]", lambda: _switches(simulator, file))
     tables = file.factors | {name: FactorTable(values=[0, 1]) for name in switches if name not in file.factors}
@@ -211,9 +215,33 @@ def _at(origin: str, where: str, step: Any) -> Any:
         raise InputError("\n".join(f"{origin}: {where}: {line}" for line in str(error).splitlines())) from error
 
 
-def _base(
-    origin: str, simulator: Simulator, given: Mapping[str, Value], factors: Mapping[str, FactorTable]
-) -> dict[str, Value]:
+def _given(base: Mapping[str, Any]) -> dict[str, Any]:
+    """Base values that are those of a parameter each: not the word for a model that is to be chosen, and no table."""
+    return {
+        name: value
+        for name, value in base.items()
+        if isinstance(value, str | bool | int | float) and (name, value) != ("model", AUTO)
+    }
+
+
+def _wrong_besides(text: str, origin: str) -> list[str]:
+    """What is wrong with names and base values of a study whose form is wrong elsewhere; [] where nobody can say."""
+    try:
+        raw = parse_toml(text, origin)
+        study, base, factors = (raw.get(table, {}) for table in ("study", "base", "factors"))
+        if not all(isinstance(table, dict) for table in (study, base, factors)) or "function" in study:
+            return []
+        simulator = load_simulator(str(study.get("scene", StudyTable.model_fields["scene"].default)))
+    except InputError:
+        return []
+    try:
+        _base(origin, simulator, _given(base), [name for name, table in factors.items() if isinstance(table, dict)])
+    except InputError as error:
+        return str(error).splitlines()
+    return []
+
+
+def _base(origin: str, simulator: Simulator, given: Mapping[str, Value], factors: Collection[str]) -> dict[str, Value]:
     """The base values, checked; unknown factors are told with what is wrong about these."""
     wrong, base = [], dict[str, Value]()
     try:

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from tripod_doe.quantities import levels_apart
 from tripod_doe.report.figures.tooltips import add_tooltips, mark_points
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
@@ -201,7 +202,7 @@ def panels(count: int, columns: int, width: float, height: float) -> Iterator[tu
 def factor_ticks(axes: Axes, levels: NDArray[Any]) -> None:
     """Ticks of a factor along the bottom: its own values where they are few, else about five round ones."""
     if levels.size <= _OWN_TICKS:
-        axes.set_xticks(levels, [f"{float(level):.3g}".replace("-", "\N{MINUS SIGN}") for level in levels])
+        axes.set_xticks(levels, [told.replace("-", "\N{MINUS SIGN}") for told in levels_apart(levels)])
     else:
         from matplotlib.ticker import MaxNLocator
 
