@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.mechanics.by_reference import ByReference
-from tripod_doe.mechanics.compilation import inner_kernel, kernel
+from tripod_doe.mechanics.compilation import inner_kernel
 from tripod_doe.mechanics.lanes import clear
 
-__all__ = ["LinearLap", "solve_lap"]
+__all__ = ["LinearLap", "link_samples", "solve_samples"]
 
 FloatArray = NDArray[np.float64]
 
@@ -100,10 +100,21 @@ def _eliminate(matrix, count, columns):
                 matrix[i, column] -= weight * matrix[row, column]
 
 
-@kernel
-def _solve_samples(lap, solutions):
-    """Solve every sample for itself: one solution, or with its answers to a change of h seven."""
-    for j in range(lap.steps.shape[0]):
+@inner_kernel
+def solve_samples(lap, first, last, linked):
+    """Solve samples for themselves, and where they are linked their answers to a change of h.
+
+    Parameters
+    ----------
+    lap
+        The system, which stands in `equations` and `follows`; solutions go into `changes` and `steps`.
+    first, last
+        The samples, without the last one.
+    linked
+        Whether samples act on later ones; if not, the solution is complete, at two thirds of the price.
+    """
+    solutions = 7 if linked else 1
+    for j in range(first, last):
         matrix, follows, changes, steps = lap.equations[j], lap.follows[j], lap.changes[j], lap.steps[j]
         _eliminate(matrix, 9, 9 + solutions)
         for row in range(9):
@@ -121,7 +132,7 @@ def _solve_samples(lap, solutions):
                 steps[row, 2 + 2 * k] += follows[row, 5]
 
 
-@kernel
+@inner_kernel
 def _cross_stretch(stretch, lap):
     """How y at the end of a stretch follows from y before it, and what comes on top: into `lap.across`."""
     across, past, following = lap.across, lap.past, lap.following
@@ -144,7 +155,7 @@ def _cross_stretch(stretch, lap):
                 across[6 + row, column], across[row, column] = across[row, column], following[row, column]
 
 
-@kernel
+@inner_kernel
 def _fit_stretches(lap):
     """Find y before every stretch, with which all stretches fit together."""
     pair, across, links, starts, stretches = lap.pair, lap.across, lap.links, lap.starts, lap.starts.shape[0]
@@ -186,7 +197,7 @@ def _fit_stretches(lap):
             starts[stretch, row] = total
 
 
-@kernel
+@inner_kernel
 def _follow(lap):
     """Work out the changes of all samples, into the first columns of `changes` and `steps`."""
     across = lap.across
@@ -205,17 +216,14 @@ def _follow(lap):
             across[6 + row, 0], across[row, 0] = across[row, 0], steps[row, 0]
 
 
-def solve_lap(lap: LinearLap, linked: bool) -> None:
-    """Solve the system that stands in `equations` and `follows`.
+@inner_kernel
+def link_samples(lap):
+    """Let samples that were solved with their answers act on each other around the revolution.
 
     Parameters
     ----------
     lap
         The system.
-    linked
-        Whether samples act on later ones; if not, each is solved for itself, at two thirds of the price.
     """
-    _solve_samples(lap, 7 if linked else 1)
-    if linked:
-        _fit_stretches(lap)
-        _follow(lap)
+    _fit_stretches(lap)
+    _follow(lap)

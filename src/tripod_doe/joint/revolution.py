@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.joint.balance_constants import point_constants_of
+from tripod_doe.joint.balance_constants import PointConstants, point_constants_of
 from tripod_doe.joint.kinematics import ideal_motion
 from tripod_doe.joint.linear_lap import LinearLap
 from tripod_doe.joint.moving_roller import inertial_force, spider_load, upright_spin, yawed
@@ -64,8 +64,9 @@ class Memory(ByReference):
         Of the five mechanisms and the input shaft, shape (6, eights, 8).
     state
         All numbers in `eights`.
-    lap
-        The linear system of `coupled_balance`.
+    lap, noted, wide
+        Of `coupled_balance`: its linear system, four notes of the unknowns, shape (4, 3, sample, 5), and the row with
+        enlarged transition velocities.
     """
 
     samples: int
@@ -74,6 +75,8 @@ class Memory(ByReference):
     powers: FloatArray
     state: FloatArray
     lap: LinearLap
+    noted: FloatArray
+    wide: FloatArray
 
     @classmethod
     def for_samples(cls, samples: int) -> Memory:
@@ -83,7 +86,7 @@ class Memory(ByReference):
         state = records.view(float).reshape(-1)
         return cls(
             samples, records, np.zeros((3, 2)), np.zeros((6, eights, WIDTH)),
-            state, LinearLap.for_samples(samples),
+            state, LinearLap.for_samples(samples), np.zeros((4, 3, samples, 5)), np.zeros(len(PointConstants._fields)),
         )  # fmt: skip
 
 
