@@ -2,7 +2,11 @@ from __future__ import annotations
 
 import re
 
-from tripod_doe.report.chain import chain_page
+import xarray as xr
+
+from tripod_doe.analysis.kinds import is_study
+from tripod_doe.report import chain
+from tripod_doe.report.chain import chain_page, step_page
 from tripod_doe.report.figures.chain import StepView, _arrows, _places, chain_chart
 
 STEPS = [
@@ -39,3 +43,20 @@ def test_the_page_links_escapes_and_warns():
     assert "A &lt;chain&gt;" in page
     assert "Quick run: no results." in page
     assert page == chain_page("A <chain>", "", STEPS, "Quick run: no results.", "[workflow]")
+
+
+def test_analyses_answer_before_studies_and_sections_have_names_of_their_own(monkeypatch):
+    """Regression: the travel of two scenes was what a comparison of methods answered, under two equal headings."""
+    findings = {
+        "steady": ["Steady is told."],
+        "turning_back": ["Turning is told."],
+        "prices": ["Prices are first. Units are next.", "Ratios are third.", "Failures are not."],
+    }
+    monkeypatch.setattr(chain, "findings_of", lambda name, _: findings[name])
+    study = xr.Dataset(attrs={"title": "needle"})
+    assert is_study(study)
+    data = {"steady": study, "turning_back": study, "prices": xr.Dataset(attrs={"analysis_kind": "sobol"})}
+    page = step_page("Speed", "?", list(data), data, {})
+    answer = page[page.index("<h2>Answer</h2>") : page.index("</section>")]
+    assert re.findall("<p>(.*?)</p>", answer) == ["Prices are first.", "Units are next.", "Ratios are third."]
+    assert re.findall("<h2[^>]*>(needle.*?)<", page) == ["needle: steady", "needle: turning back"]

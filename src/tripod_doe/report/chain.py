@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from html import unescape
@@ -166,10 +167,21 @@ def _page(
     rows: list[tuple[StepView, str]],
     text: str,
 ) -> str:
-    """Fill the template; the first sentence of each part is in the answer, what a notice says beyond one is folded."""
-    told = sorted((part for part in parts if part.findings), key=lambda part: part.link != "")  # analyses first
-    sentences, _ = answer_first([part.findings[0] for part in told])
-    shown = [replace(part, charts=[chart for chart in part.charts if chart is not picture]) for part in parts]
+    """Fill the template; analyses answer before studies do, what a notice says beyond one sentence is folded."""
+    told = [part for part in parts if part.findings]
+    analyses = [part.findings for part in told if not part.link]
+    studies = [part.findings for part in told if part.link]
+    firsts, more = [found[0] for found in analyses], [each for found in analyses for each in found[1:]]
+    sentences, _ = answer_first([*firsts, *more, *(found[0] for found in studies)])
+    titles = Counter(part.title for part in parts)
+    shown = [
+        replace(
+            part,
+            title=part.title if titles[part.title] == 1 else f"{part.title}: {_words(part.name)}",
+            charts=[chart for chart in part.charts if chart is not picture],
+        )
+        for part in parts
+    ]
     head, _, changes = notice.partition(". ")
     return render("chain.html", title=title, question=question, kicker=kicker, notice=(head, changes), parts=shown,
                   sentences=sentences, picture=picture, chain=chain, rows=rows, text=text)  # fmt: skip
@@ -189,9 +201,13 @@ def _side_by_side(name: str, ladder: Mapping[str, xr.Dataset]) -> PagePart:
     return PagePart(name, "Contributions: the models side by side", findings, [], "", side_by_side_table(ladder))
 
 
+def _words(name: str) -> str:
+    return name.replace("-", " ").replace("_", " ")
+
+
 def _drawn(name: str, title: str, folder: Path, claims: xr.Dataset | None) -> PagePart:
     """A figure, with the claims of the paper's figures that its heading names."""
-    heading = title or name.replace("-", " ").replace("_", " ")
+    heading = title or _words(name)
     table = None if claims is None else claims_of_figures(claims, title)
     return PagePart(name, heading[:1].upper() + heading[1:], [], read_charts(folder), "", table)
 
