@@ -11,6 +11,7 @@ import tripod_doe as td
 from tripod_doe.report.analyses import findings_of
 from tripod_doe.report.effects import effects_on, find_effects
 from tripod_doe.report.figures.effects import effect_charts
+from tripod_doe.report.figures.index_courses import rotation_charts
 from tripod_doe.report.findings import find
 from tripod_doe.report.main_outputs import quantile_text
 from tripod_doe.report.responses import factor_text, main_effect, responses
@@ -308,6 +309,18 @@ def test_the_largest_index_is_named_and_orders_without_numbers_are_left_out():
     assert "Total Sobol' indices of the third order: joint angle 0.7 +- 0.05; all others at most 0.2; " in sentences[0]
     assert "the first-order indices add up to 0.8 +- 0.11: the rest are interactions" in sentences[0]
     assert "(analysis mine)" in sentences[0]
+
+
+def test_indices_of_what_does_not_vary_are_told_and_not_drawn():
+    """Regression: of a straight joint the analysis said nothing, and its page began with an empty figure."""
+    still = sobol_result()
+    still = still.where(np.isnan(still)).assign(thrust_ST=(("factor", "rotation_deg"), np.full((2, 9), np.nan)))
+    still = still.assign_coords(rotation_deg=np.arange(9.0))
+    assert findings_of("mine", still) == [
+        "The main outputs are the same at all points: no factor has an index (analysis mine)."
+    ]
+    assert rotation_charts("mine", still) == []
+    assert len(rotation_charts("mine", still.fillna(0.5))) == 1
 
 
 def test_main_effect_of_a_sampled_factor_is_the_mean_of_its_classes(make_cube):

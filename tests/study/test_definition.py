@@ -41,6 +41,10 @@ FACTOR = "[factors]\njoint_angle_deg = {values = [5, 10]}\n"
         (HEAD + "[factors]\njoint_angle_deg = 5", r"a parameter with one value belongs in \[base\]"),
         (HEAD + FACTOR + "[analysis]\neffects = 3", r"expected a table, as \[analysis.effects\]"),
         ("study = 3", r"expected a table, as \[study\]"),
+        (HEAD + "[factors.joint_angle_deg]\nvalues = 5", r"values = 5: expected a list, as values = \[5\]"),
+        (HEAD + "[factors.joint_angle_deg]\ndistribution = 'normal'\nmean = 5\nstd = -2", "std = -2: must be above 0"),
+        ("[study]\nname = ''", "name = '': must not be empty"),
+        (HEAD + FACTOR + "[designs.a]\nkind = 'grid'", r"unknown key 'designs'; a sub-design is written \[design.NAME\]"),
         (HEAD + "[factors.joint_angle_deg]\nlow = 5", "needs high"),
         (HEAD + "[factors.joint_angle_deg]\nlow = 9\nhigh = 5\ncount = 2", "must be below"),
         (HEAD + "[factors.joint_angle_deg]\nvalues = [1]\nlow = 5", "not both"),
@@ -76,7 +80,7 @@ def test_all_names_and_base_values_that_are_wrong_are_told_at_once():
     ("wrong", "told"),
     [
         ("[design]\nsample = 3\n", "[design]: unknown key 'sample'; did you mean 'samples'?"),
-        ("[keep]\noutputs = 'thrust'\n", "[keep]: outputs = 'thrust': input should be a valid list"),
+        ("[keep]\noutputs = 'thrust'\n", "[keep]: outputs = 'thrust': expected a list, as outputs = ['thrust']"),
     ],
 )
 def test_names_that_are_wrong_are_told_with_what_is_wrong_in_form(wrong, told):
@@ -95,6 +99,12 @@ def test_what_no_simulator_can_judge_is_told_by_its_form_alone():
         with pytest.raises(InputError) as caught:
             parse_study(f"[study]\nname = 'a'\n{study}\n[base]\nspeed = 60\n[design]\nsample = 3\n", "mine.toml")
         assert str(caught.value) == "mine.toml: [design]: unknown key 'sample'; did you mean 'samples'?"
+
+
+def test_a_file_with_a_byte_order_mark_is_read(tmp_path):
+    """Regression: "not valid TOML: Invalid statement (at line 1, column 1)", of a file that Notepad has saved."""
+    (tmp_path / "mine.toml").write_text(HEAD + FACTOR, encoding="utf-8-sig")
+    assert load_study(tmp_path / "mine.toml").file.study.name == "d"
 
 
 def test_a_file_that_is_not_there(tmp_path):

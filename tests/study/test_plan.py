@@ -238,13 +238,20 @@ def test_wall_time_counts_the_workers(value):
     assert "careful" in plan.describe(value)
 
 
+def test_a_straight_joint_is_in_the_range_of_every_model():
+    """Exact: its thrust is zero. Regression: "the thrust is a small difference of large forces", at infinite ratios."""
+    plan = td.plan(parse_study('[study]\nname = "w"\n[factors]\njoint_angle_deg = {values = [0, 10]}\n'), timing=False)
+    assert not plan.warnings
+
+
 def test_a_plan_warns_of_points_outside_the_range_of_their_model():
     text = (
         '[study]\nname = "w"\n[base]\nmodel = "equilibrium"\n[factors]\njoint_angle_deg = {values = [1, 2, 10, 12]}\n'
     )
     plan = td.plan(parse_study(text), timing=False)
-    assert any(
-        text.startswith("Model equilibrium is outside its range at 2 of 4 points (50 %): swing_ratio")
-        for text in plan.warnings
-    )
+    (told,) = [text for text in plan.warnings if "swing_ratio" in text]
+    assert told.startswith("Model equilibrium is outside its range at 2 of 4 points (50 %): swing_ratio (swing of")
+    slip = [21 * np.tan(theta) * np.sin(theta) / 2 for theta in np.radians([2, 1])]
+    low, high = (2 * 0.05 * 0.0086 * 16 / each for each in slip)  # docs/models.md
+    assert f" up to 0.05, there {low:.2g} to {high:.2g}; beyond, rollers swing" in told
     assert "model        equilibrium: typical error of the third order" in plan.describe()

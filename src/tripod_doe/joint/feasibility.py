@@ -21,8 +21,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.joint.transition import slides_too_slowly
+from tripod_doe.joint.transition import least_speed, slides_too_slowly
 from tripod_doe.joint.values import JointValues
+from tripod_doe.quantities import rounded_up
 from tripod_doe.simulator import Outcome
 
 __all__ = ["infeasible", "misfits", "most_needles", "room_for_needles"]
@@ -33,11 +34,6 @@ _STATIC_PRESSURE = 4000.0
 """MPa; contact stress of the basic static load rating of roller bearings (ISO 76)."""
 
 _EXPONENT = 10 / 9
-
-_TOO_SLOW = (
-    "the parts rest or slide so slowly that friction has no value (transition velocities below 0.001 mm/s or 0.001 "
-    "rad/s): raise speed_rpm or joint_angle_deg; the quasi-static thrust is that of a low speed"
-)
 
 
 def infeasible(points: JointValues[FloatArray]) -> dict[int, tuple[Outcome, str]]:
@@ -51,9 +47,21 @@ def infeasible(points: JointValues[FloatArray]) -> dict[int, tuple[Outcome, str]
     found: dict[int, tuple[Outcome, str]] = {}
     for row, reason in misfits(points):
         found.setdefault(row, (Outcome.JAMMED, reason))
-    for slow in np.flatnonzero(slides_too_slowly(points)):
-        found.setdefault(int(slow), (Outcome.OUT_OF_RANGE, _TOO_SLOW))
+    enough = least_speed(points) * 30 / np.pi
+    for slow in map(int, np.flatnonzero(slides_too_slowly(points))):
+        found.setdefault(slow, (Outcome.OUT_OF_RANGE, _too_slow(float(enough[slow]))))
     return found
+
+
+def _too_slow(enough: float) -> str:
+    """Why a point has no thrust to compute, and from which speed in rpm on it has."""
+    raised = "raise speed_rpm"
+    if np.isfinite(enough):
+        raised += f" to at least {rounded_up(enough)}, or joint_angle_deg"
+    return (
+        "the parts rest or slide so slowly that friction has no value (transition velocities below 0.001 mm/s or 0.001 "
+        f"rad/s): {raised}; the quasi-static thrust is that of a low speed"
+    )
 
 
 def misfits(points: JointValues[FloatArray]) -> list[tuple[int, str]]:

@@ -100,9 +100,11 @@ class JointSimulator(Simulator):
             expected[rows], limit[rows], unknown[rows] = errors_at(model.name, ratios, vibration)
             quantities = own | ratios | {SHARE: vibration_share(vibration)}
             for left in model.valid:
+                inside = (quantities[left.quantity] >= left.low) & (quantities[left.quantity] <= left.high)
+                beyond = ~inside & (own["joint_angle_deg"] > 0)  # a straight joint has no thrust, in any model
                 outside = np.zeros(count, bool)
-                outside[rows] = ~((quantities[left.quantity] >= left.low) & (quantities[left.quantity] <= left.high))
-                departures.append(Departure(model.name, left, outside))
+                outside[rows] = beyond
+                departures.append(Departure(model.name, left, outside, quantities[left.quantity][beyond]))
         models_of = np.asarray(points["model"], object)
         return ModelErrors(QUANTITY, FINEST, models_of, expected, limit, unknown, departures)
 

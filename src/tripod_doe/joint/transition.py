@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.joint.values import JointValues
 
-__all__ = ["Transition", "slides_too_slowly", "transition_velocities"]
+__all__ = ["Transition", "least_speed", "slides_too_slowly", "transition_velocities"]
 
 FloatArray = NDArray[np.float64]
 
@@ -58,17 +58,30 @@ def transition_velocities(values: JointValues[Any]) -> Transition:
     return Transition(*(np.maximum(velocity, _FLOOR) for velocity in astuple(_quarter_rule(values))))
 
 
+def least_speed(values: JointValues[FloatArray]) -> FloatArray:
+    """Speed in rad/s from which on no floor replaces the quarter rule, shape (point,); infinite without an angle."""
+    with np.errstate(divide="ignore"):
+        found: FloatArray = _FLOOR / np.min(astuple(_ideal_rule(values, np.ones_like(values.speed))), axis=0)
+    return found
+
+
 def slides_too_slowly(values: JointValues[FloatArray]) -> NDArray[np.bool_]:
     """Points where the floor replaces the quarter rule, shape (point,): there friction fades with the slip.
 
     At 10 deg that is so below 0.22 rpm; at 0.02 rpm the thrust is half of what it is at any higher speed. A straight
     joint does not slip at all: its thrust is zero by symmetry, and it is left out unless it stands still.
     """
-    unset = np.full_like(values.speed, np.nan)
-    own = _quarter_rule(replace(values, groove_transition_velocity=unset, needle_transition_velocity=unset))
-    ruled: FloatArray = np.array(astuple(own))
+    ruled: FloatArray = np.array(astuple(_ideal_rule(values, values.speed)))
     floored = np.any(ruled < _FLOOR, axis=0) & (values.joint_angle > 0)
     return np.asarray(floored | (values.speed == 0), bool)
+
+
+def _ideal_rule(values: JointValues[FloatArray], speed: FloatArray) -> Transition:
+    """Transition velocities from ideal kinematics at a speed, whatever is given, without a floor."""
+    unset = np.full_like(speed, np.nan)
+    return _quarter_rule(
+        replace(values, speed=speed, groove_transition_velocity=unset, needle_transition_velocity=unset)
+    )
 
 
 def _quarter_rule(values: JointValues[Any]) -> Transition:

@@ -37,7 +37,10 @@ def find_in_sensitivity(name: str, result: xr.Dataset) -> list[str]:
     """
     kind = kind_of(result)
     sentences = []
-    for part in sensitivity_parts(result):
+    parts = sensitivity_parts(result)
+    if RANKED[kind] in result and not parts:
+        sentences.append(f"The main outputs are the same at all points: no factor has an index (analysis {name}).")
+    for part in parts:
         match kind:
             case "sobol":
                 told = sobol_sentence(part)

@@ -102,11 +102,14 @@ class Departure:
         The range.
     outside
         Which points leave it, shape (point,).
+    values
+        Its quantity at these points, shape (points outside,).
     """
 
     model: str
     left: ValidRange
     outside: NDArray[np.bool_]
+    values: FloatArray
 
 
 @dataclass
@@ -144,6 +147,7 @@ class ModelSummary:
         self._of = "", ""
         self._errors: dict[str, _KnownErrors] = {}
         self._outside: Counter[tuple[str, ValidRange]] = Counter()
+        self._values: dict[tuple[str, ValidRange], tuple[float, float]] = {}
 
     def add(self, errors: ModelErrors) -> None:
         """Count some points: the errors known of their models, and the ranges that they leave."""
@@ -151,7 +155,9 @@ class ModelSummary:
         for model in dict.fromkeys(errors.models):
             self._errors.setdefault(model, _KnownErrors()).add(errors, errors.models == model)
         for departure in errors.departures:
-            self._outside[departure.model, departure.left] += int(departure.outside.sum())
+            key = departure.model, departure.left
+            self._outside[key] += int(departure.outside.sum())
+            self._values[key] = _widened(self._values.get(key, (np.inf, -np.inf)), departure.values)
 
     @property
     def models(self) -> list[str]:
@@ -186,7 +192,9 @@ class ModelSummary:
             count = self._errors[model].count
             if outside:
                 where = _share(outside, count) or (" here" if count == 1 else f" at all {count:,} points")
-                told.append(f"Model {model} is outside its range{where}: {left.text}; {left.reason}.")
+                found = " to ".join(dict.fromkeys(number(end, digits=2) for end in self._values[model, left]))
+                text = f"{left.text}, {'here' if count == 1 else 'there'} {found}"
+                told.append(f"Model {model} is outside its range{where}: {text}; {left.reason}.")
         return told
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic_core import ErrorDetails
 
 from tripod_doe.errors import InputError, closest, near_match
 
@@ -25,6 +26,7 @@ __all__ = [
     "parse_file",
     "parse_toml",
     "read_text",
+    "said_of",
 ]
 
 _MOST_PARTS = 16
@@ -210,7 +212,7 @@ def read_text(path: Path, what: str) -> str:
         If it cannot be read or is not UTF-8.
     """
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")  # some editors mark UTF-8 by three bytes in front
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         beside = [other.name for other in path.parent.glob("*.toml")] if isinstance(error, FileNotFoundError) else []
@@ -253,6 +255,8 @@ def parse_file(text: str, origin: str = "study") -> StudyFile:
     raw = parse_toml(text, origin)
     if "workflow" in raw and "study" not in raw:
         raise InputError(f"{origin}: this is a workflow, not a study: `tripod-doe workflow` runs it")
+    if "designs" in raw:
+        raise InputError(f"{origin}: the file: unknown key 'designs'; a sub-design is written [design.NAME]")
     design = raw.get("design")
     if isinstance(design, dict):  # [design.NAME] are tables of their own
         own = DesignTable.model_fields
@@ -289,8 +293,36 @@ def complaints(error: ValidationError, known: Callable[[list[str]], Iterable[str
         elif item["type"] in ("model_type", "dict_type"):
             yield f"{place}: {key} = {_shown(item['input'])}: {_as_table(where, key, item['input'])}"
         else:
-            message = item["msg"][0].lower() + item["msg"][1:]
-            yield f"{place}: {key} = {_shown(item['input'])}: {message}"
+            yield f"{place}: {key} = {_shown(item['input'])}: {said_of(item, key)}"
+
+
+_EXPECTED = {
+    "string_type": "expected text in quotes", "string_too_short": "must not be empty",
+    "bool_type": "expected true or false", "bool_parsing": "expected true or false",
+    "float_type": "expected a number", "float_parsing": "expected a number", "finite_number": "must be finite",
+    "int_type": "expected a whole number", "int_parsing": "expected a whole number",
+    "int_from_float": "expected a whole number",
+    "greater_than": "must be above {gt:g}", "greater_than_equal": "must be at least {ge:g}",
+    "less_than": "must be below {lt:g}", "less_than_equal": "must be at most {le:g}",
+}  # fmt: skip
+"""What a value must be, by pydantic's name of the complaint and with its numbers."""
+
+
+def said_of(complaint: ErrorDetails, key: str) -> str:
+    """What is wrong with a value, as pydantic found it, in our words.
+
+    Parameters
+    ----------
+    complaint
+        One of `ValidationError.errors`.
+    key
+        The key as a file has it.
+    """
+    if complaint["type"] == "list_type":
+        return f"expected a list, as {key} = [{_shown(complaint['input'])}]"
+    if complaint["type"] in _EXPECTED:
+        return _EXPECTED[complaint["type"]].format(**complaint.get("ctx", {}))
+    return complaint["msg"][0].lower() + complaint["msg"][1:]
 
 
 def _as_table(where: str, key: str, value: object) -> str:
@@ -310,7 +342,7 @@ def _shown(value: object) -> str:
 
 def _known_keys(path: list[str]) -> list[str]:
     table = path and {"factors": "factors.PARAMETER", "designs": "design"}.get(path[0], path[0])
-    return list((TABLES[table] if table else StudyFile).model_fields)
+    return list(TABLES[table].model_fields) if table else [key for key in StudyFile.model_fields if key != "designs"]
 
 
 TABLES: Mapping[str, type[_Table]] = {

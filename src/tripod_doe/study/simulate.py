@@ -30,6 +30,10 @@ if TYPE_CHECKING:  # the command line answers without xarray
 __all__ = ["SimulatedPoint", "simulate", "simulate_point"]
 
 
+_NOT_SIMULATED = (Outcome.OUT_OF_RANGE, Outcome.JAMMED, Outcome.NOT_APPLICABLE)
+"""Outcomes of points at which no model gives an answer whose error could be told."""
+
+
 @dataclass(frozen=True)
 class SimulatedPoint:
     """One point with its answer.
@@ -49,7 +53,8 @@ class SimulatedPoint:
     cost
         CPU and wall seconds without compilation, steps, force evaluations.
     model_notes
-        The model with the error that is known for such points, and the ranges of the model that the point leaves.
+        The model with the error that is known for such points, and the ranges of the model that the point leaves; none
+        where no model can run the point.
     """
 
     simulator: Simulator
@@ -93,13 +98,14 @@ def simulate_point(scene: str = "joint", **parameters: Any) -> SimulatedPoint:
     keep = tuple(name for name, output in simulator.outputs.items() if not output.on_request)
     simulator.check(values, {}, keep)
     result, cpu, wall = run_task(Task(scene, None, "", simulator.source_hash, values, {}, 1, keep))
+    outcome = Outcome(int(result.outcome[0]))
     return SimulatedPoint(
         simulator,
         simulator.effective(values)
         | {name: float(column[0]) for name, column in result.settled.items() if is_set(column[0])},
         {name: Values(output.dims, output.data[0]) for name, output in result.outputs.items()},
         result.coordinates,
-        Outcome(int(result.outcome[0])),
+        outcome,
         result.detail[0],
         {
             "cpu_seconds": cpu,
@@ -107,7 +113,7 @@ def simulate_point(scene: str = "joint", **parameters: Any) -> SimulatedPoint:
             "steps": int(result.steps[0]),
             "force_evaluations": int(result.force_evaluations[0]),
         },
-        tuple(model_notes(simulator, simulator.columns(values, {}, 1))),
+        () if outcome in _NOT_SIMULATED else tuple(model_notes(simulator, simulator.columns(values, {}, 1))),
     )
 
 

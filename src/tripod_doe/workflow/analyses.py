@@ -14,6 +14,7 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.report.analyses import ANALYSES, Analysis
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.definition import Study
+from tripod_doe.study.file import said_of
 from tripod_doe.study.netcdf import stamp_history, write_dataset
 
 __all__ = ["check_analyses", "checked_settings", "run_analyses", "settings_of"]
@@ -64,8 +65,18 @@ def settings_of(study: Study, kind: str, table: Mapping[str, Any], where: str) -
         raise study.fail(where, error) from error
     for output in getattr(settings, "outputs", ()):
         if study.keep and output not in study.keep:
-            raise study.fail(where, f"{output!r} is not kept; add it to the outputs of [keep]")
+            raise study.fail(where, f"outputs: {_not_kept(output, study)}")
     return analysis, settings
+
+
+def _not_kept(output: str, study: Study) -> str:
+    """Why an analysis cannot answer for an output."""
+    whole, _, order = output.rpartition("_")
+    if output in study.simulator.outputs:
+        return f"{output!r} is not kept; add it to the outputs of [keep]"
+    if whole in study.keep and order.isdigit():
+        return f"{output!r} is one order of an output; write {whole!r}, the answer has all orders"
+    return f"unknown output {output!r}{near_match(output, study.keep)}"
 
 
 def checked_settings(model: type[BaseModel], table: Mapping[str, Any]) -> BaseModel:
@@ -86,7 +97,7 @@ def checked_settings(model: type[BaseModel], table: Mapping[str, Any]) -> BaseMo
             raise InputError(f"unknown key {key!r}{near_match(key, model.model_fields)}") from error
         if item["type"] == "missing":
             raise InputError(f"{key} is missing") from error
-        raise InputError(f"{key} = {item['input']!r}: {item['msg']}") from error
+        raise InputError(f"{key} = {item['input']!r}: {said_of(item, key)}") from error
 
 
 def _settings(study: Study, name: str) -> tuple[Analysis, BaseModel]:

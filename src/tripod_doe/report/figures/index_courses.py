@@ -70,7 +70,7 @@ def rotation_charts(name: str, result: xr.Dataset) -> list[Chart]:
     found = []
     for key, values in result.data_vars.items():
         own = str(key) == index or str(key).endswith(f"_{index}")
-        if not own or set(values.dims) != {"factor", "rotation_deg"}:
+        if not own or set(values.dims) != {"factor", "rotation_deg"} or not values.notnull().any():
             continue
         waveform = str(key).removesuffix(index).rstrip("_") or str(result.attrs["outputs"])
         found.append(_rotation_chart(name, waveform, index, values.transpose("factor", "rotation_deg")))
