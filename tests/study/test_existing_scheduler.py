@@ -201,7 +201,7 @@ def here():
     """Gives an executor whose workers are threads of this process, and the keys of each question for answers."""
     asked = []
     with (
-        LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster,
+        LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address="127.0.0.1:0") as cluster,
         Client(cluster) as client,
     ):
         gather = cluster.scheduler.handlers["gather"]
