@@ -292,6 +292,17 @@ def test_changes_within_the_numerical_error_are_told_as_such(make_cube):
     assert told.startswith("y has no single direction over x1")
 
 
+def test_a_change_within_the_numerical_error_is_not_called_no_effect(make_cube):
+    """Regression: "speed has no effect on the second order", where one of three models changed it by 10 %."""
+    cube = make_cube(SIZES.format(values=[1, 2, 900], bend=0.5))
+    (response,) = (replace(each, error=50.0) for each in responses(cube))
+    (told,) = [s for s in find_effects(response, cube, effects_on(response, cube)) if s.startswith("z ")]
+    assert told == (
+        "z changes y by at most 5 % of its range, not beyond its numerical error, at any setting of the other factors "
+        "that was computed."
+    )
+
+
 def sobol_result() -> xr.Dataset:
     index = np.array([[0.1, np.nan], [0.7, np.nan]])
     half = np.array([[0.1, np.nan], [0.05, np.nan]])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from tripod_doe.report.figures import model_choice_chart
 from tripod_doe.report.findings import find
@@ -47,6 +48,18 @@ def test_only_orders_that_were_asked_for_are_stated(chosen, grid_cube):
     assert "second order" not in told
     assert "ninth order" not in told
     assert "Accuracy was asked for the third order only: other orders and the waveform are not shown" in told
+
+
+def test_without_a_pilot_all_orders_are_shown_and_no_choice_is_drawn(chosen):
+    """Regression: an empty panel of errors, and orders left out as those of "models of different error"."""
+    few = chosen.assign(accuracy_met=xr.full_like(chosen["accuracy_met"], -1))
+    few["thrust_amplitude_3_error_estimate"] = few["thrust_amplitude_3_error_estimate"] * np.nan
+    assert asked_orders(few) is None
+    assert model_choice_chart(few) is None
+    told = find(few)
+    assert "The study has too few points for a pilot that could choose its models: all 6 points run with the full " \
+        "model." in told  # fmt: skip
+    assert any("ninth order" in sentence for sentence in told)
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 import time
@@ -243,7 +244,14 @@ def test_a_budget_that_is_too_small_stops_before_the_study(wave):
 
 
 def test_a_study_of_few_points_runs_the_full_model_without_a_pilot(wave):
-    assert wave.run(STUDY.replace("count = 11", "count = 3")).good
+    """Regression: "from 0 pilot points; ...: in cross-validation 0 of these points miss the accuracy"."""
+    few = STUDY.replace("count = 11", "count = 3")
+    before = describe_choice(td.load_study(wave.write(few)), None)
+    assert re.search(r"too few points for a pilot, \d+ of at least 18: model = 2 everywhere, CPU time about", before)
+    assert wave.run(few).good
+    after = describe_choice(td.load_study(wave.write(few)), wave.folder / "out")
+    assert after.startswith("choice       too few points for a pilot: model = 2 at all ")
+    assert "cross-validation" not in after
     cube = td.open_cube(wave.folder / "out")
     assert (cube["model_used"] == 2).all()
     assert (cube["accuracy_met"] == -1).all()

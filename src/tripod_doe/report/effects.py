@@ -323,8 +323,9 @@ class _Teller:
 
     def _flat(self, effect: FactorEffect) -> str:
         """No effect in the mean although single settings change: an interaction."""
+        beyond = " beyond its numerical error" * (effect.rise > self._rounding)
         return (
-            f"The mean of {self.name} does not depend on {factor_label(self.cube, effect.factor)} ("
+            f"The mean of {self.name} does not depend on {factor_label(self.cube, effect.factor)}{beyond} ("
             f"{self.where(effect).removeprefix(', ')}), but at single settings of the other factors the change reaches "
             f"{self.value(effect.largest)}"
         )
@@ -372,12 +373,18 @@ class _Teller:
         """Factors that change the response little, or not at all, at every setting of the others."""
         head = _at_head(self.cube, [effect.factor for effect in effects])
         largest, several = max(effect.largest for effect in effects), len(effects) > 1
-        if largest <= max(effect.error for effect in effects):
+        if largest <= self._rounding:
             verb = f"{'have' if several else 'has'} no effect on {self.name}"
         else:
             bound = f"{rounded_up(100 * largest / self.span, 1)} % of its range"
+            bound += ", not beyond its numerical error" * (largest <= max(effect.error for effect in effects))
             verb = f"{'change' if several else 'changes'} {self.name} by at most {bound}"
         return f"{head} {verb}{self._everywhere(effects)}."
+
+    @property
+    def _rounding(self) -> float:
+        """Up to which change nothing changes."""
+        return _ROUNDING * float(np.nanmax(np.abs(self.response.values.values)))
 
     def _everywhere(self, effects: list[FactorEffect]) -> str:
         """For which settings of the other factors that holds."""

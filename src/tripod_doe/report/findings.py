@@ -10,7 +10,7 @@ import xarray as xr
 from tripod_doe.quantities import digits_apart, level, number, with_unit
 from tripod_doe.report.effects import effects_on, find_effects, point_columns, unseparated, varies
 from tripod_doe.report.failing_region import failing_region_of
-from tripod_doe.report.model_choice import asked_orders
+from tripod_doe.report.model_choice import asked_orders, is_chosen
 from tripod_doe.report.responses import (
     ERRORS,
     ORDINALS,
@@ -124,6 +124,9 @@ def _chosen(cube: xr.Dataset) -> str:
     """State at how many points each model was chosen, and how many will probably miss the accuracy."""
     inside = asked(cube).values
     told = ""
+    if not is_chosen(cube):
+        count = f"all {int(inside.sum()):,} points run with the full model"
+        return f"The study has too few points for a pilot that could choose its models: {count}."
     if "model_used" in cube:
         used = cube["model_used"]
         words = dict(zip(used.attrs.get("flag_values", ()), used.attrs.get("flag_meanings", "").split(), strict=True))

@@ -9,14 +9,19 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-__all__ = ["asked_orders", "chosen_models", "estimated_errors"]
+__all__ = ["asked_orders", "chosen_models", "estimated_errors", "is_chosen"]
 
 _ESTIMATE = "_error_estimate"
 
 
+def is_chosen(cube: xr.Dataset) -> bool:
+    """Whether models were chosen by a pilot; without one all points run with the full model."""
+    return "accuracy_met" in cube and bool((cube["accuracy_met"] >= 0).any())
+
+
 def asked_orders(cube: xr.Dataset) -> list[int] | None:
-    """Orders of the thrust whose accuracy was asked for; None where the study names its model: then all are alike."""
-    if "accuracy_met" not in cube or "thrust_amplitude" not in cube:
+    """Orders of the thrust whose accuracy was asked for; None where all points have one model: then all are alike."""
+    if not is_chosen(cube) or "thrust_amplitude" not in cube:
         return None
     found = (re.fullmatch(rf"thrust_amplitude_(\d+){_ESTIMATE}", str(name)) for name in cube.data_vars)
     return sorted(int(match[1]) for match in found if match)

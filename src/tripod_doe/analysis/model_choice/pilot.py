@@ -14,7 +14,7 @@ from tripod_doe.study.accuracy import Accuracy
 from tripod_doe.study.definition import Study, parse_study
 from tripod_doe.study.designs import Points
 
-__all__ = ["normalised", "pilot_points", "pilot_study"]
+__all__ = ["least_points", "normalised", "pilot_points", "pilot_study"]
 
 _POINTS_A_FACTOR = 4
 
@@ -26,14 +26,12 @@ def pilot_points(study: Study, points: Points, count: int | None = None) -> NDAr
     larger of what the confidence needs and four per factor plus one; none where that would be more than half of the
     study.
     """
-    accuracy = study.accuracy
-    assert accuracy is not None
     columns = points.columns
     places = normalised(columns, columns)
     usable = np.flatnonzero(points.allowed)
     _, first = np.unique(places[usable], axis=0, return_index=True)
     usable = usable[np.sort(first)]
-    wanted = count or max(accuracy.least_points, _POINTS_A_FACTOR * len(columns) + 1)
+    wanted = count or _wanted(study, columns)
     if 2 * wanted > usable.size:
         return np.array([], np.int64)
     chosen = [int(usable[np.argmin(((places[usable] - 0.5) ** 2).sum(axis=1))])]
@@ -42,6 +40,16 @@ def pilot_points(study: Study, points: Points, count: int | None = None) -> NDAr
         distance = np.minimum(distance, ((places[usable] - places[chosen[-1]]) ** 2).sum(axis=1))
         chosen.append(int(usable[np.argmax(distance.round(12))]))  # rounded: equal distances are taken in order
     return np.array(sorted(chosen))
+
+
+def least_points(study: Study, points: Points) -> int:
+    """Points that a study must have for a pilot without a record."""
+    return 2 * _wanted(study, points.columns)
+
+
+def _wanted(study: Study, factors: Mapping[str, object]) -> int:
+    assert study.accuracy is not None
+    return max(study.accuracy.least_points, _POINTS_A_FACTOR * len(factors) + 1)
 
 
 def normalised(columns: Mapping[str, NDArray[Any]], over: Mapping[str, NDArray[Any]]) -> NDArray[np.float64]:

@@ -42,11 +42,12 @@ from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.model_choice.pilot import normalised
 from tripod_doe.analysis.model_choice.pilot_errors import AS_GOOD, HOPELESS, PilotErrors, pilot_errors
 from tripod_doe.errors import InputError
+from tripod_doe.simulator import Candidate
 from tripod_doe.study.accuracy import AUTO, Accuracy
 from tripod_doe.study.definition import load_study
 from tripod_doe.study.designs import make_points
 
-__all__ = ["ChooseSettings", "choose", "choose_for_study", "labelled", "without_pilot"]
+__all__ = ["ChooseSettings", "choose", "choose_for_study", "full_candidates", "labelled", "without_pilot"]
 
 FloatArray = NDArray[np.float64]
 
@@ -124,9 +125,14 @@ def choose_for_study(cubes: Mapping[str, xr.Dataset], settings: ChooseSettings, 
     return choose(found, columns, study.accuracy)
 
 
+def full_candidates(accuracy: Accuracy) -> tuple[Candidate, ...]:
+    """The full model, with its usual numerical error first; the finest candidate where none is full."""
+    return tuple(candidate for candidate in accuracy.candidates if candidate.full) or accuracy.candidates[-1:]
+
+
 def without_pilot(columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr.Dataset:
     """The full model at every point of a study that is too small for a pilot; its errors are unknown."""
-    candidates = tuple(candidate for candidate in accuracy.candidates if candidate.full)[:1] or accuracy.candidates[-1:]
+    candidates = full_candidates(accuracy)[:1]
     count = len(next(iter(columns.values())))
     found = PilotErrors(
         {name: column[:0] for name, column in columns.items()},

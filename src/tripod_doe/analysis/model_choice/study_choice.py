@@ -12,10 +12,10 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analysis.model_choice.growing_pilot import GrowingPilot, confirming_sizes, first_candidates
-from tripod_doe.analysis.model_choice.pilot import pilot_points
+from tripod_doe.analysis.model_choice.pilot import least_points, pilot_points
 from tripod_doe.analysis.model_choice.pilot_results import finished_in_pilot
 from tripod_doe.analysis.model_choice.recorded import RecordedChoice, choice_by_record
-from tripod_doe.analysis.model_choice.selection import choose, without_pilot
+from tripod_doe.analysis.model_choice.selection import choose, full_candidates, without_pilot
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import duration, number
 from tripod_doe.simulator import Candidate
@@ -131,7 +131,11 @@ def describe_choice(study: Study, directory: Path | None) -> str:
         record = choice_by_record(study, points)
         candidates, count = _first_stage(study, points, record)
         if not count:
-            return "choice       too few points for a pilot: the full model everywhere"
+            full, count = full_candidates(accuracy_of(study))[0], int(points.allowed.sum())
+            return (
+                f"choice       too few points for a pilot, {count} of at least {least_points(study, points)}: "
+                f"{full.label} everywhere, CPU time about {duration(count * full.price)}"
+            )
         by_record = record is not None and bool(confirming_sizes(study, points, record))
         price, usual = duration(_pilot_price(candidates, count)), candidates[-1]
         return "\n".join([
@@ -146,6 +150,10 @@ def describe_choice(study: Study, directory: Path | None) -> str:
 def _told(choice: xr.Dataset) -> list[str]:
     """A choice in lines: what it takes, what each candidate missed in the pilot, and what it costs."""
     attrs, pilot = choice.attrs, choice.sizes["pilot_point"]
+    if not pilot:
+        full, count = choice["candidate_label"].values[0], choice.sizes["point"]
+        price = duration(attrs["price_study_s"])
+        return [f"choice       too few points for a pilot: {full} at all {count:,} points, CPU time about {price}"]
     lines = [
         f"choice       by errors on record for similar points, which {pilot} pilot points confirm: together they let "
         f"{number(100 * attrs['recorded_share'], digits=2)} % of the points be expected within the accuracy"
@@ -155,7 +163,7 @@ def _told(choice: xr.Dataset) -> list[str]:
     ]
     for at, label in enumerate(choice["candidate_label"].values):
         row = choice.isel(candidate_number=at)
-        found = row["pilot_error"].max("pilot_point") if pilot else row["pilot_error"].sum("pilot_point")
+        found = row["pilot_error"].max("pilot_point")
         errors = ", ".join(f"{name} {number(float(e), 2)}" for name, e in zip(
             choice["quantity"].values, found.values, strict=True))  # fmt: skip
         lines.append(

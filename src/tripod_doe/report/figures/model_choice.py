@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.report.figures.chart import COLOURS, INK, MARKERS, Chart, legend_above, panels
-from tripod_doe.report.model_choice import chosen_models, estimated_errors
+from tripod_doe.report.model_choice import chosen_models, estimated_errors, is_chosen
 from tripod_doe.report.responses import asked, axis_label, numeric_factors, spoken
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
@@ -27,7 +27,7 @@ _ERRORS = "estimated error over the allowed one (%)"
 def model_choice_chart(cube: xr.Dataset) -> Chart | None:
     """Models and estimated errors over the first two numeric factors; None where no pilot chose, or nothing varies."""
     factors = numeric_factors(cube)[:2]
-    if "accuracy_met" not in cube or not factors:
+    if not is_chosen(cube) or not factors:
         return None
     inside = asked(cube).values.ravel()
     places = {name: xr.broadcast(cube["outcome"], cube[name])[1].values.ravel()[inside] for name in factors}
