@@ -10,6 +10,7 @@ import tripod_doe as td
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points
+from tripod_doe.study.scenes import load_simulator
 from tripod_doe.study.simulate import simulate
 from tripod_doe.study.task import make_task, run_task
 
@@ -69,6 +70,8 @@ def test_each_study_takes_the_function_of_its_own_folder(tmp_path):
         (place / "s.toml").write_text('[study]\nname = "s"\nfunction = "same_name:f"\n[factors.x]\nvalues = [1.0]\n')
         td.run(place / "s.toml", tmp_path / f"out{len(found)}", workers=0, progress=False)
         found.append(float(td.open_cube(tmp_path / f"out{len(found)}")["y"][0]))
+        (copy := place / "results").mkdir(exist_ok=True)  # regression: a folder without a module counted as where it is
+        load_simulator(function="same_name:f", folder=str(copy))
     assert found == [2, 3, 2]
 
 

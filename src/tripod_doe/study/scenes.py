@@ -52,20 +52,22 @@ def load_simulator(scene: str = "joint", function: str | None = None, folder: st
     return FunctionSimulator(function, called)
 
 
-_loaded_from: dict[str, str] = {}
-"""Folder of the study for which a module was loaded last, by the module's name."""
+_loaded_for: dict[str, list[str]] = {}
+"""Folders of the studies for which a module was loaded, the latest last, by the module's name."""
 
 
 def _search_first(folder: str, module: str) -> None:
     """Find a module in a folder before all others, also where one of that name was loaded for a study elsewhere."""
     sys.path[:] = [folder, *(other for other in sys.path if other != folder)]
-    earlier = _loaded_from.get(module, folder)
+    earlier = _loaded_for.setdefault(module, [])
+    if folder in earlier[-1:]:
+        return
     file = getattr(sys.modules.get(module), "__file__", None) or ""
-    if earlier != folder and Path(file).is_relative_to(earlier):  # and no installed package
+    if any(Path(file).is_relative_to(other) for other in earlier):  # and no installed package
         for name in [name for name in sys.modules if name == module or name.startswith(f"{module}.")]:
             del sys.modules[name]
         importlib.invalidate_caches()
-    _loaded_from[module] = folder
+    earlier[:] = [*(other for other in earlier if other != folder), folder]
 
 
 def modules_of_scenes() -> list[str]:
