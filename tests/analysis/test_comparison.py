@@ -267,6 +267,27 @@ def over_speed(speeds, orders_at):
     return xr.concat(points, xr.DataArray(speeds, dims="speed_rpm", name="speed_rpm"))
 
 
+def test_a_record_at_the_end_of_the_speeds_of_a_cube_is_compared(measure):
+    """Regression: at 80 rpm, by times of five decimals 79.998 to 80.002, no revolution had a speed from 80 rpm on."""
+    got = measure(Recorder(KNOWN, rpm=(599.7, 600.3)), columns=("rotation_deg", "thrust_n", "time_s"))
+    for speeds in ([600.0, 900.0], [200.0, 600.0]):
+        result = compare(got, over_speed(speeds, lambda rpm: KNOWN), 0.0)
+        assert result.attrs["revolutions_compared"] == result.sizes["revolution"]
+        assert float(result["amplitude_difference"].sel(order=3)) == pytest.approx(0, abs=1e-6)
+    with pytest.raises(td.InputError, match=r"0 revolutions have such a speed"):
+        compare(got, over_speed([602.0, 900.0], lambda rpm: KNOWN), 0.0)
+
+
+def test_a_dead_channel_is_named_and_not_aligned():
+    """Regression: "the zero was set to 0 deg, where the third orders are in phase", of a record of zeros."""
+    rotation = np.arange(0, 1080, 2.0)
+    for force in (0.0, 4.2):
+        result = compare(Measurement(rotation, np.full(rotation.size, force), None, "zero"), model())
+        assert result.attrs["doubts"].startswith(f"Check the force: the record stays at {force:g} N")
+        assert result.attrs["alignment"].startswith("not fitted")
+        assert result.attrs["shift_deg"] == 0
+
+
 def test_a_run_up_is_compared_with_the_model_at_each_speed(measure):
     """The record's third order grows by a fifth from 300 to 900 rpm, and so does the model's: nothing differs.
 

@@ -46,6 +46,14 @@ def test_sentences_say_what_differs_and_what_was_lost(comparison):
     assert "401 samples" in told[5]
 
 
+def test_a_record_at_one_speed_is_no_run_up(comparison):
+    """Regression: "From 80 to 80 rpm the measured third order goes from 356 to 356 N"."""
+    at_speed = comparison.assign(model_amplitude_at_speed=comparison["thrust_amplitude"])
+    steady = at_speed.assign(speed_rpm=0 * at_speed["speed_rpm"] + 80 + 1e-3 * at_speed["revolution"])
+    assert any(s.startswith("From 3") for s in find_in_comparison(at_speed))
+    assert not any(s.startswith("From") for s in find_in_comparison(steady))
+
+
 def test_an_order_that_the_model_does_not_have_has_no_phase(comparison):
     for order, row in zip(comparison["order"].values, order_rows(comparison), strict=True):
         there = float(comparison["model_amplitude"].sel(order=order)) > 1e-9

@@ -25,6 +25,7 @@ ComplexArray = NDArray[np.complex128]
 
 _MODEL_OUTPUTS = ("thrust_amplitude", "thrust_phase_deg", "thrust_amplitude_scatter", "thrust")
 _SPEED = "speed_rpm"
+_SPEED_PLAY = 1e-3  # relative: how far from the speeds of a cube a revolution still counts as at their end
 
 
 def model_point(cube: xr.Dataset, select: Sequence[str] = (), nearest: bool = False) -> xr.Dataset:
@@ -93,7 +94,7 @@ def _levels(labels: xr.DataArray) -> str:
 def orders_at_speeds(tracked: xr.Dataset, point: xr.Dataset) -> ComplexArray | None:
     """Complex amplitudes of the model at the speed of every revolution, shape (revolution, order).
 
-    NaN outside of the model's speeds; None for a model of one speed.
+    NaN outside of the model's speeds, with the play of `common_speeds`; None for a model of one speed.
     """
     if _SPEED not in point.dims:
         return None
@@ -104,16 +105,21 @@ def orders_at_speeds(tracked: xr.Dataset, point: xr.Dataset) -> ComplexArray | N
         )
     speeds, known = tracked[_SPEED].values, point[_SPEED].values
     orders = np.array([model_orders(point.isel({_SPEED: i})) for i in range(known.size)])
+    edges = known[0] * (1 - _SPEED_PLAY), known[-1] * (1 + _SPEED_PLAY)
+    speeds = np.where((speeds < edges[0]) | (speeds > edges[1]), speeds, np.clip(speeds, known[0], known[-1]))
     parts = [np.interp(speeds, known, part, left=np.nan, right=np.nan) for part in (*orders.real.T, *orders.imag.T)]
     real, imaginary = np.split(np.array(parts).T, 2, axis=1)
     return np.asarray(real + 1j * imaginary, np.complex128)
 
 
 def common_speeds(point: xr.Dataset, wanted: tuple[float, float] | None) -> tuple[float, float] | None:
-    """The speeds that are compared: as wanted, and within those of a cube over speed."""
+    """The speeds that are compared: as wanted, and within those of a cube over speed, or a thousandth beyond.
+
+    So much a record at the first speed of the cube may miss it by rounded times.
+    """
     if _SPEED not in point.dims:
         return wanted
-    low, high = float(point[_SPEED].min()), float(point[_SPEED].max())
+    low, high = float(point[_SPEED].min()) * (1 - _SPEED_PLAY), float(point[_SPEED].max()) * (1 + _SPEED_PLAY)
     return (low, high) if wanted is None else (max(low, wanted[0]), min(high, wanted[1]))
 
 

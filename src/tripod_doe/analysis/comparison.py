@@ -32,6 +32,7 @@ from tripod_doe.analysis.order_tracking import CELLS, resample, track_orders
 from tripod_doe.analysis.record_doubts import record_doubts
 from tripod_doe.errors import InputError, option
 from tripod_doe.joint.orders import ORDERS, amplitude_and_phase
+from tripod_doe.quantities import number
 from tripod_doe.study.model_records import MODEL_ERROR
 
 __all__ = ["ComparisonSettings", "compare", "compare_file", "parse_speeds"]
@@ -206,7 +207,8 @@ def _of_speed(tracked: xr.Dataset, speeds: tuple[float, float] | None) -> xr.Dat
     if chosen.sizes["revolution"] < 2:
         raise InputError(
             f"speeds from {speeds[0]:g} to {speeds[1]:g} rpm: {chosen.sizes['revolution']} revolutions have such a "
-            f"speed, two are needed; those of the record lie between {speed.min():.4g} and {speed.max():.4g} rpm"
+            f"speed, two are needed; those of the record lie between {number(float(speed.min()), 4)} and "
+            f"{number(float(speed.max()), 4)} rpm"
         )
     return chosen
 
@@ -215,7 +217,9 @@ def _alignment(measured: ComplexArray, model: ComplexArray, reference: float | N
     """Angle in deg to add to the measurement's, and in words where it comes from."""
     if reference is not None:
         return reference, f"given: {zero} is at a rotation angle of {reference:g} deg"
-    third = np.degrees(np.angle(measured[3] / model[3])) / 3 if abs(measured[3]) and abs(model[3]) else 0.0
+    if not (abs(measured[3]) > _NOTHING * np.abs(model).max() and abs(model[3])):
+        return 0.0, f"not fitted: no reference angle is given, and {zero} cannot be found without a third order"
+    third = np.degrees(np.angle(measured[3] / model[3])) / 3
     candidates = [float((third + turn + 180) % 360 - 180) for turn in (0, 120, 240)]
     residual = [np.abs(measured * np.exp(-1j * np.radians(shift) * ORDERS) - model).sum() for shift in candidates]
     shift = candidates[int(np.argmin(residual))]
@@ -238,6 +242,7 @@ def _order_variables(each: ComplexArray, model: ComplexArray, scatter: FloatArra
     model_told = model_amplitude > _NOTHING * model_amplitude.max()
     sure, both = np.degrees(np.arctan2(across, amplitude)), np.hypot(along, scatter)
     _, difference = amplitude_and_phase(mean * np.conj(model))
+    difference = np.round(difference, _DECIMALS) + 0.0
     difference[~(told & model_told)] = np.nan
     phase, sure = (np.where(told, np.round(angle, _DECIMALS), np.nan) for angle in (phase, sure))
     rows = {

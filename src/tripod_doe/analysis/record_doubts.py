@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.analysis.measurement import Measurement
 from tripod_doe.errors import option
+from tripod_doe.quantities import number
 
 __all__ = ["record_doubts"]
 
@@ -18,6 +19,7 @@ FloatArray = NDArray[np.float64]
 _MOST_SAMPLES = 2**18
 _FEWEST_CYCLES = 3  # of an oscillation in the record, below which it may be drift
 _WEAK = 0.3  # part of the strongest oscillation below which the model's strongest order is missing from the record
+_DEAD = 1e-6  # part of the model's strongest order below which a record does not oscillate
 _NEAR = 0.04  # relative: how near a ratio must be to the one that explains it
 _THOUSAND = (300.0, 3000.0)  # a measurement and a model of the same joint differ by less
 
@@ -35,8 +37,11 @@ def record_doubts(measurement: Measurement, model: NDArray[np.complex128]) -> li
     order = 1 + int(np.argmax(np.abs(model[1:])))
     expected = float(np.abs(model[order]))
     orders, amplitude = _spectrum(measurement.rotation_deg, measurement.thrust_n)
-    if not expected or not amplitude.size or not amplitude.max():
+    if not expected or not amplitude.size:
         return []
+    if not amplitude.max() > _DEAD * expected:
+        level = float(np.nanmean(measurement.thrust_n))
+        return [f"Check the force: the record stays at {number(level)} N, as a channel without a signal does."]
     at = int(np.argmax(amplitude))
     strongest, width = float(orders[at]), float(orders[0] / _FEWEST_CYCLES)
     own = amplitude[np.abs(orders - order) <= max(2 * width, _NEAR * order)].max(initial=0.0)

@@ -25,7 +25,7 @@ _PHASES = ("measured_phase_deg", "model_phase_deg", "phase_difference_deg")
 _MOST_DECIMALS = 6
 _CONSTANT = 0.05  # percent about its mean below which no beat can be seen
 _NOTHING = 1e-9  # part of the largest below which a number is rounding
-_SPEED_APART = 0.05  # of the model's speed, from which the reader should know
+_SPEED_APART = 0.05  # relative difference of speeds from which the reader should know
 
 
 def find_in_comparison(comparison: xr.Dataset) -> list[str]:
@@ -45,7 +45,7 @@ def find_in_comparison(comparison: xr.Dataset) -> list[str]:
     sentences = str(comparison.attrs.get("doubts", "")).splitlines()
     sentences += [_order_sentence(comparison, order) for order in (3, 2)]
     if "model_amplitude_at_speed" in comparison:
-        sentences.append(_run_up_sentence(comparison))
+        sentences += _run_up_sentence(comparison)
     measured, model = (_beat(comparison[f"{which}_envelope"].values) for which in ("measured", "model"))
     sentences.append(f"The envelope of the measured thrust force {measured}; that of the model {model}.")
     sentences.append(f"Reference angle {comparison.attrs['alignment']}.")
@@ -67,7 +67,7 @@ def _order_sentence(comparison: xr.Dataset, order: int) -> str:
     )
 
 
-def _run_up_sentence(comparison: xr.Dataset) -> str:
+def _run_up_sentence(comparison: xr.Dataset) -> list[str]:
     """State the third order at both ends of a run-up, as means over a tenth of the revolutions compared."""
     third = comparison.sel(order=3)
     inside = third.isel(revolution=np.flatnonzero(third["model_amplitude_at_speed"].notnull().values)).sortby(
@@ -75,14 +75,16 @@ def _run_up_sentence(comparison: xr.Dataset) -> str:
     )
     tenth = max(inside.sizes["revolution"] // 10, 1)
     ends = [inside.isel(revolution=part).mean("revolution") for part in (slice(None, tenth), slice(-tenth, None))]
+    if float(ends[1]["speed_rpm"]) < (1 + _SPEED_APART) * float(ends[0]["speed_rpm"]):
+        return []  # a record at one speed
     speeds, measured, model = (
         [number(float(end[name])) for end in ends]
         for name in ("speed_rpm", "thrust_amplitude", "model_amplitude_at_speed")
     )
-    return (
+    return [
         f"From {speeds[0]} to {speeds[1]} rpm the measured third order goes from {measured[0]} to {measured[1]} N, the "
         f"model's from {model[0]} to {model[1]} N."
-    )
+    ]
 
 
 def _beat(envelope: np.ndarray[Any, Any]) -> str:
