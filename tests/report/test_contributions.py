@@ -262,6 +262,15 @@ def test_one_unusual_operating_point_does_not_set_the_scale(many):
     assert len(of_two.data) == 12 * 3  # full numbers, outlier included
 
 
+def test_cells_of_a_map_stand_under_their_values(many):
+    """Regression: a row at 0.3 deg was a line between those at 0 and 4 deg, and ticks stood where no cell was."""
+    uneven = replace(many, points=many.points.assign(a=many.points["a"].map({1: 0.3, 2: -1500, 3: 4, 4: 12})))
+    axes = contribution_charts(uneven)[1].figure.axes[0]
+    ticks = [[label.get_text() for label in axis.get_ticklabels()] for axis in (axes.xaxis, axes.yaxis)]
+    assert ticks == [["1", "2", "3"], ["-1500", "0.3", "4", "12"]]
+    assert axes.get_ylim() == (-0.5, 3.5)
+
+
 def test_operating_points_that_are_no_grid_are_not_laid_out_as_one(many, monkeypatch):
     """Regression: a table of 7,812 sampled places by themselves took half a gigabyte per mechanism."""
     monkeypatch.setattr(pd.DataFrame, "pivot_table", lambda *args, **keys: pytest.fail("a table was made"))

@@ -11,6 +11,7 @@ import xarray as xr
 
 from tripod_doe.analysis.claims.verdicts import ClaimsSettings, check_claims
 from tripod_doe.analysis.stability import RunKind
+from tripod_doe.report import templates
 from tripod_doe.report.answer import answer_first
 from tripod_doe.report.chain import chain_page
 from tripod_doe.report.figures import effect_charts, index_charts
@@ -64,6 +65,20 @@ def test_a_page_has_only_the_sections_that_its_cube_can_fill(line_cube):
 )  # fmt: skip
 def test_names_lose_their_whole_unit(name, words):
     assert spoken(name) == words
+
+
+def test_plus_or_minus_is_one_sign():
+    """Regression: "intervals of +−5 % of the largest index"."""
+    assert (
+        templates._typeset("2 +- 1 N, of +-5 %, from -3 to -2") == "2\u00a0±\u00a01\u00a0N, of ±5\u00a0%, from −3 to −2"
+    )
+
+
+def test_a_table_too_wide_to_stand_beside_its_figure_goes_below():
+    """Regression: medians with quartiles of four definitions ended at the edge of the page, within the third."""
+    (rule,) = re.findall(r"\.beside \{(.*?)\}", STYLE)
+    assert "flex-wrap: wrap" in rule
+    assert ".beside > .scroll { flex: 0 1 auto; max-width: 100%; }" in STYLE  # as wide as it needs, then scrolled
 
 
 def test_reasons_parameters_and_provenance_are_folded(joint_page):

@@ -55,6 +55,7 @@ def _of_limited_size(page: str) -> str:
 def _typeset(text: str) -> str:
     """Plain-text sentences with the signs of print."""
     text = re.sub(r"(?:^|\s)\+- ", "\u00a0±\u00a0", text).replace("R2 ", "R²\u00a0").replace("R^2", "R²")
+    text = re.sub(r"\+-(?=\d)", "±", text)
     text = re.sub(r"\b(?:at (?:most|least)|Figs?\.) (?=[-\d])", lambda found: found[0].replace(" ", "\u00a0"), text)
     text = text.replace("Sobol' ", "Sobol’ ")
     text = text.replace("N m", "N\u00a0m")

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
-from tripod_doe.quantities import count_of
+from tripod_doe.quantities import count_of, levels_apart
 from tripod_doe.report.contributions import DEFINITIONS, Contribution, contributions, percent
 from tripod_doe.report.figures.chart import COLOURS, INK, MUTED, Chart, drawing, legend_above, panels
 from tripod_doe.report.responses import spoken
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
 
 __all__ = ["contribution_charts", "contribution_figures"]
 
@@ -26,6 +27,7 @@ _READABLE = 0.06  # part of the axis that a segment needs to hold its number
 _HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "")
 _FENCE = 1.5  # distances of the quartiles, beyond them, within which shares decide the scale (Tukey's box plot)
 _PANEL = 2.1  # inches
+_MOST_CELLS = 7  # along a side of a map, up to which each has its value below it
 
 
 def contribution_figures(inputs: Mapping[str, xr.Dataset]) -> list[Chart]:
@@ -117,6 +119,14 @@ def _beyond(part: Contribution, low: float, high: float) -> str:
     )
 
 
+def _places(axis: Axis, levels: pd.Index[Any]) -> NDArray[np.float64]:
+    """Where the cells of a map stand: few levels side by side under their values, many as far apart as they are."""
+    if len(levels) > _MOST_CELLS:
+        return levels.to_numpy(float)
+    axis.set_ticks(range(len(levels)), levels_apart(levels.tolist()))
+    return np.arange(len(levels), dtype=float)
+
+
 def _maps(part: Contribution) -> list[Chart]:
     """One map per mechanism over the two factors of the operating points, where these fill a grid."""
     varying = [str(name) for name in part.points if part.points[str(name)].nunique() > 1]
@@ -136,7 +146,8 @@ def _maps(part: Contribution) -> list[Chart]:
             middle = float(np.nanmedian(table))
             usual = _usual(table.to_numpy(float).ravel())
             norm = CenteredNorm(middle, max(float(np.abs(usual - middle).max()), 0.5))
-            image = panel.pcolormesh(table.columns, table.index, np.ma.masked_invalid(table), norm=norm, cmap="PuOr")
+            places = _places(panel.xaxis, table.columns), _places(panel.yaxis, table.index)
+            image = panel.pcolormesh(*places, np.ma.masked_invalid(table), norm=norm, cmap="PuOr")
             figure.colorbar(image, ax=panel, extend="both", shrink=0.9).ax.tick_params(labelsize=7)
             panel.set_title(f"{name} (%)", fontsize=8)
         figure.supxlabel(_axis(part, across), fontsize=8.5)
