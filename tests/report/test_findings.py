@@ -157,6 +157,16 @@ def test_notes_on_finished_points_are_stated(joint_cube):
     )
 
 
+def test_an_infinite_answer_is_counted_and_not_drawn(make_cube):
+    """Regression: "internal error", since an axis cannot end at infinity."""
+    cube = make_cube(LINE.format(offset=0))
+    cube["y"][0, 0], cube["y"][1, 0] = np.inf, np.nan
+    told = find(cube)
+    assert told[:2] == ["y lies between 3 (at x 1, z 0.2) and 12 (at x 4, z 0.1).",
+                        "y has no finite value at 2 of 8 finished points."]  # fmt: skip
+    assert effect_charts(cube)
+
+
 def test_a_region_between_two_values_is_told_as_one(make_cube):
     """Regression: "Most of them ...: points fail where x < 2.65 and x > 0.15 (8 of the 8 points there, 0 elsewhere)"."""
     text = SIZES.format(values=[0, 1, 2, 5, 9, 10], bend="0.5, 1, 2, 3, 4, 5, 6, 7")

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 import xarray as xr
 
 import tripod_doe as td
 from tripod_doe.errors import InputError
+from tripod_doe.study.cube import COST_VARIABLES, EXCLUDED
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.scenes import load_simulator
@@ -41,6 +44,18 @@ def test_arguments_come_as_they_are_written(tmp_path):
     result = answer(tmp_path, "told", '[factors]\nn = {values = [3, 4]}\nmode = {values = ["sum", "count"]}\n')
     assert result.detail == [""] * 4
     assert result.outputs["y"].data.tolist() == [6, 6, 12, 8]
+
+
+@pytest.mark.parametrize("name", ["rms/force", " ", "x", "outcome", *COST_VARIABLES, "worker", EXCLUDED])
+def test_a_name_that_a_cube_cannot_hold_is_an_error_of_its_point(tmp_path, name):
+    """Regression: an internal error after the last point, or the answer lost behind the steps of the run."""
+    (tmp_path / "named_functions.py").write_text(f"def named(x):\n    return {{{name!r}: x}}\n")
+    text = '[study]\nname = "f"\nfunction = "named_functions:named"\n[factors]\nx = { values = [1] }\n'
+    study = parse_study(text, folder=tmp_path)
+    result = run_task(make_task(study, make_points(study), np.arange(1)))[0]
+    assert result.outcome.tolist() == [td.Outcome.ERROR]
+    assert result.detail[0].startswith(f"ValueError: output {name!r}: ")
+    sys.modules.pop("named_functions", None)
 
 
 def test_an_answer_that_a_point_does_not_give_is_nan(tmp_path):

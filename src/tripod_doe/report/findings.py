@@ -91,6 +91,9 @@ def _responses(cube: xr.Dataset) -> list[str]:
     for response in responses(cube):
         if told := _range(response, cube):
             sentences.append(told)
+        if missing := int((finished(cube) & response.values.isnull()).sum()):
+            total = int(finished(cube).sum())
+            sentences.append(f"{_named(response)} has no finite value at {missing:,} of {total:,} finished points.")
         values = response.values.values[np.isfinite(response.values.values)]
         if values.size and np.ptp(values) > _FLAT * np.abs(values).max():
             effects = effects_on(response, cube)
@@ -183,6 +186,11 @@ def _left_over(cube: xr.Dataset) -> xr.DataArray:
     return error
 
 
+def _named(response: Response) -> str:
+    """A response at the head of a sentence; a user's variable keeps its name."""
+    return response.label if response.key == response.label else f"The {response.label}"
+
+
 def _range(response: Response, cube: xr.Dataset) -> str:
     """Where the values of a response lie, with the points of the smallest and the largest; empty without any."""
     values = response.values.values
@@ -190,7 +198,7 @@ def _range(response: Response, cube: xr.Dataset) -> str:
     if known.size == 0:
         return ""
     low, high, largest = float(known.min()), float(known.max()), float(np.abs(known).max())
-    name = response.label if response.key == response.label else f"The {response.label}"
+    name = _named(response)
     if known.size == 1 or high - low <= _FLAT * largest:
         same = "" if known.size == 1 else " the same at all points:"
         return f"{name} is{same} {with_unit(number(high), response.unit)}."

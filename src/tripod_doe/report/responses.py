@@ -276,8 +276,9 @@ def responses(cube: xr.Dataset) -> list[Response]:
 
 
 def _own(cube: xr.Dataset, names: list[str]) -> list[Response]:
-    """Variables of one number a point as responses."""
-    return [Response(name, _own_label(cube, name), _own_unit(cube, name), cube[name]) for name in names]
+    """Variables of one number a point as responses; an infinite one is none."""
+    values = {name: cube[name].where(np.isfinite(cube[name])) for name in names}
+    return [Response(name, _own_label(cube, name), _own_unit(cube, name), values[name]) for name in names]
 
 
 def _error_of_order(cube: xr.Dataset, order: int) -> float:

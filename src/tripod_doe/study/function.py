@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import BlockResult, Outcome, Parameter, Simulator, Value
 
-__all__ = ["FunctionSimulator"]
+__all__ = ["TAKEN_NAMES", "FunctionSimulator"]
+
+TAKEN_NAMES = frozenset({
+    "outcome", "outcome_detail", "excluded", "worker", "cpu_seconds", "wall_seconds", "steps", "force_evaluations",
+    "solves", "simulated_seconds",
+})  # fmt: skip
+"""What every cube holds, with its costs: an output of such a name would be lost behind it."""
 
 
 class FunctionSimulator(Simulator):
@@ -70,6 +76,7 @@ class FunctionSimulator(Simulator):
             arguments = {name: _plain(column[row]) for name, column in points.items()}
             try:
                 values, labels = _outputs(self._function(**arguments))
+                _check_names(values, arguments)
             except Exception as error:
                 block.end(row, Outcome.ERROR, f"{type(error).__name__}: {error}")
                 continue
@@ -95,6 +102,15 @@ def _outputs(answer: Any) -> tuple[dict[str, tuple[tuple[str, ...], NDArray[Any]
         raise TypeError(f"a study function must return a dict or a Dataset, not {type(answer).__name__}")
     values = {str(name): (tuple(map(str, each.dims)), each.values) for name, each in answer.data_vars.items()}
     return values, {str(dim): np.asarray(labels) for dim, labels in answer.coords.items()}
+
+
+def _check_names(values: Collection[str], arguments: Collection[str]) -> None:
+    """Refuse names of outputs that a cube cannot hold: netCDF files part groups by slashes."""
+    for name in values:
+        if not name.strip() or "/" in name:
+            raise ValueError(f"output {name!r}: a name must not be empty, nor hold a slash")
+        if name in arguments or name in TAKEN_NAMES:
+            raise ValueError(f"output {name!r}: this name is taken by an argument, or by what every cube holds")
 
 
 def _arguments(reference: str, function: Callable[..., Any]) -> dict[str, Parameter]:
