@@ -92,9 +92,17 @@ def test_simulate_that_does_not_finish_exits_3(capsys):
 
 
 def test_simulate_table_is_for_people(capsys):
-    code, out, _ = call(capsys, "simulate")
+    code, out, told = call(capsys, "simulate")
     assert code == 0
     assert "thrust_amplitude [N]" in out
+    assert "CPU time" not in told
+
+
+def test_a_long_simulation_tells_its_price_first(capsys):
+    """Regression: a joint by `needles` ran for more than a minute without a word."""
+    code, out, told = call(capsys, "simulate", "--model", "needles", "--needle-count", "40", "--format", "json")
+    assert (code, json.loads(out)["outcome"]) == (3, "jammed")
+    assert re.match(r"simulating: about [\d.]+ s of CPU time for a usual point, up to twenty times", told)
 
 
 def test_query_answers_records(capsys, results):

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 __all__ = ["COMMANDS"]
 
+_LONG = 1.0  # CPU seconds of a point from which on its price is told before it is simulated
+
 
 def _add_query(parser: Parser, arguments: Sequence[str]) -> None:
     add_cube(parser)
@@ -134,10 +136,11 @@ def _query_netcdf(options: argparse.Namespace) -> int:
 
 
 def _simulate(options: argparse.Namespace) -> int:
+    from tripod_doe.quantities import duration
     from tripod_doe.simulator import Outcome
     from tripod_doe.study.point_table import point_table
     from tripod_doe.study.scenes import load_simulator
-    from tripod_doe.study.simulate import simulate_point
+    from tripod_doe.study.simulate import simulate_point, usual_price
 
     simulator = load_simulator(options.scene)
     given = {
@@ -145,6 +148,10 @@ def _simulate(options: argparse.Namespace) -> int:
         for name, parameter in simulator.parameters.items()
         if getattr(options, name) is not None
     }
+    price = usual_price(options.scene, **given)
+    if price is not None and price >= _LONG:
+        usual = f"about {duration(price, 2)} of CPU time for a usual point, up to twenty times as much for others"
+        print(f"simulating: {usual}", file=sys.stderr)
     point = simulate_point(options.scene, **given)
     print(json.dumps(point.record(), allow_nan=False) if options.format == "json" else point_table(point))
     return DONE if point.outcome is Outcome.FINISHED else SOME_FAILED

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +27,7 @@ from tripod_doe.study.task import Task, run_task
 if TYPE_CHECKING:  # the command line answers without xarray
     import xarray as xr
 
-__all__ = ["SimulatedPoint", "simulate", "simulate_point"]
+__all__ = ["SimulatedPoint", "simulate", "simulate_point", "usual_price"]
 
 
 _NOT_SIMULATED = (Outcome.OUT_OF_RANGE, Outcome.JAMMED, Outcome.NOT_APPLICABLE)
@@ -89,14 +89,26 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def simulate_point(scene: str = "joint", **parameters: Any) -> SimulatedPoint:
-    """Simulate one point, as plain arrays; see `simulate`."""
+def usual_price(scene: str = "joint", **parameters: Any) -> float | None:
+    """CPU seconds of a usual point with these values, as recorded; None where none is. Wrong values are refused."""
     simulator = load_simulator(scene)
+    return simulator.recorded_price(_checked(simulator, parameters, ()))
+
+
+def _checked(simulator: Simulator, parameters: Mapping[str, Any], keep: Collection[str]) -> dict[str, Value]:
+    """The values that are given, as the simulator takes them."""
     values: dict[str, Value] = {
         n: v for n, v in check_parameters(simulator.parameters, parameters).items() if v is not None
     }
-    keep = tuple(name for name, output in simulator.outputs.items() if not output.on_request)
     simulator.check(values, {}, keep)
+    return values
+
+
+def simulate_point(scene: str = "joint", **parameters: Any) -> SimulatedPoint:
+    """Simulate one point, as plain arrays; see `simulate`."""
+    simulator = load_simulator(scene)
+    keep = tuple(name for name, output in simulator.outputs.items() if not output.on_request)
+    values = _checked(simulator, parameters, keep)
     result, cpu, wall = run_task(Task(scene, None, "", simulator.source_hash, values, {}, 1, keep))
     outcome = Outcome(int(result.outcome[0]))
     return SimulatedPoint(
