@@ -11,8 +11,8 @@ from tripod_doe.simulator import OUTCOME_ATTRIBUTES
 from tripod_doe.study import selection
 from tripod_doe.study.arrays import Variable, cube_arrays, opened_arrays
 from tripod_doe.study.netcdf import write_dataset
-from tripod_doe.study.query import query, records, records_text
-from tripod_doe.study.selection import parse_selection, taken
+from tripod_doe.study.query import query, records, records_text, unmet
+from tripod_doe.study.selection import labels_told, parse_selection, taken
 
 
 @pytest.fixture
@@ -112,6 +112,34 @@ def test_a_cube_and_its_file_answer_alike(cube, tmp_path):
             assert one[str(name)].size == cube[name].size
         answer = query(tmp_path / "cube.nc", "f", ["model=b"], where="x > 0.3")
         assert records(stored, "f", ["model=b"], where="x > 0.3")["f"].tolist() == answer["f"].values[1].tolist()
+
+
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        (["x=0.25"], "x is 0.1, 0.2, 0.3 or 0.4; --nearest takes the closest"),
+        (["x=0.2", "order=5:9"], "order is 2 or 3"),
+        (["model=c"], "model is a or b"),
+        (["x=0.2", "model=a"], "no cell meets all conditions"),
+    ],
+)
+def test_an_empty_answer_says_what_there_is(cube, asked, told):
+    assert query(cube, "f", asked)["f"].size == 0
+    assert unmet(cube_arrays(cube), asked) == told
+
+
+def test_many_labels_are_told_by_their_ends():
+    many = Variable(("point",), lambda place: np.linspace(0.5, 20, 100)[place[0]])
+    assert labels_told(many, 100) == "has 100 values from 0.5 to 20"
+    assert labels_told(many, 10**9) == "has 1,000,000,000 values"
+
+
+def test_a_cube_without_a_finished_point_says_so(cube):
+    none = cube.drop_vars("f").assign(outcome=cube["outcome"] * 0 + 1)
+    with pytest.raises(InputError, match="not in this cube, which has outcomes only: no point finished; allowed: out"):
+        query(none, "f")
+    with pytest.raises(InputError, match="not in this cube; allowed"):
+        query(cube.drop_vars("f"), "f")
 
 
 def test_records_as_text():

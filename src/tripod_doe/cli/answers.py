@@ -104,7 +104,7 @@ def _parameter_value(parameter: Parameter, text: str) -> Any:
 
 def _query(options: argparse.Namespace) -> int:
     from tripod_doe.study.arrays import opened_arrays
-    from tripod_doe.study.query import answer_format, records, records_text
+    from tripod_doe.study.query import answer_format, records, records_text, unmet
 
     form = answer_format(options.format, options.output)
     if form == "netcdf":
@@ -113,6 +113,8 @@ def _query(options: argparse.Namespace) -> int:
         columns = records(cube, options.variable, options.select, options.nearest, options.where)
         for note in cube.model_notes:
             print(note, file=sys.stderr)
+        if columns[options.variable].size == 0:
+            print(unmet(cube, options.select), file=sys.stderr)
     text = records_text(columns, form)
     if options.output is None:
         print(text)

@@ -19,7 +19,7 @@ from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.study.arrays import CubeArrays, Variable, cube_arrays
 from tripod_doe.study.expressions import Expression
 from tripod_doe.study.results import opened_cube
-from tripod_doe.study.selection import Chosen, Selection, parse_selection, selections, taken
+from tripod_doe.study.selection import Chosen, Selection, labels_told, parse_selection, selections, taken
 from tripod_doe.study.slabs import box, slabs
 
 if TYPE_CHECKING:  # the command line answers without xarray
@@ -35,6 +35,7 @@ __all__ = [
     "records",
     "records_text",
     "selections",
+    "unmet",
 ]
 
 _SLAB_CELLS = 4_000_000  # cells of a variable that are looked at together
@@ -113,6 +114,18 @@ def cell_count(
 ) -> int:
     """Number of cells that a selection leaves; only coordinates are read for it."""
     return math.prod(_choose(cube, variable, select, nearest).shape)
+
+
+def unmet(cube: CubeArrays, select: Mapping[str, Chosen] | Sequence[Selection | str]) -> str:
+    """Why an answer is empty, in words: the first selection that no label meets, and what labels there are."""
+    for selection in selections(select):
+        labels = cube.coordinates[selection.name]
+        dim, count = labels.dims[0], cube.sizes[labels.dims[0]]
+        if taken(labels, None, count, selection, False).size == 0:
+            ordered = bool(selection.values) and labels.at({dim: np.arange(min(count, 1))}).dtype.kind in "fiu"
+            remedy = "; --nearest takes the closest" if ordered else ""
+            return f"{selection.name} {labels_told(labels, count)}{remedy}"
+    return "no cell meets all conditions"
 
 
 @dataclass(frozen=True)
@@ -197,7 +210,10 @@ def _choose(
     cube: CubeArrays, variable: str, select: Mapping[str, Chosen] | Sequence[Selection | str], nearest: bool
 ) -> _Choice:
     if variable not in cube.variables:
-        raise InputError(f"{option('variable', variable)}: not in this cube{near_match(variable, cube.variables)}")
+        outcome = cube.variables.get("outcome")
+        without = ", which has outcomes only: no point finished" if outcome and (outcome.values != 0).all() else ""
+        known = near_match(variable, cube.variables)
+        raise InputError(f"{option('variable', variable)}: not in this cube{without}{known}")
     dims = set(cube.variables[variable].dims)
     along = {name: other for name, other in cube.variables.items() if set(other.dims) <= dims}
     shown = {name: along[name] for name in (variable, "outcome") if name in along}

@@ -12,12 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, option
+from tripod_doe.quantities import level
 from tripod_doe.study.arrays import Variable
 
-__all__ = ["Chosen", "Selection", "parse_selection", "selections", "taken"]
+__all__ = ["Chosen", "Selection", "labels_told", "parse_selection", "selections", "taken"]
 
 _MATCH = 1e-9
 _STRETCH = 4_000_000  # labels that are looked at together
+_LISTED = 8  # labels that are told one by one
 
 Chosen = float | str | slice | Sequence[float | str]
 """What a coordinate may be: a value, a range (either end may be None), or several values."""
@@ -166,3 +168,18 @@ def _matching(values: NDArray[Any], selection: Selection) -> NDArray[np.bool_]:
         slack = _MATCH * max(abs(wanted), 1e-300)
         keep |= (values >= np.float64(wanted - slack)) & (values <= np.float64(wanted + slack))
     return keep
+
+
+def labels_told(labels: Variable, count: int) -> str:
+    """What labels there are, in words: few one by one, numbers by their ends; of more than a stretch how many."""
+    if count > _STRETCH:
+        return f"has {count:,} values"
+    known = np.unique(labels.values)
+    texts = [level(float(value)) if known.dtype.kind in "fiu" else str(value) for value in known[:_LISTED].tolist()]
+    if 1 < known.size <= _LISTED:
+        return f"is {', '.join(texts[:-1])} or {texts[-1]}"
+    if known.size == 1:
+        return f"is {texts[0]}"
+    if known.dtype.kind in "fiu":
+        return f"has {known.size:,} values from {texts[0]} to {level(float(np.nanmax(known)))}"
+    return f"has {known.size:,} values, as {', '.join(texts[:3])}"
