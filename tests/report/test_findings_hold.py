@@ -16,6 +16,7 @@ from SALib.sample import fast_sampler, morris, sobol
 from scipy.stats import qmc
 
 from tripod_doe.report.findings import find
+from tripod_doe.report.responses import listed
 from tripod_doe.simulator import Outcome
 
 NAMES = ("x1", "x2", "x3")
@@ -150,6 +151,12 @@ class Truth:
             if len(group) > 1
         ]
 
+    def shared(self, at: int, other: int) -> np.ndarray:
+        """Values of another factor at the points that `groups` compares."""
+        settings, which = np.unique(np.delete(self.points, at, axis=1), axis=0, return_inverse=True)
+        several = [np.unique(self.points[which.ravel() == row, at]).size > 1 for row in range(len(settings))]
+        return np.unique(settings[several, other - (other > at)])
+
     def mean_curve(self, at: int) -> np.ndarray:
         """Mean over the settings of the others at which all levels are, shape (level,)."""
         levels = np.unique(self.points[:, at])
@@ -242,20 +249,57 @@ def check_regression(sentence: str, truth: Truth, at: int) -> None:
     assert (change if rising else -change) > -0.1 * error, (change, error)
 
 
-def check_steps(sentence: str, truth: Truth, at: int) -> None:
-    """The number of steps and their signs are those of the points."""
+def steps_of(truth: Truth, at: int) -> tuple[int, int, int]:
+    """How many steps in a factor rise, how many fall, and how many there are."""
     steps = np.concatenate([np.diff(values) for _, values in truth.groups(at)])
     small = 1.1e-9 * np.abs(truth.values).max()
-    up, down = int((steps > small).sum()), int((steps < -small).sum())
-    if "no single direction" in sentence:
-        told = [int(each) for each in re.findall(r"(?:increases in|decreases in|of) (\d+)", sentence.split("value")[1])]
-        assert told == [up, down, steps.size]
-        assert min(up, down) > 0
-    else:
-        assert (up, down)[("decreases" not in sentence)] == 0
-        assert ("all " in sentence or "only pair" in sentence) == (steps.size in (up, down))
+    return int((steps > small).sum()), int((steps < -small).sum()), steps.size
+
+
+def check_held(told: str, truth: Truth, at: int) -> None:
+    """Other factors have the one value that is told of them at all points that are compared, and no others do."""
+    held = {NAMES.index(name): float(value) for name, value in re.findall(rf"(x[123]) = ({NUMBER})", told)}
+    for other in {0, 1, 2} - {at}:
+        if other in held:
+            assert truth.shared(at, other) == pytest.approx([held[other]], rel=1e-5)
+        else:
+            assert truth.shared(at, other).size > 1 or np.ptp(truth.points[:, other]) == 0
+
+
+def check_steps(sentence: str, truth: Truth, at: int) -> None:
+    """The number of steps and their signs are those of the points."""
+    up, down, steps = steps_of(truth, at)
+    assert (up, down)[("decreases" not in sentence)] == 0
+    assert ("all " in sentence or "only pair" in sentence) == (steps in (up, down))
     told = number_after("by up to ", sentence)
-    assert told == pytest.approx(max(np.ptp(values) for _, values in truth.groups(at)), rel=6e-3)
+    assert told == pytest.approx(truth.largest_change(at), rel=6e-3)
+
+
+NUMBER = r"-?[\d.]*\d(?:e-?\d+)?"
+STEPS = r"with a larger value, it increases in (\d+) and decreases in (\d+) of (\d+) pairs of points that differ in"
+ONE = rf"(x[123])( \(with its sign\))?: {STEPS} \1 alone(?: \((at [^()]*)\))?, by up to ({NUMBER})"
+FIRST = rf"(x[123])( with its sign)? \({STEPS} this factor alone(?:, (at [^()]*))?, by up to ({NUMBER})\)"
+FURTHER = rf"(x[123])( with its sign)? \((\d+), (\d+) of (\d+)(?:, (at [^()]*))?; ({NUMBER})\)"
+
+
+def check_no_direction(sentence: str, truth: Truth) -> None:
+    """The steps in each of one or several factors, and the largest change of each, in descending order."""
+    start, over, told = sentence.removesuffix(".").partition("y has no single direction over ")
+    assert (start, over) == ("", "y has no single direction over ")
+    found = [re.fullmatch(ONE, told)]
+    if not found[0]:
+        found = [re.match(FIRST, told), *re.finditer(FURTHER, told)]
+        assert len(found) > 1
+        assert told == listed([each[0] for each in found])
+    for name, signed, *counts, held, _ in (each.groups() for each in found):
+        at = NAMES.index(name)
+        assert tuple(map(int, counts)) == steps_of(truth, at)
+        assert min(map(int, counts[:2])) > 0
+        assert bool(signed) == (truth.every[:, at] < 0).any()
+        check_held(held or "", truth, at)
+    largest = [truth.largest_change(NAMES.index(each[1])) for each in found]
+    assert [float(each[7]) for each in found] == pytest.approx(largest, rel=6e-3)
+    assert (np.diff(largest) <= 1e-12 * truth.span).all()
 
 
 def check_weak(sentence: str, truth: Truth, factors: list[int]) -> None:
@@ -302,6 +346,9 @@ def check(sentence: str, truth: Truth) -> str:
         head = re.split(r" (?:ha(?:s|ve)|changes?) ", sentence)[0]
         check_weak(sentence, truth, [NAMES.index(name) for name in re.findall(r"x[123]", head)])
         return "weak"
+    if "no single direction" in sentence:
+        check_no_direction(sentence, truth)
+        return "steps"
     if "pair" in sentence:
         check_steps(sentence, truth, named[0])
         return "steps"

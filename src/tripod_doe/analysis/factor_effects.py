@@ -110,6 +110,11 @@ class FactorEffect:
             return float(np.ptp(self.mean))
         return max(abs(self.fit.trend.value), abs(self.fit.bend.value)) if self.fit else 0.0
 
+    @property
+    def both_ways(self) -> bool:
+        """Whether some steps in a number rise and others fall."""
+        return self.ground is Ground.STEPS and self.numeric and min(self.rising, self.falling) > 0
+
 
 def factor_effects(columns: Mapping[str, Column], response: FloatArray, error: float = 0.0) -> list[FactorEffect]:
     """The effect of each factor that varies, on the best ground that the points give.

@@ -54,7 +54,9 @@ def effects_on(response: Response, cube: xr.Dataset) -> list[FactorEffect]:
 
 
 def find_effects(response: Response, cube: xr.Dataset, effects: Sequence[FactorEffect]) -> Iterator[str]:
-    """Yield one sentence per factor that changes the response, then one for those with little effect or none.
+    """Yield one sentence per factor that changes the response, then those on several of them.
+
+    Several factors share one sentence where they have no single direction, little effect or none.
 
     A factor has little effect only where no change at any setting of the others is large: one whose mean is flat while
     single settings differ is stated with its interactions.
@@ -66,8 +68,12 @@ def find_effects(response: Response, cube: xr.Dataset, effects: Sequence[FactorE
     weak = [effect for effect in told if effect.largest <= _MINOR * span]
     unseen = [effect for effect in told if effect.ground is Ground.REGRESSION and not _is_seen(effect)]
     strong = [effect for effect in told if effect not in weak and effect not in unseen]
+    mixed = [effect for effect in strong if effect.both_ways]
     for effect in sorted(strong, key=lambda effect: -effect.rise):
-        yield teller.sentence(effect)
+        if effect not in mixed:
+            yield teller.sentence(effect)
+    if mixed:
+        yield teller.no_direction(mixed)
     if weak:
         yield teller.weak(weak)
     if unseen:
@@ -193,8 +199,10 @@ class _Teller:
 
     def _signed(self, effect: FactorEffect) -> str:
         """A factor whose value grows or falls: where it is negative, that is not its size, as the torque of coast."""
-        sign = " (with its sign)" * bool((self.cube[effect.factor].values < 0).any())
-        return factor_label(self.cube, effect.factor) + sign
+        return factor_label(self.cube, effect.factor) + " (with its sign)" * self._is_signed(effect)
+
+    def _is_signed(self, effect: FactorEffect) -> bool:
+        return bool((self.cube[effect.factor].values < 0).any())
 
     def value(self, value: float) -> str:
         """A value of the response with its unit; rounding errors are zero."""
@@ -331,7 +339,7 @@ class _Teller:
         )
 
     def _steps(self, effect: FactorEffect) -> str:
-        """The signs of the steps in one factor."""
+        """The signs of the steps in one factor, unless they rise and fall."""
         label, pairs = factor_label(self.cube, effect.factor), effect.settings
         alone = f"{'the only pair' if pairs == 1 else f'{pairs:,} pairs'} of points that differ in {label} alone"
         most = f"by up to {self.value(effect.largest)}"
@@ -340,15 +348,29 @@ class _Teller:
             return f"In {alone}{held}, {self.name} changes {most}."
         if effect.rising == effect.falling == 0:
             return f"In {alone}{held}, {self.name} changes {most}, not beyond its numerical error."
-        if effect.falling == 0 or effect.rising == 0:
-            verb, moved = ("increases", effect.rising) if effect.rising else ("decreases", effect.falling)
-            every = f"In {'all ' if pairs > 1 else ''}{alone}" if moved == pairs else f"In {moved:,} of {alone}"
-            rest = "" if moved == pairs else ", and does not change beyond its numerical error in the others"
-            return f"{every}{held}, {self.name} {verb} with {self._signed(effect)}, {most}{rest}."
-        return (
-            f"{self.start} has no single direction over {self._signed(effect)}: with a larger value, it increases in "
-            f"{effect.rising:,} and decreases in {effect.falling:,} of {alone}{held}, {most}."
-        )
+        verb, moved = ("increases", effect.rising) if effect.rising else ("decreases", effect.falling)
+        every = f"In {'all ' if pairs > 1 else ''}{alone}" if moved == pairs else f"In {moved:,} of {alone}"
+        rest = "" if moved == pairs else ", and does not change beyond its numerical error in the others"
+        return f"{every}{held}, {self.name} {verb} with {self._signed(effect)}, {most}{rest}."
+
+    def no_direction(self, effects: list[FactorEffect]) -> str:
+        """Factors over which some steps rise and others fall: one sentence, the largest change first."""
+        first, *others = sorted(effects, key=lambda effect: -effect.largest)
+        steps = f"with a larger value, it increases in {first.rising:,} and decreases in {first.falling:,} of "
+        steps += f"{first.settings:,} pairs of points that differ in "
+        if not others:
+            held = f" ({self._held(first)})" if first.held else ""
+            over = f"{self._signed(first)}: {steps}{factor_label(self.cube, first.factor)} alone{held}"
+            return f"{self.start} has no single direction over {over}, by up to {self.value(first.largest)}."
+        told = [self._briefly(first, f"{steps}this factor alone", ", by up to ")]
+        told += [self._briefly(each, f"{each.rising:,}, {each.falling:,} of {each.settings:,}") for each in others]
+        return f"{self.start} has no single direction over {listed(told)}."
+
+    def _briefly(self, effect: FactorEffect, steps: str, most: str = "; ") -> str:
+        """A factor with its steps in brackets; those of further factors in the order of the first one's words."""
+        held = f", {self._held(effect)}" if effect.held else ""
+        sign = " with its sign" * self._is_signed(effect)
+        return f"{factor_label(self.cube, effect.factor)}{sign} ({steps}{held}{most}{self.value(effect.largest)})"
 
     def _trend(self, effect: FactorEffect) -> str:
         """A trend, a bend or both by regression, where there are not enough points for a course."""
