@@ -12,6 +12,7 @@ import pytest
 import xarray as xr
 
 import tripod_doe as td
+from tripod_doe.simulator import Departure, ModelErrors, ModelSummary, ValidRange
 from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points, point_keys
@@ -189,3 +190,34 @@ def test_a_cube_names_its_model_and_the_error_known_for_it():
     assert np.isfinite(cube["model_error"].values).tolist() == [True, True, False]
     assert (cube["model_error"] <= cube["model_error_limit"]).values.tolist() == [True, True, False]
     assert cube["joint_angle_deg"].attrs["source"] == "this study"
+
+
+def test_notes_on_the_models_of_an_ablation_are_those_with_all_mechanisms_on():
+    """Regression: "error not known at 224 of 256 points" counted combinations with mechanisms switched off."""
+    study = parse_study(ABLATION.replace("[5, 10]", "[5, 10, 12, 35]"))
+    points = make_points(study)
+    cube, _ = build_cube(study, points, point_keys(study, points), iter([]))
+    (told,) = [note for note in cube.attrs["model_notes"].splitlines() if "not known" in note]
+    assert told.startswith("Model kinetostatic with all mechanisms on: typical error of the third order")
+    assert "error not known at 1 of 4 points (25 %): joint_angle_deg is outside" in told
+
+
+@pytest.mark.parametrize(("reasons", "told"), [
+    ("abc", "a (1 point); b (1 point); c (1 point)"),
+    ("aabbccd", "a (2 points); b (2 points); other reasons (3 points), most often c"),
+])  # fmt: skip
+def test_reasons_for_an_unknown_error_are_named(reasons, told):
+    unknown = np.array(list(reasons), object)
+    nan = np.full(unknown.size, np.nan)
+    summary = ModelSummary()
+    summary.add(ModelErrors("third order", "fine", np.full(unknown.size, "coarse", object), nan, nan, unknown))
+    assert summary.error_texts == [f"Model coarse: error not known: {told}."]
+
+
+def test_the_errors_of_some_points_keep_the_ranges_that_these_leave():
+    left = Departure("m", ValidRange("x", "why", high=1), np.array([False, True, True, False]), np.array([2.0, 3.0]))
+    models, nan = np.full(4, "m", object), np.full(4, np.nan)
+    errors = ModelErrors("q", "fine", models, nan, nan, np.full(4, "no", object), [left])
+    (kept,) = errors.of(np.array([True, False, True, False])).departures
+    assert kept.outside.tolist() == [False, True]
+    assert kept.values.tolist() == [3.0]

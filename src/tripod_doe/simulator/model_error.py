@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.quantities import number
+from tripod_doe.quantities import count_of, number
 
 __all__ = ["NOTABLE_ERROR", "Departure", "ModelErrors", "ModelSummary", "ValidRange"]
 
@@ -19,7 +19,7 @@ NOTABLE_ERROR = 0.05
 """Relative error of a model above which an answer is flagged."""
 
 _REASONS = 2
-"""Reasons for an unknown error that a sentence names."""
+"""Reasons for an unknown error that a sentence names with their counts, where more than one is left."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,17 @@ class ModelErrors:
     limit: FloatArray
     unknown: NDArray[np.object_]
     departures: Sequence[Departure] = ()
+
+    def of(self, rows: NDArray[np.bool_]) -> ModelErrors:
+        """Those of some of the points."""
+        departures = [
+            replace(each, outside=each.outside[rows], values=each.values[rows[each.outside]])
+            for each in self.departures
+        ]
+        return replace(
+            self, models=self.models[rows], expected=self.expected[rows], limit=self.limit[rows],
+            unknown=self.unknown[rows], departures=departures,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -141,9 +152,16 @@ def _widened(ends: tuple[float, float], values: FloatArray) -> tuple[float, floa
 
 
 class ModelSummary:
-    """The models of many points, counted block by block: what sentences on them need, whatever the number of points."""
+    """The models of many points, counted block by block: what sentences on them need, whatever the number of points.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    which
+        What the points have in common, as a sentence says it after the name of a model.
+    """
+
+    def __init__(self, which: str = "") -> None:
+        self._which = f" {which}" * bool(which)
         self._of = "", ""
         self._errors: dict[str, _KnownErrors] = {}
         self._outside: Counter[tuple[str, ValidRange]] = Counter()
@@ -167,7 +185,9 @@ class ModelSummary:
     @property
     def error_texts(self) -> list[str]:
         """One sentence per model: its name, the error that is known for such points, and its spread."""
-        return [f"Model {model}: {'; '.join(self._parts(known))}." for model, known in self._errors.items()]
+        return [
+            f"Model {model}{self._which}: {'; '.join(self._parts(known))}." for model, known in self._errors.items()
+        ]
 
     def _parts(self, known: _KnownErrors) -> Iterator[str]:
         """The sentence of one model, part by part."""
@@ -194,19 +214,24 @@ class ModelSummary:
                 where = _share(outside, count) or (" here" if count == 1 else f" at all {count:,} points")
                 found = " to ".join(dict.fromkeys(number(end, digits=2) for end in self._values[model, left]))
                 text = f"{left.text}, {'here' if count == 1 else 'there'} {found}"
-                told.append(f"Model {model} is outside its range{where}: {text}; {left.reason}.")
+                told.append(f"Model {model}{self._which} is outside its range{where}: {text}; {left.reason}.")
         return told
 
 
 def _in_words(reasons: list[tuple[str, int]]) -> str:
-    """The two commonest reasons, each with its count where there are several."""
+    """The commonest reasons, each with its count where there are several; of the others the number and an example."""
     (first, _), *others = reasons
     if not others:
         return first
-    told = [f"{reason} ({some:,} points)" for reason, some in reasons[:_REASONS]]
-    if left := sum(some for _, some in reasons[_REASONS:]):
-        told.append(f"other reasons ({left:,} points)")
-    return "; ".join(told).replace("(1 points)", "(1 point)")
+    named, rest = (reasons, []) if len(reasons) == _REASONS + 1 else (reasons[:_REASONS], reasons[_REASONS:])
+    told = [f"{reason} ({_points(some)})" for reason, some in named]
+    if rest:
+        told.append(f"other reasons ({_points(sum(some for _, some in rest))}), most often {rest[0][0]}")
+    return "; ".join(told)
+
+
+def _points(some: int) -> str:
+    return count_of(some, "point")
 
 
 def _share(some: int, count: int) -> str:

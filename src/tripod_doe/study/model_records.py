@@ -30,6 +30,8 @@ _PART = 100_000
 class ModelRecords:
     """The models of the points of a study that no constraint excludes, gathered from part to part of the points.
 
+    Of an ablation, sentences tell of the points with all its mechanisms on: theirs is the thrust that is broken down.
+
     Parameters
     ----------
     study
@@ -37,7 +39,7 @@ class ModelRecords:
     """
 
     def __init__(self, study: Study) -> None:
-        self._study, self._summary = study, ModelSummary()
+        self._study, self._every, self._on = study, ModelSummary(), ModelSummary("with all mechanisms on")
 
     def of(self, points: Points, used: Mapping[str, NDArray[Any]]) -> Columns:
         """Count some points in, and say what errors are known of their models.
@@ -65,7 +67,9 @@ class ModelRecords:
             errors = self._study.simulator.model_errors(columns)
             if errors is None:
                 return {}
-            self._summary.add(errors)
+            self._every.add(errors)
+            if switches := self._study.switches:
+                self._on.add(errors.of(np.all([columns[name] == 1 for name in switches], axis=0)))
             expected[chosen], limit[chosen] = errors.expected, errors.limit
             of = _meaning(errors)
         if not np.isfinite(expected).any():
@@ -85,19 +89,24 @@ class ModelRecords:
         return columns
 
     @property
+    def _told(self) -> ModelSummary:
+        """What sentences tell of: all points where none has all mechanisms on."""
+        return self._on if self._on.models else self._every
+
+    @property
     def told_errors(self) -> list[str]:
         """Sentences that name the models with their errors."""
-        return self._summary.error_texts
+        return self._told.error_texts
 
     @property
     def warnings(self) -> list[str]:
         """Sentences on the ranges that points leave."""
-        return self._summary.departure_texts
+        return self._told.departure_texts
 
     @property
     def attributes(self) -> dict[str, str]:
         """Attributes of a cube: models, notes and missing effects; none where nothing is known of the models."""
-        models = self._summary.models
+        models = self._every.models
         if not models:
             return {}
         lacking = [self._study.simulator.missing_effects(model) for model in models]
