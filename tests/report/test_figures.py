@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 
 import numpy as np
 import pandas as pd
@@ -249,5 +250,23 @@ def test_levels_of_a_factor_are_written_in_full():
         ([4.996, 4.999], ["4.996", "4.999"]),
     ):
         with drawing(2.0, 2.0) as (_, axes):
+            axes.plot(levels, levels)
             factor_ticks(axes, np.array(levels))
             assert [text.get_text() for text in axes.get_xticklabels()] == told
+
+
+@pytest.mark.parametrize("levels", [[0, 0.3, 4, 12], [0, 0.1, 0.2, 0.3, 100], [-1000, -999, 1000]])
+def test_labels_of_unequal_levels_do_not_lie_on_each_other(levels):
+    """Regression: 0 and 0.3 of 0 to 12 deg were one smear."""
+    with drawing(3.7, 3.0) as (figure, axes):
+        axes.plot(levels, levels)
+        factor_ticks(axes, np.array(levels))
+        figure.draw_without_rendering()
+        texts = axes.get_xticklabels()
+        assert [float(text.get_text().replace("\N{MINUS SIGN}", "-")) for text in texts] == levels
+        lines = {}
+        for text in texts:
+            lines.setdefault(text.get_text().count("\n"), []).append(text.get_window_extent())
+        assert all(left.x1 < right.x0 for line in lines.values() for left, right in pairwise(line))
+        assert len(lines) > 1
+        assert lines[0][0].height < lines[1][0].height

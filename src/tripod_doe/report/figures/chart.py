@@ -48,6 +48,7 @@ WIDE = 6.0
 """Width in inches above which a chart does not share a row of a page with others."""
 
 _OWN_TICKS = 5
+_LABEL_GAP = 4.0  # least distance of two labels of ticks, in pixels
 _MOST_DRAWN = 2_000  # markers or cells above which they are an image in the figure, so that it stays small
 _LEGEND_SHARE = 0.86  # of the width of a figure; the rest is for the axis on its left
 _STYLE: dict[Any, Any] = {
@@ -200,13 +201,27 @@ def panels(count: int, columns: int, width: float, height: float) -> Iterator[tu
 
 
 def factor_ticks(axes: Axes, levels: NDArray[Any]) -> None:
-    """Ticks of a factor along the bottom: its own values where they are few, else about five round ones."""
+    """Ticks of a factor along the bottom: its own values, ascending, where they are few, else about five round ones."""
     if levels.size <= _OWN_TICKS:
         axes.set_xticks(levels, [told.replace("-", "\N{MINUS SIGN}") for told in levels_apart(levels)])
+        axes.set_xticks(levels, _labels_apart(axes, levels))
     else:
         from matplotlib.ticker import MaxNLocator
 
         axes.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+
+
+def _labels_apart(axes: Axes, levels: NDArray[Any]) -> list[str]:
+    """The labels of ticks at these levels; one that would lie on another is put on a line further down."""
+    low, high = axes.get_xlim()
+    places = (levels - low) / (high - low) * axes.get_window_extent().width
+    told, ends = [], list[float]()  # where the next label of each line may start
+    for place, label in zip(places, axes.get_xticklabels(), strict=True):
+        width = label.get_window_extent().width
+        line = next((at for at, end in enumerate(ends) if place - width / 2 >= end), len(ends))
+        ends[line : line + 1] = [place + width / 2 + _LABEL_GAP]
+        told.append("\n" * line + label.get_text())
+    return told
 
 
 def legend_above(axes: Axes, columns: int, title: str | None = None) -> None:
