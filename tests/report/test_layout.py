@@ -61,7 +61,8 @@ def test_a_page_has_only_the_sections_that_its_cube_can_fill(line_cube):
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("contact_rate_per_s", "contact rate"), ("joint_angle_deg", "joint angle"), ("contact_damping_s_per_mm", "contact damping")],
+    [("contact_rate_per_s", "contact rate"), ("joint_angle_deg", "joint angle"), ("contact_damping_s_per_mm", "contact damping"),
+     ("youngs_modulus_gpa", "Young's modulus"), ("poissons_ratio", "Poisson's ratio")],
 )  # fmt: skip
 def test_names_lose_their_whole_unit(name, words):
     assert spoken(name) == words

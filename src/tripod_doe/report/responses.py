@@ -31,6 +31,7 @@ __all__ = [
     "factor_text",
     "factor_unit",
     "finished",
+    "in_words",
     "listed",
     "main_effect",
     "numeric_factors",
@@ -61,6 +62,7 @@ ERRORS = ("thrust_amplitude_error", "thrust_amplitude_scatter")
 _VISIBLE = 5e-3  # orders smaller than this part of the largest one are not worth a sentence
 _MOST_OWN = 6  # numbers of a function
 _UNITS = {"1": "", "degree": "deg", "mm s-1": "mm/s", "kg m-3": "kg/m3", "s mm-1": "s/mm", "s-1": "1/s"}
+_PERSONS = {"youngs": "Young's", "poissons": "Poisson's"}
 _CLASSES = 10  # classes of a sampled factor
 _MOST_LEVELS = 40  # a factor with more values than this is a sampled one
 _REPETITION = "replicate"  # the factor that tells runs of one point apart
@@ -124,7 +126,12 @@ class Effect:
 
 def spoken(name: str) -> str:
     """A parameter's name in words, without its unit: ``joint_angle_deg`` becomes ``joint angle``."""
-    return _UNIT_SUFFIX.sub("", name).replace("_", " ")
+    return in_words(_UNIT_SUFFIX.sub("", name))
+
+
+def in_words(name: str) -> str:
+    """A name without underscores, those of persons as they are written: ``poissons_ratio`` is ``Poisson's ratio``."""
+    return " ".join(_PERSONS.get(word, word) for word in name.split("_"))
 
 
 def unit_text(unit: str) -> str:

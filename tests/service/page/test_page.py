@@ -368,6 +368,8 @@ def test_the_price_of_a_point_is_told_before_it_is_simulated_and_its_contributio
     page.goto(f"{served.address}/runs/{coast}?point=5")
     panel = page.locator("#point")
     panel.get_by_text("Simulate again").click()
+    panel.get_by_label("Another parameter").select_option("poissons_ratio")
+    assert panel.get_by_label("Poisson's ratio").get_attribute("data-parameter") == "poissons_ratio"
     panel.get_by_label("Another parameter").select_option("model")
     panel.locator("[data-parameter=model]").fill("needles")
     told = panel.locator(".told")

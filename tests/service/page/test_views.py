@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import html
 import json
 import shlex
 import shutil
@@ -27,6 +28,7 @@ from tripod_doe.service.explorer.slices import draw, numbered, seen
 from tripod_doe.service.explorer.view import View
 from tripod_doe.service.gallery import gallery, gallery_upload
 from tripod_doe.service.limits import Limits
+from tripod_doe.service.page.pages import part
 from tripod_doe.service.study_form import changed_text, study_form
 from tripod_doe.service.uploads import check_upload, upload_texts
 from tripod_doe.study.definition import parse_study
@@ -322,6 +324,15 @@ def test_many_points_are_drawn_as_their_density():
 def test_known_errors_stand_as_bars():
     data = xr.Dataset({"force": ("load", [1.0, 2, 4]), "force_error": ("load", [0.1, 0.2, 0.3])}, {"load": [1.0, 2, 3]})
     assert np.array_equal(values(lines(data, "load")["data"][0]["error_y"]["array"]), [0.1, 0.2, 0.3])
+
+
+def test_names_of_persons_are_written_as_such_in_labels_alone():
+    fields = [field for group in study_form(GRID)[0]["groups"] for field in group["fields"]]
+    labels = {field["name"]: field["label"] for field in fields}
+    assert labels["youngs_modulus_gpa"] == "Young's modulus (GPa)"
+    assert labels["poissons_ratio"] == "Poisson's ratio"
+    options = html.unescape(part("parameters.html", parameters=[["poissons_ratio", "0.3"]]))
+    assert """<option value="poissons_ratio" data-default="0.3">Poisson's ratio</option>""" in options
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from starlette.responses import HTMLResponse
 
 from tripod_doe.quantities import duration, level, number, size
+from tripod_doe.report.responses import in_words
 from tripod_doe.report.template_cache import compiled_templates
 from tripod_doe.service.page.assets import stamp
 from tripod_doe.service.runs import Run
@@ -45,7 +46,7 @@ def _templates() -> Environment:
         "size": size,
         "to_come": _to_come,
         "day": _day,
-        "words": _words,
+        "words": in_words,
     }
     environment.filters |= words
     environment.globals |= {"version": stamp(), "plotly": version("plotly")}
@@ -78,7 +79,3 @@ def _to_come(run: Run) -> str:
 def _day(stamp: str) -> str:
     """A time in UTC as a list shows it."""
     return datetime.fromisoformat(stamp).strftime("%Y-%m-%d %H:%M UTC")
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")

@@ -100,7 +100,7 @@ function takeAgain(place) {
     const name = event.target.value;
     if (!name || form.querySelector(`[data-parameter="${name}"]`)) return;
     const label = document.createElement("label");
-    label.textContent = name.replaceAll("_", " ");
+    label.textContent = event.target.selectedOptions[0].textContent;
     const field = document.createElement("input");
     field.dataset.parameter = name;
     field.value = event.target.selectedOptions[0].dataset.default;
