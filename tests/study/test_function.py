@@ -10,6 +10,7 @@ import xarray as xr
 
 import tripod_doe as td
 from tripod_doe.errors import InputError
+from tripod_doe.simulator import BlockResult
 from tripod_doe.study.cube import COST_VARIABLES, EXCLUDED
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points
@@ -88,6 +89,45 @@ def test_each_study_takes_the_function_of_its_own_folder(tmp_path):
         (copy := place / "results").mkdir(exist_ok=True)  # regression: a folder without a module counted as where it is
         load_simulator(function="same_name:f", folder=str(copy))
     assert found == [2, 3, 2]
+
+
+MEASURED = """
+import xarray as xr
+def measured(x):
+    units = {units}
+    force = xr.DataArray([x, 2 * x], dims="place", attrs={{"units": units}} if units else {{}})
+    return xr.Dataset({{"force": force, "share": 0.5}})
+"""
+
+
+def test_units_of_a_dataset_are_those_of_the_cube(tmp_path):
+    """Also after the journal, and where the first points of the study do not give them."""
+    (tmp_path / "measured_functions.py").write_text(MEASURED.format(units="'kN' if x > 1 else None"))
+    (tmp_path / "s.toml").write_text(
+        '[study]\nname = "s"\nfunction = "measured_functions:measured"\n[factors]\nx = { values = [1, 2, 3] }\n'
+    )
+    td.run(tmp_path / "s.toml", tmp_path / "out", workers=0, progress=False)
+    cube = td.open_cube(tmp_path / "out")
+    assert cube["force"].attrs["units"] == "kN"
+    assert cube["force"].values.tolist() == [[1, 2], [2, 4], [3, 6]]
+    assert cube["share"].attrs["units"] == "1"
+
+
+def test_different_units_of_one_output_are_refused(tmp_path):
+    (tmp_path / "mixed_functions.py").write_text(MEASURED.format(units="'kN' if x > 1 else 'N'"))
+    text = '[study]\nname = "s"\nfunction = "mixed_functions:measured"\n[factors]\nx = { values = [1, 2] }\n'
+    study = parse_study(text, folder=tmp_path)
+    with pytest.raises(InputError, match="force: points have different units 'N' and 'kN'"):
+        run_task(make_task(study, make_points(study), np.arange(2)))
+
+
+def test_units_stay_with_some_points_of_a_block():
+    block = BlockResult.blank(3, td.Outcome.FINISHED)
+    block.put("force", (), slice(None), np.arange(3.0), "N")
+    whole = BlockResult.blank(3)
+    whole.fill(np.array([2, 0]), block.take(np.array([0, 1])))
+    assert whole.outputs["force"].unit == "N"
+    assert whole.outputs["force"].data.tolist() == pytest.approx([1, np.nan, 0], nan_ok=True)
 
 
 def test_no_dataset_is_made_of_a_dict(tmp_path, monkeypatch):

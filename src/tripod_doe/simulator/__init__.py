@@ -1,6 +1,6 @@
 """What a study and a model agree on: parameters, outputs, outcomes, blocks of results, and the simulator itself."""
 
-from tripod_doe.simulator.block import WORK, BlockResult, Retries, Values
+from tripod_doe.simulator.block import WORK, BlockResult, Retries, Values, common_unit
 from tripod_doe.simulator.candidate import Candidate
 from tripod_doe.simulator.counted_time import counted_time, not_counted
 from tripod_doe.simulator.demand import Demand, Demands
@@ -36,6 +36,7 @@ __all__ = [
     "Values",
     "by_name",
     "check_parameters",
+    "common_unit",
     "counted_time",
     "is_set",
     "model_notes",

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tripod_doe.errors import InputError
 from tripod_doe.simulator.outcome import Outcome
 
-__all__ = ["WORK", "BlockResult", "Retries", "Values"]
+__all__ = ["WORK", "BlockResult", "Retries", "Values", "common_unit"]
 
 WORK = ("steps", "force_evaluations", "solves", "simulated_seconds")
 """Fields of a `BlockResult` that count the work of each point; a retry adds to them."""
@@ -30,10 +30,26 @@ class Values:
         Dimensions of one point's value.
     data
         Shape (point, \*dims); NaN where a point has no result.
+    unit
+        As a user's function gave it; empty where it did not, or where the simulator declares the output.
     """
 
     dims: tuple[str, ...]
     data: NDArray[Any]
+    unit: str = ""
+
+
+def common_unit(name: str, unit: str, other: str) -> str:
+    """The unit of an output at points of which some may have none.
+
+    Raises
+    ------
+    InputError
+        If points have different units.
+    """
+    if unit and other and unit != other:
+        raise InputError(f"{name}: points have different units {unit!r} and {other!r}")
+    return unit or other
 
 
 @dataclass(frozen=True)
@@ -130,7 +146,7 @@ class BlockResult:
         for row in np.atleast_1d(np.arange(self.count)[rows]):
             self.detail[row] = detail
 
-    def put(self, name: str, dims: tuple[str, ...], rows: Rows, data: NDArray[Any]) -> None:
+    def put(self, name: str, dims: tuple[str, ...], rows: Rows, data: NDArray[Any], unit: str = "") -> None:
         r"""Set one output of some points; all others hold NaN until theirs is set.
 
         Parameters
@@ -141,11 +157,13 @@ class BlockResult:
             The points.
         data
             Their values, shape (rows, \*dims), or the values of a single point for a single row.
+        unit
+            As a user's function gave it.
 
         Raises
         ------
         InputError
-            If points have values of different shapes.
+            If points have values of different shapes or units.
         """
         shape = data.shape if isinstance(rows, int) else data.shape[1:]
         if name not in self.outputs:
@@ -153,6 +171,8 @@ class BlockResult:
         held = self.outputs[name].data
         if held.shape[1:] != shape:
             raise InputError(f"{name}: points have different shapes {held.shape[1:]} and {shape}")
+        if unit != self.outputs[name].unit:
+            self.outputs[name] = replace(self.outputs[name], unit=common_unit(name, self.outputs[name].unit, unit))
         held[rows] = data
 
     def settle(self, name: str, rows: Rows, values: NDArray[np.float64] | float) -> None:
@@ -170,13 +190,13 @@ class BlockResult:
             self.settle(name, rows, part.settled.get(name, np.full(part.count, np.nan)))
         finished = part.outcome == Outcome.FINISHED
         for name, values in part.outputs.items():
-            self.put(name, values.dims, rows[finished], values.data[finished])
+            self.put(name, values.dims, rows[finished], values.data[finished], values.unit)
         self.coordinates.update(part.coordinates)
 
     def take(self, rows: NDArray[np.integer[Any]], keep: Collection[str] = ()) -> BlockResult:
         """Copies of some points, in the order of `rows`, with the outputs named in `keep`, or with all."""
         outputs = {
-            name: Values(values.dims, values.data[rows])
+            name: replace(values, data=values.data[rows])
             for name, values in self.outputs.items()
             if not keep or name in keep
         }

@@ -103,6 +103,8 @@ def encode(block: FinishedBlock, number: int) -> bytes:
         "dims": {name: values.dims for name, values in result.outputs.items()},
         "detail": _table_of("detail", result.detail, arrays),
     }  # fmt: skip
+    if units := {name: values.unit for name, values in result.outputs.items() if values.unit}:
+        header["units"] = units
     arrays |= {f"output/{name}": values.data for name, values in result.outputs.items()}
     arrays |= {f"coordinate/{name}": labels for name, labels in result.coordinates.items()}
     arrays |= {f"settled/{name}": column for name, column in result.settled.items()}
@@ -145,9 +147,11 @@ def decode(record: Buffer) -> FinishedBlock:
     if "attempt" in arrays:
         first = arrays["first_outcome"], _texts("first_detail", header, arrays)
         retries = Retries(arrays["attempt"], *first, named("used/"))
-    outputs = named("output/")
+    outputs, units = named("output/"), header.get("units", {})
     result = BlockResult(
-        outputs={name: Values(tuple(dims), outputs[name]) for name, dims in header["dims"].items()},
+        outputs={
+            name: Values(tuple(dims), outputs[name], units.get(name, "")) for name, dims in header["dims"].items()
+        },
         coordinates=named("coordinate/"),
         detail=_texts("detail", header, arrays),
         settled=named("settled/"),

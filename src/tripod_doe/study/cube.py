@@ -19,6 +19,7 @@ from tripod_doe.simulator import (
     Outcome,
     Output,
     Parameter,
+    common_unit,
 )
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import SAMPLE, Column, Columns, Points, Rows
@@ -129,7 +130,7 @@ def part_of_cube(
     used = _used_columns(study, table, points)
     cube = xr.Dataset(
         {
-            name: _variable(study.simulator.outputs.get(name), dims, data, points)
+            name: _variable(study.simulator.outputs.get(name), dims, data, points, table.units[name])
             for name, (dims, data) in table.outputs.items()
         }
         | _outcome_variables(table, points)
@@ -160,6 +161,7 @@ class _Table:
     def __init__(self, count: int) -> None:
         self.count = count
         self.outputs: dict[str, tuple[tuple[str, ...], NDArray[Any]]] = {}
+        self.units: dict[str, str] = {}
         self.coordinates: dict[str, NDArray[Any]] = {}
         self.outcome = np.full(count, Outcome.NOT_RUN, np.int8)
         self.detail = np.full(count, "", dtype=object)
@@ -181,6 +183,7 @@ class _Table:
             if target.shape[1:] != values.data.shape[1:]:
                 raise CubeError(f"{name}: points have different shapes {target.shape[1:]} and {values.data.shape[1:]}")
             target[at] = values.data[rows]
+            self.units[name] = common_unit(name, self.units.get(name, ""), values.unit)
         self.coordinates |= result.coordinates
         self.outcome[at] = result.outcome[rows]
         self.detail[at] = np.array(result.detail, dtype=object)[rows]
@@ -205,8 +208,10 @@ def _shaped(points: Points, dims: tuple[str, ...], data: NDArray[Any], attrs: Ma
     return xr.Variable((*points.dims, *dims), data.reshape(*points.shape, *data.shape[1:]), dict(attrs))
 
 
-def _variable(output: Output | None, dims: tuple[str, ...], data: NDArray[Any], points: Points) -> xr.Variable:
-    attrs = {"units": "1", "long_name": "output of a user function"}
+def _variable(
+    output: Output | None, dims: tuple[str, ...], data: NDArray[Any], points: Points, unit: str
+) -> xr.Variable:
+    attrs = {"units": unit or "1", "long_name": "output of a user function"}
     if output:
         attrs = {"units": output.unit, "long_name": output.meaning}
         if output.symbol:

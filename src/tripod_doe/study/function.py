@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
-from tripod_doe.simulator import BlockResult, Outcome, Parameter, Simulator, Value
+from tripod_doe.simulator import BlockResult, Outcome, Parameter, Simulator, Value, Values
 
 __all__ = ["TAKEN_NAMES", "FunctionSimulator"]
 
@@ -80,9 +80,9 @@ class FunctionSimulator(Simulator):
             except Exception as error:
                 block.end(row, Outcome.ERROR, f"{type(error).__name__}: {error}")
                 continue
-            for name, (dims, data) in values.items():
+            for name, given in values.items():
                 if not keep or name in keep:
-                    block.put(name, dims, row, data)
+                    block.put(name, given.dims, row, given.data, given.unit)
             block.coordinates.update(labels)
         return block
 
@@ -91,16 +91,19 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _outputs(answer: Any) -> tuple[dict[str, tuple[tuple[str, ...], NDArray[Any]]], dict[str, NDArray[Any]]]:
-    """Outputs by name with their dimensions, and labels along dimensions, of what a function gave."""
+def _outputs(answer: Any) -> tuple[dict[str, Values], dict[str, NDArray[Any]]]:
+    """Outputs of one point by name, and labels along dimensions, of what a function gave."""
     if isinstance(answer, Mapping) and not hasattr(answer, "data_vars"):  # a Dataset is a mapping, too
         arrays = {str(name): np.asarray(value, float) for name, value in answer.items()}
-        return {name: (tuple(f"{name}_{axis}" for axis in range(a.ndim)), a) for name, a in arrays.items()}, {}
+        return {name: Values(tuple(f"{name}_{axis}" for axis in range(a.ndim)), a) for name, a in arrays.items()}, {}
     import xarray as xr
 
     if not isinstance(answer, xr.Dataset):
         raise TypeError(f"a study function must return a dict or a Dataset, not {type(answer).__name__}")
-    values = {str(name): (tuple(map(str, each.dims)), each.values) for name, each in answer.data_vars.items()}
+    values = {
+        str(name): Values(tuple(map(str, each.dims)), each.values, str(each.attrs.get("units", "")))
+        for name, each in answer.data_vars.items()
+    }
     return values, {str(dim): np.asarray(labels) for dim, labels in answer.coords.items()}
 
 
