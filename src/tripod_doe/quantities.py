@@ -1,4 +1,4 @@
-"""Numbers as people write them: one place for every number in a sentence, a table or a line of the terminal.
+"""Numbers and names as people write them: one place for all in a sentence, a table or a line of the terminal.
 
 Three significant digits, powers of ten only where nobody would write the digits, and a unit that suits the size.
 """
@@ -13,6 +13,7 @@ __all__ = [
     "count_of",
     "digits_apart",
     "duration",
+    "in_words",
     "interval",
     "level",
     "levels_apart",
@@ -30,6 +31,7 @@ _PLAIN = (1e-4, 1e7)  # magnitudes that are written without a power of ten
 _GROUPED = 1e4  # from here on, digits are grouped by commas
 _TIMES = ((86400.0, "d", 2.0), (3600.0, "h", 2.0), (60.0, "min", 2.0), (1.0, "s", 0.1), (1e-3, "ms", 1.0),
           (1e-6, "us", 1.0), (1e-9, "ns", 0.0))  # fmt: skip
+_PERSONS = {"youngs": "Young's", "poissons": "Poisson's"}
 _SIZES = ((1e12, "TB"), (1e9, "GB"), (1e6, "MB"), (1e3, "kB"), (1.0, "bytes"))
 
 
@@ -92,6 +94,11 @@ def interval(value: float, half: float) -> str:
         return f"0 +- {number(half, 2)}"
     told = math.floor(math.log10(abs(value))) - math.floor(math.log10(abs(half))) + 2
     return f"{number(value, min(max(told, 1), _DIGITS + 1))} +- {number(half, 2)}"
+
+
+def in_words(name: str) -> str:
+    """A name without underscores, those of persons as they are written: ``poissons_ratio`` is ``Poisson's ratio``."""
+    return " ".join(_PERSONS.get(word, word) for word in name.split("_"))
 
 
 def with_unit(value: str, unit: str) -> str:

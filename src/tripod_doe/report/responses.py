@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from tripod_doe.quantities import level, with_unit
+from tripod_doe.quantities import in_words, level, with_unit
 from tripod_doe.report.model_choice import asked_orders
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import COST_VARIABLES, EXCLUDED, RECORD_ROLE, RESPONSE_ROLE, SWITCH_ROLE
@@ -31,7 +31,6 @@ __all__ = [
     "factor_text",
     "factor_unit",
     "finished",
-    "in_words",
     "listed",
     "main_effect",
     "numeric_factors",
@@ -62,7 +61,6 @@ ERRORS = ("thrust_amplitude_error", "thrust_amplitude_scatter")
 _VISIBLE = 5e-3  # orders smaller than this part of the largest one are not worth a sentence
 _MOST_OWN = 6  # numbers of a function
 _UNITS = {"1": "", "degree": "deg", "mm s-1": "mm/s", "kg m-3": "kg/m3", "s mm-1": "s/mm", "s-1": "1/s"}
-_PERSONS = {"youngs": "Young's", "poissons": "Poisson's"}
 _CLASSES = 10  # classes of a sampled factor
 _MOST_LEVELS = 40  # a factor with more values than this is a sampled one
 _REPETITION = "replicate"  # the factor that tells runs of one point apart
@@ -127,11 +125,6 @@ class Effect:
 def spoken(name: str) -> str:
     """A parameter's name in words, without its unit: ``joint_angle_deg`` becomes ``joint angle``."""
     return in_words(_UNIT_SUFFIX.sub("", name))
-
-
-def in_words(name: str) -> str:
-    """A name without underscores, those of persons as they are written: ``poissons_ratio`` is ``Poisson's ratio``."""
-    return " ".join(_PERSONS.get(word, word) for word in name.split("_"))
 
 
 def unit_text(unit: str) -> str:

@@ -10,8 +10,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from starlette.responses import HTMLResponse
 
-from tripod_doe.quantities import duration, level, number, size
-from tripod_doe.report.responses import in_words
+from tripod_doe.quantities import duration, in_words, level, number, size
 from tripod_doe.report.template_cache import compiled_templates
 from tripod_doe.service.page.assets import stamp
 from tripod_doe.service.runs import Run
