@@ -136,7 +136,7 @@ def test_many_labels_are_told_by_their_ends():
 
 def test_a_cube_without_a_finished_point_says_so(cube):
     none = cube.drop_vars("f").assign(outcome=cube["outcome"] * 0 + 1)
-    with pytest.raises(InputError, match="not in this cube, which has outcomes only: no point finished; allowed: out"):
+    with pytest.raises(InputError, match="not in this cube, of which no point finished; allowed: out"):
         query(none, "f")
     with pytest.raises(InputError, match="not in this cube; allowed"):
         query(cube.drop_vars("f"), "f")

@@ -267,19 +267,9 @@ def _solve_all(row, memory, most):
 
 
 def settle_together(row: FloatArray, memory: Memory) -> tuple[bool, int]:
-    """Solve a point.
+    """Solve a point; whether it settled, and iterations of the whole revolution.
 
-    Parameters
-    ----------
-    row
-        Of the table of `PointConstants`.
-    memory
-        `Memory`, in which the point was started.
-
-    Returns
-    -------
-    tuple
-        Whether it settled, and iterations of the whole revolution.
+    Parameters as for `relaxation.settle_still`.
     """
     settled, of_samples = _solve_all(row, memory, _IN_ALL)
     if settled:

@@ -10,14 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
-from tripod_doe.simulator import BlockResult, Outcome, Parameter, Simulator, Value, Values
+from tripod_doe.simulator import WORK, BlockResult, Outcome, Parameter, Simulator, Value, Values
 
-__all__ = ["TAKEN_NAMES", "FunctionSimulator"]
+__all__ = ["FunctionSimulator"]
 
-TAKEN_NAMES = frozenset({
-    "outcome", "outcome_detail", "excluded", "worker", "cpu_seconds", "wall_seconds", "steps", "force_evaluations",
-    "solves", "simulated_seconds",
-})  # fmt: skip
+_TAKEN_NAMES = frozenset({"outcome", "outcome_detail", "excluded", "worker", "cpu_seconds", "wall_seconds", *WORK})
 """What every cube holds, with its costs: an output of such a name would be lost behind it."""
 
 
@@ -112,7 +109,7 @@ def _check_names(values: Collection[str], arguments: Collection[str]) -> None:
     for name in values:
         if not name.strip() or "/" in name:
             raise ValueError(f"output {name!r}: a name must not be empty, nor hold a slash")
-        if name in arguments or name in TAKEN_NAMES:
+        if name in arguments or name in _TAKEN_NAMES:
             raise ValueError(f"output {name!r}: this name is taken by an argument, or by what every cube holds")
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, near_match, option
+from tripod_doe.simulator import Outcome
 from tripod_doe.study.arrays import CubeArrays, Variable, cube_arrays
 from tripod_doe.study.expressions import Expression
 from tripod_doe.study.results import opened_cube
@@ -211,7 +212,8 @@ def _choose(
 ) -> _Choice:
     if variable not in cube.variables:
         outcome = cube.variables.get("outcome")
-        without = ", which has outcomes only: no point finished" if outcome and (outcome.values != 0).all() else ""
+        failed = outcome is not None and bool((outcome.values != Outcome.FINISHED).all())
+        without = ", of which no point finished" if failed else ""
         known = near_match(variable, cube.variables)
         raise InputError(f"{option('variable', variable)}: not in this cube{without}{known}")
     dims = set(cube.variables[variable].dims)
