@@ -29,12 +29,19 @@ from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.integrators.registry import METHODS
 
 FIELD = {
-    "joint_angle_deg": (0.5, 20.0), "torque_n_m": (5.0, 500.0), "speed_rpm": (20.0, 3000.0),
-    "groove_sliding_friction": (0.0, 0.2), "needle_sliding_friction": (0.0, 0.15),
-    "groove_rolling_friction": (0.0, 0.006), "needle_rolling_friction": (0.0, 0.006), "transition_ratio": (0.05, 0.5),
-    "initial_skew_1_deg": (-2.0, 2.0), "initial_skew_2_deg": (-2.0, 2.0), "initial_skew_3_deg": (-2.0, 2.0),
+    "joint_angle_deg": (0.5, 20.0),
+    "torque_n_m": (5.0, 500.0),
+    "speed_rpm": (20.0, 3000.0),
+    "groove_sliding_friction": (0.0, 0.2),
+    "needle_sliding_friction": (0.0, 0.15),
+    "groove_rolling_friction": (0.0, 0.006),
+    "needle_rolling_friction": (0.0, 0.006),
+    "transition_ratio": (0.05, 0.5),
+    "initial_skew_1_deg": (-2.0, 2.0),
+    "initial_skew_2_deg": (-2.0, 2.0),
+    "initial_skew_3_deg": (-2.0, 2.0),
     "bearing_radial_clearance_mm": (0.0, 0.05),
-}  # fmt: skip
+}
 """Ranges of the field; torque of both signs."""
 METHOD = METHODS["adaptive-euler"]
 SAMPLES = 360
@@ -86,9 +93,14 @@ def trial(values: JointValues[float], needles: bool, accuracy: float, finer: flo
     truth = true.orders.mean(0)[3]
     size = float(goal.sizes(np.abs(joint.orders_of(motion).mean(0)), values)[3])
     return Trial(
-        not motion.missed, abs(abs(found) - abs(truth)) / size, abs(found - truth) / size, motion.error[3] / size,
-        motion.setting, sum(run.force_evaluations for run in motion.runs), per_sample,
-    )  # fmt: skip
+        not motion.missed,
+        abs(abs(found) - abs(truth)) / size,
+        abs(found - truth) / size,
+        motion.error[3] / size,
+        motion.setting,
+        sum(run.force_evaluations for run in motion.runs),
+        per_sample,
+    )
 
 
 def fixed_price(trials: list[Trial], tolerance: float, samples: int) -> float:
@@ -106,9 +118,11 @@ def tell(trials: list[Trial], samples: int) -> None:
         share, ratio = 100 * np.mean(reported >= errors / 2), np.median(reported / np.maximum(errors, 1e-12))
         print(f"{name}: reported error at least half the true one at {share:.0f} %, {ratio:.2f} times it in the median")
     price, tolerances = np.mean([t.evaluations for t in trials]), [t.tolerance for t in trials]
-    print(f"force evaluations: mean {price:.0f}; with {max(tolerances):.2g} at every point "
-          f"{fixed_price(trials, max(tolerances), samples):.0f}, with {min(tolerances):.2g} "
-          f"{fixed_price(trials, min(tolerances), samples):.0f}")  # fmt: skip
+    print(
+        f"force evaluations: mean {price:.0f}; with {max(tolerances):.2g} at every point "
+        f"{fixed_price(trials, max(tolerances), samples):.0f}, with {min(tolerances):.2g} "
+        f"{fixed_price(trials, min(tolerances), samples):.0f}"
+    )
 
 
 def main(arguments: list[str] | None = None) -> None:

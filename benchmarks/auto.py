@@ -65,12 +65,14 @@ def told(found: np.ndarray, allowed: float) -> dict[str, object]:
 
     return {
         "allowed_percent": 100 * allowed,
-        "compared": missed.size, "met": int((missed <= 1).sum()),
-        "sure": int(sure.sum()), "met_where_sure": int((missed[sure] <= 1).sum()),
+        "compared": missed.size,
+        "met": int((missed <= 1).sum()),
+        "sure": int(sure.sum()),
+        "met_where_sure": int((missed[sure] <= 1).sum()),
         "error_percent_median_most": percent(np.quantile(missed, [0.5, 1.0])),
         "missed_percent": percent(np.sort(missed[missed > 1])),
         "error_of_check_percent_median_most": percent(np.quantile(own, [0.5, 1.0])),
-    }  # fmt: skip
+    }
 
 
 def compare(path: Path, out: Path, checked: int, workers: int = 1) -> dict[str, object]:
@@ -86,16 +88,20 @@ def compare(path: Path, out: Path, checked: int, workers: int = 1) -> dict[str, 
     everywhere = float(choice["price"].values[choice["candidate"].values].sum())
     points = zip(choice["candidate_label"].values, choice["points_of_candidate"].values, strict=True)
     return {
-        "study": path.stem, "points": count, "pilot_points": choice.sizes["pilot_point"],
+        "study": path.stem,
+        "points": count,
+        "pilot_points": choice.sizes["pilot_point"],
         "candidates": {str(label): int(number) for label, number in points if number},
         "recorded_share": choice.attrs.get("recorded_share"),
-        **{each.name: told(errors(auto, full, chosen, each, study.accuracy.floor), each.allowed)
-           for each in study.accuracy.demands},
+        **{
+            each.name: told(errors(auto, full, chosen, each, study.accuracy.floor), each.allowed)
+            for each in study.accuracy.demands
+        },
         "expected_not_met": int((choice["accuracy_met"] == 0).sum()),
         "counted_cpu_s": price,
         "times_cheaper": price["reference"] / (price["study"] + price["pilot"]),
         "times_cheaper_without_pilot": price["reference"] / everywhere,
-    }  # fmt: skip
+    }
 
 
 def main(arguments: list[str] | None = None) -> None:

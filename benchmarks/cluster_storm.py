@@ -195,8 +195,10 @@ def storm(folder: Path, options: argparse.Namespace) -> dict[str, object]:
         thread.join()
         while command.running:
             time.sleep(0.2)
-        prices = {"CPU seconds of the command": round(command.cpu_seconds, 1),
-                  "of the scheduler": round(cpu_seconds(cluster.processes["scheduler"]), 1)}  # fmt: skip
+        prices = {
+            "CPU seconds of the command": round(command.cpu_seconds, 1),
+            "of the scheduler": round(cpu_seconds(cluster.processes["scheduler"]), 1),
+        }
     seconds = time.monotonic() - started
     told = {"hits": dict(hits), "seconds": round(seconds, 1)} | checked(folder, command, options.count, killer)
     busy = busy_share(folder, options.workers * options.threads, options.pause)

@@ -74,9 +74,11 @@ def stage(name: str, points: int, before: float) -> Iterator[None]:
     cpu, wall = time.process_time(), time.perf_counter()
     yield
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
-    print(f"{name:24}{cpu:9.2f} CPU-s {1e6 * cpu / points:8.2f} us/point  wall {wall:7.2f} s  "
-          f"memory {memory('VmHWM') - before:7.0f} MB, {1e6 * (memory('VmHWM') - before) / points:6.0f} bytes/point",
-          flush=True)  # fmt: skip
+    print(
+        f"{name:24}{cpu:9.2f} CPU-s {1e6 * cpu / points:8.2f} us/point  wall {wall:7.2f} s  "
+        f"memory {memory('VmHWM') - before:7.0f} MB, {1e6 * (memory('VmHWM') - before) / points:6.0f} bytes/point",
+        flush=True,
+    )
 
 
 def rehearse(folder: Path) -> None:

@@ -47,20 +47,35 @@ from tripod_doe.mechanics.sources import source_hashes
 from tripod_doe.simulator import Outcome
 
 FIELD = {
-    "joint_angle_deg": (0.0, 20.0), "torque_n_m": (5.0, 500.0), "speed_rpm": (20.0, 3000.0),
-    "groove_sliding_friction": (0.0, 0.2), "needle_sliding_friction": (0.0, 0.15),
-    "groove_rolling_friction": (0.0, 0.006), "needle_rolling_friction": (0.0, 0.006), "transition_ratio": (0.05, 0.5),
-    "initial_skew_1_deg": (-2.0, 2.0), "initial_skew_2_deg": (-2.0, 2.0), "initial_skew_3_deg": (-2.0, 2.0),
-    "bearing_radial_clearance_mm": (0.0, 0.05), "needle_axial_clearance_mm": (0.02, 0.5), "needle_crown_um": (0.0, 10.0),
-}  # fmt: skip
+    "joint_angle_deg": (0.0, 20.0),
+    "torque_n_m": (5.0, 500.0),
+    "speed_rpm": (20.0, 3000.0),
+    "groove_sliding_friction": (0.0, 0.2),
+    "needle_sliding_friction": (0.0, 0.15),
+    "groove_rolling_friction": (0.0, 0.006),
+    "needle_rolling_friction": (0.0, 0.006),
+    "transition_ratio": (0.05, 0.5),
+    "initial_skew_1_deg": (-2.0, 2.0),
+    "initial_skew_2_deg": (-2.0, 2.0),
+    "initial_skew_3_deg": (-2.0, 2.0),
+    "bearing_radial_clearance_mm": (0.0, 0.05),
+    "needle_axial_clearance_mm": (0.02, 0.5),
+    "needle_crown_um": (0.0, 10.0),
+}
 """Ranges of the field; torque of both signs."""
 LARGEST_ANGLE = 25.0
 """Joint angle in deg up to which the balances are asked."""
 CALM = {"joint_angle_deg": (5.0, 15.0), "torque_n_m": (25.0, 150.0), "speed_rpm": (300.0, 1000.0)}
 GEOMETRY = (
-    "pitch_radius_mm", "roller_radius_mm", "roller_width_mm", "needle_count", "needle_diameter_mm", "needle_length_mm",
-    "needle_pitch_diameter_mm", "shaft_mass_kg",
-)  # fmt: skip
+    "pitch_radius_mm",
+    "roller_radius_mm",
+    "roller_width_mm",
+    "needle_count",
+    "needle_diameter_mm",
+    "needle_length_mm",
+    "needle_pitch_diameter_mm",
+    "shaft_mass_kg",
+)
 """Within 25 % of their defaults."""
 SWITCHES = [name for name, parameter in JOINT_PARAMETERS.items() if parameter.kind == "switch"]
 BALANCES = ("equilibrium", "kinetostatic")
@@ -164,9 +179,12 @@ class Record:
 
 
 def answers(
-    model: str, columns: dict[str, np.ndarray], factor: float = 1.0, record: Record | None = None,
+    model: str,
+    columns: dict[str, np.ndarray],
+    factor: float = 1.0,
+    record: Record | None = None,
     rows: Iterable[int] | None = None,
-):  # fmt: skip
+):
     """Outcome, reason, CPU milliseconds, complex orders of each point, by a `factor` of its tolerance or accuracy; and
     whether it was followed as vibrating.
 
@@ -187,14 +205,19 @@ def answers(
         found.append(record.answer(f"{model} {factor:g}", int(row), lambda at=i: _solved(model, values.take([at]))))
         if solver.settles:
             one = found[-1]
-            print(f"  {row}: {Outcome(one.outcome).label}, {one.milliseconds:.0f} ms, {np.hypot(*one.orders[3]):.4g} N "
-                  f"{one.detail}", flush=True)  # fmt: skip
+            print(
+                f"  {row}: {Outcome(one.outcome).label}, {one.milliseconds:.0f} ms, {np.hypot(*one.orders[3]):.4g} N "
+                f"{one.detail}",
+                flush=True,
+            )
     orders = np.array([one.orders for one in found])
     return (
-        np.array([one.outcome for one in found]), [one.detail for one in found],
-        np.array([one.milliseconds for one in found]), orders[..., 0] + 1j * orders[..., 1],
+        np.array([one.outcome for one in found]),
+        [one.detail for one in found],
+        np.array([one.milliseconds for one in found]),
+        orders[..., 0] + 1j * orders[..., 1],
         np.array([one.vibrates for one in found]),
-    )  # fmt: skip
+    )
 
 
 def _solved(model: str, point) -> Answer:
@@ -238,8 +261,10 @@ def tell(columns: dict[str, np.ndarray], outcome: np.ndarray, detail, price: np.
     for (number, text), times in Counter(zip(outcome.tolist(), detail, strict=True)).most_common():
         print(f"{times:6d} {100 * times / outcome.size:7.3f} %  {Outcome(number).label}  {text}")
     low, middle, high = np.quantile(price, (0.25, 0.5, 0.75))
-    print(f"price: median {middle:.2f} ms ({low:.2f} to {high:.2f}), mean {price.mean():.2f}, "
-          f"largest {price.max():.1f} ms, {price.max() / middle:.0f} medians")  # fmt: skip
+    print(
+        f"price: median {middle:.2f} ms ({low:.2f} to {high:.2f}), mean {price.mean():.2f}, "
+        f"largest {price.max():.1f} ms, {price.max() / middle:.0f} medians"
+    )
     for row in np.flatnonzero(outcome != Outcome.FINISHED)[:listed]:
         print(" ", " ".join(f"--{name} {column[row]:.17g}" for name, column in columns.items()))
 
@@ -259,9 +284,11 @@ def tell_against(columns: dict[str, np.ndarray], orders: np.ndarray, reference: 
     """Print how far orders are from those of a reference."""
     change = moved(orders, reference)
     wrong = np.abs(np.abs(orders[:, 3]) - np.abs(reference[:, 3])) > WRONG * thirds(columns, reference)
-    print(f"against {what}, {len(orders)} points: median change of an order {np.median(change):.1e} of the largest, "
-          f"worst {change.max():.1e}; third order wrong by more than 5 %: {wrong.sum()}, "
-          f"at most {100 * upper_bound(int(wrong.sum()), wrong.size):.2g} %")  # fmt: skip
+    print(
+        f"against {what}, {len(orders)} points: median change of an order {np.median(change):.1e} of the largest, "
+        f"worst {change.max():.1e}; third order wrong by more than 5 %: {wrong.sum()}, "
+        f"at most {100 * upper_bound(int(wrong.sum()), wrong.size):.2g} %"
+    )
 
 
 def tell_beside(
@@ -276,9 +303,11 @@ def tell_beside(
     limit = limit + np.nan_to_num(known_errors(beside, all_columns(columns))[1])
     told, off = unknown == "", error > WRONG
     beyond = off & told & (error > limit)
-    print(f"{model} beside {beside}, {own.size} points: off by {100 * np.median(error):.2g} % in the median, "
-          f"by more than 5 % at {off.sum()}; of {told.sum()} points with a stated error "
-          f"{beyond.sum()} are off by more than 5 % and more than the limits of both")  # fmt: skip
+    print(
+        f"{model} beside {beside}, {own.size} points: off by {100 * np.median(error):.2g} % in the median, "
+        f"by more than 5 % at {off.sum()}; of {told.sum()} points with a stated error "
+        f"{beyond.sum()} are off by more than 5 % and more than the limits of both"
+    )
     for at in np.flatnonzero(beyond):
         print(f"  point {rows[own[at]]}: off by {100 * error[at]:.2g} %, limit {100 * limit[at]:.2g} %")
 
@@ -305,8 +334,10 @@ def main(given: list[str] | None = None) -> None:
     columns, outcome, orders = {n: c[held] for n, c in columns.items()}, outcome[held], orders[held]
     finished = outcome == Outcome.FINISHED
     if vibrates.any():
-        print(f"{vibrates.sum()} vibrate, and make {100 * price[vibrates].sum() / price.sum():.0f} % of the price; mean of "
-              f"the others {price[~vibrates].mean():.2f} ms")  # fmt: skip
+        print(
+            f"{vibrates.sum()} vibrate, and make {100 * price[vibrates].sum() / price.sum():.0f} % of the price; mean of "
+            f"the others {price[~vibrates].mean():.2f} ms"
+        )
     if arguments.plain:
         ratio = price[held].mean() / plain_prices(model, columns, record).mean()
         print(f"mean price {ratio:.2f} times that with one tolerance, {outcome.size} points")

@@ -35,8 +35,11 @@ def tell(point: int, found: list[list[dict]]) -> float:
     for name, one in zip(("here", "there"), found[-1], strict=False):
         second, third = one["orders"]
         evaluations = one["counted"]["force_evaluations"]
-        print(f"point {point} {name:6s} {one['cpu_seconds']:6.2f} CPU-s, {evaluations:6d} evaluations, "
-              f"tolerance {one['tolerance']:.2g}, second {second:.4f} N, third {third:.4f} N {one['detail']}", flush=True)  # fmt: skip
+        print(
+            f"point {point} {name:6s} {one['cpu_seconds']:6.2f} CPU-s, {evaluations:6d} evaluations, "
+            f"tolerance {one['tolerance']:.2g}, second {second:.4f} N, third {third:.4f} N {one['detail']}",
+            flush=True,
+        )
     ratio = float(np.median([one[0]["cpu_seconds"] / one[-1]["cpu_seconds"] for one in found]))
     print(f"point {point} {ratio:.2f} of the price", flush=True)
     return ratio

@@ -112,9 +112,12 @@ def draw_needle(rng: np.random.Generator) -> dict[str, float]:
     while not max(friction) / min(friction) > 1.05:  # equal friction has no drift to be relative to
         friction = rng.uniform(0.01, 0.1, 2)
     return {
-        "friction_a": friction[0], "friction_b": friction[1], "plate_speed_mm_s": log_uniform(rng, 10, 1000),
-        "skew_deg": rng.choice([-1, 1]) * rng.uniform(0.3, 10), "load_n": log_uniform(rng, 10, 500),
-    }  # fmt: skip
+        "friction_a": friction[0],
+        "friction_b": friction[1],
+        "plate_speed_mm_s": log_uniform(rng, 10, 1000),
+        "skew_deg": rng.choice([-1, 1]) * rng.uniform(0.3, 10),
+        "load_n": log_uniform(rng, 10, 500),
+    }
 
 
 def run_needle(values: Mapping[str, float], method: str, setting: float) -> tuple[Run, float]:
@@ -135,18 +138,24 @@ def run_needle(values: Mapping[str, float], method: str, setting: float) -> tupl
 
 def draw_groove(rng: np.random.Generator) -> dict[str, float]:
     return {
-        "tilt_deg": rng.uniform(2, 15), "axial_speed_mm_s": log_uniform(rng, 20, 500), "load_n": log_uniform(rng, 50, 2e3),
-        "friction": rng.uniform(0.02, 0.1), "transition_ratio": log_uniform(rng, 0.05, 0.5), "times": log_uniform(rng, *TIMES),
-    }  # fmt: skip
+        "tilt_deg": rng.uniform(2, 15),
+        "axial_speed_mm_s": log_uniform(rng, 20, 500),
+        "load_n": log_uniform(rng, 50, 2e3),
+        "friction": rng.uniform(0.02, 0.1),
+        "transition_ratio": log_uniform(rng, 0.05, 0.5),
+        "times": log_uniform(rng, *TIMES),
+    }
 
 
 def run_groove(values: Mapping[str, float], method: str, setting: float) -> tuple[Run, float]:
     full = roller_in_groove.simulator.effective(dict(values))
     numbers = {name: float(value) for name, value in full.items() if isinstance(value, int | float)}
     roller = roller_in_groove.build(numbers).bodies[0]
-    spun_up = roller.inertia[1] * numbers["axial_speed_mm_s"] / (
-        numbers["roller_radius_mm"] ** 2 * numbers["friction"] * numbers["load_n"]
-    )  # fmt: skip
+    spun_up = (
+        roller.inertia[1]
+        * numbers["axial_speed_mm_s"]
+        / (numbers["roller_radius_mm"] ** 2 * numbers["friction"] * numbers["load_n"])
+    )
     numbers["duration_s"] = values["times"] * spun_up
     scene = roller_in_groove.build(numbers)
     assembly = assemble(replace(scene, bodies=(replace(roller, angular_velocity=(0.0, 0.0, 0.0)),)))
@@ -177,8 +186,10 @@ def part_run(assembly, duration: float, samples: int, method: str, setting: floa
 
 def draw_thrown(rng: np.random.Generator) -> dict[str, float]:
     return {
-        "friction": rng.uniform(0.1, 0.4), "transition": log_uniform(rng, 1e-4, 1e-2), "times": log_uniform(rng, *TIMES),
-    }  # fmt: skip
+        "friction": rng.uniform(0.1, 0.4),
+        "transition": log_uniform(rng, 1e-4, 1e-2),
+        "times": log_uniform(rng, *TIMES),
+    }
 
 
 def run_thrown(values: Mapping[str, float], method: str, setting: float) -> tuple[Run, float]:
@@ -233,14 +244,22 @@ def cheap_trials(count: int, rng: np.random.Generator):
 UNDAMPED = ("generalized-alpha", "bdf2")
 """Methods that damp little, in the order in which they are asked for the truth."""
 ROLLERS = {
-    "adaptive-euler": (1e-3, 0.1), "linearly-implicit-euler": (5e-6, 3e-4), "implicit-euler": (3e-5, 1e-3),
-    "bdf2": (3e-5, 1e-3), "generalized-alpha": (3e-5, 1e-3), "rosenbrock": (1e-4, 0.1),
-    "symplectic-euler": (1.5e-6, 1e-5), "rk4": (3e-6, 2e-5),
-}  # fmt: skip
+    "adaptive-euler": (1e-3, 0.1),
+    "linearly-implicit-euler": (5e-6, 3e-4),
+    "implicit-euler": (3e-5, 1e-3),
+    "bdf2": (3e-5, 1e-3),
+    "generalized-alpha": (3e-5, 1e-3),
+    "rosenbrock": (1e-4, 0.1),
+    "symplectic-euler": (1.5e-6, 1e-5),
+    "rk4": (3e-6, 2e-5),
+}
 NEEDLES = {
-    "adaptive-euler": (1e-3, 0.1), "linearly-implicit-euler": (1e-5, 3e-4), "implicit-euler": (2e-5, 1e-3),
-    "bdf2": (2e-5, 1e-3), "generalized-alpha": (2e-5, 1e-3),
-}  # fmt: skip
+    "adaptive-euler": (1e-3, 0.1),
+    "linearly-implicit-euler": (1e-5, 3e-4),
+    "implicit-euler": (2e-5, 1e-3),
+    "bdf2": (2e-5, 1e-3),
+    "generalized-alpha": (2e-5, 1e-3),
+}
 FEW = {"needle_count": 9, "needle_diameter_mm": 5.89, "spheres_per_needle": 3}
 SAMPLES = 180
 
@@ -249,12 +268,15 @@ def draw_point(rng: np.random.Generator, needles: bool) -> dict[str, float]:
     """An operating point; with needles, every third one of the full number of them."""
     skews = {f"initial_skew_{k}_deg": rng.uniform(-0.6, 0.6) for k in (1, 2, 3)}
     return {
-        "joint_angle_deg": rng.uniform(2, 15), "torque_n_m": log_uniform(rng, 10, 100),
-        "speed_rpm": rng.uniform(300, 1200), **skews, "groove_sliding_friction": rng.uniform(0.02, 0.1),
+        "joint_angle_deg": rng.uniform(2, 15),
+        "torque_n_m": log_uniform(rng, 10, 100),
+        "speed_rpm": rng.uniform(300, 1200),
+        **skews,
+        "groove_sliding_friction": rng.uniform(0.02, 0.1),
         "needle_sliding_friction": rng.uniform(0.01, 0.06),
         "bearing_radial_clearance_mm": rng.choice([rng.uniform(-0.003, 0), rng.uniform(0, 0.03), rng.uniform(0, 0.03)]),
         **(FEW if needles and rng.uniform() < 2 / 3 else {}),
-    }  # fmt: skip
+    }
 
 
 def draw_points(points: int, needles: bool, whole_field: bool, rng: np.random.Generator) -> list[dict[str, float]]:
@@ -333,15 +355,21 @@ def tell(trials: list[Trial]) -> None:
             wrong, good = [t for t in chosen if t.wrong], [t for t in chosen if t.good]
             misses, alarms = sum(t.finished for t in wrong), sum(not t.finished for t in good)
             bounds = [100 * upper_bound(misses, n) for n in (len(chosen), len(wrong))] if wrong else [np.nan, np.nan]
-            print(f"{name + ' ' + method:42s} {len(chosen):4d}  {len(wrong):5d}  {misses:6d}  {bounds[0]:7.2f} % {bounds[1]:7.2f} % "
-                  f"  {len(good):4d}  {alarms:6d}")  # fmt: skip
+            print(
+                f"{name + ' ' + method:42s} {len(chosen):4d}  {len(wrong):5d}  {misses:6d}  {bounds[0]:7.2f} % {bounds[1]:7.2f} % "
+                f"  {len(good):4d}  {alarms:6d}"
+            )
     wrong, good = [trial for trial in trials if trial.wrong], [trial for trial in trials if trial.good]
     misses, alarms = [t for t in wrong if t.finished], [t for t in good if not t.finished]
-    print(f"misses: {len(misses)} of {len(trials)} runs, {len(wrong)} wrong ones; below "
-          f"{100 * upper_bound(len(misses), len(trials)):.2f} % of the runs, "
-          f"{100 * upper_bound(len(misses), len(wrong)):.2f} % of the wrong ones")  # fmt: skip
-    print(f"false alarms: {len(alarms)} of {len(good)} good runs, {100 * len(alarms) / max(len(good), 1):.1f} %; "
-          f"below {100 * upper_bound(len(alarms), len(good)):.1f} %")  # fmt: skip
+    print(
+        f"misses: {len(misses)} of {len(trials)} runs, {len(wrong)} wrong ones; below "
+        f"{100 * upper_bound(len(misses), len(trials)):.2f} % of the runs, "
+        f"{100 * upper_bound(len(misses), len(wrong)):.2f} % of the wrong ones"
+    )
+    print(
+        f"false alarms: {len(alarms)} of {len(good)} good runs, {100 * len(alarms) / max(len(good), 1):.1f} %; "
+        f"below {100 * upper_bound(len(alarms), len(good)):.1f} %"
+    )
     for title, chosen in (("MISSES", misses), ("FALSE ALARMS", alarms)):
         print("\n".join([title, *(trial.text for trial in chosen)]) if chosen else f"no {title.lower()}")
 

@@ -47,8 +47,11 @@ def candidate_prices(record: bool) -> None:
     prices = tomlkit.parse(PRICES.read_text())
     for table, candidate in zip(prices.values(), simulator.candidates, strict=True):
         seconds, evaluations = candidate_cost(candidate)
-        print(f"{candidate.label}: {1e6 * seconds:.1f} us an evaluation (recorded {1e6 * candidate.evaluation_seconds:.1f}), "
-              f"{evaluations:.0f} a run (recorded {candidate.evaluations:.0f})", flush=True)  # fmt: skip
+        print(
+            f"{candidate.label}: {1e6 * seconds:.1f} us an evaluation (recorded {1e6 * candidate.evaluation_seconds:.1f}), "
+            f"{evaluations:.0f} a run (recorded {candidate.evaluations:.0f})",
+            flush=True,
+        )
         table["evaluation_seconds"], table["evaluations"] = float(f"{seconds:.3g}"), round(evaluations)
     if record:
         PRICES.write_text(tomlkit.dumps(prices))
@@ -76,9 +79,11 @@ def main() -> None:
         amplitudes = result.thrust_amplitude.values[2:4] if result.finished else (np.nan, np.nan)
         errors = result.thrust_amplitude_error.values[2:4] if result.finished else (np.nan, np.nan)
         cost = result.cost
-        print(f"{case}: {cost['cpu_seconds']:.2f} s, {cost['steps']} steps, second {amplitudes[0]:.4f} +- "
-              f"{errors[0]:.3f} N, third {amplitudes[1]:.4f} +- {errors[1]:.3f} N {result.outcome_detail.values}",
-              flush=True)  # fmt: skip
+        print(
+            f"{case}: {cost['cpu_seconds']:.2f} s, {cost['steps']} steps, second {amplitudes[0]:.4f} +- "
+            f"{errors[0]:.3f} N, third {amplitudes[1]:.4f} +- {errors[1]:.3f} N {result.outcome_detail.values}",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

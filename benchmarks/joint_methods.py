@@ -59,8 +59,11 @@ def measured(point, model, reference, method, **numerics):
     detail, amplitudes, seconds = simulate(point, model, method=method, **numerics)
     errors = 100 * (amplitudes / reference - 1)
     setting = next(iter(numerics.values()))
-    print(f"{point} {method:24s} {setting:8.1e} {seconds:8.2f} s  second {errors[0]:+7.2f} %  third "
-          f"{errors[1]:+7.3f} %  {detail}", flush=True)  # fmt: skip
+    print(
+        f"{point} {method:24s} {setting:8.1e} {seconds:8.2f} s  second {errors[0]:+7.2f} %  third "
+        f"{errors[1]:+7.3f} %  {detail}",
+        flush=True,
+    )
     return (*point, method, setting, seconds, *errors, detail)
 
 

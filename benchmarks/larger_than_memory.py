@@ -177,10 +177,30 @@ DESIGNS = {
     "multifidelity": Design(_several_models, "smooth"),
 }
 QUERIES = {
-    "query": ["query", "out", "--variable", "course", "--select", "point=7", "--format", "json", "--output", "one.json"],
-    "where": ["query", "out", "--variable", "course", "--where", "x > 0.9999 and rotation_deg < 1", "--output", "some.csv"],
+    "query": [
+        "query",
+        "out",
+        "--variable",
+        "course",
+        "--select",
+        "point=7",
+        "--format",
+        "json",
+        "--output",
+        "one.json",
+    ],
+    "where": [
+        "query",
+        "out",
+        "--variable",
+        "course",
+        "--where",
+        "x > 0.9999 and rotation_deg < 1",
+        "--output",
+        "some.csv",
+    ],
     "report": ["report", "out"],
-}  # fmt: skip
+}
 
 
 def limited(limit: int) -> None:
@@ -191,9 +211,13 @@ def command(name: str, words: list[str], folder: str, limit: int) -> None:
     """Run a command under the limit, and tell its price."""
     before, began = os.times(), time.perf_counter()
     done = subprocess.run(
-        [sys.executable, "-m", "tripod_doe.cli", *words], cwd=folder, preexec_fn=lambda: limited(limit),
-        stderr=subprocess.PIPE, text=True, check=False,
-    )  # fmt: skip
+        [sys.executable, "-m", "tripod_doe.cli", *words],
+        cwd=folder,
+        preexec_fn=lambda: limited(limit),
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
     cpu = sum(os.times()[2:4]) - sum(before[2:4])
     print(f"{name:20} exit {done.returncode}, {cpu:6.1f} CPU-s, {time.perf_counter() - began:6.1f} s", flush=True)
     if done.returncode:
@@ -209,8 +233,10 @@ def one_design(name: str, points: int, limit: int) -> None:
         out = Path(folder) / "out"
         size = sum(path.stat().st_size for path in (out / "cube.nc", out / "cost.nc"))
         with td.open_cube(out, chunks="auto") as cube:
-            print(f"{'':20} cube {cube.nbytes / limit:.1f} times the limit, {size / 1e6:,.0f} MB in the file, "
-                  f"made: {', '.join(sorted(path.stem for path in (out / 'analysis').glob('*')))}")  # fmt: skip
+            print(
+                f"{'':20} cube {cube.nbytes / limit:.1f} times the limit, {size / 1e6:,.0f} MB in the file, "
+                f"made: {', '.join(sorted(path.stem for path in (out / 'analysis').glob('*')))}"
+            )
         for query, words in QUERIES.items() if name == "saltelli" else ():
             command(query, words, folder, limit)
 

@@ -50,10 +50,13 @@ POINT = [
 
 def runs(cube: xr.Dataset) -> pd.DataFrame:
     """Points of a cube that were run with needles or rollers: what they set, and their third order, NaN if not sure."""
-    points = cube[["outcome"]].assign({
-        f"{name}_{order}": cube[f"thrust_{name}"].sel(order=order, drop=True)
-        for name in ("amplitude", "amplitude_error") for order in (2, 3)
-    })  # fmt: skip
+    points = cube[["outcome"]].assign(
+        {
+            f"{name}_{order}": cube[f"thrust_{name}"].sel(order=order, drop=True)
+            for name in ("amplitude", "amplitude_error")
+            for order in (2, 3)
+        }
+    )
     table = points.to_dataframe().reset_index()
     for name, value in json.loads(cube.attrs["fixed_parameters"]).items():
         if name == "model" or (name in POINT and value != JOINT_PARAMETERS[name].default):

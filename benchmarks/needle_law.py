@@ -92,15 +92,20 @@ def tell(found: xr.Dataset, title: str) -> None:
     orders, needles = found["orders"], found["orders"].sel(model="needles")
     counts = (abs(needles.sel(order=2)) > COUNTS * abs(needles.sel(order=3))).values
     print(f"\n{title}: {orders.sizes['point']} points, of which the second order counts at {counts.sum()}")
-    print(f"own error of needles, %: third {quantiles(100 * found['own'].sel(order=3).values)}, "
-          f"second {quantiles(100 * found['own'].sel(order=2).values[counts])}")  # fmt: skip
+    print(
+        f"own error of needles, %: third {quantiles(100 * found['own'].sel(order=3).values)}, "
+        f"second {quantiles(100 * found['own'].sel(order=2).values[counts])}"
+    )
     print(f"{'':14s}{'third, %':>16s}{'second, %':>18s}{'its phase, deg':>18s}{'skew, deg':>18s}")
     for model in MODELS:
         ratio = (orders.sel(model=model) / needles).values
         apart = (found["skew"].sel(model=model) - found["skew"].sel(model="needles")).values
         columns = (
-            100 * (abs(ratio[:, 1]) - 1), 100 * (abs(ratio[counts, 0]) - 1), np.degrees(np.angle(ratio[counts, 0])), apart
-        )  # fmt: skip
+            100 * (abs(ratio[:, 1]) - 1),
+            100 * (abs(ratio[counts, 0]) - 1),
+            np.degrees(np.angle(ratio[counts, 0])),
+            apart,
+        )
         print(f"{model:14s}" + "  ".join(f"{quantiles(column.ravel()):>16s}" for column in columns))
 
 

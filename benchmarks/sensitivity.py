@@ -84,23 +84,51 @@ def beside_salib(names: list[str]) -> None:
     print(f"{'analysis':12} {'rows':>8}  {'ours: CPU s':>12} {'MB':>6}  {'SALib: CPU s':>12} {'MB':>6}")
     once = {"precision": 1.0}
     cases = {
-        "sobol": ('kind = "saltelli"\nsamples = 8192', s.sobol_indices, s.SobolSettings(**once),
-                  lambda x, y: salib_sobol.analyze(PROBLEM, y, seed=1)),
-        "morris": ('kind = "morris"\nsamples = 16667', s.morris_effects, s.MorrisSettings(**once),
-                   lambda x, y: salib_morris.analyze(PROBLEM, x, y, seed=1)),
-        "rbd-fast": ('kind = "rbd-fast"\nsamples = 100000', s.rbd_fast_indices, s.RbdFastSettings(**once),
-                     lambda x, y: salib_rbd_fast.analyze(PROBLEM, x, y, seed=1)),
-        "fast": ('kind = "fast"\nsamples = 20000', s.fast_indices, s.FastSettings(**once),
-                 lambda x, y: salib_fast.analyze(PROBLEM, y, num_resamples=20, seed=1)),
-        "dgsm": ('kind = "finite-differences"\nsamples = 16667', s.derivative_measures, s.DgsmSettings(**once),
-                 lambda x, y: salib_dgsm.analyze(PROBLEM, x, y, seed=1)),
-        "pawn": ('kind = "latin-hypercube"\nsamples = 100000', s.pawn_indices, s.PawnSettings(**once),
-                 lambda x, y: salib_pawn.analyze(PROBLEM, x, y, seed=1)),
-        "delta": ('kind = "latin-hypercube"\nsamples = 100000', s.borgonovo_delta, s.DeltaSettings(**once),
-                  lambda x, y: salib_delta.analyze(PROBLEM, x, y, num_resamples=20, seed=1)),
+        "sobol": (
+            'kind = "saltelli"\nsamples = 8192',
+            s.sobol_indices,
+            s.SobolSettings(**once),
+            lambda x, y: salib_sobol.analyze(PROBLEM, y, seed=1),
+        ),
+        "morris": (
+            'kind = "morris"\nsamples = 16667',
+            s.morris_effects,
+            s.MorrisSettings(**once),
+            lambda x, y: salib_morris.analyze(PROBLEM, x, y, seed=1),
+        ),
+        "rbd-fast": (
+            'kind = "rbd-fast"\nsamples = 100000',
+            s.rbd_fast_indices,
+            s.RbdFastSettings(**once),
+            lambda x, y: salib_rbd_fast.analyze(PROBLEM, x, y, seed=1),
+        ),
+        "fast": (
+            'kind = "fast"\nsamples = 20000',
+            s.fast_indices,
+            s.FastSettings(**once),
+            lambda x, y: salib_fast.analyze(PROBLEM, y, num_resamples=20, seed=1),
+        ),
+        "dgsm": (
+            'kind = "finite-differences"\nsamples = 16667',
+            s.derivative_measures,
+            s.DgsmSettings(**once),
+            lambda x, y: salib_dgsm.analyze(PROBLEM, x, y, seed=1),
+        ),
+        "pawn": (
+            'kind = "latin-hypercube"\nsamples = 100000',
+            s.pawn_indices,
+            s.PawnSettings(**once),
+            lambda x, y: salib_pawn.analyze(PROBLEM, x, y, seed=1),
+        ),
+        "delta": (
+            'kind = "latin-hypercube"\nsamples = 100000',
+            s.borgonovo_delta,
+            s.DeltaSettings(**once),
+            lambda x, y: salib_delta.analyze(PROBLEM, x, y, num_resamples=20, seed=1),
+        ),
         "shapley": ('kind = "latin-hypercube"\nsamples = 100000', s.shapley_effects, s.ShapleySettings(**once), None),
         "effects": ('kind = "rbd-fast"\nsamples = 100000', s.factorial_effects, s.EffectsSettings(**once), None),
-    }  # fmt: skip
+    }
     for name in names or cases:
         design, analyse, settings, theirs = cases[name]
         cube, unit = cube_of(design, sixty, 5)

@@ -199,8 +199,10 @@ def main() -> None:
     tally = run_cases(options.cases, options.seed)
     for route, count in sorted(tally.items()):
         print(f"{count:6d}  {route}")
-    print(f"{tally.total():,} requests in {time.process_time() - started:.0f} s of CPU time: no internal error, "
-          "every answer as described")  # fmt: skip
+    print(
+        f"{tally.total():,} requests in {time.process_time() - started:.0f} s of CPU time: no internal error, "
+        "every answer as described"
+    )
 
 
 if __name__ == "__main__":

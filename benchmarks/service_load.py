@@ -52,8 +52,11 @@ class Server:
 
     def head(self, method: str, path: str, body: bytes = b"") -> bytes:
         """A request as bytes."""
-        lines = [f"{method} /api/v1{path} HTTP/1.1", f"Host: 127.0.0.1:{self.port}",
-                 f"Authorization: Bearer {self.token}"]  # fmt: skip
+        lines = [
+            f"{method} /api/v1{path} HTTP/1.1",
+            f"Host: 127.0.0.1:{self.port}",
+            f"Authorization: Bearer {self.token}",
+        ]
         lines += ["Content-Type: application/json", f"Content-Length: {len(body)}"] if body else []
         return "\r\n".join([*lines, "", ""]).encode() + body
 
@@ -161,8 +164,10 @@ async def measure(server: Server, requests: int, memory: int, watchers: int, sid
         cpu, started = cpu_of(server), time.perf_counter()
         seconds = await asked(server, small, requests, clients)
         cpu, rate = cpu_of(server) - cpu, seconds.size / (time.perf_counter() - started)
-        print(f"small answers, {clients} clients: {rate:.0f} per second, p99 {1e3 * np.quantile(seconds, 0.99):.1f} ms, "
-              f"{1e6 * cpu / seconds.size:.0f} us of CPU time each: at most {seconds.size / max(cpu, 0.01):.0f} per second")  # fmt: skip
+        print(
+            f"small answers, {clients} clients: {rate:.0f} per second, p99 {1e3 * np.quantile(seconds, 0.99):.1f} ms, "
+            f"{1e6 * cpu / seconds.size:.0f} us of CPU time each: at most {seconds.size / max(cpu, 0.01):.0f} per second"
+        )
     question = f"/runs/{demo['id']}/query?variable=thrust_rms"
     cells = len(await once(server, "GET", question))
     query = server.head("GET", question)
@@ -185,8 +190,10 @@ async def beside_studies(server: Server, request: bytes, side: int, seconds: flo
         while not (await once(server, "GET", f"/runs/{run['id']}"))["points"]["finished"]:
             await asyncio.sleep(0.1)
     waited = await paced(server, request, 200, seconds)
-    print(f"200 per second beside two studies: median {1e3 * np.median(waited):.1f} ms, "
-          f"p99 {1e3 * np.quantile(waited, 0.99):.1f} ms")  # fmt: skip
+    print(
+        f"200 per second beside two studies: median {1e3 * np.median(waited):.1f} ms, "
+        f"p99 {1e3 * np.quantile(waited, 0.99):.1f} ms"
+    )
     for run in runs:
         if (await once(server, "GET", f"/runs/{run['id']}"))["state"] == "running":
             await once(server, "POST", f"/runs/{run['id']}/stop")
@@ -218,8 +225,10 @@ async def stream_figures(server: Server, study: str) -> None:
     lost = sum(list(stream) != names[len(names) - len(stream) :] for stream in seen)
     first = {name: min(stream[name] for stream in seen if name in stream) for name in names}
     lags = [moment - first[name] for stream in seen for name, moment in stream.items()]
-    print(f"200 streams: {lost} lost an event of the {len(names)} that the first saw; "
-          f"p99 of an event's lag behind the first stream {1e3 * np.quantile(lags, 0.99):.0f} ms")  # fmt: skip
+    print(
+        f"200 streams: {lost} lost an event of the {len(names)} that the first saw; "
+        f"p99 of an event's lag behind the first stream {1e3 * np.quantile(lags, 0.99):.0f} ms"
+    )
 
 
 def main() -> None:

@@ -80,8 +80,10 @@ def slices(page: Page, session: CDPSession, address: str, count: int) -> None:
     before = at_work(session)
     seconds = [page.evaluate(NEXT_SLICE) for _ in range(count)]
     work = (at_work(session) - before) / count
-    print(f"next slice drawn: median {np.median(seconds):.0f} ms, least {min(seconds):.0f} ms; "
-          f"browser at work {1e3 * work:.0f} ms")  # fmt: skip
+    print(
+        f"next slice drawn: median {np.median(seconds):.0f} ms, least {min(seconds):.0f} ms; "
+        f"browser at work {1e3 * work:.0f} ms"
+    )
 
 
 def many_points(page: Page, session: CDPSession, server: Server, count: int) -> None:
@@ -90,8 +92,10 @@ def many_points(page: Page, session: CDPSession, server: Server, count: int) -> 
     for module, kind in (("parallel", "drawParallel"), ("matrix", "drawMatrix")):
         before = at_work(session)
         wall = page.evaluate(MANY, [count, f"/assets/{module}.js", kind])
-        print(f"{count:,} points, {module}: {wall:.0f} ms; browser at work {1e3 * (at_work(session) - before):.0f} ms, "
-              "the making of the points included")  # fmt: skip
+        print(
+            f"{count:,} points, {module}: {wall:.0f} ms; browser at work {1e3 * (at_work(session) - before):.0f} ms, "
+            "the making of the points included"
+        )
 
 
 def at_the_server(server: Server, run_id: str, points: int, count: int) -> None:
@@ -103,8 +107,10 @@ def at_the_server(server: Server, run_id: str, points: int, count: int) -> None:
         started = time.perf_counter()
         urllib.request.urlopen(request).read()
         seconds.append(time.perf_counter() - started)
-    print(f"slice of {points:,} points at the server: median {1e3 * np.median(seconds):.0f} ms, "
-          f"least {1e3 * min(seconds):.0f} ms")  # fmt: skip
+    print(
+        f"slice of {points:,} points at the server: median {1e3 * np.median(seconds):.0f} ms, "
+        f"least {1e3 * min(seconds):.0f} ms"
+    )
 
 
 def measure(side: int, points: int, count: int = 15) -> None:

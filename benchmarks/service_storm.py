@@ -70,16 +70,22 @@ async def storm(folder: Path, kills: int, workers: str, study: str) -> dict[str,
         await asyncio.sleep(random.uniform(0.2, 12))
         what = random.choice(sorted(counts))
         counts[what] += 1
-        before = {run_id: set(committed(folder / run_id)) for run_id in run_ids
-                  if (folder / run_id / "journal.sqlite").exists()}  # fmt: skip
+        before = {
+            run_id: set(committed(folder / run_id))
+            for run_id in run_ids
+            if (folder / run_id / "journal.sqlite").exists()
+        }
         kill(what, server, folder)
         if server.process.poll() is not None:
             server = Server(folder, "--workers", workers)
         started = time.monotonic()
         while True:
             runs = {run["id"]: run for run in await once(server, "GET", "/runs")}
-            stuck = [run for run in runs.values()
-                     if run["state"] in ("running", "stopping") and not processes_in(folder / run["id"])]  # fmt: skip
+            stuck = [
+                run
+                for run in runs.values()
+                if run["state"] in ("running", "stopping") and not processes_in(folder / run["id"])
+            ]
             if not stuck:
                 break
             assert time.monotonic() - started < 30, stuck

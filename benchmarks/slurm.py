@@ -43,8 +43,12 @@ ENDS = {
     "lifetime": {'"110m"': '"30s"', '"8m"': '"10s"'},
 }
 """What jobs have in place of two hours."""
-ARRAY = {"1-200%20": "1-40%3", "--cpus-per-task=16": "--cpus-per-task=2", "--nworkers 16": "--nworkers 2",
-         "dask worker": f"{sys.executable} -m dask worker"}  # fmt: skip
+ARRAY = {
+    "1-200%20": "1-40%3",
+    "--cpus-per-task=16": "--cpus-per-task=2",
+    "--nworkers 16": "--nworkers 2",
+    "dask worker": f"{sys.executable} -m dask worker",
+}
 CONFIGURATION = """
 ClusterName=here
 SlurmctldHost={host}(127.0.0.1)
@@ -99,10 +103,13 @@ class Slurm:
         libraries = next(root.glob("usr/lib/*/slurm-wlm")).parent
         (folder / "slurm.conf").write_text(
             CONFIGURATION.format(
-                host=socket.gethostname().partition(".")[0], controller=free_port(), node=free_port(),
-                libraries=libraries, folder=folder,
+                host=socket.gethostname().partition(".")[0],
+                controller=free_port(),
+                node=free_port(),
+                libraries=libraries,
+                folder=folder,
             )
-        )  # fmt: skip
+        )
         os.environ["SLURM_CONF"] = str(folder / "slurm.conf")
         os.environ["PATH"] = f"{root / 'usr' / 'bin'}:{os.environ['PATH']}"
         if root != Path("/"):
@@ -179,9 +186,13 @@ class Recipe:
     def start(self) -> None:
         """Start it; it says where its scheduler is."""
         self._process = subprocess.Popen(
-            [sys.executable, self._file], cwd=self._file.parent, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-            stderr=self._errors, text=True,
-        )  # fmt: skip
+            [sys.executable, self._file],
+            cwd=self._file.parent,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
+            text=True,
+        )
         assert self._process.stdout
         self.address = self._process.stdout.readline().strip()
         assert self.address, Path(self._errors.name).read_text()

@@ -46,8 +46,18 @@ class SupervisedCluster:
         self.schedulers: list[float] = []
         self._ended = threading.Event()
         self._not_before: dict[str, float] = {}
-        self._commands = {"scheduler": ["scheduler", "--host", "127.0.0.1", "--port", str(self.port), "--no-dashboard",
-                                        "--scheduler-file", str(self.file)]}  # fmt: skip
+        self._commands = {
+            "scheduler": [
+                "scheduler",
+                "--host",
+                "127.0.0.1",
+                "--port",
+                str(self.port),
+                "--no-dashboard",
+                "--scheduler-file",
+                str(self.file),
+            ]
+        }
         self._places: dict[str, str] = {}
         for number in range(workers):
             self.add_worker(f"worker {number}")
@@ -56,8 +66,20 @@ class SupervisedCluster:
     def add_worker(self, name: str, python_path: str = "") -> None:
         """Let one worker more join, with a folder before all others from which it imports."""
         self._places[name] = python_path
-        self._commands[name] = ["worker", self.address, "--no-nanny", "--nthreads", str(self.threads), "--no-dashboard",
-                                "--host", "127.0.0.1", "--death-timeout", "60", "--name", name]  # fmt: skip
+        self._commands[name] = [
+            "worker",
+            self.address,
+            "--no-nanny",
+            "--nthreads",
+            str(self.threads),
+            "--no-dashboard",
+            "--host",
+            "127.0.0.1",
+            "--death-timeout",
+            "60",
+            "--name",
+            name,
+        ]
 
     def workers(self) -> list[str]:
         """Names of the workers that are alive."""
@@ -86,9 +108,11 @@ class SupervisedCluster:
         """Start Python with a folder before all others from which it imports."""
         places = [place, os.environ.get("PYTHONPATH", "")]
         return subprocess.Popen(
-            [sys.executable, *words], stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+            [sys.executable, *words],
+            stderr=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
             env=os.environ | {"PYTHONPATH": os.pathsep.join(place for place in places if place)},
-        )  # fmt: skip
+        )
 
     def _supervise(self) -> None:
         while not self._ended.wait(0.1):

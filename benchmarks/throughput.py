@@ -84,37 +84,56 @@ def main() -> None:
 
         began = time.perf_counter()
         processes = [
-            subprocess.Popen([sys.executable, "-c", f"import sys; sys.path.insert(0, {str(HERE)!r}); "
-                              f"import throughput; print(throughput.simulate_range(open({str(path)!r}).read(), {a}, {b}))"],
-                             stdout=subprocess.PIPE, text=True)
+            subprocess.Popen(
+                [
+                    sys.executable,
+                    "-c",
+                    f"import sys; sys.path.insert(0, {str(HERE)!r}); "
+                    f"import throughput; print(throughput.simulate_range(open({str(path)!r}).read(), {a}, {b}))",
+                ],
+                stdout=subprocess.PIPE,
+                text=True,
+            )
             for a, b in ((0, count // 2), (count // 2, count))
-        ]  # fmt: skip
+        ]
         working = max(float(process.communicate()[0]) for process in processes)
         independent = count / (time.perf_counter() - began)
-        print(f"two independent processes           {independent:10,.0f} points/s, whole processes; "
-              f"{count / working:,.0f} while they work")  # fmt: skip
+        print(
+            f"two independent processes           {independent:10,.0f} points/s, whole processes; "
+            f"{count / working:,.0f} while they work"
+        )
 
         out = Path(folder) / "out"
         began = time.perf_counter()
-        run = subprocess.run([sys.executable, "-m", "tripod_doe.cli", "run", str(path), "--workers", "2", "--out", str(out)], check=True,
-                             stderr=subprocess.PIPE, text=True)  # fmt: skip
+        run = subprocess.run(
+            [sys.executable, "-m", "tripod_doe.cli", "run", str(path), "--workers", "2", "--out", str(out)],
+            check=True,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
         whole = count / (time.perf_counter() - began)
         memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
         cube = td.open_cube(out)
         seconds = float(re.findall(r"points computed in ([0-9.]+) s", run.stderr)[0])
-        print(f"tripod-doe run, two workers         {whole:10,.0f} points/s, journal, cube and report included; "
-              f"{count / seconds:,.0f} while they work, {working / seconds:.2f} of the independent processes")  # fmt: skip
+        print(
+            f"tripod-doe run, two workers         {whole:10,.0f} points/s, journal, cube and report included; "
+            f"{count / seconds:,.0f} while they work, {working / seconds:.2f} of the independent processes"
+        )
         print(f"    largest process {memory:,.0f} MB, cube {(out / 'cube.nc').stat().st_size / 1e6:,.0f} MB")
         ours = cube["thrust_amplitude"].sel(order=3).values
 
         rate, third = rate_of_numpy(study, points, 20)
         error = np.abs(third / ours[:20] - 1).max()
-        print(f"plain NumPy, one core               {rate:10,.1f} points/s (run is {whole / rate:,.0f} times faster; "
-              f"largest difference {error:.0e})")  # fmt: skip
+        print(
+            f"plain NumPy, one core               {rate:10,.1f} points/s (run is {whole / rate:,.0f} times faster; "
+            f"largest difference {error:.0e})"
+        )
         rate, third = rate_of_xyzpy(points, min(count, 2000))
         error = np.abs(third / ours[: third.size] - 1).max()
-        print(f"xyzpy around the kernel, two procs  {rate:10,.0f} points/s (run is {whole / rate:.1f} times faster; "
-              f"largest difference {error:.0e})")  # fmt: skip
+        print(
+            f"xyzpy around the kernel, two procs  {rate:10,.0f} points/s (run is {whole / rate:.1f} times faster; "
+            f"largest difference {error:.0e})"
+        )
 
 
 if __name__ == "__main__":

@@ -39,9 +39,13 @@ def third_without_vibration(values: JointValues[float]) -> float:
     """Third order of the thrust in the last revolution of a motion whose vibrations are damped."""
     assembly, cycles = assemble(build_joint(values, needles=False)), int(values.cycles)
     found = run(
-        assembly, "adaptive-euler", cycles * 2 * math.pi / values.speed, samples=cycles * SAMPLES,
-        settings=Settings(tolerance=TOLERANCE), limits=Limits(windows=0),
-    )  # fmt: skip
+        assembly,
+        "adaptive-euler",
+        cycles * 2 * math.pi / values.speed,
+        samples=cycles * SAMPLES,
+        settings=Settings(tolerance=TOLERANCE),
+        limits=Limits(windows=0),
+    )
     last = slice(-SAMPLES, None)
     thrust = groove_thrust(assembly, found.positions[last], found.velocities[last]).sum(0)
     return float(np.abs(complex_amplitudes(thrust))[3])
@@ -61,10 +65,13 @@ def of_the_field(columns: dict[str, np.ndarray], record: Record) -> pd.DataFrame
 
 def compared(columns, changed) -> pd.DataFrame:
     """What joints are compared by, and the change of their third order."""
-    return pd.DataFrame({
-        "joint_angle_deg": columns["joint_angle_deg"], "groove_friction": columns["groove_sliding_friction"],
-        "third_changed": changed,
-    })  # fmt: skip
+    return pd.DataFrame(
+        {
+            "joint_angle_deg": columns["joint_angle_deg"],
+            "groove_friction": columns["groove_sliding_friction"],
+            "third_changed": changed,
+        }
+    )
 
 
 def followed_with_needles() -> pd.DataFrame:

@@ -31,7 +31,7 @@ POINTS = (
     {"joint_angle_deg": 17, "speed_rpm": 1500, "torque_n_m": -300, "groove_sliding_friction": 0.15},
     {"joint_angle_deg": 14, "speed_rpm": 1800, "torque_n_m": 100, "groove_sliding_friction": 0.16},
     {"joint_angle_deg": 9, "speed_rpm": 1200, "torque_n_m": 57, "groove_sliding_friction": 0.18},
-)  # fmt: skip
+)
 """Operating points of the reference joint, of which one needs little friction; torque of both signs."""
 PHASE = 0.1
 LIMITS = Limits(energy=math.inf, reversals=1.0, drift=1e-2, windows=0)
@@ -45,9 +45,12 @@ def follow(point: dict[str, float], method: str, setting: float, revolutions: in
     turns = joint.follow(revolutions, setting)[revolutions // 3 :]
     mean, chance = mean_and_chance(np.array([turn.thirds for turn in turns]))
     third, unsure = float(abs(mean[3])), float(chance[3])
-    print(f"  {method:20s} {setting:8.2g}  third order {third:8.3f} +- {unsure:.3f} N  above order 12 "
-          f"{np.mean([turn.unrest for turn in turns]):7.2f} N  {joint.force_evaluations / revolutions:8.0f} evaluations, "
-          f"{(time.process_time() - begun) / revolutions:.2f} s a revolution", flush=True)  # fmt: skip
+    print(
+        f"  {method:20s} {setting:8.2g}  third order {third:8.3f} +- {unsure:.3f} N  above order 12 "
+        f"{np.mean([turn.unrest for turn in turns]):7.2f} N  {joint.force_evaluations / revolutions:8.0f} evaluations, "
+        f"{(time.process_time() - begun) / revolutions:.2f} s a revolution",
+        flush=True,
+    )
     return third, unsure
 
 

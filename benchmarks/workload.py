@@ -28,22 +28,56 @@ BASES = {
     "equilibrium": {"model": "equilibrium"},
     "kinetostatic": {"model": "kinetostatic"},
     "rollers": {"model": "rollers", "relative_tolerance": 2e-2, "cycles": 3, "accuracy": 0.5},
-    "needles": {"model": "needles", "relative_tolerance": 4e-3, "cycles": 3, "accuracy": 0.5, "needle_count": 9,
-                "needle_diameter_mm": 5.89, "spheres_per_needle": 3},
+    "needles": {
+        "model": "needles",
+        "relative_tolerance": 4e-3,
+        "cycles": 3,
+        "accuracy": 0.5,
+        "needle_count": 9,
+        "needle_diameter_mm": 5.89,
+        "spheres_per_needle": 3,
+    },
     "study": {"model": "equilibrium", "samples_per_revolution": 30},
-}  # fmt: skip
+}
 """Numerics coarser than anybody would study with: what is compared is the price of the same work."""
 POINTS = (
     {"initial_skew_1_deg": 0.4, "initial_skew_2_deg": -0.4, "initial_skew_3_deg": 0.4},
-    {"joint_angle_deg": 12, "torque_n_m": 150, "speed_rpm": 900, "groove_sliding_friction": 0.08,
-     "initial_skew_1_deg": 1, "initial_skew_2_deg": -0.5},
-    {"joint_angle_deg": 7, "torque_n_m": 250, "speed_rpm": 400, "groove_sliding_friction": 0.04,
-     "needle_sliding_friction": 0.05, "initial_skew_1_deg": -0.3, "initial_skew_2_deg": 0.3, "initial_skew_3_deg": 0.6},
-    {"joint_angle_deg": 15, "torque_n_m": 40, "speed_rpm": 1000, "groove_sliding_friction": 0.06,
-     "needle_sliding_friction": 0.02, "initial_skew_1_deg": 0.2, "initial_skew_3_deg": -0.5},
-    {"joint_angle_deg": 18, "torque_n_m": 100, "speed_rpm": 200, "initial_skew_1_deg": 0.6, "initial_skew_2_deg": -0.3,
-     "initial_skew_3_deg": 0.2},
-)  # fmt: skip
+    {
+        "joint_angle_deg": 12,
+        "torque_n_m": 150,
+        "speed_rpm": 900,
+        "groove_sliding_friction": 0.08,
+        "initial_skew_1_deg": 1,
+        "initial_skew_2_deg": -0.5,
+    },
+    {
+        "joint_angle_deg": 7,
+        "torque_n_m": 250,
+        "speed_rpm": 400,
+        "groove_sliding_friction": 0.04,
+        "needle_sliding_friction": 0.05,
+        "initial_skew_1_deg": -0.3,
+        "initial_skew_2_deg": 0.3,
+        "initial_skew_3_deg": 0.6,
+    },
+    {
+        "joint_angle_deg": 15,
+        "torque_n_m": 40,
+        "speed_rpm": 1000,
+        "groove_sliding_friction": 0.06,
+        "needle_sliding_friction": 0.02,
+        "initial_skew_1_deg": 0.2,
+        "initial_skew_3_deg": -0.5,
+    },
+    {
+        "joint_angle_deg": 18,
+        "torque_n_m": 100,
+        "speed_rpm": 200,
+        "initial_skew_1_deg": 0.6,
+        "initial_skew_2_deg": -0.3,
+        "initial_skew_3_deg": 0.2,
+    },
+)
 """Points of full_model.py."""
 FEW = {"needle_count": 9, "needle_diameter_mm": 5.89, "spheres_per_needle": 3, "cycles": 2}
 """A cheap joint that takes the same way through the code."""
@@ -82,8 +116,13 @@ def solve_accurately(model: str, number: int, **other: float) -> dict[str, objec
     run = run_joint(values, model == "needles", "adaptive-euler", 360, goal=Goal(ACCURACY))
     orders = abs(complex_amplitudes(run.readings.groove_thrust.sum(1)).mean(0))[2:4]
     counted = {"steps": run.steps, "force_evaluations": run.force_evaluations, "solves": run.solves}
-    return {"cpu_seconds": time.process_time() - worked, "counted": counted, "orders": orders.tolist(),
-            "tolerance": run.setting, "detail": f"{run.outcome.label} {run.detail}"}  # fmt: skip
+    return {
+        "cpu_seconds": time.process_time() - worked,
+        "counted": counted,
+        "orders": orders.tolist(),
+        "tolerance": run.setting,
+        "detail": f"{run.outcome.label} {run.detail}",
+    }
 
 
 def run_study(count: int) -> dict[str, object]:

@@ -28,13 +28,25 @@ def stops() -> Chart:
     data = {"needle_axial_clearance_mm": CLEARANCES}
     with drawing(4.7, 3.0) as (figure, axes):
         for which, friction in enumerate(FRICTIONS):
-            data[f"thrust_amplitude_3_at_{friction:g}"] = amplitudes = np.array([
-                float(td.simulate(needle_axial_clearance_mm=room, needle_sliding_friction=friction)
-                      ["thrust_amplitude"].sel(order=3))
-                for room in CLEARANCES
-            ])  # fmt: skip
-            axes.plot(CLEARANCES, amplitudes, ls=LINES[which], marker=MARKERS[which], mfc="white",
-                      color=COLOURS[which], label=f"{friction:g}")  # fmt: skip
+            data[f"thrust_amplitude_3_at_{friction:g}"] = amplitudes = np.array(
+                [
+                    float(
+                        td.simulate(needle_axial_clearance_mm=room, needle_sliding_friction=friction)[
+                            "thrust_amplitude"
+                        ].sel(order=3)
+                    )
+                    for room in CLEARANCES
+                ]
+            )
+            axes.plot(
+                CLEARANCES,
+                amplitudes,
+                ls=LINES[which],
+                marker=MARKERS[which],
+                mfc="white",
+                color=COLOURS[which],
+                label=f"{friction:g}",
+            )
         axes.set_xlabel("axial clearance of the needles (mm)")
         axes.set_ylabel("third order of the thrust (N)")
         legend_above(axes, 2, "sliding friction of the needles")
@@ -51,8 +63,15 @@ def skews() -> Chart:
                 run = td.simulate(needle_axial_clearance_mm=room, cycles=CYCLES, initial_skew_1_deg=start)
                 summary = run["needle_skew_summary_deg"].sel(trunnion=1, statistic="mean").values
                 data[f"skew_deg_from_{start:g}_at_{room:g}_mm"] = summary
-                axes.plot(data["cycle"], summary, ls=LINES[which], marker=MARKERS[which], mfc="white",
-                          color=COLOURS[which], label=f"{room:g} mm" if start == STARTS[0] else None)  # fmt: skip
+                axes.plot(
+                    data["cycle"],
+                    summary,
+                    ls=LINES[which],
+                    marker=MARKERS[which],
+                    mfc="white",
+                    color=COLOURS[which],
+                    label=f"{room:g} mm" if start == STARTS[0] else None,
+                )
         axes.set_ylim(0, 1.05)
         axes.set_xlabel("revolution")
         axes.set_ylabel("mean skew of the most loaded needle (deg)")

@@ -58,8 +58,12 @@ class Process:
 
     def __init__(self, words, environment=None, quiet=False, ignores_interrupts=False):
         self.returncode = None
-        asked = {"words": words, "environment": dict(environment or os.environ), "folder": os.getcwd(),
-                 "ignores_interrupts": ignores_interrupts}  # fmt: skip
+        asked = {
+            "words": words,
+            "environment": dict(environment or os.environ),
+            "folder": os.getcwd(),
+            "ignores_interrupts": ignores_interrupts,
+        }
         self._told, told = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         if quiet:
             theirs = [os.open(os.devnull, os.O_WRONLY), os.open(os.devnull, os.O_WRONLY), told.detach()]
@@ -92,8 +96,9 @@ class Process:
         """What is left of its output, as soon as it has ended."""
         texts = {}
         streams = {"out": self.stdout, "err": self.stderr}
-        readers = [threading.Thread(target=lambda name=name: texts.update({name: streams[name].read()}))
-                   for name in streams]  # fmt: skip
+        readers = [
+            threading.Thread(target=lambda name=name: texts.update({name: streams[name].read()})) for name in streams
+        ]
         for reader in readers:
             reader.start()
         try:
@@ -144,9 +149,12 @@ def _start_server(name):
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
         listener.bind(name)
         listener.listen()
-        return subprocess.Popen([sys.executable, __file__, str(listener.fileno())], pass_fds=[listener.fileno()],
-                                env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-                                start_new_session=True)  # fmt: skip
+        return subprocess.Popen(
+            [sys.executable, __file__, str(listener.fileno())],
+            pass_fds=[listener.fileno()],
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            start_new_session=True,
+        )
 
 
 def _serve(listener):

@@ -107,18 +107,34 @@ def test_a_long_simulation_tells_its_price_first(capsys):
 
 def test_query_answers_records(capsys, results):
     code, out, _ = call(
-        capsys, "query", results, "--variable", "thrust_amplitude", "--select", "order=2,3", "--select",
-        "joint_angle_deg=6:", "--format", "json",
-    )  # fmt: skip
+        capsys,
+        "query",
+        results,
+        "--variable",
+        "thrust_amplitude",
+        "--select",
+        "order=2,3",
+        "--select",
+        "joint_angle_deg=6:",
+        "--format",
+        "json",
+    )
     records = json.loads(out)
     assert code == 0
     assert [(r["joint_angle_deg"], r["needle_count"], r["order"]) for r in records] == [
-        (10, 27, 2), (10, 27, 3), (10, 28, 2), (10, 28, 3),
-    ]  # fmt: skip
+        (10, 27, 2),
+        (10, 27, 3),
+        (10, 28, 2),
+        (10, 28, 3),
+    ]
     assert records[1]["thrust_amplitude"] == pytest.approx(14.43, abs=0.01)
     assert records[3] == {
-        "joint_angle_deg": 10.0, "needle_count": 28.0, "order": 3, "thrust_amplitude": None, "outcome": "jammed",
-    }  # fmt: skip
+        "joint_angle_deg": 10.0,
+        "needle_count": 28.0,
+        "order": 3,
+        "thrust_amplitude": None,
+        "outcome": "jammed",
+    }
 
 
 def test_query_forms_and_conditions(capsys, results, tmp_path):

@@ -96,9 +96,13 @@ def answers(extended):
     folder, _ = extended
     environment = os.environ | {"PYTHONPATH": str(folder / "src"), "NUMBA_CACHE_DIR": str(KEPT)}
     done = subprocess.run(
-        [sys.executable, "-c", CHECKS], cwd=folder, env=environment, input=json.dumps(checks),
-        capture_output=True, text=True,
-    )  # fmt: skip
+        [sys.executable, "-c", CHECKS],
+        cwd=folder,
+        env=environment,
+        input=json.dumps(checks),
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 

@@ -52,8 +52,9 @@ def test_modules_are_of_one_size_and_named_for_what_they_do(path):
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.stem)
 def test_a_constant_has_one_value(path):
     """A second one of the same name, further down in a module, would be that of all functions."""
-    assigned = [target for node in ast.parse(path.read_text()).body if isinstance(node, ast.Assign)
-                for target in node.targets]  # fmt: skip
+    assigned = [
+        target for node in ast.parse(path.read_text()).body if isinstance(node, ast.Assign) for target in node.targets
+    ]
     each = [name for target in assigned for name in getattr(target, "elts", [target])]
     names = [name.id for name in each if isinstance(name, ast.Name)]
     assert sorted(names) == sorted(set(names))

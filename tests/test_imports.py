@@ -15,8 +15,22 @@ import xarray as xr
 from tripod_doe.study.netcdf import write_dataset
 
 STUDY = Path(__file__).parent.parent / "studies" / "thrust_map.toml"
-LIBRARIES = {"dask", "distributed", "fastapi", "matplotlib", "netCDF4", "numba", "numpy", "pandas", "pydantic", "SALib", "scipy",
-             "starlette", "uvicorn", "xarray"}  # fmt: skip
+LIBRARIES = {
+    "dask",
+    "distributed",
+    "fastapi",
+    "matplotlib",
+    "netCDF4",
+    "numba",
+    "numpy",
+    "pandas",
+    "pydantic",
+    "SALib",
+    "scipy",
+    "starlette",
+    "uvicorn",
+    "xarray",
+}
 
 
 FUNCTION = """

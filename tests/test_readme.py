@@ -51,9 +51,13 @@ def run(clone, script):
     """Run a script as somebody would who has pasted it, with nothing of this environment on the path."""
     path = os.pathsep.join(part for part in os.environ["PATH"].split(os.pathsep) if not part.startswith(sys.prefix))
     return subprocess.run(
-        ["bash", "-euo", "pipefail", "-c", script], cwd=clone, env=os.environ | {"PATH": path},
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        ["bash", "-euo", "pipefail", "-c", script],
+        cwd=clone,
+        env=os.environ | {"PATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
 
 
 def test_the_commands_that_install_are_the_ones_that_ci_runs():

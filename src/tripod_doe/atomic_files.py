@@ -12,8 +12,6 @@ from pathlib import Path
 
 from tripod_doe.errors import StorageError
 
-__all__ = ["replace_file", "replace_text"]
-
 
 @contextmanager
 def replace_file(path: Path) -> Iterator[Path]:

@@ -10,17 +10,6 @@ import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
-__all__ = [
-    "CubeError",
-    "InputError",
-    "StorageError",
-    "TripodDoeError",
-    "closest",
-    "near_match",
-    "option",
-    "speaking_of_options",
-]
-
 _FEW = 16  # names that can still be read at a glance
 _MOST_MEANT = 4
 _NEAR, _NEAR_SHORT = 0.75, 0.6  # by difflib's ratio: two wrong letters in eight; one or two in a word of four

@@ -14,8 +14,6 @@ import sys
 import threading
 from types import FrameType
 
-__all__ = ["INTERRUPTED", "check_interrupt", "leave_interrupted", "take_interrupts"]
-
 INTERRUPTED = 130
 """Exit code of an interrupted command, as shells know it: 128 and the number of the signal."""
 

@@ -7,8 +7,6 @@ from functools import cache
 
 from threadpoolctl import ThreadpoolController
 
-__all__ = ["one_thread"]
-
 
 def one_thread() -> AbstractContextManager[object]:
     """Keep NumPy's and SciPy's linear algebra to one thread within a ``with`` block."""

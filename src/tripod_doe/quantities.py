@@ -9,28 +9,19 @@ import math
 from collections.abc import Iterable
 from itertools import pairwise
 
-__all__ = [
-    "count_of",
-    "digits_apart",
-    "duration",
-    "in_words",
-    "interval",
-    "level",
-    "levels_apart",
-    "number",
-    "pace",
-    "rounded_up",
-    "size",
-    "squared",
-    "with_unit",
-]
-
 _DIGITS = 3
 _GIVEN_DIGITS = 6  # of a value that somebody wrote down: enough to recognise it
 _PLAIN = (1e-4, 1e7)  # magnitudes that are written without a power of ten
 _GROUPED = 1e4  # from here on, digits are grouped by commas
-_TIMES = ((86400.0, "d", 2.0), (3600.0, "h", 2.0), (60.0, "min", 2.0), (1.0, "s", 0.1), (1e-3, "ms", 1.0),
-          (1e-6, "us", 1.0), (1e-9, "ns", 0.0))  # fmt: skip
+_TIMES = (
+    (86400.0, "d", 2.0),
+    (3600.0, "h", 2.0),
+    (60.0, "min", 2.0),
+    (1.0, "s", 0.1),
+    (1e-3, "ms", 1.0),
+    (1e-6, "us", 1.0),
+    (1e-9, "ns", 0.0),
+)
 _PERSONS = {"youngs": "Young's", "poissons": "Poisson's"}
 _SIZES = ((1e12, "TB"), (1e9, "GB"), (1e6, "MB"), (1e3, "kB"), (1.0, "bytes"))
 

@@ -45,7 +45,7 @@ def cube_of(rows, study=ROLLER, variable="axial_force_n"):
         },
         coords=coords,
         attrs={"study": study, "fixed_parameters": "{}"},
-    )  # fmt: skip
+    )
 
 
 def fixed(method, steps, error, price, model="", outcome=Outcome.FINISHED):

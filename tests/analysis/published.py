@@ -61,8 +61,16 @@ CASES = {
 
 def cube_of(design, function, bounds=UNIT, width=3, groups=None):
     """Cube of a design: `function` of the points, shape (point, factor), gives (point,) or (point, component)."""
-    names = ["joint_angle_deg", "torque_n_m", "speed_rpm", "groove_sliding_friction", "needle_sliding_friction",
-             "groove_rolling_friction", "needle_rolling_friction", "initial_skew_1_deg"][:width]  # fmt: skip
+    names = [
+        "joint_angle_deg",
+        "torque_n_m",
+        "speed_rpm",
+        "groove_sliding_friction",
+        "needle_sliding_friction",
+        "groove_rolling_friction",
+        "needle_rolling_friction",
+        "initial_skew_1_deg",
+    ][:width]
     group = {name: f', group = "{label}"' for name, label in (groups or {}).items()}
     factors = "".join(f"{name} = {{low = 0, high = 1{group.get(name, '')}}}\n" for name in names)
     text = f'[study]\nname = "t"\n[factors]\n{factors}[design]\n{design}\n'

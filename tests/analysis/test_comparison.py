@@ -417,7 +417,7 @@ ANGLE = ("rotation_deg", "thrust_n")
         ({"columns": ANGLE, "spoil": spoiled("true_deg", 40, 3.0)}, "rotation_deg must grow.*at row 42"),
         ({"pulses_per_revolution": 0}, "pulses_per_revolution=0"),
     ],
-)  # fmt: skip
+)
 def test_a_record_that_cannot_be_used_says_what_to_change(measure, options, message):
     with pytest.raises(td.InputError, match=f"m.csv: .*{message}"):
         measure(Recorder(), **options)

@@ -262,15 +262,33 @@ def test_the_joint_has_all_its_shares(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('[design]\nkind="ablation"\n[analysis.contribution]\nouput="y"', r"\[analysis.contribution\]: unknown key 'ouput'; did you mean 'output'"),
-        ('[design]\nkind="ablation"\n[keep]\noutputs=["thrust_amplitude"]\n[analysis.contribution]', "'thrust_phase_deg' is not kept; add it"),
-        ('[design]\nkind="morris"\nsamples=4\n[factors.joint_angle_deg]\nlow=4\nhigh=9\n[analysis.morris]\noutputs=["thrust_amplitude_3"]', "write 'thrust_amplitude', the answer has all orders"),
-        ('[design]\nkind="morris"\nsamples=4\n[factors.joint_angle_deg]\nlow=4\nhigh=9\n[analysis.morris]\noutputs=["thrust_amplitud"]', "unknown output 'thrust_amplitud'; did you mean 'thrust_amplitude'"),
-        ('[factors]\nspeed_rpm={values=[1, 2]}\n[analysis.contribution]', "contribution needs a design of kind ablation, or a product with one; this study's is grid"),
-        ('[design]\nkind="ablation"\n[analysis.sobol]', "sobol needs a design of kind saltelli; this study's is ablation"),
+        (
+            '[design]\nkind="ablation"\n[analysis.contribution]\nouput="y"',
+            r"\[analysis.contribution\]: unknown key 'ouput'; did you mean 'output'",
+        ),
+        (
+            '[design]\nkind="ablation"\n[keep]\noutputs=["thrust_amplitude"]\n[analysis.contribution]',
+            "'thrust_phase_deg' is not kept; add it",
+        ),
+        (
+            '[design]\nkind="morris"\nsamples=4\n[factors.joint_angle_deg]\nlow=4\nhigh=9\n[analysis.morris]\noutputs=["thrust_amplitude_3"]',
+            "write 'thrust_amplitude', the answer has all orders",
+        ),
+        (
+            '[design]\nkind="morris"\nsamples=4\n[factors.joint_angle_deg]\nlow=4\nhigh=9\n[analysis.morris]\noutputs=["thrust_amplitud"]',
+            "unknown output 'thrust_amplitud'; did you mean 'thrust_amplitude'",
+        ),
+        (
+            "[factors]\nspeed_rpm={values=[1, 2]}\n[analysis.contribution]",
+            "contribution needs a design of kind ablation, or a product with one; this study's is grid",
+        ),
+        (
+            '[design]\nkind="ablation"\n[analysis.sobol]',
+            "sobol needs a design of kind saltelli; this study's is ablation",
+        ),
         ('[design]\nkind="ablation"\n[analysis.shares]\nkind="contributions"', "did you mean 'contribution'"),
     ],
-)  # fmt: skip
+)
 def test_bad_settings_are_named_before_anything_runs(text, message):
     with pytest.raises(InputError, match=message):
         check_analyses(parse_study('[study]\nname = "b"\n' + text))

@@ -207,8 +207,10 @@ def test_effects_of_a_course_over_a_grid_are_those_of_its_parts(monkeypatch, tmp
 def test_an_analysis_that_needs_too_much_memory_says_so_before_it_reads(monkeypatch):
     """Blocks of 5 points, 100 resamples of 64 blocks: 102 kB."""
     cube = cube_of('kind = "saltelli"\nsamples = 64\nsecond_order = false', lambda x: x[:, 0] + x[:, 1])
-    for free, told in ((2000, "y of 320 points needs about 5.12 kB of memory, 2 kB are free"),
-                       (50_000, "a bootstrap of 64 blocks or points needs about 102 kB of memory, 50 kB are free")):  # fmt: skip
+    for free, told in (
+        (2000, "y of 320 points needs about 5.12 kB of memory, 2 kB are free"),
+        (50_000, "a bootstrap of 64 blocks or points needs about 102 kB of memory, 50 kB are free"),
+    ):
         monkeypatch.setattr(size, "_free_memory", lambda free=free: free)
         with pytest.raises(InputError, match=told):
             s.sobol_indices(cube)
@@ -300,9 +302,13 @@ def polynomial(x):
 
 @pytest.mark.parametrize(
     "design",
-    ['kind = "full-factorial"\nlevels = 3', 'kind = "central-composite"\nstar = "faced"',
-     'kind = "central-composite"\nstar = "inscribed"', 'kind = "box-behnken"\ncentre_points = 2'],
-)  # fmt: skip
+    [
+        'kind = "full-factorial"\nlevels = 3',
+        'kind = "central-composite"\nstar = "faced"',
+        'kind = "central-composite"\nstar = "inscribed"',
+        'kind = "box-behnken"\ncentre_points = 2',
+    ],
+)
 def test_effects_of_a_polynomial_are_exact(design):
     """Exact: on coded levels -1 .. 1 a factor's effect is twice its coefficient, a square's its coefficient."""
     found = s.factorial_effects(cube_of(design, polynomial, {"low": -1.0, "high": 1.0}))

@@ -194,8 +194,14 @@ def test_a_model_that_explains_nothing_gets_the_pilot_only():
 
 
 def test_outputs_that_a_model_lacks_and_constants():
-    data = cube((24, 60, 300), False, 0, y=ishigami, always=lambda x, model: np.full(len(x), 5.0),
-                skew=lambda x, model: x[:, 0] if model == "needles" else np.full(len(x), np.nan))  # fmt: skip
+    data = cube(
+        (24, 60, 300),
+        False,
+        0,
+        y=ishigami,
+        always=lambda x, model: np.full(len(x), 5.0),
+        skew=lambda x, model: x[:, 0] if model == "needles" else np.full(len(x), np.nan),
+    )
     result = multifidelity(data)
     assert list(result["output"].values) == ["y", "always"]
     assert float(result["mean"].sel(output="always")) == 5

@@ -24,9 +24,13 @@ def measured(design, ranges, answers):
     )
     text = f'[study]\nname = "t"\n[factors]\n{factors}[design]\n{design}\n'
     columns = make_points(parse_study(text)).columns
-    coded = np.stack([
-        (2 * column - low - high) / (high - low) for column, (low, high) in zip(columns.values(), ranges, strict=True)
-    ], axis=1)  # fmt: skip
+    coded = np.stack(
+        [
+            (2 * column - low - high) / (high - low)
+            for column, (low, high) in zip(columns.values(), ranges, strict=True)
+        ],
+        axis=1,
+    )
     left = [(np.array(levels), list(values)) for levels, values in answers]
     found = [next(values for levels, values in left if np.abs(levels - row).max() < 1e-3).pop(0) for row in coded]
     assert not any(values for _, values in left)  # every measurement has its point
@@ -45,17 +49,35 @@ def test_a_factorial_of_montgomery_and_runger():
     found = measured('kind = "full-factorial"', [(1, 3)] * 3 + [(60, 80)], rows)
     assert float(found["mean"]) == pytest.approx(776.0625, rel=1e-12)
     a, b, c, d = FACTORS
-    printed = {a: -101.625, b: -1.625, c: 7.375, d: 306.125, f"{a}:{b}": -7.875, f"{a}:{c}": -24.875,
-               f"{b}:{c}": -43.875, f"{a}:{d}": -153.625, f"{b}:{d}": -0.625, f"{c}:{d}": -2.125}  # fmt: skip
+    printed = {
+        a: -101.625,
+        b: -1.625,
+        c: 7.375,
+        d: 306.125,
+        f"{a}:{b}": -7.875,
+        f"{a}:{c}": -24.875,
+        f"{b}:{c}": -43.875,
+        f"{a}:{d}": -153.625,
+        f"{b}:{d}": -0.625,
+        f"{c}:{d}": -2.125,
+    }
     assert dict(zip(found["term"].values, found["effect"].values.round(9), strict=True)) == printed
 
 
 def test_a_central_composite_of_montgomery():
     """Published number: yield over time and temperature, Design and Analysis of Experiments, example 11-1 (2001)."""
     far = np.sqrt(2)
-    rows = [([-1, -1], [76.5]), ([-1, 1], [77.0]), ([1, -1], [78.0]), ([1, 1], [79.5]), ([far, 0], [78.4]),
-            ([-far, 0], [75.6]), ([0, far], [78.5]), ([0, -far], [77.0]),
-            ([0, 0], [79.9, 80.3, 80.0, 79.7, 79.8])]  # fmt: skip
+    rows = [
+        ([-1, -1], [76.5]),
+        ([-1, 1], [77.0]),
+        ([1, -1], [78.0]),
+        ([1, 1], [79.5]),
+        ([far, 0], [78.4]),
+        ([-far, 0], [75.6]),
+        ([0, far], [78.5]),
+        ([0, -far], [77.0]),
+        ([0, 0], [79.9, 80.3, 80.0, 79.7, 79.8]),
+    ]
     found = measured('kind = "central-composite"\ncentre_points = 5', [(8, 9), (170, 180)], rows)
     a, b = FACTORS[:2]
     table = found.sel(term=[a, b, f"{a}^2", f"{b}^2", f"{a}:{b}"])
@@ -68,9 +90,21 @@ def test_a_central_composite_of_montgomery():
 
 def test_a_box_behnken_of_myers_and_montgomery():
     """Published number: viscosity over three factors, Response Surface Methodology, 2nd ed., example 7.5."""
-    rows = [([-1, -1, 0], [53]), ([1, -1, 0], [58]), ([-1, 1, 0], [59]), ([1, 1, 0], [56]), ([-1, 0, -1], [64]),
-            ([1, 0, -1], [45]), ([-1, 0, 1], [35]), ([1, 0, 1], [60]), ([0, -1, -1], [59]), ([0, 1, -1], [64]),
-            ([0, -1, 1], [53]), ([0, 1, 1], [65]), ([0, 0, 0], [65, 59, 62])]  # fmt: skip
+    rows = [
+        ([-1, -1, 0], [53]),
+        ([1, -1, 0], [58]),
+        ([-1, 1, 0], [59]),
+        ([1, 1, 0], [56]),
+        ([-1, 0, -1], [64]),
+        ([1, 0, -1], [45]),
+        ([-1, 0, 1], [35]),
+        ([1, 0, 1], [60]),
+        ([0, -1, -1], [59]),
+        ([0, 1, -1], [64]),
+        ([0, -1, 1], [53]),
+        ([0, 1, 1], [65]),
+        ([0, 0, 0], [65, 59, 62]),
+    ]
     found = measured('kind = "box-behnken"\ncentre_points = 3', [(1, 3), (5, 10), (15, 25)], rows)
     a, b, c = FACTORS[:3]
     table = found.sel(term=[a, b, c, f"{a}^2", f"{b}^2", f"{c}^2", f"{a}:{b}", f"{a}:{c}", f"{b}:{c}"])

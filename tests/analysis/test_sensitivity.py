@@ -76,9 +76,15 @@ def test_an_output_with_further_dimensions_stands_alone():
         return lambda x: additive(x).reshape(-1, *(1,) * len(shape)) * np.ones(shape)
 
     data = cube(
-        "saltelli", 16, g=(("groove", "order"), over(3, 4)), a=(("order",), over(4)), b=(("order",), over(4)),
-        plain=((), additive), power=(("mechanism",), over(5)), course=(("rotation_deg",), over(9)),
-    )  # fmt: skip
+        "saltelli",
+        16,
+        g=(("groove", "order"), over(3, 4)),
+        a=(("order",), over(4)),
+        b=(("order",), over(4)),
+        plain=((), additive),
+        power=(("mechanism",), over(5)),
+        course=(("rotation_deg",), over(9)),
+    )
     result = sobol_indices(data)
     assert result["ST"].sizes == {"output": 3, "factor": 3, "order": 4}
     assert result["output"].values.tolist() == ["a", "b", "plain"]

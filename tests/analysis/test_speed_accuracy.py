@@ -83,9 +83,11 @@ def test_failures_keep_their_price_and_their_reason():
     assert not result["front"].values[failed].any()
     known = {m: Known(int(price(result, m, "price_known"))) for m in ("rk4", "symplectic-euler", "rosenbrock", "bdf2")}
     assert known == {
-        "rk4": Known.PRICE_ONLY, "symplectic-euler": Known.FAILED, "rosenbrock": Known.INTERPOLATED,
+        "rk4": Known.PRICE_ONLY,
+        "symplectic-euler": Known.FAILED,
+        "rosenbrock": Known.INTERPOLATED,
         "bdf2": Known.INTERPOLATED,
-    }  # fmt: skip
+    }
     assert price(result, "rk4") == pytest.approx(3e4)
     assert np.isnan(price(result, "symplectic-euler"))
 

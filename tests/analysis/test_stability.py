@@ -30,13 +30,17 @@ METHOD_NAMES = ["symplectic-euler", "linearly-implicit-euler", "bdf2"]
 def cube(borders, silent=(), factor=(1.0, 4.0), friction=None, values=None):
     """A grid of three methods, STEPS and a mass: right up to the border of each (method, mass), else refused."""
     shape = (len(METHOD_NAMES), STEPS.size, len(factor))
-    right = np.array([[[step <= borders[name][k] for k in range(len(factor))] for step in STEPS]
-                      for name in METHOD_NAMES])  # fmt: skip
+    right = np.array(
+        [[[step <= borders[name][k] for k in range(len(factor))] for step in STEPS] for name in METHOD_NAMES]
+    )
     passed = np.array([name in silent for name in METHOD_NAMES])[:, None, None] | right
     value = np.where(right, 2.0, 3.0) if values is None else np.broadcast_to(values, shape)
     dims = ("method", "step_s", "needle_mass_factor")
-    rates = {"friction_rate_per_s": friction or FRICTION / np.array(factor), "contact_rate_per_s": 1e6,
-             "secant_lag_rate_per_s": 1e5}  # fmt: skip
+    rates = {
+        "friction_rate_per_s": friction or FRICTION / np.array(factor),
+        "contact_rate_per_s": 1e6,
+        "secant_lag_rate_per_s": 1e5,
+    }
     return xr.Dataset(
         {
             "drift_mm": (dims, np.where(passed, value, np.nan), {"units": "mm"}),
@@ -114,8 +118,9 @@ def test_a_factor_that_differs_makes_its_own_map():
     """Points as of a product: a base, and one case each of two factors."""
     rows = [(1.0, 0.25), (4.0, 0.25), (1.0, 0.5)]
     points = [(m, s, *row) for m in METHOD_NAMES[1:] for s in STEPS for row in rows]
-    columns = dict(zip(("method", "step_s", "needle_mass_factor", "transition_ratio"), zip(*points, strict=True),
-                       strict=True))  # fmt: skip
+    columns = dict(
+        zip(("method", "step_s", "needle_mass_factor", "transition_ratio"), zip(*points, strict=True), strict=True)
+    )
     study = xr.Dataset(
         {"drift_mm": ("point", np.full(len(points), 2.0)), "outcome": ("point", np.zeros(len(points), np.int8))},
         coords={name: ("point", np.array(column)) for name, column in columns.items()},
@@ -128,12 +133,16 @@ def test_a_factor_that_differs_makes_its_own_map():
 @pytest.mark.parametrize(
     ("method", "border", "limit"),
     [
-        ("symplectic-euler", 2 / 100.0, Limit.FRICTION), ("rk4", 2.785 / 100, Limit.FRICTION),
-        ("linearly-implicit-euler", 0.01 / 5, Limit.LAG), ("implicit-euler", math.inf, Limit.NONE),
-        ("bdf2", math.inf, Limit.NONE), ("generalized-alpha", math.inf, Limit.NONE),
-        ("rosenbrock", 0.01, Limit.TOLERANCE), ("adaptive-euler", 0.01, Limit.TOLERANCE),
+        ("symplectic-euler", 2 / 100.0, Limit.FRICTION),
+        ("rk4", 2.785 / 100, Limit.FRICTION),
+        ("linearly-implicit-euler", 0.01 / 5, Limit.LAG),
+        ("implicit-euler", math.inf, Limit.NONE),
+        ("bdf2", math.inf, Limit.NONE),
+        ("generalized-alpha", math.inf, Limit.NONE),
+        ("rosenbrock", 0.01, Limit.TOLERANCE),
+        ("adaptive-euler", 0.01, Limit.TOLERANCE),
     ],
-)  # fmt: skip
+)
 def test_what_theory_says_of_each_method(method, border, limit):
     assert predicted_border(METHODS[method], np.array([100.0, 60.0, 5.0]), 0.01) == (pytest.approx(border), limit)
 

@@ -38,8 +38,10 @@ def test_errors_of_the_balances_are_recorded_beside_those_that_are_there(recorde
     (tmp_path / "two.toml").write_text(STUDY)
     td.run(tmp_path / "two.toml", out=tmp_path / "two", workers=0)
     known = tmp_path / "errors.csv"
-    known.write_text("# made before\njoint_angle_deg,speed_rpm,needles,needles_2,equilibrium,equilibrium_2,kinetostatic,"
-                     "kinetostatic_2,rollers,rollers_2\n3,700,1,0.1,0.2,0.3,0.4,0.5,0.6,0.7\n")  # fmt: skip
+    known.write_text(
+        "# made before\njoint_angle_deg,speed_rpm,needles,needles_2,equilibrium,equilibrium_2,kinetostatic,"
+        "kinetostatic_2,rollers,rollers_2\n3,700,1,0.1,0.2,0.3,0.4,0.5,0.6,0.7\n"
+    )
     monkeypatch.setattr(recorder, "RECORDED", known)
     monkeypatch.setattr(recorder, "vibrates", lambda point: point["joint_angle_deg"] == 9)
     recorder.main([tmp_path / "two"], add=True)

@@ -74,10 +74,18 @@ def test_every_combination_of_mechanisms_has_an_answer(combinations, name, solve
 def test_rollers_that_slide_freely_balance_where_relaxation_runs_in_circles(points, monkeypatch):
     """Exact physics: their friction takes what the shaft gives, to rounding, though no slope leads to the balance."""
     given = points(
-        joint_angle_deg=8.32, torque_n_m=-218, speed_rpm=1560, needle_sliding_friction=0.137, transition_ratio=0.121,
-        groove_sliding=0, groove_rolling=0, needle_rolling=0, initial_skew_1_deg=1.1, initial_skew_2_deg=-0.2,
+        joint_angle_deg=8.32,
+        torque_n_m=-218,
+        speed_rpm=1560,
+        needle_sliding_friction=0.137,
+        transition_ratio=0.121,
+        groove_sliding=0,
+        groove_rolling=0,
+        needle_rolling=0,
+        initial_skew_1_deg=1.1,
+        initial_skew_2_deg=-0.2,
         groove_spin_friction=0.06,
-    )  # fmt: skip
+    )
     rounds = []
     monkeypatch.setattr(equilibrium, "settle_free", lambda *it: rounds.append(settle_free(*it)) or rounds[-1])
     monkeypatch.setattr(equilibrium, "settle_still", lambda *_: (False, 0))
@@ -90,17 +98,30 @@ def test_rollers_that_slide_freely_balance_where_relaxation_runs_in_circles(poin
 def test_without_groove_sliding_the_thrust_is_zero_even_where_the_spin_is_open(points):
     """Exact physics: the rollers may spin in several ways here, and none of them passes thrust. Regression: diverged."""
     given = points(
-        joint_angle_deg=2.1448747287190235, torque_n_m=288.85918870907028, speed_rpm=535.69380606289974,
-        groove_sliding_friction=0.16851689302579362, needle_sliding_friction=0.11487753914271878,
-        transition_ratio=0.067266296547435767, initial_skew_1_deg=1.6073661655283482,
-        initial_skew_2_deg=1.5764232738407329, initial_skew_3_deg=0.24826485388254982,
-        bearing_radial_clearance_mm=0.004660103621180251, pitch_radius_mm=19.692868187269589,
-        roller_radius_mm=14.234544815595999, roller_width_mm=9.3385831700554149, needle_count=24,
-        needle_diameter_mm=1.8436772119568454, needle_length_mm=9.451562294270774,
-        needle_pitch_diameter_mm=20.862500214219878, shaft_mass_kg=2.0854212160687489,
-        groove_radius_ratio=1.0090021501159869, groove_sliding=0, groove_rolling=0, needle_rolling=0,
+        joint_angle_deg=2.1448747287190235,
+        torque_n_m=288.85918870907028,
+        speed_rpm=535.69380606289974,
+        groove_sliding_friction=0.16851689302579362,
+        needle_sliding_friction=0.11487753914271878,
+        transition_ratio=0.067266296547435767,
+        initial_skew_1_deg=1.6073661655283482,
+        initial_skew_2_deg=1.5764232738407329,
+        initial_skew_3_deg=0.24826485388254982,
+        bearing_radial_clearance_mm=0.004660103621180251,
+        pitch_radius_mm=19.692868187269589,
+        roller_radius_mm=14.234544815595999,
+        roller_width_mm=9.3385831700554149,
+        needle_count=24,
+        needle_diameter_mm=1.8436772119568454,
+        needle_length_mm=9.451562294270774,
+        needle_pitch_diameter_mm=20.862500214219878,
+        shaft_mass_kg=2.0854212160687489,
+        groove_radius_ratio=1.0090021501159869,
+        groove_sliding=0,
+        groove_rolling=0,
+        needle_rolling=0,
         relative_tolerance=models.MODELS["kinetostatic"].methods["newton"]["relative_tolerance"],
-    )  # fmt: skip
+    )
     assert not solve_kinetostatic(given, 360).settled[0]
     result = models.MODELS["kinetostatic"].simulate(given, "newton", 360, ("thrust", "friction_power_w"))
     assert Outcome(result.outcome[0]) == Outcome.FINISHED
@@ -149,16 +170,29 @@ def test_an_orbiting_shaft_lifts_rollers_off(internal_points):
 def test_a_straight_joint_with_skewed_needles_settles(points):
     """Regression: hasty at the widest transition velocities, where nothing can be gone back to, it gave up 60 times."""
     given = points(
-        joint_angle_deg=0, torque_n_m=5.160312377165763, speed_rpm=2378.361528918933,
-        groove_sliding_friction=0.09199592026610104, needle_sliding_friction=0.12313973639391294,
-        groove_rolling_friction=0.003137209009426322, transition_ratio=0.38657386145123057, needle_rolling=0,
-        initial_skew_1_deg=0.9508045881641998, initial_skew_2_deg=0.25397975219987945,
-        initial_skew_3_deg=1.3988282515781072, bearing_radial_clearance_mm=0.03777204373349923,
-        pitch_radius_mm=18.82771288283176, roller_radius_mm=19.19123653141017, roller_width_mm=8.637299812247432,
-        needle_count=20, needle_diameter_mm=1.547742852979717, needle_length_mm=8.12440259834563,
-        needle_pitch_diameter_mm=18.392515456552804, shaft_mass_kg=1.8999895672309615,
-        groove_radius_ratio=1.009691433309751, relative_tolerance=1e-6,
-    )  # fmt: skip
+        joint_angle_deg=0,
+        torque_n_m=5.160312377165763,
+        speed_rpm=2378.361528918933,
+        groove_sliding_friction=0.09199592026610104,
+        needle_sliding_friction=0.12313973639391294,
+        groove_rolling_friction=0.003137209009426322,
+        transition_ratio=0.38657386145123057,
+        needle_rolling=0,
+        initial_skew_1_deg=0.9508045881641998,
+        initial_skew_2_deg=0.25397975219987945,
+        initial_skew_3_deg=1.3988282515781072,
+        bearing_radial_clearance_mm=0.03777204373349923,
+        pitch_radius_mm=18.82771288283176,
+        roller_radius_mm=19.19123653141017,
+        roller_width_mm=8.637299812247432,
+        needle_count=20,
+        needle_diameter_mm=1.547742852979717,
+        needle_length_mm=8.12440259834563,
+        needle_pitch_diameter_mm=18.392515456552804,
+        shaft_mass_kg=1.8999895672309615,
+        groove_radius_ratio=1.009691433309751,
+        relative_tolerance=1e-6,
+    )
     assert solve_kinetostatic(given, 360).settled[0]
 
 
@@ -166,10 +200,18 @@ def test_no_point_takes_more_iterations_than_allowed(points, monkeypatch):
     """A failure is bounded: the last step of the transition velocities took up to 27 iterations more than the limit."""
     monkeypatch.setattr(coupled_balance, "_IN_ALL", 50)
     given = points(
-        joint_angle_deg=2.09, torque_n_m=238, speed_rpm=1938, groove_sliding_friction=0.134, groove_spinning=0,
-        needle_sliding_friction=0.14, transition_ratio=0.05, initial_skew_1_deg=-1.18, initial_skew_2_deg=1.2,
-        initial_skew_3_deg=0.49, relative_tolerance=1e-6,
-    )  # fmt: skip
+        joint_angle_deg=2.09,
+        torque_n_m=238,
+        speed_rpm=1938,
+        groove_sliding_friction=0.134,
+        groove_spinning=0,
+        needle_sliding_friction=0.14,
+        transition_ratio=0.05,
+        initial_skew_1_deg=-1.18,
+        initial_skew_2_deg=1.2,
+        initial_skew_3_deg=0.49,
+        relative_tolerance=1e-6,
+    )
     found = solve_kinetostatic(given, 360)
     assert not found.settled[0]
     assert found.sweeps[0] == 40 + 50
@@ -178,10 +220,23 @@ def test_no_point_takes_more_iterations_than_allowed(points, monkeypatch):
 def test_needles_that_hold_back_rollers_that_hardly_move_settle(simulated):
     """Regression: friction of the needles four times the joint angle and a steep transition; given up after 120."""
     result = simulated(
-        model="kinetostatic", joint_angle_deg=0.9535, torque_n_m=40, speed_rpm=164.2, groove_sliding_friction=0.04317,
-        needle_sliding_friction=0.07177, groove_rolling_friction=0.005568, needle_rolling_friction=0.004497,
-        transition_ratio=0.0507, initial_skew_1_deg=-0.6488, initial_skew_2_deg=1.8246, initial_skew_3_deg=-1.5277,
-        bearing_radial_clearance_mm=0.006328, pitch_radius_mm=21.917, roller_radius_mm=15.247, roller_width_mm=13.26,
-        groove_radius_ratio=1.00688, needle_length_mm=12.266,
-    )  # fmt: skip
+        model="kinetostatic",
+        joint_angle_deg=0.9535,
+        torque_n_m=40,
+        speed_rpm=164.2,
+        groove_sliding_friction=0.04317,
+        needle_sliding_friction=0.07177,
+        groove_rolling_friction=0.005568,
+        needle_rolling_friction=0.004497,
+        transition_ratio=0.0507,
+        initial_skew_1_deg=-0.6488,
+        initial_skew_2_deg=1.8246,
+        initial_skew_3_deg=-1.5277,
+        bearing_radial_clearance_mm=0.006328,
+        pitch_radius_mm=21.917,
+        roller_radius_mm=15.247,
+        roller_width_mm=13.26,
+        groove_radius_ratio=1.00688,
+        needle_length_mm=12.266,
+    )
     assert result.attrs["finished"], str(result["outcome_detail"].values)

@@ -45,13 +45,18 @@ def test_kernel_agrees_with_the_slow_reference(internal_points, solve, seed):
     """Exact physics against the independent oracle; 1e-6 is what its finite differences leave."""
     rng = np.random.default_rng(seed)
     given = {
-        "joint_angle_deg": rng.uniform(3, 20), "torque_n_m": rng.choice([-1, 1]) * rng.uniform(20, 200),
-        "speed_rpm": rng.uniform(100, 2000), "groove_sliding_friction": rng.uniform(0.03, 0.1),
-        "groove_spin_friction": rng.uniform(0, 0.1), "needle_sliding_friction": rng.uniform(0, 0.06),
-        "groove_rolling_friction": rng.uniform(0, 0.004), "roller_radius_mm": rng.uniform(13, 18),
-        "bearing_radial_clearance_mm": rng.choice([0, 0.015]), "transition_ratio": rng.uniform(0.2, 0.5),
+        "joint_angle_deg": rng.uniform(3, 20),
+        "torque_n_m": rng.choice([-1, 1]) * rng.uniform(20, 200),
+        "speed_rpm": rng.uniform(100, 2000),
+        "groove_sliding_friction": rng.uniform(0.03, 0.1),
+        "groove_spin_friction": rng.uniform(0, 0.1),
+        "needle_sliding_friction": rng.uniform(0, 0.06),
+        "groove_rolling_friction": rng.uniform(0, 0.004),
+        "roller_radius_mm": rng.uniform(13, 18),
+        "bearing_radial_clearance_mm": rng.choice([0, 0.015]),
+        "transition_ratio": rng.uniform(0.2, 0.5),
         **skews(*rng.uniform(-3, 3, 3)),
-    }  # fmt: skip
+    }
     p = internal_points(**given).point(0)
     transition = transition_velocities(p)
     load = abs(p.torque) / (3 * p.pitch_radius)
@@ -59,18 +64,28 @@ def test_kernel_agrees_with_the_slow_reference(internal_points, solve, seed):
     needle = p.needle_diameter / 2
     clearance = p.bearing_radial_clearance
     reference = {
-        "theta": p.joint_angle, "omega": p.speed, "torque": p.torque,
-        "pitch": p.pitch_radius, "radius": p.roller_radius, "mu": p.groove_sliding_friction,
-        "mu_spin": p.groove_spin_friction, "mu_r": p.groove_rolling_friction,
-        "mu_n": p.needle_sliding_friction, "mu_rn": p.needle_rolling_friction,
-        "lever": p.groove_rolling_lever, "axis_factor": p.groove_axis_factor,
+        "theta": p.joint_angle,
+        "omega": p.speed,
+        "torque": p.torque,
+        "pitch": p.pitch_radius,
+        "radius": p.roller_radius,
+        "mu": p.groove_sliding_friction,
+        "mu_spin": p.groove_spin_friction,
+        "mu_r": p.groove_rolling_friction,
+        "mu_n": p.needle_sliding_friction,
+        "mu_rn": p.needle_rolling_friction,
+        "lever": p.groove_rolling_lever,
+        "axis_factor": p.groove_axis_factor,
         "kappa": bearing_load_zone(load, clearance, p.needle_stiffness, p.needle_count)[0],
-        "needle_lever": (bearing + needle + clearance) * (bearing - needle) / bearing, "bearing_radius": bearing,
+        "needle_lever": (bearing + needle + clearance) * (bearing - needle) / bearing,
+        "bearing_radius": bearing,
         "skew": p.initial_skews,
-        "v_groove": float(transition.groove_sliding), "v_needle": float(transition.needle_sliding),
-        "w_roll": float(transition.groove_rolling), "w_bearing": float(transition.roller_spin),
+        "v_groove": float(transition.groove_sliding),
+        "v_needle": float(transition.needle_sliding),
+        "w_roll": float(transition.groove_rolling),
+        "w_bearing": float(transition.roller_spin),
         "w_normal": float(transition.spinning),
-    }  # fmt: skip
+    }
     result = solve(samples=36, **given)
     for sample in (0, 5, 13, 22, 31):
         expected = groove_thrust(2 * np.pi * sample / 36, reference)
@@ -81,9 +96,11 @@ def test_energy_balance_closes_to_rounding(solve):
     """Exact physics: input = output + friction power, at random operating points."""
     rng = np.random.default_rng(1)
     result = solve(
-        joint_angle_deg=rng.uniform(2, 25, 50), torque_n_m=rng.uniform(-200, 200, 50),
-        initial_skew_1_deg=rng.uniform(-3, 3, 50), groove_rolling_friction=rng.uniform(0, 0.004, 50),
-    )  # fmt: skip
+        joint_angle_deg=rng.uniform(2, 25, 50),
+        torque_n_m=rng.uniform(-200, 200, 50),
+        initial_skew_1_deg=rng.uniform(-3, 3, 50),
+        groove_rolling_friction=rng.uniform(0, 0.004, 50),
+    )
     assert result.settled.all()
     assert np.abs(result.energy_residual).max() < 1e-8
     assert (result.friction_power >= 0).all()
@@ -157,8 +174,12 @@ def test_mirrored_torque_mirrors_the_thrust(solve):
     coast = solve(torque_n_m=-50).groove_thrust[0, 0]
     mirrored = -np.roll(drive[::-1], 1)
     assert np.abs(coast - mirrored).max() < 0.35 * np.abs(drive).max()
-    small = {"groove_sliding_friction": 1e-4, "needle_sliding_friction": 1e-4, "groove_rolling_friction": 4e-6,
-             "needle_rolling_friction": 4e-6}  # fmt: skip
+    small = {
+        "groove_sliding_friction": 1e-4,
+        "needle_sliding_friction": 1e-4,
+        "groove_rolling_friction": 4e-6,
+        "needle_rolling_friction": 4e-6,
+    }
     drive = solve(torque_n_m=50, **small).groove_thrust[0, 0]
     coast = solve(torque_n_m=-50, **small).groove_thrust[0, 0]
     np.testing.assert_allclose(coast, -np.roll(drive[::-1], 1), atol=2e-3 * np.abs(drive).max())

@@ -79,8 +79,14 @@ def test_a_held_roller_does_not_slide_on_its_trunnion(joint_assembly, joint_valu
     that on its trunnion; beyond it less than half: it climbs its groove instead."""
     assembly, values = joint_assembly(False, bearing_radial_clearance_mm=clearance), joint_values()
     revolution = 2 * np.pi / values.speed
-    result = run(assembly, "adaptive-euler", 3 * revolution, samples=180, settings=Settings(tolerance=4e-3),
-                 limits=Limits(energy=np.inf, windows=0, drift=1.0))  # fmt: skip
+    result = run(
+        assembly,
+        "adaptive-euler",
+        3 * revolution,
+        samples=180,
+        settings=Settings(tolerance=4e-3),
+        limits=Limits(energy=np.inf, windows=0, drift=1.0),
+    )
     assert result.outcome == Outcome.FINISHED, result.detail
     shaft, roller = (result.positions[-60:, assembly.names.index(name)] for name in ("shaft", "roller 1"))
     attitude = Rotation.from_quat(shaft[:, 3:], scalar_first=True)

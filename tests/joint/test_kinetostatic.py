@@ -104,10 +104,13 @@ def test_powers_balance_but_for_what_the_spider_gives_way(points):
     rng = np.random.default_rng(1)
     result = solve_kinetostatic(
         points(
-            joint_angle_deg=rng.uniform(2, 20, 60), torque_n_m=rng.choice([-1, 1], 60) * rng.uniform(20, 200, 60),
-            initial_skew_1_deg=rng.uniform(-2, 2, 60), groove_sliding_friction=rng.uniform(0.03, 0.1, 60),
-        ), 360,
-    )  # fmt: skip
+            joint_angle_deg=rng.uniform(2, 20, 60),
+            torque_n_m=rng.choice([-1, 1], 60) * rng.uniform(20, 200, 60),
+            initial_skew_1_deg=rng.uniform(-2, 2, 60),
+            groove_sliding_friction=rng.uniform(0.03, 0.1, 60),
+        ),
+        360,
+    )
     assert result.settled.all()
     assert np.abs(result.energy_residual).max() < 0.03
     assert np.median(np.abs(result.energy_residual)) < 0.01
@@ -122,20 +125,62 @@ def test_a_roller_that_would_lift_off_is_not_answered_for():
     assert np.isnan(result.outputs["thrust_amplitude"].data).all()
 
 
-@pytest.mark.parametrize(("given", "third_of_needles", "second_of_needles"), [
-    ({"joint_angle_deg": 2.191, "torque_n_m": 162.7, "speed_rpm": 436.5, "initial_skew_1_deg": -0.06217,
-      "initial_skew_2_deg": 0.03375, "initial_skew_3_deg": -0.8124, "groove_sliding_friction": 0.0496,
-      "needle_sliding_friction": 0.01808, "bearing_radial_clearance_mm": 0.008347,
-      "needle_axial_clearance_mm": 0.2721, "needle_crown_um": 3.484}, 7.912, 0.306),
-    ({"joint_angle_deg": 2.24, "torque_n_m": 103.2, "speed_rpm": 474.0, "initial_skew_1_deg": -0.3727,
-      "initial_skew_2_deg": -0.06058, "initial_skew_3_deg": -0.5906, "groove_sliding_friction": 0.02649,
-      "needle_sliding_friction": 0.04013, "bearing_radial_clearance_mm": 0.02163,
-      "needle_axial_clearance_mm": 0.2775, "needle_crown_um": 0.03352}, 4.594, 0.274),
-    ({"joint_angle_deg": 4.346, "torque_n_m": 266.4, "speed_rpm": 827.7, "initial_skew_1_deg": -0.8105,
-      "initial_skew_2_deg": 0.9195, "initial_skew_3_deg": 0.01975, "groove_sliding_friction": 0.02575,
-      "needle_sliding_friction": 0.05427, "bearing_radial_clearance_mm": 0.01872,
-      "needle_axial_clearance_mm": 0.1356, "needle_crown_um": 5.074}, 21.534, 3.882),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("given", "third_of_needles", "second_of_needles"),
+    [
+        (
+            {
+                "joint_angle_deg": 2.191,
+                "torque_n_m": 162.7,
+                "speed_rpm": 436.5,
+                "initial_skew_1_deg": -0.06217,
+                "initial_skew_2_deg": 0.03375,
+                "initial_skew_3_deg": -0.8124,
+                "groove_sliding_friction": 0.0496,
+                "needle_sliding_friction": 0.01808,
+                "bearing_radial_clearance_mm": 0.008347,
+                "needle_axial_clearance_mm": 0.2721,
+                "needle_crown_um": 3.484,
+            },
+            7.912,
+            0.306,
+        ),
+        (
+            {
+                "joint_angle_deg": 2.24,
+                "torque_n_m": 103.2,
+                "speed_rpm": 474.0,
+                "initial_skew_1_deg": -0.3727,
+                "initial_skew_2_deg": -0.06058,
+                "initial_skew_3_deg": -0.5906,
+                "groove_sliding_friction": 0.02649,
+                "needle_sliding_friction": 0.04013,
+                "bearing_radial_clearance_mm": 0.02163,
+                "needle_axial_clearance_mm": 0.2775,
+                "needle_crown_um": 0.03352,
+            },
+            4.594,
+            0.274,
+        ),
+        (
+            {
+                "joint_angle_deg": 4.346,
+                "torque_n_m": 266.4,
+                "speed_rpm": 827.7,
+                "initial_skew_1_deg": -0.8105,
+                "initial_skew_2_deg": 0.9195,
+                "initial_skew_3_deg": 0.01975,
+                "groove_sliding_friction": 0.02575,
+                "needle_sliding_friction": 0.05427,
+                "bearing_radial_clearance_mm": 0.01872,
+                "needle_axial_clearance_mm": 0.1356,
+                "needle_crown_um": 5.074,
+            },
+            21.534,
+            3.882,
+        ),
+    ],
+)
 def test_rollers_that_tilt_on_their_needles_answer_as_needles_do(points, given, third_of_needles, second_of_needles):
     """Runs of `needles` (`studies/needles_field.toml`): within 2 and 6 %; before, up to 17 and 21 % off."""
     orders = complex_amplitudes(solve_kinetostatic(points(**given), 360).groove_thrust.sum(axis=1))[0]

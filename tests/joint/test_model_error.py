@@ -149,15 +149,21 @@ def test_similar_errors_are_those_of_the_nearest_measured_points():
 @pytest.mark.parametrize(
     "varied",
     [
-        {"needle_count": 19}, {"needle_crown_um": 40.0}, {"density_kg_m3": 9000.0}, {"groove_sliding": 0},
-        {"joint_angle_deg": 0.0}, {"needle_pitch_diameter_mm": 23.0}, {"groove_sliding_friction": 0.3},
+        {"needle_count": 19},
+        {"needle_crown_um": 40.0},
+        {"density_kg_m3": 9000.0},
+        {"groove_sliding": 0},
+        {"joint_angle_deg": 0.0},
+        {"needle_pitch_diameter_mm": 23.0},
+        {"groove_sliding_friction": 0.3},
         {"joint_angle_deg": 19.9, "speed_rpm": 3000.0, "needle_sliding_friction": 0.0},
     ],
-)  # fmt: skip
+)
 def test_no_errors_are_similar_where_nothing_like_it_was_measured(varied):
     """Other numbers of needles, more crown or friction, an aligned joint; the last is far from all, in every range."""
-    errors = similar_errors("kinetostatic", points(**{name: [value] for name, value in varied.items()}),
-                            Demands((THIRD,), 0.01))  # fmt: skip
+    errors = similar_errors(
+        "kinetostatic", points(**{name: [value] for name, value in varied.items()}), Demands((THIRD,), 0.01)
+    )
     assert np.isnan(errors).all()
     usual = similar_errors("kinetostatic", points(joint_angle_deg=[10.0]), Demands((THIRD,), 0.01))
     assert np.isfinite(usual).all()

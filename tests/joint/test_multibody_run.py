@@ -242,8 +242,10 @@ def test_a_budget_that_is_used_up_is_reported():
 def test_a_preloaded_bearing_gives_a_converged_answer(simulated):
     """Numerical error: -0.003 mm and -0.005 mm finish, with a number that holds at a quarter of the tolerance."""
     for clearance in (-0.003, -0.005):
-        rough, fine = (simulated(bearing_radial_clearance_mm=clearance, cycles=3, **numerics)
-                       for numerics in ({}, {"relative_tolerance": 1e-3}))  # fmt: skip
+        rough, fine = (
+            simulated(bearing_radial_clearance_mm=clearance, cycles=3, **numerics)
+            for numerics in ({}, {"relative_tolerance": 1e-3})
+        )
         assert abs(order(rough, 3) - order(fine, 3)) < rough["thrust_amplitude_error"].values[3]
 
 

@@ -55,8 +55,9 @@ def test_needles_that_knock_against_each_other_do_not_stop_the_steps_of_a_slow_j
     given = {"joint_angle_deg": 18, "torque_n_m": 100, "speed_rpm": 200}
     duration = np.pi / 2 / joint_values(**given).speed
     settings = Settings(tolerance=np.pi / 360 / 3)  # three steps from sample to sample
-    result = run(joint_assembly(True, **given), "adaptive-euler", duration, samples=90, settings=settings,
-                 limits=UNCHECKED)  # fmt: skip
+    result = run(
+        joint_assembly(True, **given), "adaptive-euler", duration, samples=90, settings=settings, limits=UNCHECKED
+    )
     assert result.outcome == Outcome.FINISHED, result.detail
     assert result.steps < 1.05 * 3 * 90
     assert result.force_evaluations < 5 * 3 * 90
@@ -129,8 +130,14 @@ def test_axes_at_rest_give_the_same_thrust(joint_values):
 
     def third_order(turning, tolerance):
         assembly = assemble(scene if turning else at_rest(scene))
-        result = run(assembly, "adaptive-euler", 6 * np.pi / speed, samples=3 * samples,
-                     settings=Settings(tolerance=tolerance), limits=UNCHECKED)  # fmt: skip
+        result = run(
+            assembly,
+            "adaptive-euler",
+            6 * np.pi / speed,
+            samples=3 * samples,
+            settings=Settings(tolerance=tolerance),
+            limits=UNCHECKED,
+        )
         assert result.outcome == Outcome.FINISHED, result.detail
         positions, velocities = result.positions[-samples:], result.velocities[-samples:]
         if not turning:

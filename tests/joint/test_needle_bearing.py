@@ -18,9 +18,14 @@ def test_element_has_the_load_zone_of_the_equilibrium(load, clearance):
     kappa, penetration = contact.bearing_load_zone(load, clearance, stiffness, count)
     roller = Body("roller", 1.0, (1.0,) * 3, position=(-clearance - 2 * penetration, 0.0, 0.0), velocity=along)
     element = NeedleBearing(
-        Cylinder(GROUND, 7.64, axis=along), Cylinder("roller", 9.64 + clearance, axis=along, concave=True),
-        2.0, 10.0, count, stiffness / 7, friction=Friction(0.03, 1e-3),
-    )  # fmt: skip
+        Cylinder(GROUND, 7.64, axis=along),
+        Cylinder("roller", 9.64 + clearance, axis=along, concave=True),
+        2.0,
+        10.0,
+        count,
+        stiffness / 7,
+        friction=Friction(0.03, 1e-3),
+    )
     assembly = assemble(Scene((roller,), bearings=(element,)))
     state, work = assembly.initial_state(), assembly.work()
     generalized_forces(assembly.tables, work, state.positions, state.velocities)

@@ -28,9 +28,13 @@ def moved(skew_deg=0.0, spin=18.0, plunge=41.0, offset=0.0, scale=1.0, tilt=0.0,
     needles, contacts = np.zeros(MOST_NEEDLES, NEEDLE), np.zeros((MOST_NEEDLES, 2), NEEDLE_CONTACT)
     found, skews = NeedleForces(*np.zeros((3, SAMPLES))), np.zeros(int(values.cycles[0]) * SAMPLES)
     roller = RollerMotion(
-        scale * spin * np.sin(PHI + 0.6), np.zeros(SAMPLES), -scale * plunge * np.sin(2 * PHI), np.full(SAMPLES, LOAD),
-        offset * np.cos(2 * PHI), np.full(SAMPLES, yaw),
-    )  # fmt: skip
+        scale * spin * np.sin(PHI + 0.6),
+        np.zeros(SAMPLES),
+        -scale * plunge * np.sin(2 * PHI),
+        np.full(SAMPLES, LOAD),
+        offset * np.cos(2 * PHI),
+        np.full(SAMPLES, yaw),
+    )
     mean = follow_roller(
         needle_constants(values)[0], np.radians(skew_deg), tilt, roller, needles, contacts, found, skews
     )
@@ -114,13 +118,22 @@ def test_a_heavy_needle_is_thrown_against_its_outer_stop():
 
 def test_thrown_needles_rub_on_stops_that_half_the_plunging_does_not_reach():
     """Regression: `needles` with a tolerance of 1e-3, and with needles of a tenth and of four times the mass."""
-    given = {"relative_tolerance": 1e-6, "joint_angle_deg": 4.87, "torque_n_m": 82.69, "speed_rpm": 1442.19, "initial_skew_1_deg": 0.23,
-             "initial_skew_2_deg": 0.58}  # fmt: skip
+    given = {
+        "relative_tolerance": 1e-6,
+        "joint_angle_deg": 4.87,
+        "torque_n_m": 82.69,
+        "speed_rpm": 1442.19,
+        "initial_skew_1_deg": 0.23,
+        "initial_skew_2_deg": 0.58,
+    }
     third = [
-        abs(complex_amplitudes(solve_kinetostatic(point_values(given | {"needle_mass_factor": mass}), SAMPLES)
-                               .groove_thrust.sum(1))[0, 3])
+        abs(
+            complex_amplitudes(
+                solve_kinetostatic(point_values(given | {"needle_mass_factor": mass}), SAMPLES).groove_thrust.sum(1)
+            )[0, 3]
+        )
         for mass in (0.1, 1.0, 4.0)
-    ]  # fmt: skip
+    ]
     assert third == pytest.approx([12.728, 12.966, 13.065], rel=0.003)
 
 
@@ -139,9 +152,18 @@ def test_needles_only_take_power():
     assert power.max() <= 1e-12
 
 
-@pytest.mark.parametrize("given", [{"needle_crown_um": 10}, {"needle_crown_um": 100}, {"spheres_per_needle": 1},
-                                   {"spheres_per_needle": 2, "needle_crown_um": 20}, {"needle_count": 1},
-                                   {"needle_count": 3}, {"bearing_radial_clearance_mm": 0.5}])  # fmt: skip
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"needle_crown_um": 10},
+        {"needle_crown_um": 100},
+        {"spheres_per_needle": 1},
+        {"spheres_per_needle": 2, "needle_crown_um": 20},
+        {"needle_count": 1},
+        {"needle_count": 3},
+        {"bearing_radial_clearance_mm": 0.5},
+    ],
+)
 def test_odd_bearings_have_an_answer(given):
     """Crowned, short of spheres or needles, or loose."""
     answer = followed(1.0, offset=1.2, **given)
@@ -152,14 +174,39 @@ def test_odd_bearings_have_an_answer(given):
     ("given", "third", "second", "phase"),
     [
         ({"initial_skew_1_deg": 0.4, "initial_skew_2_deg": -0.4, "initial_skew_3_deg": 0.4}, 14.410, 0.1757, -16.7),
-        ({"joint_angle_deg": 12, "torque_n_m": 150, "speed_rpm": 900, "groove_sliding_friction": 0.08,
-          "initial_skew_1_deg": 1, "initial_skew_2_deg": -0.5}, 78.40, 0.786, -62.5),
-        ({"joint_angle_deg": 7.8686, "torque_n_m": 136.5223, "speed_rpm": 599.1667, "groove_sliding_friction": 0.0411,
-          "needle_sliding_friction": 0.0568, "bearing_radial_clearance_mm": 0.0233, "needle_crown_um": 9.036,
-          "needle_axial_clearance_mm": 0.1857, "initial_skew_1_deg": 0.7481, "initial_skew_2_deg": 0.2819,
-          "initial_skew_3_deg": -0.4287}, 27.163, 3.671, -146.0),  # crowned: the tilt moves needles, skew grows by it
+        (
+            {
+                "joint_angle_deg": 12,
+                "torque_n_m": 150,
+                "speed_rpm": 900,
+                "groove_sliding_friction": 0.08,
+                "initial_skew_1_deg": 1,
+                "initial_skew_2_deg": -0.5,
+            },
+            78.40,
+            0.786,
+            -62.5,
+        ),
+        (
+            {
+                "joint_angle_deg": 7.8686,
+                "torque_n_m": 136.5223,
+                "speed_rpm": 599.1667,
+                "groove_sliding_friction": 0.0411,
+                "needle_sliding_friction": 0.0568,
+                "bearing_radial_clearance_mm": 0.0233,
+                "needle_crown_um": 9.036,
+                "needle_axial_clearance_mm": 0.1857,
+                "initial_skew_1_deg": 0.7481,
+                "initial_skew_2_deg": 0.2819,
+                "initial_skew_3_deg": -0.4287,
+            },
+            27.163,
+            3.671,
+            -146.0,
+        ),  # crowned: the tilt moves needles, skew grows by it
     ],
-)  # fmt: skip
+)
 def test_kinetostatic_with_needles_against_needles(given, third, second, phase):
     """Regression: orders of `needles` with a tolerance of 1e-3, which are right to 0.5 and 10 %."""
     found = complex_amplitudes(

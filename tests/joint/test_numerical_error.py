@@ -76,8 +76,10 @@ LIGHT = {"joint_angle_deg": 7.6, "torque_n_m": 18.6, "speed_rpm": 1175, "groove_
 @pytest.mark.slow
 def test_energy_that_an_implicit_method_damps_does_not_refuse_it(simulated):
     """Numerical error: a start that jolts takes more than half of what friction takes; the third order holds to 1 %."""
-    coarse, fine = (simulated(**LIGHT, method="generalized-alpha", samples_per_revolution=180, step_s=step)
-                    for step in (6.5e-4, 1e-4))  # fmt: skip
+    coarse, fine = (
+        simulated(**LIGHT, method="generalized-alpha", samples_per_revolution=180, step_s=step)
+        for step in (6.5e-4, 1e-4)
+    )
     assert float(coarse["energy_residual"]) > 0.5
     assert str(coarse["outcome"].values) == "0", str(coarse["outcome_detail"].values)
     third, better = (result["thrust_amplitude"].values[3] for result in (coarse, fine))

@@ -147,8 +147,10 @@ def test_the_first_tolerance_follows_the_operating_point_and_the_goal():
     )
     assert slow < usual < fast
     for needles in (False, True):
-        tight = [refinement.first_tolerance(POINT, Goal(orders), needles)
-                 for orders in ({3: 0.02}, {3: 0.002}, {3: 0.02, 6: 0.002})]  # fmt: skip
+        tight = [
+            refinement.first_tolerance(POINT, Goal(orders), needles)
+            for orders in ({3: 0.02}, {3: 0.002}, {3: 0.02, 6: 0.002})
+        ]
         assert tight[0] > tight[1] == pytest.approx(2 * tight[2])
     assert tight[1] == pytest.approx(refinement._AIM * 0.002 / refinement._LEFT_NEEDLES)
 

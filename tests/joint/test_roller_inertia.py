@@ -24,6 +24,5 @@ def test_a_roller_has_the_inertia_of_a_zone_of_a_sphere_with_a_bore(bore):
 @pytest.mark.parametrize("model", ["kinetostatic", "rollers"])
 def test_a_roller_whose_bore_is_wider_than_its_faces_is_run(model):
     """Regression: its mass was negative, which ended a study of `rollers` with an error."""
-    result = td.simulate(model=model, roller_radius_mm=12, roller_width_mm=14, needle_pitch_diameter_mm=20.5,
-                         cycles=2)  # fmt: skip
+    result = td.simulate(model=model, roller_radius_mm=12, roller_width_mm=14, needle_pitch_diameter_mm=20.5, cycles=2)
     assert result.attrs["finished"], result.attrs["outcome_detail"]

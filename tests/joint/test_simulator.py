@@ -110,11 +110,15 @@ def test_random_joints_end_in_an_outcome():
     """Invariance: finished means finite and balanced; anything else says why."""
     rng = np.random.default_rng(7)
     result = simulate(
-        "equilibrium", joint_angle_deg=rng.uniform(0, 40, 60), torque_n_m=rng.uniform(-500, 500, 60),
-        speed_rpm=rng.uniform(0, 5000, 60), groove_sliding_friction=rng.uniform(0.02, 0.3, 60),
-        needle_sliding_friction=rng.uniform(0, 0.2, 60), pitch_radius_mm=rng.uniform(12, 40, 60),
+        "equilibrium",
+        joint_angle_deg=rng.uniform(0, 40, 60),
+        torque_n_m=rng.uniform(-500, 500, 60),
+        speed_rpm=rng.uniform(0, 5000, 60),
+        groove_sliding_friction=rng.uniform(0.02, 0.3, 60),
+        needle_sliding_friction=rng.uniform(0, 0.2, 60),
+        pitch_radius_mm=rng.uniform(12, 40, 60),
         initial_skew_1_deg=rng.uniform(-4, 4, 60),
-    )  # fmt: skip
+    )
     finished = result.outcome == Outcome.FINISHED
     assert finished.mean() > 0.8
     assert np.isfinite(result.outputs["thrust_amplitude"].data[finished]).all()

@@ -33,9 +33,13 @@ def test_the_groove_carries_a_third_of_the_torque(joint_values, torque):
     load = abs(values.torque) / (3 * values.pitch_radius)
     period = 2 * np.pi / values.speed
     result = run(
-        assembly, "adaptive-euler", 2 * period, samples=240, settings=Settings(tolerance=2e-3),
+        assembly,
+        "adaptive-euler",
+        2 * period,
+        samples=240,
+        settings=Settings(tolerance=2e-3),
         limits=Limits(energy=0.5, reversals=1.0, drift=1e-2, windows=0),
-    )  # fmt: skip
+    )
     assert result.outcome == 0, result.detail
     forces = groove_forces(assembly, result.positions, values)[0]
     assert forces[0] == pytest.approx(load, rel=1e-6)
@@ -50,9 +54,13 @@ def test_the_spider_moves_as_in_the_joint(joint_values):
     for scene_of in (build_trunnion(values), build_joint(values, needles=True)):
         assembly = assemble(scene_of)
         result = run(
-            assembly, "adaptive-euler", np.pi / values.speed, samples=20, settings=Settings(tolerance=2e-3),
+            assembly,
+            "adaptive-euler",
+            np.pi / values.speed,
+            samples=20,
+            settings=Settings(tolerance=2e-3),
             limits=Limits(energy=0.5, reversals=1.0, drift=1e-2, windows=0),
-        )  # fmt: skip
+        )
         places.append(result.positions[:, assembly.names.index("shaft"), :3])
     assert np.abs(places[0] - places[1]).max() < 1e-3
 

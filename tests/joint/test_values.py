@@ -35,8 +35,10 @@ def test_a_field_is_its_parameter_in_internal_units(name, given, field, expected
 
 def test_every_field_but_the_contact_constants_is_named_as_a_parameter():
     names = {field.name for field in fields(JointValues)} - {
-        "groove_stiffness", "groove_axis_factor", "needle_stiffness",
-    }  # fmt: skip
+        "groove_stiffness",
+        "groove_axis_factor",
+        "needle_stiffness",
+    }
     units = ("", "_deg", "_n_m", "_rpm", "_um", "_kg", "_kg_m2", "_kg_m3", "_gpa", "_mm", "_mm_s", "_s", "_s_per_mm")
     assert all(any(name + unit in JOINT_PARAMETERS for unit in units) for name in names)
 
@@ -51,11 +53,13 @@ def test_what_is_not_given_follows_from_another_parameter():
 @pytest.mark.parametrize(
     ("switch", "coefficient"),
     [
-        ("groove_sliding", "groove_sliding_friction"), ("groove_spinning", "groove_spin_friction"),
-        ("groove_rolling", "groove_rolling_friction"), ("needle_sliding", "needle_sliding_friction"),
+        ("groove_sliding", "groove_sliding_friction"),
+        ("groove_spinning", "groove_spin_friction"),
+        ("groove_rolling", "groove_rolling_friction"),
+        ("needle_sliding", "needle_sliding_friction"),
         ("needle_rolling", "needle_rolling_friction"),
     ],
-)  # fmt: skip
+)
 def test_a_switch_sets_its_own_coefficient_to_zero(switch, coefficient):
     on, off = point_values({}).point(0), point_values({switch: 0}).point(0)
     assert getattr(off, coefficient) == 0

@@ -35,9 +35,14 @@ def followed(joint_values, joint_assembly):
         values = joint_values(**given)
         duration = REVOLUTIONS * 2 * math.pi / values.speed
         result = run(
-            joint_assembly(False, **given), method, duration, step=step, samples=REVOLUTIONS * SAMPLES,
-            settings=Settings(tolerance=TOLERANCE), limits=Limits(windows=0),
-        )  # fmt: skip
+            joint_assembly(False, **given),
+            method,
+            duration,
+            step=step,
+            samples=REVOLUTIONS * SAMPLES,
+            settings=Settings(tolerance=TOLERANCE),
+            limits=Limits(windows=0),
+        )
         return values, result
 
     return follow

@@ -66,8 +66,13 @@ def test_joints_of_little_friction_keep_their_errors_and_their_range():
 
 
 def test_a_choice_counts_what_vibration_makes_of_similar_errors():
-    demands = Demands((Demand("thrust_amplitude_3", "thrust_amplitude", 3, 0.03),
-                       Demand("thrust_amplitude_2", "thrust_amplitude", 2, 0.1)), 0.01)  # fmt: skip
+    demands = Demands(
+        (
+            Demand("thrust_amplitude_3", "thrust_amplitude", 3, 0.03),
+            Demand("thrust_amplitude_2", "thrust_amplitude", 2, 0.1),
+        ),
+        0.01,
+    )
     block = points(**FLUTTERING | {"groove_sliding_friction": 0.1})
     vibrates = vibration_errors(block)[0] > 0
     third, second = similar_errors("kinetostatic", block, demands)[0].T

@@ -67,9 +67,14 @@ def pair(clearance, seed, damping=1e-3, tilting=1.0, **values):
     """Trunnion and roller anywhere in space, near each other, with any motion; both inertias are spheres'."""
     rng = np.random.default_rng(seed)
     trunnion = Body(
-        "trunnion", 1.0, (1.0,) * 3, position=(3.0, -2.0, 1.0), attitude=tuple(rng.normal(size=4)),
-        velocity=tuple(rng.normal(size=3)), angular_velocity=tuple(rng.normal(size=3)),
-    )  # fmt: skip
+        "trunnion",
+        1.0,
+        (1.0,) * 3,
+        position=(3.0, -2.0, 1.0),
+        attitude=tuple(rng.normal(size=4)),
+        velocity=tuple(rng.normal(size=3)),
+        angular_velocity=tuple(rng.normal(size=3)),
+    )
     roller = Body("roller", 1.0, (1.0,) * 3, velocity=tuple(rng.normal(size=3)))
     element = bearing(clearance, skew=0.1, damping=damping, friction=FRICTION, **values)
     inner = dataclasses.replace(element.trunnion, point=(0.5, 1.0, -2.0))
@@ -257,9 +262,13 @@ def test_a_needle_that_is_a_body_drags_and_turns_the_bore_alike(skew, spin):
     axis = np.array([0.0, -math.sin(skew), math.cos(skew)])  # counterclockwise from z about x, the outward normal
     mass = 7.85e-9 * math.pi
     needle = Body(
-        "needle", mass, (mass / 2, mass / 3, mass / 3), position=(pitch, 0, 0), velocity=(0, spin * bore / 2, along / 2),
+        "needle",
+        mass,
+        (mass / 2, mass / 3, mass / 3),
+        position=(pitch, 0, 0),
+        velocity=(0, spin * bore / 2, along / 2),
         attitude=(1.0 + axis[0], *np.cross([1.0, 0.0, 0.0], axis)),
-    )  # fmt: skip
+    )
     ring = Body("bore", 1.0, (1.0,) * 3, velocity=(0, 0, along), angular_velocity=(0, 0, spin), locked=(True,) * 6)
     raceways = (Cylinder(GROUND, TRUNNION, axis=Z), Cylinder("bore", bore, axis=Z, concave=True))
     rows = tuple(
@@ -272,9 +281,7 @@ def test_a_needle_that_is_a_body_drags_and_turns_the_bore_alike(skew, spin):
     force = forces(assembly, State(result.times[-1], result.positions[-1], result.velocities[-1])).force[2]
     assert force[2] < -1.0
     assert force[5] / force[2] == pytest.approx(-bore * TRUNNION / pitch * math.tan(skew), rel=3e-4)
-    roller = on_ground(
-        gap, (-0.001, 0.0, 0.0), (0, 0, along, 0, 0, spin), skew=skew, friction=Friction(0.03, 0.2)
-    )[0]  # fmt: skip
+    roller = on_ground(gap, (-0.001, 0.0, 0.0), (0, 0, along, 0, 0, spin), skew=skew, friction=Friction(0.03, 0.2))[0]
     assert roller[5] / roller[2] == pytest.approx(force[5] / force[2], rel=3e-4)
 
 
@@ -337,9 +344,15 @@ def _spinning(load, spin, friction, inertia=400.0, skew=0.0, locked=(False,) * 6
     """A roller on a fixed trunnion, pressed by a load along x, at its place of balance; mass in t, N, mm, s."""
     shift = brentq(lambda x: zone_moment(x, 0.015, 1) - load, 0.0151, 0.03, xtol=1e-15)
     roller = Body(
-        "roller", 4e-5, (inertia, inertia, inertia), position=(shift, 0, 0), force=(load, 0, 0), velocity=velocity,
-        angular_velocity=(0, 0, spin), locked=locked,
-    )  # fmt: skip
+        "roller",
+        4e-5,
+        (inertia, inertia, inertia),
+        position=(shift, 0, 0),
+        force=(load, 0, 0),
+        velocity=velocity,
+        angular_velocity=(0, 0, spin),
+        locked=locked,
+    )
     element = bearing(0.015, GROUND, friction=friction, damping=1e-3, skew=skew)
     scene = Scene((roller,), bearings=(element,), length_scale=1.0, speed_scale=100.0, rotation_scale=10.0)
     return assemble(scene), shift
@@ -366,9 +379,7 @@ def test_screw_of_skewed_needles():
     """
     skew, along = 0.3, 20.0
     locked = (False, False, True, True, True, False)
-    assembly, _ = _spinning(
-        800.0, 0.0, Friction(0.05, 5.0), 6e-3, skew=skew, locked=locked, velocity=(0.0, 0.0, along)
-    )  # fmt: skip
+    assembly, _ = _spinning(800.0, 0.0, Friction(0.05, 5.0), 6e-3, skew=skew, locked=locked, velocity=(0.0, 0.0, along))
     result = run(assembly, "bdf2", 0.02, step=1e-5, samples=4)
     assert result.outcome == Outcome.FINISHED, result.detail
     bore, pitch = TRUNNION + DIAMETER + 0.015, TRUNNION + 0.5 * (DIAMETER + 0.015)

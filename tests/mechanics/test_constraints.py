@@ -24,7 +24,7 @@ from tripod_doe.mechanics.scene import (
     SphereRow,
     Spherical,
     Universal,
-)  # fmt: skip
+)
 
 POINTS = {"point_a": (0.3, -0.2, 0.5), "point_b": (-0.4, 0.1, 0.2)}
 JOINTS = {
@@ -39,10 +39,24 @@ JOINTS = {
 
 
 def _assembly(joint):
-    a = Body("a", 2.0, (1.0, 2.0, 3.0), position=(0.1, 0.2, 0.3), attitude=(0.9, 0.1, -0.3, 0.2),
-             velocity=(0.4, -0.3, 0.2), angular_velocity=(1.0, -0.5, 0.3))  # fmt: skip
-    b = Body("b", 1.0, (0.4, 0.6, 0.8), position=(1.1, -0.2, 0.6), attitude=(0.8, 0.3, 0.2, -0.1),
-             velocity=(-0.2, 0.5, 0.7), angular_velocity=(-0.4, 0.8, 1.2))  # fmt: skip
+    a = Body(
+        "a",
+        2.0,
+        (1.0, 2.0, 3.0),
+        position=(0.1, 0.2, 0.3),
+        attitude=(0.9, 0.1, -0.3, 0.2),
+        velocity=(0.4, -0.3, 0.2),
+        angular_velocity=(1.0, -0.5, 0.3),
+    )
+    b = Body(
+        "b",
+        1.0,
+        (0.4, 0.6, 0.8),
+        position=(1.1, -0.2, 0.6),
+        attitude=(0.8, 0.3, 0.2, -0.1),
+        velocity=(-0.2, 0.5, 0.7),
+        angular_velocity=(-0.4, 0.8, 1.2),
+    )
     return assemble(Scene((a, b), constraints=(joint,)))
 
 
@@ -87,8 +101,15 @@ def test_fixed_bodies_start_without_residual():
 
 def test_redundant_joints_leave_accelerations_unchanged():
     """A door on one hinge and on three: ten equations more, the same motion, and the multipliers stay finite."""
-    door = Body("door", 3.0, (1.0, 2.0, 1.5), position=(0.5, 0.0, 0.0), angular_velocity=(0, 0, 2.0),
-                velocity=(0.0, 1.0, 0.0), force=(0.3, 1.0, -9.0))  # fmt: skip
+    door = Body(
+        "door",
+        3.0,
+        (1.0, 2.0, 1.5),
+        position=(0.5, 0.0, 0.0),
+        angular_velocity=(0, 0, 2.0),
+        velocity=(0.0, 1.0, 0.0),
+        force=(0.3, 1.0, -9.0),
+    )
 
     def hinge(height):
         return Revolute(GROUND, "door", point_a=(0, 0, height), point_b=(-0.5, 0, height))
@@ -110,10 +131,16 @@ def test_redundant_joints_leave_accelerations_unchanged():
 def test_multipliers_of_the_tail_solve_the_dense_saddle_system():
     """Needles on a jointed pair: matrix and constraints together against one dense solve."""
     needles = [
-        Body(f"needle {i}", 0.1, (0.1, 0.2, 0.3), position=(0.3 * i, 0.0, 0.99), angular_velocity=(0.1, 0.2, 0.3),
-             locked=(False, i == 1, False, False, False, False))
+        Body(
+            f"needle {i}",
+            0.1,
+            (0.1, 0.2, 0.3),
+            position=(0.3 * i, 0.0, 0.99),
+            angular_velocity=(0.1, 0.2, 0.3),
+            locked=(False, i == 1, False, False, False, False),
+        )
         for i in range(3)
-    ]  # fmt: skip
+    ]
     pair = [
         Body("a", 2.0, (1.0, 2.0, 3.0), attitude=(0.9, 0.1, -0.3, 0.2)),
         Body("b", 1.0, (0.4, 0.6, 0.8), position=(0.4, 0.0, 0.0), locked=(False, False, True, False, False, False)),

@@ -25,9 +25,14 @@ def _forces(assembly, state):
 
 def _pair(surface, count, position, friction=FRICTION):
     body = Body(
-        "needle", 1e-3, (1.0, 1.0, 1.0), position=position, velocity=(1.0, -0.5, 0.1),
-        angular_velocity=(0.3, 0.2, 0.4), attitude=(1.0, 0.0, 0.001, 0.0),
-    )  # fmt: skip
+        "needle",
+        1e-3,
+        (1.0, 1.0, 1.0),
+        position=position,
+        velocity=(1.0, -0.5, 0.1),
+        angular_velocity=(0.3, 0.2, 0.4),
+        attitude=(1.0, 0.0, 0.001, 0.0),
+    )
     base = Body("base", 1.0, (1.0, 1.0, 1.0), angular_velocity=(0.1, -0.2, 0.05), velocity=(0.1, 0.2, 0.0))
     row = SphereRow(
         "needle", surface, 1.0, 1e5, exponent=10 / 9, count=count, length=3.0, damping=0.01, friction=friction
@@ -163,15 +168,32 @@ def test_rows_of_more_than_eight_spheres_are_the_sum_of_shorter_ones():
     """Twenty spheres of a row on a cylinder are four rows of five."""
 
     def work(rows):
-        body = Body("needle", 1.0, (1.0,) * 3, position=(0.2, 3.0, 3.996), velocity=(1.0, -0.5, 0.1),
-                    angular_velocity=(0.3, 0.2, 0.4), attitude=(1.0, 0.0, 0.001, 0.0))  # fmt: skip
+        body = Body(
+            "needle",
+            1.0,
+            (1.0,) * 3,
+            position=(0.2, 3.0, 3.996),
+            velocity=(1.0, -0.5, 0.1),
+            angular_velocity=(0.3, 0.2, 0.4),
+            attitude=(1.0, 0.0, 0.001, 0.0),
+        )
         count, length = 20 // rows, 3.0 / rows
         places = [(k + 0.5) * length - 1.5 for k in range(rows)]
         contacts = tuple(
-            SphereRow("needle", Cylinder("base", 4.0), 1.0, 1e5, exponent=10 / 9, count=count, length=length,
-                      centre=(place, 0.0, 0.0), damping=0.01, friction=FRICTION)
+            SphereRow(
+                "needle",
+                Cylinder("base", 4.0),
+                1.0,
+                1e5,
+                exponent=10 / 9,
+                count=count,
+                length=length,
+                centre=(place, 0.0, 0.0),
+                damping=0.01,
+                friction=FRICTION,
+            )
             for place in places
-        )  # fmt: skip
+        )
         assembly = assemble(Scene((body, Body("base", 1.0, (1.0,) * 3)), contacts=contacts))
         state, memory = assembly.initial_state(), assembly.work()
         linearise(assembly.tables, memory, state.positions, state.velocities, 1.0, 1e-3, 1e-6, memory.matrix)

@@ -14,21 +14,47 @@ from tripod_doe.mechanics.laws import hyperbolic_tangent
 def _evaluate(a, b, out):
     x, y = variable(a, 1), variable(b, 7)
     results = (
-        2.0 * x + y / 3.0 - 1.0, x * y, x / y, 1.0 / y, math.sqrt(x * x + y * y), -abs(y), max(x, y), min(x, 0.5),
-        select(x > y, x * x, y), hyperbolic_tangent(x * y), hyperbolic_tangent(30.0 + x), y - x, 3.0 - x,
-    )  # fmt: skip
+        2.0 * x + y / 3.0 - 1.0,
+        x * y,
+        x / y,
+        1.0 / y,
+        math.sqrt(x * x + y * y),
+        -abs(y),
+        max(x, y),
+        min(x, 0.5),
+        select(x > y, x * x, y),
+        hyperbolic_tangent(x * y),
+        hyperbolic_tangent(30.0 + x),
+        y - x,
+        3.0 - x,
+    )
     for i in range(len(results)):
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = (
-            pick(results[i], 0), pick(results[i], 1), pick(results[i], 7), pick(results[i], 2)
-        )  # fmt: skip
+            pick(results[i], 0),
+            pick(results[i], 1),
+            pick(results[i], 7),
+            pick(results[i], 2),
+        )
 
 
 def _expected(x, y):
-    return np.array([
-        2 * x + y / 3 - 1, x * y, x / y, 1 / y, np.sqrt(x * x + y * y), y if y.real < 0 else -y,
-        x if x.real > y.real else y, x if x.real < 0.5 else 0.5, x * x if x.real > y.real else y, np.tanh(x * y),
-        1.0, y - x, 3 - x,
-    ])  # fmt: skip
+    return np.array(
+        [
+            2 * x + y / 3 - 1,
+            x * y,
+            x / y,
+            1 / y,
+            np.sqrt(x * x + y * y),
+            y if y.real < 0 else -y,
+            x if x.real > y.real else y,
+            x if x.real < 0.5 else 0.5,
+            x * x if x.real > y.real else y,
+            np.tanh(x * y),
+            1.0,
+            y - x,
+            3 - x,
+        ]
+    )
 
 
 def test_derivatives_are_exact():

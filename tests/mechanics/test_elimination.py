@@ -9,7 +9,7 @@ from tripod_doe.mechanics.elimination import (
     multiply,
     reduce_right_side,
     substitute_back,
-)  # fmt: skip
+)
 from tripod_doe.mechanics.tables import CONTACT
 
 

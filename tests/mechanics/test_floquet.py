@@ -23,9 +23,13 @@ def block_on_belt(friction: float):
     depth, length = LOAD / CONTACT, 1e4  # a spring so long that it hardly turns
     along = np.array([math.cos(INCLINED), 0.0, math.sin(INCLINED)])
     block = parts.Body(
-        "block", MASS, (1.0, 1.0, 1.0), position=(0.0, 0.0, 1.0 - depth), force=(-friction * LOAD, 0.0, -LOAD),
+        "block",
+        MASS,
+        (1.0, 1.0, 1.0),
+        position=(0.0, 0.0, 1.0 - depth),
+        force=(-friction * LOAD, 0.0, -LOAD),
         locked=(False, True, False, True, True, True),
-    )  # fmt: skip
+    )
     belt = parts.Body("belt", 1.0, (1.0, 1.0, 1.0), velocity=(SLIP, 0.0, 0.0), locked=(True,) * 6)
     touch = parts.SphereRow(
         "block", parts.Plane("belt"), 1.0, CONTACT, exponent=1.0, friction=parts.Friction(friction, 1.0)

@@ -11,8 +11,15 @@ from tripod_doe.mechanics.run import run
 from tripod_doe.mechanics.scene import GROUND, Body, Scene, Spherical
 
 RATE, DURATION = 7.0, 0.4
-BODY = Body("top", 2.0, (1.0, 2.0, 3.0), position=(0.3, -0.4, 0.2), velocity=(1.0, 0.5, -0.7),
-            angular_velocity=(2.0, -3.0, 1.0), moment=(0.0, 0.0, 1.5))  # fmt: skip
+BODY = Body(
+    "top",
+    2.0,
+    (1.0, 2.0, 3.0),
+    position=(0.3, -0.4, 0.2),
+    velocity=(1.0, 0.5, -0.7),
+    angular_velocity=(2.0, -3.0, 1.0),
+    moment=(0.0, 0.0, 1.5),
+)
 
 
 def _turned(body: Body) -> Body:

@@ -29,8 +29,14 @@ def thrown(method, setting, friction, transition):
 
 def test_a_run_of_few_steps_is_run_again_whole():
     """Four windows of one step each saw a quarter of what a hundred steps get wrong: it settles between them."""
-    values = {"friction_a": 0.0453, "friction_b": 0.05162, "plate_speed_mm_s": 46.64, "skew_deg": 1.246,
-              "load_n": 34.99, "duration_s": 0.02}  # fmt: skip
+    values = {
+        "friction_a": 0.0453,
+        "friction_b": 0.05162,
+        "plate_speed_mm_s": 46.64,
+        "skew_deg": 1.246,
+        "load_n": 34.99,
+        "duration_s": 0.02,
+    }
     result, drift = needle("linearly-implicit-euler", 3.68e-4, **values)
     _, truth = needle("rosenbrock", 1e-7, **values)
     assert abs(drift / truth - 1) > 0.05
@@ -57,8 +63,14 @@ def test_what_is_left_of_a_slip_that_is_over_is_no_failure(method, setting, fric
 
 def test_a_tolerance_near_what_a_solver_can_do_is_held_against_a_looser_one():
     """SciPy's BDF fails at a tenth of this tolerance; at ten times it the drift is the same."""
-    values = {"friction_a": 0.0921, "friction_b": 0.01744, "plate_speed_mm_s": 414.8, "skew_deg": -0.638,
-              "load_n": 411.2, "duration_s": 0.01}  # fmt: skip
+    values = {
+        "friction_a": 0.0921,
+        "friction_b": 0.01744,
+        "plate_speed_mm_s": 414.8,
+        "skew_deg": -0.638,
+        "load_n": 411.2,
+        "duration_s": 0.01,
+    }
     result, _ = needle("scipy-bdf", 2.21e-7, **values)
     assert result.outcome == Outcome.FINISHED, result.detail
 

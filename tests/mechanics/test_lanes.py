@@ -28,10 +28,21 @@ from tripod_doe.mechanics.rotations import cross
 def _evaluate(numbers, out):
     x, y = load(numbers, 0), load(numbers, 1)
     results = (
-        2.0 * x + y / 3.0 - 1.0, select(x > y, x, 0.0), max(x, 0.5), min(y, 0.5), -abs(x), math.sqrt(abs(x)),
-        abs(x) ** 1.3, ramp(3.0), row_of_sums(x, y, x * y, x - y, -y, 1.0), cross((x, y, 1.0), (y, 1.0, x))[2],
-        row(1.0, 2.0, 3.0, 4.0, 5.0, pick(x, 3)), replace(x, 2, 7.0), laws.hyperbolic_tangent(x), laws.root(abs(x), 9),
-    )  # fmt: skip
+        2.0 * x + y / 3.0 - 1.0,
+        select(x > y, x, 0.0),
+        max(x, 0.5),
+        min(y, 0.5),
+        -abs(x),
+        math.sqrt(abs(x)),
+        abs(x) ** 1.3,
+        ramp(3.0),
+        row_of_sums(x, y, x * y, x - y, -y, 1.0),
+        cross((x, y, 1.0), (y, 1.0, x))[2],
+        row(1.0, 2.0, 3.0, 4.0, 5.0, pick(x, 3)),
+        replace(x, 2, 7.0),
+        laws.hyperbolic_tangent(x),
+        laws.root(abs(x), 9),
+    )
     for i in range(len(results)):
         store(out, i, results[i])
 
@@ -44,10 +55,21 @@ def test_lanes_are_numpy():
     replaced = x.copy()
     replaced[2] = 7.0
     expected = [
-        2 * x + y / 3 - 1, np.where(x > y, x, 0), np.maximum(x, 0.5), np.minimum(y, 0.5), -abs(x), np.sqrt(abs(x)),
-        abs(x) ** 1.3, 3 + np.arange(8), [*(v.sum() for v in (x, y, x * y, x - y, -y)), 8, 0, 0], x - y * y,
-        [1, 2, 3, 4, 5, x[3], 0, 0], replaced, np.tanh(x), abs(x) ** (1 / 9),
-    ]  # fmt: skip
+        2 * x + y / 3 - 1,
+        np.where(x > y, x, 0),
+        np.maximum(x, 0.5),
+        np.minimum(y, 0.5),
+        -abs(x),
+        np.sqrt(abs(x)),
+        abs(x) ** 1.3,
+        3 + np.arange(8),
+        [*(v.sum() for v in (x, y, x * y, x - y, -y)), 8, 0, 0],
+        x - y * y,
+        [1, 2, 3, 4, 5, x[3], 0, 0],
+        replaced,
+        np.tanh(x),
+        abs(x) ** (1 / 9),
+    ]
     np.testing.assert_allclose(out, np.array(expected), rtol=1e-14, atol=1e-15)
 
 

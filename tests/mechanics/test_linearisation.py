@@ -57,8 +57,14 @@ def test_friction_relaxes_a_needle_by_its_lever():
 
 def _block(speed: float):
     """A block that may slide along x only, at some speed over its transition velocity of 1 mm/s."""
-    body = parts.Body("block", 1e-3, (1.0, 1.0, 1.0), position=(0.0, 0.0, 0.99), velocity=(speed, 0.0, 0.0),
-                      locked=(False, True, True, True, True, True))  # fmt: skip
+    body = parts.Body(
+        "block",
+        1e-3,
+        (1.0, 1.0, 1.0),
+        position=(0.0, 0.0, 0.99),
+        velocity=(speed, 0.0, 0.0),
+        locked=(False, True, True, True, True, True),
+    )
     friction = parts.Friction(0.1, 1.0)
     touch = parts.SphereRow("block", parts.Plane(parts.GROUND), 1.0, 1e4, exponent=1.0, friction=friction)
     return assemble(parts.Scene((body,), contacts=(touch,)))
@@ -101,8 +107,14 @@ def test_the_way_counts_by_its_fastest_state_and_its_mean_lag():
 def test_explicit_methods_reach_as_far_as_they_say(name):
     """On u' = -c u the method is stable just below its real reach and not just above: exact mathematics."""
     friction = parts.Friction(0.1, 1e6)  # so wide that friction is linear
-    body = parts.Body("block", 1e-3, (1.0, 1.0, 1.0), position=(0.0, 0.0, 0.99), velocity=(1.0, 0.0, 0.0),
-                      locked=(False, True, True, True, True, True))  # fmt: skip
+    body = parts.Body(
+        "block",
+        1e-3,
+        (1.0, 1.0, 1.0),
+        position=(0.0, 0.0, 0.99),
+        velocity=(1.0, 0.0, 0.0),
+        locked=(False, True, True, True, True, True),
+    )
     touch = parts.SphereRow("block", parts.Plane(parts.GROUND), 1.0, 1e4, exponent=1.0, friction=friction)
     assembly = assemble(parts.Scene((body,), contacts=(touch,)))
     rate = rates_at(linear_matrices(assembly), 1.0).friction
@@ -126,13 +138,16 @@ def test_rates_are_outputs_on_request_only():
     slip, v_st = closed_form(values)[0], transition_velocity(values)
     along = values["plate_speed_mm_s"] * math.sin(math.radians(values["skew_deg"]))
     mass = values["density_kg_m3"] * 1e-12 * math.pi * values["needle_length_mm"]
-    chords = [mu * values["load_n"] * math.tanh(v / v_st) / v
-              for mu, v in ((values["friction_a"], slip), (values["friction_b"], along - slip))]  # fmt: skip
+    chords = [
+        mu * values["load_n"] * math.tanh(v / v_st) / v
+        for mu, v in ((values["friction_a"], slip), (values["friction_b"], along - slip))
+    ]
     # steady motion: turning about its axis, a needle slips across its slip, where a friction law's slope is its chord;
     # sliding across couples in as the chords differ, so the rate lies above that of turning alone
     turning = 2 * sum(chords) / mass
-    coupled = np.linalg.eigvals(np.array([[sum(chords), chords[1] - chords[0]],
-                                          [2 * (chords[1] - chords[0]), 2 * sum(chords)]]) / mass).max()  # fmt: skip
+    coupled = np.linalg.eigvals(
+        np.array([[sum(chords), chords[1] - chords[0]], [2 * (chords[1] - chords[0]), 2 * sum(chords)]]) / mass
+    ).max()
     assert turning < coupled
     assert kept["friction_rate_per_s"].data[0] == pytest.approx(coupled, rel=1e-3)  # contact damping is in it, too
     assert kept["secant_lag_rate_per_s"].data[0] > 0

@@ -68,8 +68,9 @@ def test_tolerance_is_met(name, reference):
 
 def test_the_pace_of_a_scene_follows_its_tolerance(reference):
     """First order: a tenth of the tolerance is a tenth of the error; steps are 2 tolerance times the time scale of 1."""
-    errors = [np.abs(_end(METHODS["adaptive-euler"], 1, controlled=True, tolerance=t) - reference).max()
-              for t in (1e-6, 1e-7)]  # fmt: skip
+    errors = [
+        np.abs(_end(METHODS["adaptive-euler"], 1, controlled=True, tolerance=t) - reference).max() for t in (1e-6, 1e-7)
+    ]
     assert errors[0] / errors[1] == pytest.approx(10.0, rel=0.2)
 
 

@@ -83,8 +83,10 @@ def test_a_reversing_plate_takes_the_needle_to_and_fro():
     values, times = _numbers(**given), np.linspace(0.0, 0.01, 2001)
     v_st = transition_velocity(values)
     speeds = 100.0 * np.cos(2 * math.pi * 100.0 * times)
-    rates = [closed_form({**values, "plate_speed_mm_s": v, "transition_ratio": _ratio(v, v_st), "duration_s": 1.0})[1]
-             for v in speeds]  # fmt: skip
+    rates = [
+        closed_form({**values, "plate_speed_mm_s": v, "transition_ratio": _ratio(v, v_st), "duration_s": 1.0})[1]
+        for v in speeds
+    ]
     expected = np.concatenate([[0.0], np.cumsum(0.5 * np.add(rates[1:], rates[:-1]) * np.diff(times))])[::20]
     assert np.abs(path - expected).max() < 1e-3 * np.ptp(expected)
     assert abs(result.outputs["travel_mm"].data[0]) < 1e-3 * 100.0 / (2 * math.pi * 100.0)

@@ -25,7 +25,7 @@ from tripod_doe.mechanics.scene import (
     SphereRow,
     Spring,
     Universal,
-)  # fmt: skip
+)
 from tripod_doe.mechanics.scenes.examples import pendulum, rolling_sphere
 from tripod_doe.simulator import Outcome
 
@@ -33,14 +33,22 @@ from tripod_doe.simulator import Outcome
 def _driven_arm():
     """An arm that a drive turns about z with angle 0.3 + 2 t + 1.5 t^2, and a box fixed to its end."""
     arm = Body(
-        "arm", 2.0, (0.1, 0.2, 0.3), position=(0.5 * math.cos(0.3), 0.5 * math.sin(0.3), 0.0),
-        attitude=(math.cos(0.15), 0.0, 0.0, math.sin(0.15)), angular_velocity=(0.0, 0.0, 2.0),
+        "arm",
+        2.0,
+        (0.1, 0.2, 0.3),
+        position=(0.5 * math.cos(0.3), 0.5 * math.sin(0.3), 0.0),
+        attitude=(math.cos(0.15), 0.0, 0.0, math.sin(0.15)),
+        angular_velocity=(0.0, 0.0, 2.0),
         velocity=(-math.sin(0.3), math.cos(0.3), 0.0),
-    )  # fmt: skip
+    )
     box = Body(
-        "box", 1.0, (0.05, 0.05, 0.05), position=(math.cos(0.3), math.sin(0.3), 0.0),
-        velocity=(-2.0 * math.sin(0.3), 2.0 * math.cos(0.3), 0.0), angular_velocity=(0.0, 0.0, 2.0),
-    )  # fmt: skip
+        "box",
+        1.0,
+        (0.05, 0.05, 0.05),
+        position=(math.cos(0.3), math.sin(0.3), 0.0),
+        velocity=(-2.0 * math.sin(0.3), 2.0 * math.cos(0.3), 0.0),
+        angular_velocity=(0.0, 0.0, 2.0),
+    )
     joints = (
         Revolute(GROUND, "arm", point_b=(-0.5, 0.0, 0.0)),
         PrescribedRotation(GROUND, "arm", angle=0.3, rate=2.0, acceleration=3.0),
@@ -85,8 +93,13 @@ def test_universal_joint_transmits_rotation_with_its_known_ratio():
     bend = 0.5
     first = Body("in", 1.0, (1.0, 1.0, 1.0), angular_velocity=(1.0, 0.0, 0.0))
     # the output shaft's axis is its body x, turned by the bend about z
-    second = Body("out", 1.0, (1.0, 1.0, 1.0), attitude=(math.cos(bend / 2), 0.0, 0.0, math.sin(bend / 2)),
-                  angular_velocity=(1.0, math.tan(bend), 0.0))  # fmt: skip
+    second = Body(
+        "out",
+        1.0,
+        (1.0, 1.0, 1.0),
+        attitude=(math.cos(bend / 2), 0.0, 0.0, math.sin(bend / 2)),
+        angular_velocity=(1.0, math.tan(bend), 0.0),
+    )
     x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     joints = (
         Revolute(GROUND, "in", axis_a=x, axis_b=x),
@@ -195,8 +208,9 @@ def test_a_small_sphere_too_deep_is_not_hidden_by_a_large_one():
     """Both balls rest on the plane: 0.05 into it is nothing for a radius of 100 and 0.02 too much for one of 0.1."""
     bodies, contacts = [], []
     for name, place, radius, depth in (("large", 0.0, 100.0, 0.05), ("small", 200.0, 0.1, 0.02)):
-        bodies.append(Body(name, 1.0, (1.0, 1.0, 1.0), position=(place, 0.0, radius - depth),
-                           force=(0.0, 0.0, -1e3 * depth**1.5)))  # fmt: skip
+        bodies.append(
+            Body(name, 1.0, (1.0, 1.0, 1.0), position=(place, 0.0, radius - depth), force=(0.0, 0.0, -1e3 * depth**1.5))
+        )
         contacts.append(SphereRow(name, Plane(GROUND), radius, 1e3))
     result = run(assemble(Scene(tuple(bodies), contacts=tuple(contacts))), "bdf2", 1e-3, step=1e-4)
     assert result.penetration == pytest.approx(0.05, rel=1e-6)

@@ -11,10 +11,26 @@ from tripod_doe.report.analyses import ANALYSES, findings_of, table_of
 from tripod_doe.report.figures.registry import FIGURES
 
 KINDS = {
-    "sobol", "morris", "contribution", "stability", "comparison", "choose", "speed-accuracy", "claims",
-    "claims-over-skew", "fast", "rbd-fast", "pawn", "delta", "dgsm", "shapley", "effects", "tolerance", "surrogate",
+    "sobol",
+    "morris",
+    "contribution",
+    "stability",
+    "comparison",
+    "choose",
+    "speed-accuracy",
+    "claims",
+    "claims-over-skew",
+    "fast",
+    "rbd-fast",
+    "pawn",
+    "delta",
+    "dgsm",
+    "shapley",
+    "effects",
+    "tolerance",
+    "surrogate",
     "multifidelity",
-}  # fmt: skip
+}
 
 
 @pytest.fixture(scope="module")

@@ -63,8 +63,11 @@ def test_an_order_that_the_model_does_not_have_has_no_phase(comparison):
 
 def test_the_beat_is_told_in_words(comparison):
     (told,) = [sentence for sentence in find_in_comparison(comparison) if "envelope" in sentence]
-    assert re.fullmatch(r"The envelope of the measured thrust force rises and falls by [\d.]+ % about its mean; that of "
-                        r"the model rises and falls by [\d.]+ % about its mean\.", told)  # fmt: skip
+    assert re.fullmatch(
+        r"The envelope of the measured thrust force rises and falls by [\d.]+ % about its mean; that of "
+        r"the model rises and falls by [\d.]+ % about its mean\.",
+        told,
+    )
     still = comparison.assign(model_envelope=0 * comparison["model_envelope"] + 5)
     assert "that of the model is constant." in " ".join(find_in_comparison(still))
 

@@ -280,8 +280,11 @@ def test_operating_points_that_are_no_grid_are_not_laid_out_as_one(many, monkeyp
 
 
 def test_a_direct_decomposition_beside_nothing_known_is_not_compared(parts):
-    third = replace(parts[0], shares={name: np.full_like(values, np.nan) for name, values in parts[0].shares.items()}
-                    | {"share_direct": np.full_like(parts[0].shares["share_off"], 20.0)})  # fmt: skip
+    third = replace(
+        parts[0],
+        shares={name: np.full_like(values, np.nan) for name, values in parts[0].shares.items()}
+        | {"share_direct": np.full_like(parts[0].shares["share_off"], 20.0)},
+    )
     (told,) = [note for note in contribution_notes(third) if note.startswith("Direct")]
     assert "Within" not in told
     assert "need not agree" not in told

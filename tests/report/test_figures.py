@@ -63,8 +63,10 @@ def test_lines_and_map_of_a_grid_hold_the_numbers_of_the_cube(grid_cube, data_of
     third = grid_cube["thrust_amplitude"].sel(order=3)
     charts = {chart.name: chart for chart in effect_charts(grid_cube)[0].charts}
     assert list(charts) == [
-        "thrust_amplitude_order_3-joint_angle_deg", "thrust_amplitude_order_3-torque_n_m", "thrust_amplitude_order_3-map",
-    ]  # fmt: skip
+        "thrust_amplitude_order_3-joint_angle_deg",
+        "thrust_amplitude_order_3-torque_n_m",
+        "thrust_amplitude_order_3-map",
+    ]
     lines = data_of(charts["thrust_amplitude_order_3-joint_angle_deg"])
     assert (lines["thrust_amplitude_order_3[torque_n_m=50]"] == third.sel(torque_n_m=50).values).all()
     shown = data_of(charts["thrust_amplitude_order_3-map"]).set_index("torque_n_m")
@@ -88,9 +90,11 @@ def test_a_mean_over_failed_points_says_so(joint_cube, grid_cube):
 
 def test_a_fine_grid_is_drawn_as_contours_not_as_cells(grid_cube):
     levels = np.linspace(1, 20, 20)
-    fine = grid_cube[["thrust_amplitude", "outcome", "outcome_detail"]].interp(
-        joint_angle_deg=np.linspace(4, 12, 20), torque_n_m=10 * levels, kwargs={"fill_value": "extrapolate"}
-    ).assign(outcome=(("joint_angle_deg", "torque_n_m"), np.zeros((20, 20), int)))  # fmt: skip
+    fine = (
+        grid_cube[["thrust_amplitude", "outcome", "outcome_detail"]]
+        .interp(joint_angle_deg=np.linspace(4, 12, 20), torque_n_m=10 * levels, kwargs={"fill_value": "extrapolate"})
+        .assign(outcome=(("joint_angle_deg", "torque_n_m"), np.zeros((20, 20), int)))
+    )
     chart = effect_charts(fine)[0].charts[-1]
     assert "labelled contours" in chart.caption
     assert len(texts_of(chart)) < 60
@@ -102,10 +106,13 @@ def sampled(count: int) -> xr.Dataset:
     point = ("point", np.arange(count))
     meta = {"source": "user function", "units": "1"}
     return xr.Dataset(
-        {"y": ("point", x + z, {"units": "N", "long_name": "output of a user function"}),
-         "outcome": ("point", np.zeros(count, np.int8)), "outcome_detail": ("point", np.full(count, ""))},
+        {
+            "y": ("point", x + z, {"units": "N", "long_name": "output of a user function"}),
+            "outcome": ("point", np.zeros(count, np.int8)),
+            "outcome_detail": ("point", np.full(count, "")),
+        },
         coords={"point": point, "x": ("point", x, meta), "z": ("point", z, meta)},
-    )  # fmt: skip
+    )
 
 
 def test_a_large_sample_makes_a_small_figure(data_of):
@@ -147,10 +154,14 @@ def test_a_distribution_is_drawn_through_more_quantiles_than_were_asked_for(data
     """Regression: three straight lines through four quantiles stood for the distribution."""
     shares = np.arange(0.005, 1, 0.005)
     result = xr.Dataset(
-        {"quantile": ("probability", [0.4, 6.4]), "quantile_low": ("probability", [0.3, np.nan]),
-         "quantile_high": ("probability", [0.5, 9.0]), "distribution": ("share", 10 * shares**2)},
+        {
+            "quantile": ("probability", [0.4, 6.4]),
+            "quantile_low": ("probability", [0.3, np.nan]),
+            "quantile_high": ("probability", [0.5, 9.0]),
+            "distribution": ("share", 10 * shares**2),
+        },
         {"probability": [0.2, 0.8], "share": shares},
-    )  # fmt: skip
+    )
     chart = quantile_chart("some", "scatter", "y", result, "N", 0.95)
     data = data_of(chart)
     assert data["quantile"].to_numpy() == pytest.approx(10 * data["probability"].to_numpy() ** 2)

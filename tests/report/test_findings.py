@@ -39,8 +39,10 @@ def test_dominant_order_is_that_of_the_cube(grid_cube):
 def test_slope_over_joint_angle_is_that_of_a_fit_to_the_cube(grid_cube):
     mean = grid_cube["thrust_amplitude"].sel(order=3).mean("torque_n_m")
     slope = np.polyfit(grid_cube["joint_angle_deg"], mean, 1)[0]
-    assert any(f"increases with joint angle by {slope:.3g} N per deg (4 to 12 deg, averaged over torque" in s
-               for s in find(grid_cube))  # fmt: skip
+    assert any(
+        f"increases with joint angle by {slope:.3g} N per deg (4 to 12 deg, averaged over torque" in s
+        for s in find(grid_cube)
+    )
 
 
 def test_proportion_is_distinguished_from_a_straight_line(make_cube):
@@ -162,8 +164,10 @@ def test_an_infinite_answer_is_counted_and_not_drawn(make_cube):
     cube = make_cube(LINE.format(offset=0))
     cube["y"][0, 0], cube["y"][1, 0] = np.inf, np.nan
     told = find(cube)
-    assert told[:2] == ["y lies between 3 (at x 1, z 0.2) and 12 (at x 4, z 0.1).",
-                        "y has no finite value at 2 of 8 finished points."]  # fmt: skip
+    assert told[:2] == [
+        "y lies between 3 (at x 1, z 0.2) and 12 (at x 4, z 0.1).",
+        "y has no finite value at 2 of 8 finished points.",
+    ]
     assert effect_charts(cube)
 
 
@@ -261,8 +265,11 @@ def test_factors_that_change_together_are_not_told_apart(make_cube):
 
 def test_an_effect_of_both_signs_of_the_skew_is_symmetric(make_cube):
     (told,) = [s for s in find(make_cube(SKEWS)) if "initial skew 1, the second order" in s]
-    assert re.match(r"Over initial skew 1, the second order is smallest, 0 N, at 0 deg and grows to both sides, "
-                    r"symmetrically: 0\.\d+ N at -0\.7 deg and 0\.7 deg, averaged over torque\.$", told)  # fmt: skip
+    assert re.match(
+        r"Over initial skew 1, the second order is smallest, 0 N, at 0 deg and grows to both sides, "
+        r"symmetrically: 0\.\d+ N at -0\.7 deg and 0\.7 deg, averaged over torque\.$",
+        told,
+    )
 
 
 def test_few_points_show_a_bend_where_a_trend_is_none(make_cube):

@@ -107,18 +107,47 @@ CUBE = qmc.Sobol(3, rng=0).random(1024)
 """Points over which means are taken."""
 
 KINDS = (
-    "grid", "full-factorial", "fractional-factorial", "plackett-burman", "central-composite", "box-behnken",
-    "one-at-a-time", "one-at-a-time x grid", "zip", "table", "latin-hypercube", "sobol", "halton", "saltelli", "morris",
-    "fast", "one point", "constant factor", "correlated", "parabola",
-)  # fmt: skip
+    "grid",
+    "full-factorial",
+    "fractional-factorial",
+    "plackett-burman",
+    "central-composite",
+    "box-behnken",
+    "one-at-a-time",
+    "one-at-a-time x grid",
+    "zip",
+    "table",
+    "latin-hypercube",
+    "sobol",
+    "halton",
+    "saltelli",
+    "morris",
+    "fast",
+    "one point",
+    "constant factor",
+    "correlated",
+    "parabola",
+)
 
 
 TOLD = {
-    "grid": "curve", "full-factorial": "curve", "fractional-factorial": "unknown", "plackett-burman": "unknown",
-    "central-composite": "steps", "one-at-a-time": "curve", "one-at-a-time x grid": "curve", "zip": "unknown",
-    "latin-hypercube": "regression", "sobol": "regression", "halton": "regression", "saltelli": "steps",
-    "morris": "steps", "fast": "regression", "one point": "same", "parabola": "unknown",
-}  # fmt: skip
+    "grid": "curve",
+    "full-factorial": "curve",
+    "fractional-factorial": "unknown",
+    "plackett-burman": "unknown",
+    "central-composite": "steps",
+    "one-at-a-time": "curve",
+    "one-at-a-time x grid": "curve",
+    "zip": "unknown",
+    "latin-hypercube": "regression",
+    "sobol": "regression",
+    "halton": "regression",
+    "saltelli": "steps",
+    "morris": "steps",
+    "fast": "regression",
+    "one point": "same",
+    "parabola": "unknown",
+}
 """What is stated of some kinds, so that silence does not pass for truth."""
 
 

@@ -61,9 +61,14 @@ def test_a_page_has_only_the_sections_that_its_cube_can_fill(line_cube):
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("contact_rate_per_s", "contact rate"), ("joint_angle_deg", "joint angle"), ("contact_damping_s_per_mm", "contact damping"),
-     ("youngs_modulus_gpa", "Young's modulus"), ("poissons_ratio", "Poisson's ratio")],
-)  # fmt: skip
+    [
+        ("contact_rate_per_s", "contact rate"),
+        ("joint_angle_deg", "joint angle"),
+        ("contact_damping_s_per_mm", "contact damping"),
+        ("youngs_modulus_gpa", "Young's modulus"),
+        ("poissons_ratio", "Poisson's ratio"),
+    ],
+)
 def test_names_lose_their_whole_unit(name, words):
     assert spoken(name) == words
 
@@ -136,12 +141,15 @@ def test_interactions_have_a_chart_of_their_own(joint_cube):
     factors = ["joint_angle_deg", "torque_n_m", "needle_count"]
     pairs = np.full((3, 3), np.nan)
     pairs[0, 1], pairs[0, 2], pairs[1, 2] = 0.2, 0.01, -0.02
-    single = {name: ("factor", np.full(3, value)) for name, value in
-              (("S1", 0.3), ("S1_conf", 0.02), ("ST", 0.5), ("ST_conf", 0.03))}  # fmt: skip
+    single = {
+        name: ("factor", np.full(3, value))
+        for name, value in (("S1", 0.3), ("S1_conf", 0.02), ("ST", 0.5), ("ST_conf", 0.03))
+    }
     result = xr.Dataset(
         single | {"S2": (("factor", "factor_2"), pairs), "S2_conf": (("factor", "factor_2"), np.full((3, 3), 0.05))},
-        coords={"factor": factors, "factor_2": factors}, attrs={"analysis_kind": "sobol", "outputs": "y"},
-    )  # fmt: skip
+        coords={"factor": factors, "factor_2": factors},
+        attrs={"analysis_kind": "sobol", "outputs": "y"},
+    )
     _, cells = index_charts({"sobol": result}, joint_cube)
     assert cells.title.startswith("Interactions")
     assert cells.data[["factor", "factor_2", "S2"]].values.tolist() == [
@@ -157,8 +165,14 @@ def test_claims_stand_against_their_limits_with_links_to_their_figures():
     chart = claims_chart(claims)
     assert len(chart.data) == claims.sizes["claim"]
     assert chart.data["margin_percent"].notna().any()  # degrees of freedom need no study
-    page = chain_page("Paper", "Does it hold?", [StepView("claims", "claims", (), "finished")], "Quick. Changed: a = 1.",
-                      answers={"claims": claims}, figures={"../steps/page/index.html#orders": "Fig. 13: orders"})  # fmt: skip
+    page = chain_page(
+        "Paper",
+        "Does it hold?",
+        [StepView("claims", "claims", (), "finished")],
+        "Quick. Changed: a = 1.",
+        answers={"claims": claims},
+        figures={"../steps/page/index.html#orders": "Fig. 13: orders"},
+    )
     assert '<a href="../steps/page/index.html#orders">Fig. 13</a>' in page
     assert page.index("Does it hold?") < page.index('class="answer"') < page.index("<svg") < page.index("<table")
     folded = re.search(r'<details class="caution"><summary>(.*?)</summary><p>(.*?)</p>', page)
@@ -185,15 +199,23 @@ def borders_of():
         empty = np.full((2, 2), np.nan)
         data = xr.Dataset(
             {
-                "run_kind": ((*case, "run"), runs), "error": ((*case, "run"), np.full((2, 2, 3), 0.001)),
+                "run_kind": ((*case, "run"), runs),
+                "error": ((*case, "run"), np.full((2, 2, 3), 0.001)),
                 "run_outcome": ((*case, "run"), np.zeros((2, 2, 3), int)),
-                "border_low": (case, empty), "border_high": (case, empty), "border_predicted": (case, empty),
-                "ratio": (case, empty), "wrong_runs": (case, np.zeros((2, 2), int)),
+                "border_low": (case, empty),
+                "border_high": (case, empty),
+                "border_predicted": (case, empty),
+                "ratio": (case, empty),
+                "wrong_runs": (case, np.zeros((2, 2), int)),
             },
-            coords={"method": ["rk4", "bdf2"], "varied": ("case", ["base", "load_n"]), "load_n": ("case", [1.0, 2.0]),
-                    "numerics": ("run", [1e-8, 1e-7, 1e-6])},
+            coords={
+                "method": ["rk4", "bdf2"],
+                "varied": ("case", ["base", "load_n"]),
+                "load_n": ("case", [1.0, 2.0]),
+                "numerics": ("run", [1e-8, 1e-7, 1e-6]),
+            },
             attrs={"numerics": "step_s", "limit": 0.02, "analysis_kind": "stability"},
-        )  # fmt: skip
+        )
         return stability_charts(data)[0]
 
     return make

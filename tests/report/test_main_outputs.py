@@ -17,9 +17,10 @@ from tripod_doe.report.main_outputs import left_points, main_outputs
 def test_an_output_has_its_own_name_and_unit(output, units, words, unit):
     """Regression: any output along order was told as the third order, and whatever began with thrust in N."""
     result = xr.Dataset(
-        {"mean": ("order", [0.0, 0.0, np.nan, 3.0])}, {"order": [0, 1, 2, 3]},
+        {"mean": ("order", [0.0, 0.0, np.nan, 3.0])},
+        {"order": [0, 1, 2, 3]},
         {"outputs": output, "output_units": f'{{"{output}": "{units}"}}'},
-    )  # fmt: skip
+    )
     [part] = main_outputs(result, "mean")
     assert (part.output, part.what, part.unit, float(part.answers["mean"])) == (output, words, unit, 3.0)
 

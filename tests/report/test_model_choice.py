@@ -57,8 +57,10 @@ def test_without_a_pilot_all_orders_are_shown_and_no_choice_is_drawn(chosen):
     assert asked_orders(few) is None
     assert model_choice_chart(few) is None
     told = find(few)
-    assert "The study has too few points for a pilot that could choose its models: all 6 points run with the full " \
-        "model." in told  # fmt: skip
+    assert (
+        "The study has too few points for a pilot that could choose its models: all 6 points run with the full "
+        "model." in told
+    )
     assert any("ninth order" in sentence for sentence in told)
 
 

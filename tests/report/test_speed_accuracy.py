@@ -50,8 +50,9 @@ def test_sentences_tell_the_ratio_and_the_failures(roller):
 def test_sentences_tell_what_a_cheaper_model_is_off_by(joint):
     assert joint["model"].values[0] == "rollers"
     told = findings_of("accuracy", joint.assign(is_default=("run", (joint["setting"].values == 1e-7).astype(np.int8))))
-    assert any(sentence.startswith("Rollers at its default differs") and "4 % in the third" in sentence
-               for sentence in told)  # fmt: skip
+    assert any(
+        sentence.startswith("Rollers at its default differs") and "4 % in the third" in sentence for sentence in told
+    )
 
 
 def test_the_table_has_a_row_a_case_and_method(roller):

@@ -32,11 +32,12 @@ def borders():
             "drift_mm": (dims, value),
             "outcome": (dims, np.where(finished, 0, Outcome.INACCURATE).astype(np.int8)),
             "outcome_detail": (dims, np.where(finished, "", "half the step changes the motion").astype(object)),
-            "friction_rate_per_s": (dims, rate), "contact_rate_per_s": (dims, 0 * rate),
+            "friction_rate_per_s": (dims, rate),
+            "contact_rate_per_s": (dims, 0 * rate),
             "secant_lag_rate_per_s": (dims, 0 * rate),
         },
         coords={"method": ["symplectic-euler", "bdf2"], "step_s": STEPS, "needle_mass_factor": MASSES},
-    )  # fmt: skip
+    )
     return stability_borders(cube, StabilitySettings(output="drift_mm"))
 
 
@@ -81,10 +82,12 @@ def test_how_models_end():
     outcome = np.array([[Outcome.FINISHED, Outcome.FINISHED], [Outcome.OUT_OF_RANGE, Outcome.FINISHED]], np.int8)
     amplitude = np.where(outcome == 0, 14.0, np.nan)[..., None] * np.ones(13)
     cube = xr.Dataset(
-        {"outcome": (("model", "torque_n_m"), outcome),
-         "thrust_amplitude": (("model", "torque_n_m", "order"), amplitude, {"units": "N"})},
+        {
+            "outcome": (("model", "torque_n_m"), outcome),
+            "thrust_amplitude": (("model", "torque_n_m", "order"), amplitude, {"units": "N"}),
+        },
         coords={"model": words, "torque_n_m": ("torque_n_m", [0.0, 50.0], {"units": "N m"}), "order": range(13)},
-    )  # fmt: skip
+    )
     (chart,) = outcome_charts(cube)
     texts = [text.get_text() for text in chart.figure.axes[0].texts]
     assert texts == ["14", "14", "out\nof\nrange", "14"]

@@ -79,8 +79,9 @@ def test_a_single_number_has_its_part_of_a_page():
     columns = make_points(parse_study(text)).columns
     cube = xr.Dataset(
         {"peak": ("point", columns["torque_n_m"] * 2), "outcome": ("point", np.full(30, Outcome.FINISHED, np.int8))},
-        coords={name: ("point", column) for name, column in columns.items()}, attrs={"study": text},
-    )  # fmt: skip
+        coords={name: ("point", column) for name, column in columns.items()},
+        attrs={"study": text},
+    )
     (page,) = what_if_pages({"surrogate": surrogate(cube, SurrogateSettings(outputs=["peak"]))})
     assert [each.label for each in page.quantities] == ["peak"]
     ((value, _),) = page.at(joint_angle_deg=9.0, torque_n_m=50.0, model="equilibrium")

@@ -30,8 +30,13 @@ def client(settings):
 @pytest.fixture(scope="session")
 def api(client, settings):
     """The interface as a program with the token asks it."""
-    own = TestClient(client.app, ADDRESS, raise_server_exceptions=False, follow_redirects=False,
-                     headers={"authorization": f"Bearer {settings.token}"})  # fmt: skip
+    own = TestClient(
+        client.app,
+        ADDRESS,
+        raise_server_exceptions=False,
+        follow_redirects=False,
+        headers={"authorization": f"Bearer {settings.token}"},
+    )
     return Asked(own)
 
 

@@ -45,22 +45,30 @@ CONDITIONS = [
     "1 / 0 > 1",
 ]
 
-questions = st.fixed_dictionaries({
-    "variable": st.sampled_from(VARIABLES),
-    "select": st.lists(st.sampled_from(sorted(CHOICES)).flatmap(
-        lambda name: st.sampled_from(CHOICES[name]).map(lambda value: f"{name}={value}")), max_size=3),
-    "nearest": st.booleans(),
-    "where": st.sampled_from(CONDITIONS),
-})  # fmt: skip
+questions = st.fixed_dictionaries(
+    {
+        "variable": st.sampled_from(VARIABLES),
+        "select": st.lists(
+            st.sampled_from(sorted(CHOICES)).flatmap(
+                lambda name: st.sampled_from(CHOICES[name]).map(lambda value: f"{name}={value}")
+            ),
+            max_size=3,
+        ),
+        "nearest": st.booleans(),
+        "where": st.sampled_from(CONDITIONS),
+    }
+)
 
 points = st.fixed_dictionaries(
     {"joint_angle_deg": st.floats(0.5, 25), "torque_n_m": st.floats(-400, 400), "speed_rpm": st.floats(5, 5000)},
     optional={
-        "groove_sliding_friction": st.floats(0, 0.2), "initial_skew_2_deg": st.floats(-1, 1),
-        "bearing_radial_clearance_mm": st.sampled_from([0.0, -0.05, 0.3]), "needle_count": st.integers(5, 40),
+        "groove_sliding_friction": st.floats(0, 0.2),
+        "initial_skew_2_deg": st.floats(-1, 1),
+        "bearing_radial_clearance_mm": st.sampled_from([0.0, -0.05, 0.3]),
+        "needle_count": st.integers(5, 40),
         "model": st.sampled_from(["equilibrium", "equilibrum"]),
     },
-)  # fmt: skip
+)
 
 
 def called(*words):

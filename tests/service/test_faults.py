@@ -80,8 +80,12 @@ def test_worker_processes_are_reached_from_this_machine_alone():
     workers = LocalWorkers(1)
     try:
         own = [psutil.Process(os.getpid()), *psutil.Process(os.getpid()).children(recursive=True)]
-        open_at = [place.laddr.ip for process in own for place in process.net_connections("inet")
-                   if place.status == psutil.CONN_LISTEN]  # fmt: skip
+        open_at = [
+            place.laddr.ip
+            for process in own
+            for place in process.net_connections("inet")
+            if place.status == psutil.CONN_LISTEN
+        ]
     finally:
         workers.close()
     assert len(open_at) > 2  # scheduler, its dashboard, worker and nanny

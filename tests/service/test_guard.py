@@ -35,9 +35,17 @@ def test_a_server_for_other_machines_is_called_by_addresses_and_its_own_name():
 
 
 @pytest.mark.parametrize("path", [path for path in PATHS if path != f"{API}/health"])
-@pytest.mark.parametrize("headers", [{}, {"authorization": "Bearer wrong"}, {"authorization": f"Basic {TOKEN}"},
-                                     {"cookie": "tripod_doe_8811=wrong"}, {"cookie": f"tripod_doe_8812={TOKEN}"},
-                                     {"authorization": "Bearer wrong"} | COOKIE])  # fmt: skip
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {},
+        {"authorization": "Bearer wrong"},
+        {"authorization": f"Basic {TOKEN}"},
+        {"cookie": "tripod_doe_8811=wrong"},
+        {"cookie": f"tripod_doe_8812={TOKEN}"},
+        {"authorization": "Bearer wrong"} | COOKIE,
+    ],
+)
 def test_everything_but_health_needs_the_token(client, path, headers):
     answer = client.get(path, headers=headers)
     assert answer.status_code == 401
@@ -69,18 +77,29 @@ def test_a_cookie_reads_and_changes_from_its_own_page_only(client):
 
 
 @pytest.mark.parametrize("credentials", [BEARER, COOKIE])
-@pytest.mark.parametrize("page", [{"origin": "http://evil.example"}, {"origin": "null"}, {"origin": "http://127.0.0.1:1"},
-                                  {"origin": "https://127.0.0.1:8811"}, {"sec-fetch-site": "cross-site"},
-                                  {"sec-fetch-site": "same-site"}, {"sec-fetch-site": "none"},
-                                  OWN_PAGE | {"sec-fetch-site": "cross-site"}])  # fmt: skip
+@pytest.mark.parametrize(
+    "page",
+    [
+        {"origin": "http://evil.example"},
+        {"origin": "null"},
+        {"origin": "http://127.0.0.1:1"},
+        {"origin": "https://127.0.0.1:8811"},
+        {"sec-fetch-site": "cross-site"},
+        {"sec-fetch-site": "same-site"},
+        {"sec-fetch-site": "none"},
+        OWN_PAGE | {"sec-fetch-site": "cross-site"},
+    ],
+)
 @pytest.mark.parametrize("change", ["/runs", "/plans", "/simulate", "/runs/none/stop"])
 def test_changes_from_other_pages_are_refused(client, credentials, page, change):
     assert client.post(API + change, json={}, headers=credentials | page).status_code == 403
     assert client.request("DELETE", f"{API}/runs/none", headers=credentials | page).status_code == 403
 
 
-@pytest.mark.parametrize("kind", ["text/plain", "application/x-www-form-urlencoded", "multipart/form-data; boundary=x",
-                                  "application/json-seq", ""])  # fmt: skip
+@pytest.mark.parametrize(
+    "kind",
+    ["text/plain", "application/x-www-form-urlencoded", "multipart/form-data; boundary=x", "application/json-seq", ""],
+)
 def test_a_body_is_json_and_says_so(client, kind):
     answer = client.post(f"{API}/plans", content=b'{"study": ""}', headers=BEARER | {"content-type": kind})
     assert answer.status_code == 415
@@ -92,8 +111,11 @@ def test_a_body_beyond_the_limit_is_refused_with_it(client, settings):
     large = client.post(f"{API}/plans", json={"study": "#" * size}, headers=BEARER)
     assert large.status_code == 413
     assert "262,144" in large.json()["errors"][0]["message"]
-    streamed = client.post(f"{API}/plans", content=iter([b'{"study": "', b"#" * size, b'"}']),
-                           headers=BEARER | {"content-type": "application/json"})  # fmt: skip
+    streamed = client.post(
+        f"{API}/plans",
+        content=iter([b'{"study": "', b"#" * size, b'"}']),
+        headers=BEARER | {"content-type": "application/json"},
+    )
     assert streamed.status_code == 413
     fits = client.post(f"{API}/plans", json={"study": "#" * (size - 100)}, headers=BEARER)
     assert fits.status_code == 422  # it is read, and is no study
@@ -107,8 +129,21 @@ def test_nested_brackets_are_refused_before_they_are_parsed(client):
     assert client.post(f"{API}/plans", content=texts, headers=headers).status_code == 422
 
 
-@pytest.mark.parametrize("body", [b"{", b"\xff", b'{"study": "\\ud800"}', b"[]", b"3", b'{"study": 3}', b'{"study": "", "nothing": 1}', b"{}", b"",
-                                  b'{"study": "", "workflow": ""}'])  # fmt: skip
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"{",
+        b"\xff",
+        b'{"study": "\\ud800"}',
+        b"[]",
+        b"3",
+        b'{"study": 3}',
+        b'{"study": "", "nothing": 1}',
+        b"{}",
+        b"",
+        b'{"study": "", "workflow": ""}',
+    ],
+)
 def test_bad_bodies_are_refused_with_a_list_of_errors(client, body):
     answer = client.post(f"{API}/plans", content=body, headers=BEARER | {"content-type": "application/json"})
     assert answer.status_code == 422

@@ -50,15 +50,18 @@ def test_a_folder_has_one_server(serve, tmp_path):
     assert reader.ask("/runs/x", method="DELETE")[0] == 403
 
 
-@pytest.mark.parametrize(("flags", "told"), [
-    (["--folder", "/proc/nowhere"], "cannot write here"),
-    (["--folder", "{file}"], "cannot write here"),
-    (["--port", "{taken}"], "cannot listen here"),
-    (["--port", "70000"], "cannot listen here"),
-    (["--host", "no.such.host.example"], "cannot listen here"),
-    (["--token-file", "{file}"], "a token has at least"),
-    (["--folder", "{missing}", "--read-only"], "no such directory"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("flags", "told"),
+    [
+        (["--folder", "/proc/nowhere"], "cannot write here"),
+        (["--folder", "{file}"], "cannot write here"),
+        (["--port", "{taken}"], "cannot listen here"),
+        (["--port", "70000"], "cannot listen here"),
+        (["--host", "no.such.host.example"], "cannot listen here"),
+        (["--token-file", "{file}"], "a token has at least"),
+        (["--folder", "{missing}", "--read-only"], "no such directory"),
+    ],
+)
 def test_what_cannot_be_used_is_told_in_a_sentence(tmp_path, monkeypatch, capsys, flags, told):
     from tripod_doe.cli import main
 

@@ -56,8 +56,20 @@ def test_a_function_is_refused_before_its_module_is_imported(send, tmp_path, mon
     assert not mark.exists()
 
 
-@pytest.mark.parametrize("name", ["../points.csv", "/etc/passwd", "a/points.csv", "..", ".hidden", "", "other.csv",
-                                  "points.csv\\u0000", "C:points.csv"])  # fmt: skip
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../points.csv",
+        "/etc/passwd",
+        "a/points.csv",
+        "..",
+        ".hidden",
+        "",
+        "other.csv",
+        "points.csv\\u0000",
+        "C:points.csv",
+    ],
+)
 def test_tables_come_from_the_upload_alone(send, name):
     status, error = send({"study": TABLE.format(name), "files": {"points.csv": "joint_angle_deg\n3\n"}})
     assert status == 403
@@ -113,8 +125,16 @@ def test_a_study_whose_model_is_chosen_is_planned_with_its_pilot(api):
     assert any("pilot" in line for line in plan["choice"])
 
 
-@pytest.mark.parametrize("text", ["[[" * 450 + "]]" * 450, "a = " + "[" * 900 + "]" * 900, "a = " + "{a=" * 900,
-                                  "a." * 20_000 + "a = 1", "[" + "a." * 20_000 + "a]"])  # fmt: skip
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[[" * 450 + "]]" * 450,
+        "a = " + "[" * 900 + "]" * 900,
+        "a = " + "{a=" * 900,
+        "a." * 20_000 + "a = 1",
+        "[" + "a." * 20_000 + "a]",
+    ],
+)
 def test_nested_and_dotted_texts_are_refused_at_once(send, text):
     assert send({"study": text})[0] == 422
 
@@ -127,8 +147,10 @@ def test_too_many_values_are_refused_before_they_are_made(send, levels):
 
 
 def test_a_grid_of_a_thousand_million_points_is_refused_with_its_size(send):
-    grid = "".join(f"[factors.{name}]\ncount = 1000\nlow = 1\nhigh = 2\n" for name in
-                   ("joint_angle_deg", "torque_n_m", "speed_rpm"))  # fmt: skip
+    grid = "".join(
+        f"[factors.{name}]\ncount = 1000\nlow = 1\nhigh = 2\n"
+        for name in ("joint_angle_deg", "torque_n_m", "speed_rpm")
+    )
     status, error = send({"study": '[study]\nname = "x"\n' + grid})
     assert status == 413
     assert "1,000,000,000 points" in error["message"]

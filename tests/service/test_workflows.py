@@ -95,8 +95,15 @@ def test_links_of_a_report_work_without_the_cookie_and_open_nothing_else(api, cl
     assert "sandbox" in linked.headers["content-security-policy"]
     root, _, key = base.removesuffix("/report/").rpartition("/pages/")
     assert len(key) == 32
-    for place in ("report/../upload/switched.toml", "upload/workflow.toml", "steps.json", "..%2f..%2fservice.sqlite",
-                  "report/nothing.html", "steps/switched/journal.sqlite", "run.log"):  # fmt: skip
+    for place in (
+        "report/../upload/switched.toml",
+        "upload/workflow.toml",
+        "steps.json",
+        "..%2f..%2fservice.sqlite",
+        "report/nothing.html",
+        "steps/switched/journal.sqlite",
+        "run.log",
+    ):
         assert client.get(f"{root}/pages/{key}/{place}").status_code in (401, 404)
     assert client.get(f"{root}/pages/{'0' * 32}/report/index.html").status_code == 401
     assert client.get(f"/api/v1/runs/{'0' * 16}/pages/{key}/report/index.html").status_code == 401

@@ -69,9 +69,11 @@ def test_a_part_takes_its_retries_along():
     number = np.arange(2, dtype=np.int8)
     block = BlockResult.blank(2)
     retried = BlockResult(
-        outcome=block.outcome, detail=block.detail, retries=Retries(number, number, ["a", "b"], {"step_s": number * 1.0}),
+        outcome=block.outcome,
+        detail=block.detail,
+        retries=Retries(number, number, ["a", "b"], {"step_s": number * 1.0}),
         **{name: getattr(block, name) for name in WORK},
-    )  # fmt: skip
+    )
     part = retried.take(np.array([1])).retries
     assert (part.attempt.tolist(), part.first_outcome.tolist(), part.first_detail) == ([1], [1], ["b"])
     assert part.used["step_s"].tolist() == [1.0]

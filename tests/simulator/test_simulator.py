@@ -67,9 +67,14 @@ def test_every_scene_is_a_simulator_that_declares_what_it_answers(scene):
 
 def test_defaults_then_what_follows_then_the_numerics_of_the_method():
     assert SPRING.effective({"stiffness": 5.0}) == {
-        "stiffness": 5.0, "other_stiffness": 5.0, "turns": 3, "model": "plain", "method": "explicit",
-        "relative_tolerance": None, "step_s": 1e-6,
-    }  # fmt: skip
+        "stiffness": 5.0,
+        "other_stiffness": 5.0,
+        "turns": 3,
+        "model": "plain",
+        "method": "explicit",
+        "relative_tolerance": None,
+        "step_s": 1e-6,
+    }
     chosen = SPRING.effective({"other_stiffness": 1.0, "method": "controlled"})
     assert (chosen["other_stiffness"], chosen["step_s"], chosen["relative_tolerance"]) == (1.0, None, 1e-3)
     assert SPRING.effective({"model": "fine"})["method"] == "direct"
@@ -129,12 +134,19 @@ def test_each_model_and_method_is_compiled_once(monkeypatch):
     monkeypatch.setattr(Spring, "compile", lambda self, *solver: compiled.append(solver))
     monkeypatch.setattr(Spring, "name", "another spring")
     points = SPRING.columns(
-        {}, {"model": np.array(["plain", "fine", "plain", "plain"], object),
-             "method": np.array([None, np.nan, "controlled", None], object)}, 4,
-    )  # fmt: skip
+        {},
+        {
+            "model": np.array(["plain", "fine", "plain", "plain"], object),
+            "method": np.array([None, np.nan, "controlled", None], object),
+        },
+        4,
+    )
     assert SPRING.solvers(points) == [
-        ("plain", "explicit"), ("fine", "direct"), ("plain", "controlled"), ("plain", "explicit"),
-    ]  # fmt: skip
+        ("plain", "explicit"),
+        ("fine", "direct"),
+        ("plain", "controlled"),
+        ("plain", "explicit"),
+    ]
     SPRING.prepare(points)
     SPRING.prepare(points)
     assert compiled == [("plain", "explicit"), ("fine", "direct"), ("plain", "controlled")]

@@ -69,11 +69,16 @@ def test_the_table_is_part_of_the_study():
         (("cycles = 3", "relative_tolerance = 1e-3"), "relative_tolerance is set as well"),
         (("cycles = 3", "acuracy = 0.1"), "did you mean 'accuracy'"),
         (("cycles = 3", "accuracy = 0.9"), "accuracy = 0.9: must be"),
-        (('[base]\nmodel = "rollers"\nsamples_per_revolution = 60\ncycles = 3\ninitial_skew_1_deg = 1.5\n'
-          "[factors.joint_angle_deg]\nvalues = [10]\n[keep]\noutputs = [\"thrust_amplitude\", \"thrust_amplitude_error\"]",
-          'scene = "needle-between-plates"'), r"\[accuracy\]"),
+        (
+            (
+                '[base]\nmodel = "rollers"\nsamples_per_revolution = 60\ncycles = 3\ninitial_skew_1_deg = 1.5\n'
+                '[factors.joint_angle_deg]\nvalues = [10]\n[keep]\noutputs = ["thrust_amplitude", "thrust_amplitude_error"]',
+                'scene = "needle-between-plates"',
+            ),
+            r"\[accuracy\]",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_asked_is_refused(change, told):
     old, new = change
     text = STUDY + new if not old else STUDY.replace(old, new) + ORDERS

@@ -86,9 +86,17 @@ def test_files_conform_to_cf(tmp_path):
         write_dataset(content.assign_attrs(history="made by a test"), tmp_path / f"{kind}.nc")
     report = tmp_path / "report.json"
     command = [
-        str(Path(sys.executable).with_name("compliance-checker")), "-t", "cf:1.8", "-c", "strict",
-        "-f", "json_new", "-o", str(report), *(str(tmp_path / f"{kind}.nc") for kind in files),
-    ]  # fmt: skip
+        str(Path(sys.executable).with_name("compliance-checker")),
+        "-t",
+        "cf:1.8",
+        "-c",
+        "strict",
+        "-f",
+        "json_new",
+        "-o",
+        str(report),
+        *(str(tmp_path / f"{kind}.nc") for kind in files),
+    ]
     done = subprocess.run(command, capture_output=True, text=True)
     assert report.exists(), done.stdout + done.stderr
     verdicts = {Path(path).stem: verdict["cf:1.8"] for path, verdict in json.loads(report.read_text()).items()}
@@ -202,10 +210,13 @@ def test_notes_on_the_models_of_an_ablation_are_those_with_all_mechanisms_on():
     assert "error not known at 1 of 4 points (25 %): joint_angle_deg is outside" in told
 
 
-@pytest.mark.parametrize(("reasons", "told"), [
-    ("abc", "a (1 point); b (1 point); c (1 point)"),
-    ("aabbccd", "a (2 points); b (2 points); other reasons (3 points), most often c"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("reasons", "told"),
+    [
+        ("abc", "a (1 point); b (1 point); c (1 point)"),
+        ("aabbccd", "a (2 points); b (2 points); other reasons (3 points), most often c"),
+    ],
+)
 def test_reasons_for_an_unknown_error_are_named(reasons, told):
     unknown = np.array(list(reasons), object)
     nan = np.full(unknown.size, np.nan)

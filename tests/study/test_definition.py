@@ -31,7 +31,10 @@ FACTOR = "[factors]\njoint_angle_deg = {values = [5, 10]}\n"
         (HEAD + "[base]\njoint_angle_deg = 60", r"must be >= 0 and <= 40 degree"),
         (HEAD + "[base]\nneedle_count = 27.5", "whole number"),
         (HEAD + "[base]\ngroove_sliding = 2", "0 or 1"),
-        (HEAD + '[base]\nmodel = "equilibrum"', r"did you mean 'equilibrium'\? allowed: equilibrium, kinetostatic, rollers, needles"),
+        (
+            HEAD + '[base]\nmodel = "equilibrum"',
+            r"did you mean 'equilibrium'\? allowed: equilibrium, kinetostatic, rollers, needles",
+        ),
         (HEAD + "[base]\nzzz = 5", "zzz = 5: unknown parameter; allowed: joint_angle_deg, torque_n_m"),
         (HEAD + "[base]\nstep_s = 1e-5\n" + FACTOR, r"\[base\]: step_s = 1e-05: not used by newton \(kinetostatic\)"),
         (HEAD + FACTOR + "[base]\njoint_angle_deg = 5", "both a base value and a factor"),
@@ -44,12 +47,21 @@ FACTOR = "[factors]\njoint_angle_deg = {values = [5, 10]}\n"
         (HEAD + "[factors.joint_angle_deg]\nvalues = 5", r"values = 5: expected a list, as values = \[5\]"),
         (HEAD + "[factors.joint_angle_deg]\ndistribution = 'normal'\nmean = 5\nstd = -2", "std = -2: must be above 0"),
         ("[study]\nname = ''", "name = '': must not be empty"),
-        (HEAD + FACTOR + "[designs.a]\nkind = 'grid'", r"unknown key 'designs'; a sub-design is written \[design.NAME\]"),
+        (
+            HEAD + FACTOR + "[designs.a]\nkind = 'grid'",
+            r"unknown key 'designs'; a sub-design is written \[design.NAME\]",
+        ),
         (HEAD + "[factors.joint_angle_deg]\nlow = 5", "needs high"),
         (HEAD + "[factors.joint_angle_deg]\nlow = 9\nhigh = 5\ncount = 2", "must be below"),
         (HEAD + "[factors.joint_angle_deg]\nvalues = [1]\nlow = 5", "not both"),
-        (HEAD + "[factors.joint_angle_deg]\ndistribution = 'gauss'", "distribution = 'gauss': unknown; allowed: uniform, normal"),
-        (HEAD + "[factors.joint_angle_deg]\nlow = 1\nhigh = 5\ndistribution = 'uniform'\nscale = 'log'", "not use scale"),
+        (
+            HEAD + "[factors.joint_angle_deg]\ndistribution = 'gauss'",
+            "distribution = 'gauss': unknown; allowed: uniform, normal",
+        ),
+        (
+            HEAD + "[factors.joint_angle_deg]\nlow = 1\nhigh = 5\ndistribution = 'uniform'\nscale = 'log'",
+            "not use scale",
+        ),
         (HEAD + "[factors.needle_count]\ndistribution = 'normal'\nmean = 27\nstd = 2", "takes whole numbers"),
         (HEAD + "[factors.joint_angle_deg]\ndistribution = 'normal'\nmean = 5", "needs std"),
         (HEAD + "[factors.speed_rpm]\nlow = 0\nhigh = 5\ncount = 3\nscale = 'log'", "logarithmic"),
@@ -59,7 +71,7 @@ FACTOR = "[factors]\njoint_angle_deg = {values = [5, 10]}\n"
         (HEAD + FACTOR + "[run]\nblock = 0", "block = 0"),
         (HEAD + "[factors.samples_per_revolution]\nvalues = [360, 720]", "different lengths"),
     ],
-)  # fmt: skip
+)
 def test_mistakes_are_named(text, message):
     with pytest.raises(InputError, match=message) as caught:
         parse_study(text, origin="my.toml")

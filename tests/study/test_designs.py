@@ -218,23 +218,35 @@ def test_keys_know_a_point_by_its_values():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('[factors]\nspeed_rpm={values=[1,2]}\ntorque_n_m={values=[1]}\n[design]\nkind="zip"', "speed_rpm has 2, torque_n_m has 1"),
+        (
+            '[factors]\nspeed_rpm={values=[1,2]}\ntorque_n_m={values=[1]}\n[design]\nkind="zip"',
+            "speed_rpm has 2, torque_n_m has 1",
+        ),
         ("[factors]\nspeed_rpm={values=[1,1]}", "twice"),
         ("[factors]\nspeed_rpm={low=1,high=2}", "needs levels"),
         ('[factors]\nspeed_rpm={values=[1,2]}\n[design]\nkind="sobol"\nsamples=4', "samples; give low and high"),
         ('[factors]\nspeed_rpm={low=1,high=2}\n[design]\nkind="sobol"', "needs samples"),
         ('[factors]\nspeed_rpm={low=1,high=2}\n[design]\nkind="saltelli"\nsamples=100', "128"),
-        ('[factors]\nspeed_rpm={distribution="normal",mean=1,std=1}\n[design]\nkind="sobol"\nsamples=64', "truncated-normal"),
+        (
+            '[factors]\nspeed_rpm={distribution="normal",mean=1,std=1}\n[design]\nkind="sobol"\nsamples=64',
+            "truncated-normal",
+        ),
         ('[factors]\ntorque_n_m={distribution="normal",mean=1,std=1}\n[design]\nkind="morris"\nsamples=4', "bounded"),
         ("[factors]\nspeed_rpm={values=[1]}\n[design]\nconstraints=['speed_rpm > 5']", "exclude every point"),
         ("[factors]\nspeed_rpm={values=[1]}\n[design]\nconstraints=['speed > 5']", "speed_rpm"),
-        ('[factors]\nspeed_rpm={low=1,high=9}\n[design]\nkind="morris"\nsamples=4\nconstraints=["speed_rpm > 5"]', "cannot leave points out"),
+        (
+            '[factors]\nspeed_rpm={low=1,high=9}\n[design]\nkind="morris"\nsamples=4\nconstraints=["speed_rpm > 5"]',
+            "cannot leave points out",
+        ),
         ('[design]\nkind="table"\ntable="nowhere.csv"', "cannot read"),
         ("[design]\nkind='grid'", "no factors"),
         ('[factors]\nspeed_rpm={values=[1]}\n[design]\nkind="product"\nof=["a"]', "two sub-designs"),
-        ('[factors]\nspeed_rpm={values=[1]}\n[design]\nkind="product"\nof=["a","b"]\n[design.a]\nfactors=["speed_rpm"]', r"design.b"),
+        (
+            '[factors]\nspeed_rpm={values=[1]}\n[design]\nkind="product"\nof=["a","b"]\n[design.a]\nfactors=["speed_rpm"]',
+            r"design.b",
+        ),
     ],
-)  # fmt: skip
+)
 def test_designs_that_cannot_be_made(text, message):
     with pytest.raises(InputError, match=message):
         points_of(text)
@@ -330,14 +342,23 @@ def test_an_ablation_of_a_function_names_its_arguments(tmp_path):
     ("text", "message"),
     [
         ('kind = "ablation"\nfactors = ["groove_sliding", "needle_slidng"]', "did you mean 'needle_sliding'"),
-        ('kind = "ablation"\nfactors = ["joint_angle_deg"]', r"joint_angle_deg is no switch \(those are groove_sliding.*needle_rolling\)"),
-        ('kind = "ablation"\n[factors]\ntorque_n_m = {low = 1, high = 2}', r"torque_n_m\]: this design needs levels; give values"),
+        (
+            'kind = "ablation"\nfactors = ["joint_angle_deg"]',
+            r"joint_angle_deg is no switch \(those are groove_sliding.*needle_rolling\)",
+        ),
+        (
+            'kind = "ablation"\n[factors]\ntorque_n_m = {low = 1, high = 2}',
+            r"torque_n_m\]: this design needs levels; give values",
+        ),
         ('kind = "ablation"\n[factors]\nneedle_rolling = {values = [1]}', r"needle_rolling.*values = \[0, 1\]"),
         ('kind = "ablation"\n[base]\nneedle_rolling = 0', "needle_rolling is both a base value and a factor"),
         ('kind = "ablation"\ncombinations = "some"', "combinations = 'some': unknown; allowed: all, single"),
-        ('kind = "product"\nof = ["a", "b"]\n[design.a]\nkind = "ablation"\n[design.b]\nkind = "ablation"', "varied by"),
+        (
+            'kind = "product"\nof = ["a", "b"]\n[design.a]\nkind = "ablation"\n[design.b]\nkind = "ablation"',
+            "varied by",
+        ),
     ],
-)  # fmt: skip
+)
 def test_ablations_that_cannot_be_made(text, message):
     with pytest.raises(InputError, match=message):
         points_of(f"[design]\n{text}")
@@ -447,8 +468,10 @@ def test_correlated_samples_have_their_rank_correlation_and_their_distributions(
     ("before", "after"),
     [
         ('kind = "halton"\nsamples = 8', 'kind = "halton"\nsamples = 20'),
-        ('kind = "sobol"\nsamples = 8\ncorrelation = [["joint_angle_deg", "torque_n_m", 0.5]]',
-         'kind = "sobol"\nsamples = 32\ncorrelation = [["joint_angle_deg", "torque_n_m", 0.5]]'),
+        (
+            'kind = "sobol"\nsamples = 8\ncorrelation = [["joint_angle_deg", "torque_n_m", 0.5]]',
+            'kind = "sobol"\nsamples = 32\ncorrelation = [["joint_angle_deg", "torque_n_m", 0.5]]',
+        ),
         ('kind = "saltelli"\nsamples = 4', 'kind = "saltelli"\nsamples = 16'),
         ('kind = "morris"\nsamples = 3', 'kind = "morris"\nsamples = 9'),
         ('kind = "finite-differences"\nsamples = 3', 'kind = "finite-differences"\nsamples = 9'),
@@ -458,7 +481,7 @@ def test_correlated_samples_have_their_rank_correlation_and_their_distributions(
         ('kind = "central-composite"\nstar = "faced"', 'kind = "full-factorial"\nlevels = 3'),
         ('kind = "plackett-burman"', 'kind = "full-factorial"'),
     ],
-)  # fmt: skip
+)
 def test_a_design_that_grows_keeps_every_point(before, after):
     """Exact: the fingerprints of the smaller design are all among those of the larger one."""
     old, new = (keys_of(f"{FOUR}[design]\n{design}\n") for design in (before, after))
@@ -490,18 +513,30 @@ def test_factors_of_a_group_change_together():
 @pytest.mark.parametrize(
     ("design", "message"),
     [
-        ('kind = "saltelli"\nsamples = 4\ncorrelation = [["joint_angle_deg", "torque_n_m", 0.5]]', "takes independent factors: its indices divide the variance"),
-        ('kind = "morris"\nsamples = 4\ncorrelation = [["joint_angle_deg", "torque_n_m", 0.5]]', "changes one factor, whatever the others are"),
-        ('kind = "sobol"\nsamples = 4\ncorrelation = [["joint_angle", "torque_n_m", 0.5]]', "did you mean 'joint_angle_deg'"),
+        (
+            'kind = "saltelli"\nsamples = 4\ncorrelation = [["joint_angle_deg", "torque_n_m", 0.5]]',
+            "takes independent factors: its indices divide the variance",
+        ),
+        (
+            'kind = "morris"\nsamples = 4\ncorrelation = [["joint_angle_deg", "torque_n_m", 0.5]]',
+            "changes one factor, whatever the others are",
+        ),
+        (
+            'kind = "sobol"\nsamples = 4\ncorrelation = [["joint_angle", "torque_n_m", 0.5]]',
+            "did you mean 'joint_angle_deg'",
+        ),
         ('kind = "sobol"\nsamples = 4\ncorrelation = [["speed_rpm", "torque_n_m", 1.5]]', "between -1 and 1"),
         ('kind = "sobol"\nsamples = 4\ncorrelation = [[1, 0.5], [0.5, 1]]', "4 rows of 4 numbers"),
-        ('kind = "sobol"\nsamples = 4\ncorrelation = [["speed_rpm", "torque_n_m", 0.9], ["joint_angle_deg", "torque_n_m", 0.9], ["joint_angle_deg", "speed_rpm", -0.9]]', "can have these correlations together"),
+        (
+            'kind = "sobol"\nsamples = 4\ncorrelation = [["speed_rpm", "torque_n_m", 0.9], ["joint_angle_deg", "torque_n_m", 0.9], ["joint_angle_deg", "speed_rpm", -0.9]]',
+            "can have these correlations together",
+        ),
         ('kind = "fast"\nsamples = 64', "at least 65"),
         ('kind = "fast"\nsamples = 65\nconstraints = ["speed_rpm > 400"]', "cannot leave points out"),
         ('kind = "central-composite"', "its coded level -2: joint_angle_deg = -1.*narrow its range"),
         ('kind = "fractional-factorial"\nresolution = 2', "resolution = 2"),
     ],
-)  # fmt: skip
+)
 def test_designs_that_are_refused(design, message):
     with pytest.raises(InputError, match=message):
         points_of(f"{FOUR}[design]\n{design}\n")

@@ -21,10 +21,14 @@ def grid(tmp_path):
             "course": ((*cells, "angle"), random.random((3, 4, 2, 5)), {"units": "N"}),
             "constant": ("angle", np.arange(5.0)),
         },
-        coords={"x": [1.0, 2.0, 5.0], "y": ("y", [4.0, 3.0, 2.0, 1.0], {"units": "mm"}), "kind": ["a", "b"],
-                "angle": np.arange(5)},
+        coords={
+            "x": [1.0, 2.0, 5.0],
+            "y": ("y", [4.0, 3.0, 2.0, 1.0], {"units": "mm"}),
+            "kind": ["a", "b"],
+            "angle": np.arange(5),
+        },
         attrs={"study": "s"},
-    )  # fmt: skip
+    )
     cube.to_netcdf(tmp_path / "grid.nc")
     return tmp_path / "grid.nc"
 

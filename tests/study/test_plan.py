@@ -86,12 +86,15 @@ def test_a_length_that_a_factor_sets_is_counted():
     assert td.plan(study, timing=False).cube_bytes == 2 * (3 * 7 * 3 * 8 + 1)
 
 
-@pytest.mark.parametrize("change", [
-    ("", ""),
-    ('kind = "sobol"', 'kind = "saltelli"'),
-    ('high = 14}\n[design]\nkind = "sobol"\nsamples = 2000', 'high = 14, count = 8}\n[design]\nkind = "grid"'),
-    ("[keep]", '[run]\nretry = ["smaller-step"]\n[keep]'),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "change",
+    [
+        ("", ""),
+        ('kind = "sobol"', 'kind = "saltelli"'),
+        ('high = 14}\n[design]\nkind = "sobol"\nsamples = 2000', 'high = 14, count = 8}\n[design]\nkind = "grid"'),
+        ("[keep]", '[run]\nretry = ["smaller-step"]\n[keep]'),
+    ],
+)
 def test_planned_bytes_of_cube_and_costs_are_those_of_their_variables(change):
     """Exact: texts by the numbers that stand for them in large cubes; what has one value a level or label left out."""
     study = parse_study(TEXT.replace(*change).replace("2000", "8"))
@@ -199,8 +202,9 @@ def test_a_study_whose_points_cannot_fit_is_told_before_anything_runs(monkeypatc
 def test_the_price_leaves_out_points_that_are_known_to_fail(monkeypatch):
     """Exact: of 3 needle counts on 5 angles one fits; the clock is the test's."""
     monkeypatch.setattr(plan_module, "time_points", lambda study, seconds: [3600.0])
-    text = JAMMED.replace("[base]\nneedle_count = 30", "").replace("torque_n_m = {values = [-180, 35, 420]}",
-                                                                    "needle_count = {values = [27, 28, 29]}")  # fmt: skip
+    text = JAMMED.replace("[base]\nneedle_count = 30", "").replace(
+        "torque_n_m = {values = [-180, 35, 420]}", "needle_count = {values = [27, 28, 29]}"
+    )
     plan = td.plan(parse_study(text))
     assert plan.able == 5
     assert plan.cpu_hours == pytest.approx((5, 5, 5))

@@ -79,8 +79,16 @@ def test_labels_are_found_stretch_by_stretch(monkeypatch, asked, nearest, left):
     assert found(values) == at_once
     assert found(np.arange(11.0), is_counted=True) == counted
     if left is None and nearest:
-        expected = {"x=3": [1, 5], "x=2.2,9": [3, 10], "x=-4": [6], "x=2:5": [1, 3, 4, 5], "x=:1": [6, 9],
-                    "x=40": [10], "x=inf": [], "x=4.5": [1, 5]}  # fmt: skip
+        expected = {
+            "x=3": [1, 5],
+            "x=2.2,9": [3, 10],
+            "x=-4": [6],
+            "x=2:5": [1, 3, 4, 5],
+            "x=:1": [6, 9],
+            "x=40": [10],
+            "x=inf": [],
+            "x=4.5": [1, 5],
+        }
         assert at_once == expected[asked]
 
 

@@ -145,11 +145,11 @@ def test_a_lower_rung_takes_its_own_numerics_and_leaves_what_it_cannot_give_open
         ('[{ model = "rollers" }]', r"retry: model = rollers: it makes no difference"),
         ('[{ model = "equilibrium" }, { model = "equilibrium" }]', r"model = equilibrium: it makes no difference"),
         ('[{ method = "newton" }]', r"retry: method = newton: method = newton: not a method of rollers"),
-        ('[{ step_s = 1e-5 }]', r"retry: step_s = 1e-05: .*not used by adaptive-euler"),
+        ("[{ step_s = 1e-5 }]", r"retry: step_s = 1e-05: .*not used by adaptive-euler"),
         ("[{}]", r"an empty table changes nothing"),
         ("[3]", r"\[run\.retry\].*3"),
     ],
-)  # fmt: skip
+)
 def test_a_bad_retry_is_refused_before_anything_runs(entries, told):
     with pytest.raises(td.InputError, match=told):
         parse_study(JOINT.partition("retry")[0] + f"retry = {entries}\n")
@@ -179,9 +179,12 @@ def test_failed_points_run_again_with_their_retries_when_asked(fragile, write_st
 
 @pytest.mark.slow
 def test_a_kill_in_a_retry_loses_nothing_and_changes_nothing(fragile, write_study):
-    slow = STUDY.replace("[factors.x]", "[base]\nslow = 0.05\n[factors.x]").replace(
-        "values = [1.0, 0.5, 0.3, 0.1]", "low = 0.05\nhigh = 1.0\ncount = 60"
-    ) + "block = 2\n"  # fmt: skip
+    slow = (
+        STUDY.replace("[factors.x]", "[base]\nslow = 0.05\n[factors.x]").replace(
+            "values = [1.0, 0.5, 0.3, 0.1]", "low = 0.05\nhigh = 1.0\ncount = 60"
+        )
+        + "block = 2\n"
+    )
     study, log = write_study(slow), fragile / "log"
     command = ["-m", "tripod_doe.cli", "run", str(study), "--out", str(fragile / "killed")]
     process = Process([*command, "--workers", "0"], quiet=True)  # retries are made within a block, wherever it runs

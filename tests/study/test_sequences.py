@@ -104,11 +104,13 @@ def test_a_fleet_needs_no_memory_for_its_samples():
     """A million samples of six factors would be 48 MB, and twice that while they were made."""
     text = DISTRIBUTIONS.replace('{distribution = "normal", mean = 0.03, std = 0.001}', "{low = 0.01, high = 0.05}")
     study = parse_study(
-        text.replace('{distribution = "discrete", values = ["rollers", "equilibrium"], weights = [1, 3]}',
-                     '{values = ["equilibrium", "rollers"]}')
+        text.replace(
+            '{distribution = "discrete", values = ["rollers", "equilibrium"], weights = [1, 3]}',
+            '{values = ["equilibrium", "rollers"]}',
+        )
         + '[design]\nkind = "multifidelity"\nindices = false\nsamples = 20\n'
         "split = {rollers = 20, equilibrium = 1_000_000}"
-    )  # fmt: skip
+    )
     make_points(study)  # what is imported stays
     tracemalloc.start()
     points = make_points(study)

@@ -245,9 +245,17 @@ def test_a_cube_in_slabs_conforms_to_cf(run_in_slabs, tmp_path):
     _, parts = run_in_slabs(GRID.replace('kind = {values = ["soft", "hard"]}', ""), 1000)
     report = tmp_path / "report.json"
     command = [
-        str(Path(sys.executable).with_name("compliance-checker")), "-t", "cf:1.8", "-c", "strict",
-        "-f", "json", "-o", str(report), str(parts / "cube.nc"),
-    ]  # fmt: skip
+        str(Path(sys.executable).with_name("compliance-checker")),
+        "-t",
+        "cf:1.8",
+        "-c",
+        "strict",
+        "-f",
+        "json",
+        "-o",
+        str(report),
+        str(parts / "cube.nc"),
+    ]
     done = subprocess.run(command, capture_output=True, text=True)
     assert report.exists(), done.stdout + done.stderr
     checks = json.loads(report.read_text())["cf:1.8"]["high_priorities"]

@@ -294,8 +294,16 @@ def test_the_joint_chooses_its_cheapest_model_where_that_is_enough(write_study, 
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("thrust_amplitude_3 =", "thrust_amplitud_3 =", r"\[accuracy\]: thrust_amplitud_3.*did you mean 'thrust_amplitude_3'"),
-        ("thrust_amplitude_3 =", "energy_residual =", r"\[accuracy\]: energy_residual: not a quantity with a known numerical error"),
+        (
+            "thrust_amplitude_3 =",
+            "thrust_amplitud_3 =",
+            r"\[accuracy\]: thrust_amplitud_3.*did you mean 'thrust_amplitude_3'",
+        ),
+        (
+            "thrust_amplitude_3 =",
+            "energy_residual =",
+            r"\[accuracy\]: energy_residual: not a quantity with a known numerical error",
+        ),
         ("= 0.04", "= 4", r"thrust_amplitude_3 = 4: a relative error lies between 0 and 1"),
         ("= 0.04", '= "small"', r"\[accuracy\]: thrust_amplitude_3 = 'small'"),
         ("thrust_amplitude_3 = 0.04\n", "", r"\[accuracy\]: name what must be accurate"),
@@ -308,7 +316,7 @@ def test_the_joint_chooses_its_cheapest_model_where_that_is_enough(write_study, 
             r'model = "auto": needle-between-plates: it has one model; name the model',
         ),
     ],
-)  # fmt: skip
+)
 def test_bad_requests_are_refused_before_anything_runs(write_study, old, new, told):
     text = JOINT.replace(old, new).replace("joint_angle_deg", "load_n" if "plates" in new else "joint_angle_deg")
     text = text.replace(

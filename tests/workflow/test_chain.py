@@ -145,8 +145,12 @@ def test_only_what_changed_and_what_needs_it_runs_again(bench):
     bench.calls()
     bench.study("second", "1, 2, 3, 4", tag=1)  # it grew: its old points are kept
     assert bench.run() == {
-        "first": "reused", "other": "reused", "second": "finished", "picture": "finished", "last": "finished",
-    }  # fmt: skip
+        "first": "reused",
+        "other": "reused",
+        "second": "finished",
+        "picture": "finished",
+        "last": "finished",
+    }
     assert bench.calls() == [(1, 4)]
     (bench.out / "steps" / "picture" / "figures.json").unlink()  # a result that went missing is made again
     states = bench.run()
@@ -157,8 +161,12 @@ def test_only_what_changed_and_what_needs_it_runs_again(bench):
 def test_a_failed_step_stops_only_what_needs_it(bench):
     bench.study("first", "1, -1", tag=0)
     assert bench.run() == {
-        "first": "failed", "second": "blocked", "picture": "blocked", "last": "blocked", "other": "finished",
-    }  # fmt: skip
+        "first": "failed",
+        "second": "blocked",
+        "picture": "blocked",
+        "last": "blocked",
+        "other": "finished",
+    }
     assert not bench.summary.good
     assert bench.steps["first"].detail.startswith("1 point ended as error: ")
     assert bench.steps["second"].detail == "needs first"
@@ -179,8 +187,12 @@ def test_a_study_that_changed_under_its_results_fails_and_says_what_to_do(bench)
 def test_only_runs_a_step_and_what_it_needs(bench):
     states = bench.run(only="second")
     assert states == {
-        "first": "finished", "second": "finished", "other": "not selected", "picture": "not selected", "last": "not selected",
-    }  # fmt: skip
+        "first": "finished",
+        "second": "finished",
+        "other": "not selected",
+        "picture": "not selected",
+        "last": "not selected",
+    }
     assert bench.summary.good
     assert {tag for tag, _ in bench.calls()} == {0, 1}
     assert bench.run(only="other")["second"] == "reused"
@@ -312,19 +324,25 @@ STEP = '[workflow]\nname = "w"\n[steps.a]\nkind = "study"\nstudy = "first.toml"\
         ('[workflow]\nname = "w"\n', "steps is missing"),
         (STEP + "[worklow]\n", "unknown key 'worklow'; did you mean 'workflow'"),
         (STEP + 'stdy = "x"\n', r"\[steps.a\]: unknown key 'stdy'; did you mean 'study'"),
-        (STEP.replace("study\"\nst", "stduy\"\nst"), r"\[steps.a\]: kind = 'stduy': unknown; did you mean 'study'"),
+        (STEP.replace('study"\nst', 'stduy"\nst'), r"\[steps.a\]: kind = 'stduy': unknown; did you mean 'study'"),
         (STEP.replace('kind = "study"\n', ""), r"\[steps.a\]: kind is missing"),
         (STEP.replace("first.toml", "frist.toml"), r"\[steps.a\]: .*frist.toml: cannot read the study file"),
         (STEP + 'inputs = ["b"]\n', r"\[steps.a\]: inputs: no step 'b'"),
         (STEP + 'inputs = ["a"]\n', r"circular inputs: a -> a; remove one of them"),
-        (STEP + 'base = {tga = 1}\n', r"\[steps.a\]: .*first.toml: \[base\]: tga = 1: unknown parameter; did you mean 'tag'"),
-        (STEP + 'factors.z = {values = [1]}\n', "factors.z: this study does not vary it"),
-        (STEP + 'factors.x = {valeus = [1]}\n', r"unknown key 'valeus'; did you mean 'values'"),
-        (STEP + '[quick.b]\nbase = {tag = 1}\n', r"\[quick.b\]: no study step of this name; allowed: a"),
-        (STEP + '[quick.a]\nbse = {tag = 1}\n', r"\[quick.a\]: unknown key 'bse'; did you mean 'base'"),
+        (
+            STEP + "base = {tga = 1}\n",
+            r"\[steps.a\]: .*first.toml: \[base\]: tga = 1: unknown parameter; did you mean 'tag'",
+        ),
+        (STEP + "factors.z = {values = [1]}\n", "factors.z: this study does not vary it"),
+        (STEP + "factors.x = {valeus = [1]}\n", r"unknown key 'valeus'; did you mean 'values'"),
+        (STEP + "[quick.b]\nbase = {tag = 1}\n", r"\[quick.b\]: no study step of this name; allowed: a"),
+        (STEP + "[quick.a]\nbse = {tag = 1}\n", r"\[quick.a\]: unknown key 'bse'; did you mean 'base'"),
         (STEP + '[steps.f]\nkind = "figure"\nfigure = "wave"\ninputs = ["a"]\n', "figure = 'wave': unknown"),
         (STEP + '[steps.f]\nkind = "figure"\nfigure = "effects"\n', r"\[steps.f\]: inputs is missing"),
-        (STEP + '[steps.s]\nkind = "sobol"\ninputs = ["a"]\n', "sobol needs a design of kind saltelli; this study's is grid"),
+        (
+            STEP + '[steps.s]\nkind = "sobol"\ninputs = ["a"]\n',
+            "sobol needs a design of kind saltelli; this study's is grid",
+        ),
         (STEP + '[steps.s]\nkind = "analysis"\nanalysis = "sobl"\ninputs = ["a"]\n', "did you mean 'sobol'"),
         (STEP + '[steps.c]\nkind = "comparison"\ninputs = ["a"]\n', r"\[steps.c\]: settings: measurement is missing"),
         (
@@ -338,7 +356,7 @@ STEP = '[workflow]\nname = "w"\n[steps.a]\nkind = "study"\nstudy = "first.toml"\
         ),
         (STEP.replace("steps.a", 'steps."a/b"'), "use letters, digits"),
     ],
-)  # fmt: skip
+)
 def test_a_bad_file_is_refused_and_starts_nothing(bench, capsys, text, message):
     bench.write(text)
     with pytest.raises(td.InputError, match=f"(?s){message}"):

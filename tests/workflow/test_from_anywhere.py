@@ -46,9 +46,14 @@ def test_a_study_on_worker_processes_runs_its_script_once(folder, words):
     """
     environment = os.environ | {"PYTHONPATH": str(Path(tripod_doe.__file__).parents[1])}
     done = subprocess.run(
-        [sys.executable, *words], cwd=folder, env=environment, capture_output=True, text=True,
-        input=CELL if words == ["-"] else "", timeout=300,
-    )  # fmt: skip
+        [sys.executable, *words],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        input=CELL if words == ["-"] else "",
+        timeout=300,
+    )
     assert done.returncode == 0, done.stderr
     assert (folder / "started").read_text() == "once\n"
     assert done.stdout == ""  # what a function prints in a worker is no answer of the script

@@ -162,8 +162,10 @@ def test_a_study_with_failed_points_leaves_its_claims_open_and_no_others(tmp_pat
     (tmp_path / "torques.toml").write_text(torques.replace("[factors]", "needle_count = 29\n[factors]"))
     summary = td.run_workflow(tmp_path / "halved.toml", tmp_path / "out", workers=0, progress=False)
     assert {step.name: step.state for step in summary.steps} == {
-        "frictions": "finished", "torques": "failed", "claims": "finished",
-    }  # fmt: skip
+        "frictions": "finished",
+        "torques": "failed",
+        "claims": "finished",
+    }
     assert not summary.good
     claims = {
         record["claim"]: record for record in json.loads((tmp_path / "out" / "claims.json").read_text())["claims"]

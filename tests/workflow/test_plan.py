@@ -69,12 +69,21 @@ def test_the_command_tells_the_sum_and_what_cannot_run(chain, capsys):
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["run", "chain.toml", "--out", "o"], "chain.toml: this is a workflow, not a study: `tripod-doe workflow` runs it"),
-        (["workflow", "coast.toml", "--out", "o"], "coast.toml: this is a study, not a workflow: `tripod-doe run` runs it"),
+        (
+            ["run", "chain.toml", "--out", "o"],
+            "chain.toml: this is a workflow, not a study: `tripod-doe workflow` runs it",
+        ),
+        (
+            ["workflow", "coast.toml", "--out", "o"],
+            "coast.toml: this is a study, not a workflow: `tripod-doe run` runs it",
+        ),
         (["plan", "coast.toml", "--quick"], "coast.toml is a study; only workflows have a [quick]"),
-        (["plan", "chain.toml", "--out", "o"], "chain.toml is a workflow, and only a study has models chosen by a pilot"),
+        (
+            ["plan", "chain.toml", "--out", "o"],
+            "chain.toml is a workflow, and only a study has models chosen by a pilot",
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_file_given_to_the_wrong_command(chain, arguments, told, monkeypatch, capsys):
     monkeypatch.chdir(chain.parent)
     assert main(arguments) == 2

@@ -10,14 +10,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import ComplexArray, FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.study.cube import SWITCH_ROLE
 from tripod_doe.study.file import parse_file
-
-__all__ = ["OperatingPoints", "Projections", "has_all_combinations", "switches_and_points"]
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _ROUNDING = 1e-6  # part of the largest amplitude of an operating point below which an amplitude is only error
 
@@ -26,7 +22,7 @@ _ROUNDING = 1e-6  # part of the largest amplitude of an operating point below wh
 class OperatingPoints:
     """Operating points of an ablation: which one each point of the cube belongs to, and their dimensions."""
 
-    of_point: NDArray[np.int64]
+    of_point: IntArray
     dims: tuple[str, ...]
     shape: tuple[int, ...]
     labels: dict[str, xr.Variable]
@@ -52,9 +48,7 @@ class Projections:
         Where the magnitude is not above its error, same shape.
     """
 
-    def __init__(
-        self, switched: NDArray[np.int64], operating: OperatingPoints, values: ComplexArray, error: FloatArray
-    ):
+    def __init__(self, switched: IntArray, operating: OperatingPoints, values: ComplexArray, error: FloatArray):
         self.count = switched.shape[1]
         self._values = np.concatenate([values, np.full_like(values[:1], np.nan)])  # row -1: no such point
         self._row: dict[tuple[int, int], int] = {}
@@ -72,7 +66,7 @@ class Projections:
         self.error: FloatArray = np.fmax(known, floor)
         self.weak: NDArray[np.bool_] = self.total <= self.error
 
-    def _rows(self, combination: int) -> NDArray[np.int64]:
+    def _rows(self, combination: int) -> IntArray:
         return np.array([self._row.get((at, combination), -1) for at in range(self._points)], np.int64)
 
     def _amplitudes(self, combination: int) -> ComplexArray:

@@ -14,10 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.analysis.curve_shape import Shape, curve_shapes
+from tripod_doe.array_types import FloatArray
 
-__all__ = ["Estimate", "Fit", "Separation", "fit_factor", "separation"]
-
-FloatArray = NDArray[np.float64]
 Column = NDArray[np.generic]
 
 _SHARED = 0.5  # share of the variance of a factor's column that others may explain: its interval is 1.4 times as wide
@@ -32,69 +30,39 @@ _INTERVAL = 0.95  # level of the intervals that are printed
 
 @dataclass(frozen=True)
 class Separation:
-    """Whether the columns of a design separate a factor from the others.
+    """Whether the columns of a design separate a factor from the others."""
 
-    Attributes
-    ----------
-    separated
-        Whether they do.
-    tied_to
-        Factors whose columns explain that of this one, alone or by their product; empty where all do together.
-    interaction
-        Whether it is the product of these.
-    too_few
-        Whether there are fewer points than the question needs.
-    """
-
-    separated: bool
+    separated: bool  # whether they do
+    # factors whose columns explain that of this one, alone or by their product; empty where all do together
     tied_to: tuple[str, ...] = ()
-    interaction: bool = False
-    too_few: bool = False
+    interaction: bool = False  # whether it is the product of these
+    too_few: bool = False  # whether there are fewer points than the question needs
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number from a regression.
+    """A number from a regression."""
 
-    Attributes
-    ----------
-    value, half
-        The number, and the half width of its 95 % interval.
-    most
-        Largest size that a 99.9 % interval allows.
-    sure
-        Whether it differs from zero at this level, and by more than the numerical error.
-    """
-
+    # value, half: the number, and the half width of its 95 % interval
     value: float
     half: float
-    most: float
-    sure: bool
+    most: float  # largest size that a 99.9 % interval allows
+    sure: bool  # whether it differs from zero at this level, and by more than the numerical error
 
 
 @dataclass(frozen=True)
 class Fit:
-    """What a regression on all factors tells of one.
+    """What a regression on all factors tells of one."""
 
-    Attributes
-    ----------
-    trend
-        Change of the response over the range of the factor.
-    bend
-        How far the ends of that range lie above its middle on average; zero for two levels, and where there are too few
-        points to tell a square from the interactions of factors that are not quite independent.
-    level, mean
-        Means of the factor and of the response in classes of equally many points, at equal values of all other
-        factors; empty where there are not enough points, or where their course depends on interactions.
-    error
-        Half width of the 99.9 % interval of a difference of two such means.
-    """
-
-    trend: Estimate
+    trend: Estimate  # change of the response over the range of the factor
+    # how far the ends of that range lie above its middle on average; zero for two levels, and where there are too few
+    # points to tell a square from the interactions of factors that are not quite independent
     bend: Estimate
+    # level, mean: means of the factor and of the response in classes of equally many points, at equal values of all
+    # other factors; empty where there are not enough points, or where their course depends on interactions
     level: FloatArray
     mean: FloatArray
-    error: float
+    error: float  # half width of the 99.9 % interval of a difference of two such means
 
 
 def _scaled(column: Column) -> FloatArray:

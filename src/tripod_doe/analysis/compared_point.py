@@ -6,22 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from tripod_doe.analysis.order_tracking import CELLS
+from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.model_records import MODEL_ERROR
 from tripod_doe.study.query import query
-
-__all__ = [
-    "common_speeds", "complex_orders", "model_orders", "model_point", "model_scatter", "model_waveform",
-    "orders_at_speeds",
-]  # fmt: skip
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _MODEL_OUTPUTS = ("thrust_amplitude", "thrust_phase_deg", "thrust_amplitude_scatter", "thrust")
 _SPEED = "speed_rpm"

@@ -25,20 +25,16 @@ from tripod_doe.analysis.compared_point import (
     model_scatter,
     model_waveform,
     orders_at_speeds,
-)  # fmt: skip
+)
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.measurement import Measurement, read_measurement
 from tripod_doe.analysis.order_tracking import CELLS, resample, track_orders
 from tripod_doe.analysis.record_doubts import record_doubts
+from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.joint.orders import ORDERS, amplitude_and_phase
 from tripod_doe.quantities import number
 from tripod_doe.study.model_records import MODEL_ERROR
-
-__all__ = ["ComparisonSettings", "compare", "compare_file", "parse_speeds"]
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _BEAT = (2, 3, 4)  # the third order and its neighbours, whose sum beats once a revolution (paper 3.3)
 _DECIMALS = 9  # of an angle in deg; what is smaller is rounding
@@ -146,8 +142,11 @@ def compare(
     tracked = track_orders(measurement.rotation_deg, measurement.thrust_n, measurement.time_s)
     at_speed = orders_at_speeds(tracked, point)
     if at_speed is not None:
-        tracked["model_amplitude_at_speed"] = (("revolution", "order"), np.abs(at_speed), _attrs(
-            "N", "amplitude of the model at the speed of the revolution"))  # fmt: skip
+        tracked["model_amplitude_at_speed"] = (
+            ("revolution", "order"),
+            np.abs(at_speed),
+            _attrs("N", "amplitude of the model at the speed of the revolution"),
+        )
     chosen = _of_speed(tracked, common_speeds(point, speeds_rpm))
     each = complex_orders(chosen)
     models = None if at_speed is None else at_speed[np.isin(tracked["revolution"], chosen["revolution"])]
@@ -256,9 +255,12 @@ def _order_variables(each: ComplexArray, model: ComplexArray, scatter: FloatArra
         "model_phase_deg": (np.where(model_told, model_phase, np.nan), "degree", "phase of the model"),
         "phase_difference_deg": (difference, "degree", "measured minus model phase, -180 to 180"),
         "phase_difference_uncertainty_deg": (sure, "degree", "uncertainty of the phase difference"),
-        "agrees": ((np.abs(amplitude - model_amplitude) <= both).astype(np.int8), "1",
-                   "1 where the amplitudes differ by no more than the uncertainty of the difference"),
-    }  # fmt: skip
+        "agrees": (
+            (np.abs(amplitude - model_amplitude) <= both).astype(np.int8),
+            "1",
+            "1 where the amplitudes differ by no more than the uncertainty of the difference",
+        ),
+    }
     return {name: ("order", values, _attrs(unit, meaning)) for name, (values, unit, meaning) in rows.items()}
 
 

@@ -20,14 +20,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from tripod_doe.analysis.ablation import OperatingPoints, Projections, has_all_combinations, switches_and_points
 from tripod_doe.analysis.cooperation import shapley_bounds, shapley_index
 from tripod_doe.analysis.kinds import makes_kind
+from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.size import refuse_too_much_memory
-
-__all__ = ["PAPER_SHARES", "ContributionSettings", "contribution_shares"]
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 PAPER_SHARES = {"groove_spinning": 2.0, "groove_rolling": 5.0, "needle_sliding": 1.0, "needle_rolling": 6.0}
 """Shares of the third order in percent that the paper prints in 3.5; groove sliding is the rest, 86 %."""
@@ -47,7 +43,7 @@ class ContributionSettings(BaseModel):
     )
     phase: str | None = Field(
         None, description='its phase in degrees; if omitted, X_phase_deg for X_amplitude or X_rms; "" for a real output'
-    )  # fmt: skip
+    )
 
     @property
     def phase_name(self) -> str:
@@ -183,14 +179,16 @@ def _shares(part: Projections, own: tuple[str, ...], output: Mapping[str, Any]) 
         "closure": (own, 100 - off.sum(axis=1), _percent("closure: 100 - sum of the shares by switching off")),
         "share_none": (own, part(0), _percent("what is there with all mechanisms off: P(none)")),
         "amplitude": (
-            own, part.total,
+            own,
+            part.total,
             {"long_name": "amplitude with all mechanisms on", "units": str(output.get("units", "1"))},
         ),
         "amplitude_error": (
-            own, part.error,
+            own,
+            part.error,
             {"long_name": "scatter of that amplitude, at least rounding", "units": str(output.get("units", "1"))},
         ),
-    }  # fmt: skip
+    }
 
 
 def _direct(
@@ -233,10 +231,12 @@ def _cooperation(part: Projections, own: tuple[str, ...], mechanisms: list[str])
     return shares | {
         "interaction": (("pair", *own), together, _percent("Shapley interaction index of two mechanisms")),
         "strongest_pair": (
-            own, np.where(np.isnan(size), "", names[largest]), {"long_name": "pair with the largest interaction"},
+            own,
+            np.where(np.isnan(size), "", names[largest]),
+            {"long_name": "pair with the largest interaction"},
         ),
         "strongest_interaction": (own, size, _percent("interaction of the strongest pair")),
-    }  # fmt: skip
+    }
 
 
 def _missing(part: Projections, mechanisms: list[str]) -> NDArray[Any]:
@@ -271,9 +271,10 @@ def _with_flags(
             weak = part.weak if data.ndim == part.weak.ndim else part.weak[:, None]
             why = np.where(np.isnan(data.astype(float)), np.where(weak, 1, 2), 0).astype(np.int8)
             meanings = {
-                "long_name": f"why {name} is missing", "flag_values": np.array(list(_FLAGS), np.int8),
+                "long_name": f"why {name} is missing",
+                "flag_values": np.array(list(_FLAGS), np.int8),
                 "flag_meanings": " ".join(_FLAGS.values()),
-            }  # fmt: skip
+            }
             labelled[f"{name}_flag"] = xr.Variable(over, why.reshape(shape), meanings)
         labelled[name] = xr.Variable(over, data.reshape(shape), attrs)
     return labelled

@@ -12,11 +12,8 @@ import math
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["shapley_bounds", "shapley_index"]
-
-FloatArray = NDArray[np.float64]
+from tripod_doe.array_types import FloatArray
 
 
 def shapley_index(everything: list[FloatArray], count: int, members: tuple[int, ...]) -> FloatArray:

@@ -7,9 +7,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Shape", "curve_shapes", "extreme_levels", "mirror_level"]
-
-FloatArray = NDArray[np.float64]
+from tripod_doe.array_types import FloatArray, IntArray
 
 _MIRRORED = 0.01  # part of the change of a curve by which its two sides may differ where it counts as symmetric
 
@@ -31,7 +29,7 @@ class Shape(IntEnum):
     """It rises and falls, with more than one turn, or with an end that is no higher or lower than the turn."""
 
 
-def curve_shapes(curves: FloatArray, error: float) -> NDArray[np.int64]:
+def curve_shapes(curves: FloatArray, error: float) -> IntArray:
     """Shape of each curve.
 
     Parameters

@@ -27,12 +27,9 @@ from numpy.typing import NDArray
 from tripod_doe.analysis.additive_fit import Fit, Separation, fit_factor, separation
 from tripod_doe.analysis.curve_shape import Shape, curve_shapes
 from tripod_doe.analysis.one_factor import Comparison, compare_settings, setting_of_others
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.one_thread import one_thread
 
-__all__ = ["FactorEffect", "Ground", "factor_effects"]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Column = NDArray[np.generic]
 
 _MOST_ROWS = 4096  # points of a regression: more make its intervals narrower than anybody needs
@@ -50,57 +47,32 @@ class Ground(Enum):
 
 @dataclass(frozen=True)
 class FactorEffect:
-    """The effect of one factor on a response.
+    """The effect of one factor on a response."""
 
-    Attributes
-    ----------
-    factor
-        Its name.
-    numeric
-        Whether its levels are numbers.
-    ground
-        On what the rest stands.
-    shape
-        Course of the mean curve; NONE where there is no curve.
-    level, mean
-        The curve: levels in ascending order (words in any order), and the mean response over the settings of the
-        others, or over classes. Empty where there is none.
-    error
-        Difference up to which two values of the curve count as equal.
-    largest
-        Largest change at one setting of the others; NaN for a regression.
-    settings, of_settings
-        Settings of the others that were used, and at which there are at least two levels. For steps: pairs. For a
-        regression: points.
-    alike
-        Settings at which the course is that of the mean.
-    rising, falling
-        Steps with a rise or a fall beyond the error.
-    averaged, held
-        Other factors over which the settings differ, and those that keep one value at all of them although they vary
-        elsewhere in the design.
-    fit
-        The regression, where that is the ground.
-    separation
-        Why the design does not separate the factor.
-    """
-
-    factor: str
-    numeric: bool
-    ground: Ground
-    shape: Shape = Shape.NONE
+    factor: str  # its name
+    numeric: bool  # whether its levels are numbers
+    ground: Ground  # on what the rest stands
+    shape: Shape = Shape.NONE  # course of the mean curve; NONE where there is no curve
+    # level, mean: the curve: levels in ascending order (words in any order), and the mean response over the settings of
+    # the others, or over classes. Empty where there is none.
     level: Column = field(default_factory=lambda: np.empty(0))
     mean: FloatArray = field(default_factory=lambda: np.empty(0))
-    error: float = 0.0
-    largest: float = np.nan
+    error: float = 0.0  # difference up to which two values of the curve count as equal
+    largest: float = np.nan  # largest change at one setting of the others; NaN for a regression
+    # settings, of_settings: settings of the others that were used, and at which there are at least two levels. For
+    # steps: pairs. For a regression: points.
     settings: int = 0
     of_settings: int = 0
-    alike: int = 0
+    alike: int = 0  # settings at which the course is that of the mean
+    # rising, falling: steps with a rise or a fall beyond the error
     rising: int = 0
     falling: int = 0
+    # averaged, held: other factors over which the settings differ, and those that keep one value at all of them
+    # although they vary elsewhere in the design
     averaged: tuple[str, ...] = ()
     held: Mapping[str, object] = field(default_factory=dict)
-    fit: Fit | None = None
+    fit: Fit | None = None  # the regression, where that is the ground
+    # why the design does not separate the factor
     separation: Separation = field(default_factory=lambda: Separation(True))
 
     @property
@@ -174,10 +146,20 @@ def _by_curves(
     mean = compared.curves.mean(axis=0)
     shape = Shape(int(curve_shapes(mean[None], error)[0]))
     return FactorEffect(
-        name, columns[name].dtype.kind in "fiu", Ground.CURVES, shape, levels, mean, error, compared.largest,
-        compared.whole.size, compared.several.size, int((curve_shapes(compared.curves, error) == shape).sum()),
-        averaged=averaged, held=held,
-    )  # fmt: skip
+        name,
+        columns[name].dtype.kind in "fiu",
+        Ground.CURVES,
+        shape,
+        levels,
+        mean,
+        error,
+        compared.largest,
+        compared.whole.size,
+        compared.several.size,
+        int((curve_shapes(compared.curves, error) == shape).sum()),
+        averaged=averaged,
+        held=held,
+    )
 
 
 def _by_steps(
@@ -185,10 +167,18 @@ def _by_steps(
 ) -> FactorEffect:
     averaged, held = _surroundings(name, columns, np.isin(setting, compared.several))
     return FactorEffect(
-        name, columns[name].dtype.kind in "fiu", Ground.STEPS, error=error, largest=compared.largest,
-        settings=compared.steps.size, of_settings=compared.steps.size, rising=int((compared.steps > error).sum()),
-        falling=int((compared.steps < -error).sum()), averaged=averaged, held=held,
-    )  # fmt: skip
+        name,
+        columns[name].dtype.kind in "fiu",
+        Ground.STEPS,
+        error=error,
+        largest=compared.largest,
+        settings=compared.steps.size,
+        of_settings=compared.steps.size,
+        rising=int((compared.steps > error).sum()),
+        falling=int((compared.steps < -error).sum()),
+        averaged=averaged,
+        held=held,
+    )
 
 
 def _by_regression(name: str, columns: Mapping[str, Column], response: FloatArray, error: float) -> FactorEffect:
@@ -203,6 +193,15 @@ def _by_regression(name: str, columns: Mapping[str, Column], response: FloatArra
     error = max(error, fit.error)
     shape = Shape(int(curve_shapes(fit.mean[None], error)[0])) if fit.mean.size else Shape.NONE
     return FactorEffect(
-        name, True, Ground.REGRESSION, shape, fit.level, fit.mean, error, settings=response.size,
-        of_settings=response.size, averaged=tuple(other for other in columns if other != name), fit=fit,
-    )  # fmt: skip
+        name,
+        True,
+        Ground.REGRESSION,
+        shape,
+        fit.level,
+        fit.mean,
+        error,
+        settings=response.size,
+        of_settings=response.size,
+        averaged=tuple(other for other in columns if other != name),
+        fit=fit,
+    )

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from tripod_doe.quantities import number
 
-__all__ = ["Condition", "FailingRegion", "failing_region"]
-
 _DEPTH = 2  # conditions of a region: more than two nobody can picture
 _FEWEST = 5  # failed points that can show a region
 _MOST_FAIL = 0.5  # share of the points of a region that fail
@@ -21,21 +19,11 @@ _CHANCE = 1e-5  # largest probability that as many failures lie there by chance:
 
 @dataclass(frozen=True)
 class Condition:
-    """One side of a threshold of a factor.
+    """One side of a threshold of a factor."""
 
-    Attributes
-    ----------
-    factor
-        Its name.
-    above
-        Whether values above the threshold are meant, else those at or below it.
-    threshold
-        Between two values that occur.
-    """
-
-    factor: str
-    above: bool
-    threshold: float
+    factor: str  # its name
+    above: bool  # whether values above the threshold are meant, else those at or below it
+    threshold: float  # between two values that occur
 
     @property
     def text(self) -> str:
@@ -50,24 +38,14 @@ class Condition:
 
 @dataclass(frozen=True)
 class FailingRegion:
-    """A region in which most failed points lie, and in which most points fail.
+    """A region in which most failed points lie, and in which most points fail."""
 
-    Attributes
-    ----------
-    conditions
-        They hold together in it.
-    failed, points
-        Failed and all points of the region.
-    all_failed
-        Failed points of the whole study.
-    kept
-        The condition without which the region is left, so that the rest is a box and the factors stay independent.
-    """
-
-    conditions: tuple[Condition, ...]
+    conditions: tuple[Condition, ...]  # they hold together in it
+    # failed, points: failed and all points of the region
     failed: int
     points: int
-    all_failed: int
+    all_failed: int  # failed points of the whole study
+    # the condition without which the region is left, so that the rest is a box and the factors stay independent
     kept: Condition
 
     @property

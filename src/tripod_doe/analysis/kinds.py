@@ -8,8 +8,6 @@ from typing import Any, ParamSpec
 
 import xarray as xr
 
-__all__ = ["is_study", "kind_made_by", "kind_of", "makes_kind", "of_kind"]
-
 P = ParamSpec("P")
 _ATTRIBUTE = "analysis_kind"
 

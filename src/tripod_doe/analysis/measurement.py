@@ -17,14 +17,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tripod_doe.analysis.record_file import Record, read_record
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, closest, option
-
-__all__ = ["Measurement", "edge_times", "pulse_numbers", "read_measurement", "rotation_from_tachometer"]
-
-FloatArray = NDArray[np.float64]
 
 _MOST_LOST = 0.2  # of the samples; with more dropouts a record is refused
 _LOW, _HIGH = 0.35, 0.65  # thresholds of an edge within the range of the tachometer: noise between them makes no edge
@@ -35,39 +31,20 @@ _UNEVEN = 0.3  # part of an interval by which it may differ from a whole multipl
 
 @dataclass(frozen=True)
 class Measurement:
-    """A thrust signal over the rotation angle.
+    """A thrust signal over the rotation angle."""
 
-    Attributes
-    ----------
-    rotation_deg
-        Rotation angle from an arbitrary zero, not falling, unwrapped; degrees, shape (sample,).
-    thrust_n
-        Thrust force in N, NaN at dropouts, shape (sample,).
-    time_s
-        Time of the samples in s, shape (sample,); None where it is not known.
-    zero
-        What the zero of the angle is, in words.
-    lost_samples
-        Rows without a value in any needed column.
-    lost_pulses
-        Missing pulses, inferred from their neighbours and counted.
-    name, digest
-        The file and its SHA-256 (16 hex digits), for the record.
-    columns
-        In words, which headings of the file were taken for which columns; empty where they are named as ours.
-    pulses_per_revolution
-        Rising edges of the tachometer per revolution that were given; None with an angle of its own.
-    """
-
-    rotation_deg: FloatArray
-    thrust_n: FloatArray
-    time_s: FloatArray | None
-    zero: str
-    lost_samples: int = 0
-    lost_pulses: int = 0
+    rotation_deg: FloatArray  # rotation angle from an arbitrary zero, not falling, unwrapped; degrees, shape (sample,)
+    thrust_n: FloatArray  # thrust force in N, NaN at dropouts, shape (sample,)
+    time_s: FloatArray | None  # time of the samples in s, shape (sample,); None where it is not known
+    zero: str  # what the zero of the angle is, in words
+    lost_samples: int = 0  # rows without a value in any needed column
+    lost_pulses: int = 0  # missing pulses, inferred from their neighbours and counted
+    # name, digest: the file and its SHA-256 (16 hex digits), for the record
     name: str = ""
     digest: str = ""
+    # in words, which headings of the file were taken for which columns; empty where they are named as ours
     columns: str = ""
+    # rising edges of the tachometer per revolution that were given; None with an angle of its own
     pulses_per_revolution: int | None = None
 
 
@@ -140,7 +117,7 @@ def _unwrapped(degrees: FloatArray) -> FloatArray:
     return degrees + 360.0 * turns
 
 
-def _check_growing(name: str, values: FloatArray, rows: NDArray[np.int64], strictly: bool) -> None:
+def _check_growing(name: str, values: FloatArray, rows: IntArray, strictly: bool) -> None:
     step = np.diff(values)
     wrong = np.flatnonzero(step <= 0 if strictly else step < 0)
     if wrong.size == 0:
@@ -249,7 +226,7 @@ def _without_loose_ends(edges: FloatArray) -> FloatArray:
     return edges
 
 
-def pulse_numbers(edges: FloatArray) -> NDArray[np.int64]:
+def pulse_numbers(edges: FloatArray) -> IntArray:
     """Number each edge of a tachometer, the first 0; a gap of a whole number of pulses counts those that are missing.
 
     Parameters

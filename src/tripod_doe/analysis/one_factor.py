@@ -9,12 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["Comparison", "compare_settings", "setting_of_others"]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from tripod_doe.array_types import FloatArray, IntArray
 
 
 def setting_of_others(codes: IntArray) -> IntArray:
@@ -43,27 +39,14 @@ def setting_of_others(codes: IntArray) -> IntArray:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A response at points that differ in one factor alone.
+    """A response at points that differ in one factor alone."""
 
-    Attributes
-    ----------
-    curves
-        Response at every level, shape (setting of the others, level), of those settings at which there are all levels.
-    whole
-        Numbers of these settings.
-    several
-        Numbers of the settings at which there are at least two levels.
-    steps
-        Changes from each level to the next one that there is, over all settings, shape (pair,).
-    largest
-        Largest change at one setting; 0 where no two points can be compared.
-    """
-
+    # response at every level, shape (setting of the others, level), of those settings at which there are all levels
     curves: FloatArray
-    whole: IntArray
-    several: IntArray
-    steps: FloatArray
-    largest: float
+    whole: IntArray  # numbers of these settings
+    several: IntArray  # numbers of the settings at which there are at least two levels
+    steps: FloatArray  # changes from each level to the next one that there is, over all settings, shape (pair,)
+    largest: float  # largest change at one setting; 0 where no two points can be compared
 
 
 def compare_settings(setting: IntArray, code: IntArray, response: FloatArray) -> Comparison:

@@ -12,13 +12,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import ComplexArray, FloatArray, IntArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.joint.orders import ORDERS, amplitude_and_phase
-
-__all__ = ["CELLS", "resample", "track_orders"]
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 CELLS = 360
 """Cells of a resampled revolution, 1 deg each."""
@@ -83,7 +79,7 @@ def track_orders(rotation_deg: FloatArray, thrust_n: FloatArray, time_s: FloatAr
     return tracked.assign_attrs(revolutions_used=len(used), revolutions_left_out=bounds.size - 1 - len(used))
 
 
-def _labelled(orders: ComplexArray, revolutions: NDArray[np.int64], samples: NDArray[np.int32]) -> xr.Dataset:
+def _labelled(orders: ComplexArray, revolutions: IntArray, samples: NDArray[np.int32]) -> xr.Dataset:
     """Complex amplitudes (revolution, order) as amplitudes and phases with their labels."""
     amplitude, phase = amplitude_and_phase(orders)
     by_order = ("revolution", "order")

@@ -6,15 +6,11 @@ Such a mistake gives a smooth answer: amplitudes and phases of the wrong orders,
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tripod_doe.analysis.measurement import Measurement
+from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.errors import option
 from tripod_doe.quantities import number
-
-__all__ = ["record_doubts"]
-
-FloatArray = NDArray[np.float64]
 
 _MOST_SAMPLES = 2**18
 _FEWEST_CYCLES = 3  # of an oscillation in the record, below which it may be drift
@@ -24,7 +20,7 @@ _NEAR = 0.04  # relative: how near a ratio must be to the one that explains it
 _THOUSAND = (300.0, 3000.0)  # a measurement and a model of the same joint differ by less
 
 
-def record_doubts(measurement: Measurement, model: NDArray[np.complex128]) -> list[str]:
+def record_doubts(measurement: Measurement, model: ComplexArray) -> list[str]:
     """Sentences on what does not fit, none where nothing is noticed.
 
     Parameters

@@ -15,13 +15,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, closest, option
-
-__all__ = ["ROLES", "Record", "parse_column", "read_record"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -37,14 +33,30 @@ _ANGLE = {"deg": 1.0, "degree": 1.0, "degrees": 1.0, "°": 1.0, "rad": 180 / np.
 _TIME = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0}
 ROLES = {
     "thrust_n": Role(
-        frozenset({"thrust", "thrust force", "axial force", "axial thrust", "force", "gaf", "generated axial force",
-                   "kraft", "axialkraft"}), _FORCE),
+        frozenset(
+            {
+                "thrust",
+                "thrust force",
+                "axial force",
+                "axial thrust",
+                "force",
+                "gaf",
+                "generated axial force",
+                "kraft",
+                "axialkraft",
+            }
+        ),
+        _FORCE,
+    ),
     "rotation_deg": Role(
-        frozenset({"rotation", "rotation angle", "angle", "shaft angle", "angle of rotation", "phi", "winkel",
-                   "drehwinkel"}), _ANGLE),
+        frozenset(
+            {"rotation", "rotation angle", "angle", "shaft angle", "angle of rotation", "phi", "winkel", "drehwinkel"}
+        ),
+        _ANGLE,
+    ),
     "time_s": Role(frozenset({"time", "t", "zeit"}), _TIME),
     "tacho": Role(frozenset({"tacho", "tachometer", "tach", "pulse", "pulses", "trigger", "keyphasor"}), {}),
-}  # fmt: skip
+}
 """Columns of a measurement by our name of each."""
 
 _SEPARATORS = ((";", ","), (";", "."), ("\t", ","), ("\t", "."), (",", "."), (None, "."), (None, ","))
@@ -55,21 +67,12 @@ _UNIT = re.compile(r"^(.*?)\s*(?:[\[(<]\s*(.*?)\s*[\])>]|[/,_]\s*([^\s/,_]+))\s*
 
 @dataclass(frozen=True)
 class Record:
-    """A table of a measurement.
+    """A table of a measurement."""
 
-    Attributes
-    ----------
-    columns
-        Values by our names of the columns, in our units; NaN where a field is empty. Shape (row,) each.
-    headings
-        All headings of the file.
-    taken
-        In words, which heading was taken for which column; empty where the file has our own names.
-    """
-
+    # values by our names of the columns, in our units; NaN where a field is empty. Shape (row,) each.
     columns: Mapping[str, FloatArray]
-    headings: tuple[str, ...]
-    taken: str
+    headings: tuple[str, ...]  # all headings of the file
+    taken: str  # in words, which heading was taken for which column; empty where the file has our own names
 
 
 def read_record(path: Path, given: Mapping[str, str] | None = None) -> Record:
@@ -179,9 +182,15 @@ def _table(rows: Sequence[str], separator: str | None, decimal: str, width: int)
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # fields that would be dropped
             table = pd.read_csv(
-                io.StringIO("\n".join(rows)), sep=separator or r"\s+", decimal=decimal, header=None,
-                names=range(max(wide, width)), index_col=False, low_memory=False, skipinitialspace=True,
-            )  # fmt: skip
+                io.StringIO("\n".join(rows)),
+                sep=separator or r"\s+",
+                decimal=decimal,
+                header=None,
+                names=range(max(wide, width)),
+                index_col=False,
+                low_memory=False,
+                skipinitialspace=True,
+            )
     except (pd.errors.ParserError, pd.errors.ParserWarning, ValueError) as error:
         raise InputError(f"rows of different length: {str(error).strip()}") from error
     if table.iloc[:, width:].notna().any(axis=None):

@@ -22,12 +22,9 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.speed_runs import BY_ACCURACY, QUANTITIES, Case, TimedRun, read_cases
+from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
-
-__all__ = ["Known", "SpeedAccuracySettings", "speed_accuracy"]
-
-FloatArray = NDArray[np.float64]
 
 
 class Known(IntEnum):
@@ -110,8 +107,9 @@ def speed_accuracy(cubes: Mapping[str, xr.Dataset], settings: SpeedAccuracySetti
     references = {case.label: _reference(case) for case in cases}
     finest = {case.scene: case.label for case in cases if references[case.label] is not None}
     several = {case.scene for case in cases if sum(other.scene == case.scene for other in cases) > 1}
-    truths = {case.label: references.get(finest.get(case.scene, "")) if case.scene in several else None
-              for case in cases}  # fmt: skip
+    truths = {
+        case.label: references.get(finest.get(case.scene, "")) if case.scene in several else None for case in cases
+    }
     parts = _run_variables(cases, references, truths) | _case_variables(cases, references, settings.target)
     used = {quantity.name for case in cases for quantity in case.quantities}
     names = [quantity.name for quantity in QUANTITIES if quantity.name in used]
@@ -138,8 +136,9 @@ def _reference(case: Case) -> _Reference | None:
     finest = [done[-1] for method in methods if (done := [run for run in case.of(method) if run.finished])]
     best: _Reference | None = None
     for one, other in itertools.combinations(sorted(finest, key=lambda run: run.price), 2):
-        apart = {name: _distance(one.answers[name], answer) for name, answer in other.answers.items()
-                 if name in one.answers}  # fmt: skip
+        apart = {
+            name: _distance(one.answers[name], answer) for name, answer in other.answers.items() if name in one.answers
+        }
         errors = {name: error for name, error in apart.items() if math.isfinite(error)}
         if errors and (best is None or _mean(errors.values()) < _mean(best.errors.values())):
             best = _Reference(other, one.method, errors)
@@ -154,11 +153,17 @@ def _mean(errors: Iterable[float]) -> float:
 def _errors(runs: Iterable[TimedRun], reference: _Reference | None) -> FloatArray:
     """Relative error of every run and quantity against a reference, shape (run, QUANTITIES)."""
     truth = reference.run.answers if reference else {}
-    return np.array([
-        [_distance(run.answers[quantity.name], truth[quantity.name])
-         if quantity.name in run.answers and quantity.name in truth else math.nan for quantity in QUANTITIES]
-        for run in runs
-    ])  # fmt: skip
+    return np.array(
+        [
+            [
+                _distance(run.answers[quantity.name], truth[quantity.name])
+                if quantity.name in run.answers and quantity.name in truth
+                else math.nan
+                for quantity in QUANTITIES
+            ]
+            for run in runs
+        ]
+    )
 
 
 def _own_errors(reference: _Reference | None) -> FloatArray:
@@ -190,8 +195,9 @@ def _run_variables(
     prices = np.array([run.price for _, run in runs])
     own = [_errors(case.runs, references[case.label]) for case in cases]
     floors = [np.maximum(errors, _own_errors(references[case.label])) for case, errors in zip(cases, own, strict=True)]
-    fronts = [_front(np.array([run.price for run in case.runs]), floored)
-              for case, floored in zip(cases, floors, strict=True)]  # fmt: skip
+    fronts = [
+        _front(np.array([run.price for run in case.runs]), floored) for case, floored in zip(cases, floors, strict=True)
+    ]
     model = np.vstack([_errors(case.runs, truths[case.label]) for case in cases])
     known = np.vstack([_model_floors(case, references[case.label], truths[case.label]) for case in cases])
     model_front = np.zeros(model.shape, np.int8)
@@ -220,12 +226,14 @@ def _run_variables(
         "setting_kind": along((run.kind for _, run in runs), "parameter that is set"),
         "setting": along((run.setting for _, run in runs), "step in s, relative tolerance, or accuracy"),
         "described": along((run.described for _, run in runs), "method and setting"),
-        "is_default": along((np.int8(_is_default(case, run)) for case, run in runs), "1 for the default method and "
-                            "its default setting"),
+        "is_default": along(
+            (np.int8(_is_default(case, run)) for case, run in runs), "1 for the default method and its default setting"
+        ),
         "outcome": ("run", np.array([run.outcome for _, run in runs], np.int8), flags),
         "outcome_detail": along((run.detail for _, run in runs), "reason of a failure; empty if it finished"),
-        "cpu_per_second": along(prices, f"{per}, median of the repetitions; for a failed run, per second simulated "
-                                "until the failure", "1"),
+        "cpu_per_second": along(
+            prices, f"{per}, median of the repetitions; for a failed run, per second simulated until the failure", "1"
+        ),
         "cpu_per_second_low": along(spread[:, 0], f"least {per}", "1"),
         "cpu_per_second_high": along(spread[:, 1], f"largest {per}", "1"),
         "repetitions": along((np.int32(run.seconds.size) for _, run in runs), "number of repetitions"),
@@ -235,13 +243,21 @@ def _run_variables(
         "numerical_error": error(np.vstack(own), "relative difference to the reference of the same model"),
         "model_error": error(model, "relative difference to the reference of the finest model"),
         "below_reference": error(
-            np.vstack([np.less_equal(errors, _own_errors(references[case.label])).astype(np.int8)
-                       for case, errors in zip(cases, own, strict=True)]),
-            "1 where the numerical error is not larger than the reference's own"),
+            np.vstack(
+                [
+                    np.less_equal(errors, _own_errors(references[case.label])).astype(np.int8)
+                    for case, errors in zip(cases, own, strict=True)
+                ]
+            ),
+            "1 where the numerical error is not larger than the reference's own",
+        ),
         "front": error(np.vstack(fronts), "1 where no run of this scene and model is cheaper and more exact"),
-        "model_front": error(model_front, "1 where no run of any model of this scene is cheaper and nearer to the "
-                             "finest model, errors that cancel a model's not counted"),
-    }  # fmt: skip
+        "model_front": error(
+            model_front,
+            "1 where no run of any model of this scene is cheaper and nearer to the "
+            "finest model, errors that cancel a model's not counted",
+        ),
+    }
 
 
 def _model_floors(case: Case, reference: _Reference | None, truth: _Reference | None) -> FloatArray:
@@ -283,8 +299,11 @@ def _case_variables(
                 best[i, q] = min(sure, key=lambda method: sure[method])
                 if case.default_method in sure:
                     leads[i, q] = sure[case.default_method] / sure[best[i, q]]
-    flags = {"flag_values": np.array(list(Known), np.int8), "comment": _KNOWN_MEANINGS,
-             "flag_meanings": " ".join(kind.name.lower() for kind in Known)}  # fmt: skip
+    flags = {
+        "flag_values": np.array(list(Known), np.int8),
+        "comment": _KNOWN_MEANINGS,
+        "flag_meanings": " ".join(kind.name.lower() for kind in Known),
+    }
     three = ("case", "method", "quantity")
     referred = [references[case.label] for case in cases]
     return {
@@ -293,19 +312,33 @@ def _case_variables(
         "case_scene": ("case", [case.scene for case in cases], {"long_name": "step of the workflow"}),
         "case_model": ("case", [case.model for case in cases], {"long_name": "model"}),
         "default_method": ("case", [case.default_method for case in cases], {"long_name": "default method"}),
-        "reference": ("case", [_told(reference) for reference in referred], {"long_name": "reference run, and the "
-                      "method that agrees with it best"}),
-        "reference_error": (("case", "quantity"), np.vstack([_own_errors(r) for r in referred]),
-                            {"long_name": "relative error of the reference: difference to the finest run of "
-                             "another method", "units": "1"}),
-        "price": (three, prices, {"long_name": f"CPU seconds per simulated second at {100 * target:g} % error",
-                                  "units": "1"}),
+        "reference": (
+            "case",
+            [_told(reference) for reference in referred],
+            {"long_name": "reference run, and the method that agrees with it best"},
+        ),
+        "reference_error": (
+            ("case", "quantity"),
+            np.vstack([_own_errors(r) for r in referred]),
+            {
+                "long_name": "relative error of the reference: difference to the finest run of another method",
+                "units": "1",
+            },
+        ),
+        "price": (
+            three,
+            prices,
+            {"long_name": f"CPU seconds per simulated second at {100 * target:g} % error", "units": "1"},
+        ),
         "price_known": (three, known, {"long_name": "how the price is known"} | flags),
         "price_ratio": (three, ratios, {"long_name": "price over that of the default method", "units": "1"}),
         "best_method": (("case", "quantity"), best.astype(str), {"long_name": "method with the lowest price"}),
-        "default_over_best": (("case", "quantity"), leads, {"long_name": "price of the default method over the lowest",
-                                                            "units": "1"}),
-    }  # fmt: skip
+        "default_over_best": (
+            ("case", "quantity"),
+            leads,
+            {"long_name": "price of the default method over the lowest", "units": "1"},
+        ),
+    }
 
 
 def _told(reference: _Reference | None) -> str:

@@ -13,15 +13,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import level
 from tripod_doe.simulator import Outcome, Simulator
 from tripod_doe.study.file import parse_file
 from tripod_doe.study.scenes import load_simulator
-
-__all__ = ["BY_ACCURACY", "QUANTITIES", "Case", "Quantity", "TimedRun", "read_cases"]
-
-FloatArray = NDArray[np.float64]
 
 _SETTINGS = ("step_s", "relative_tolerance", "accuracy")
 """Parameters by which the error of a run is set; the first that a run has is its own."""
@@ -32,21 +29,12 @@ BY_ACCURACY = "by accuracy"
 
 @dataclass(frozen=True)
 class Quantity:
-    """A named part of a run's results; its error is the norm of the difference over the norm of the reference.
+    """A named part of a run's results; its error is the norm of the difference over the norm of the reference."""
 
-    Attributes
-    ----------
-    name
-        Label along ``quantity``.
-    meaning
-        Description.
-    variable, select, last
-        Its place in a cube: the variable, labels along its dimensions, and dimensions of which only the last entry
-        is used.
-    """
-
-    name: str
-    meaning: str
+    name: str  # label along ``quantity``
+    meaning: str  # description
+    # variable, select, last: its place in a cube: the variable, labels along its dimensions, and dimensions of which
+    # only the last entry is used
     variable: str
     select: Mapping[str, Any]
     last: tuple[str, ...] = ()
@@ -56,8 +44,13 @@ QUANTITIES = (
     Quantity("third_order", "third order of the thrust", "thrust_amplitude", {"order": 3}),
     Quantity("second_order", "second order of the thrust", "thrust_amplitude", {"order": 2}),
     Quantity("waveform", "waveform of the thrust (rms)", "thrust", {}),
-    Quantity("needle_skew", "mean skew of the needles in the last revolution", "needle_skew_summary_deg",
-             {"statistic": "mean"}, ("cycle",)),
+    Quantity(
+        "needle_skew",
+        "mean skew of the needles in the last revolution",
+        "needle_skew_summary_deg",
+        {"statistic": "mean"},
+        ("cycle",),
+    ),
     Quantity("groove_third_order", "third order of the groove's thrust", "groove_thrust_amplitude", {"order": 3}),
     Quantity("groove_first_order", "first order of the groove's thrust", "groove_thrust_amplitude", {"order": 1}),
     Quantity("groove_waveform", "waveform of the groove's thrust (rms)", "groove_thrust", {}),
@@ -65,39 +58,30 @@ QUANTITIES = (
     Quantity("ring_drift", "shift of the needles along the trunnion (rms)", "needle_drift_mm", {}),
     Quantity("needle_drift", "drift of the needle (rms over its path)", "axial_path_mm", {}),
     Quantity("axial_force", "axial force on the groove", "axial_force_n", {}),
-)  # fmt: skip
+)
 """Quantities in the order of reports; a scene is compared by the first one that it has."""
 
 
 @dataclass(frozen=True)
 class TimedRun:
-    """One run of a method at one setting, with its repetitions.
+    """One run of a method at one setting, with its repetitions."""
 
-    Attributes
-    ----------
-    method, kind, setting
-        The method, or `BY_ACCURACY`; ``step_s``, ``relative_tolerance`` or ``accuracy``, and its value.
-    outcome, detail
-        How it ended.
-    seconds
-        CPU seconds per simulated second of each repetition, shape (repetition,); for a failed run, per second
-        simulated until the failure.
-    steps, force_evaluations, solves
-        Counted work.
-    answers
-        Results by quantity; empty if it did not finish.
-    """
-
+    # method, kind, setting: the method, or `BY_ACCURACY`; ``step_s``, ``relative_tolerance`` or ``accuracy``, and its
+    # value
     method: str
     kind: str
     setting: float
+    # outcome, detail: how it ended
     outcome: Outcome
     detail: str
+    # CPU seconds per simulated second of each repetition, shape (repetition,); for a failed run, per second simulated
+    # until the failure
     seconds: FloatArray
+    # steps, force_evaluations, solves: counted work
     steps: float
     force_evaluations: float
     solves: float
-    answers: Mapping[str, FloatArray]
+    answers: Mapping[str, FloatArray]  # results by quantity; empty if it did not finish
 
     @property
     def finished(self) -> bool:
@@ -119,24 +103,14 @@ class TimedRun:
 
 @dataclass(frozen=True)
 class Case:
-    """All runs of one scene with one model.
+    """All runs of one scene with one model."""
 
-    Attributes
-    ----------
-    scene, model
-        The step of the workflow, and the model; empty if the scene has only one.
-    runs
-        Its runs, by method, the coarsest setting first.
-    quantities
-        Quantities that the scene has.
-    default_method, default_setting
-        Default method, or `BY_ACCURACY`, and its default step, tolerance or accuracy.
-    """
-
+    # scene, model: the step of the workflow, and the model; empty if the scene has only one
     scene: str
     model: str
-    runs: tuple[TimedRun, ...]
-    quantities: tuple[Quantity, ...]
+    runs: tuple[TimedRun, ...]  # its runs, by method, the coarsest setting first
+    quantities: tuple[Quantity, ...]  # quantities that the scene has
+    # default_method, default_setting: default method, or `BY_ACCURACY`, and its default step, tolerance or accuracy
     default_method: str
     default_setting: float
 
@@ -242,6 +216,12 @@ def _timed(
             if np.isfinite(numbers).all():
                 answers[quantity.name] = numbers
     return TimedRun(
-        *key, outcome, str(first["outcome_detail"].item()), np.where(np.isfinite(seconds), seconds, np.nan),
-        float(first["steps"]), float(first["force_evaluations"]), float(first["solves"]), answers,
-    )  # fmt: skip
+        *key,
+        outcome,
+        str(first["outcome_detail"].item()),
+        np.where(np.isfinite(seconds), seconds, np.nan),
+        float(first["steps"]),
+        float(first["force_evaluations"]),
+        float(first["solves"]),
+        answers,
+    )

@@ -27,14 +27,11 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from tripod_doe.analysis.kinds import makes_kind
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.simulator import Outcome
-
-__all__ = ["Agreement", "Limit", "RunKind", "StabilitySettings", "predicted_border", "stability_borders"]
-
-FloatArray = NDArray[np.float64]
 
 _NUMERICS = ("step_s", "relative_tolerance")
 _RATES = ("friction_rate_per_s", "contact_rate_per_s", "secant_lag_rate_per_s")
@@ -77,9 +74,7 @@ class StabilitySettings(BaseModel):
     model_config = ConfigDict(extra="forbid")
     output: str = Field(description="output that is compared with the reference")
     select: dict[str, float] = Field({}, description="component of the output, for instance order = 3")
-    limit: float = Field(
-        0.02, gt=0, lt=1, description="relative error up to which a run is right"
-    )  # fmt: skip
+    limit: float = Field(0.02, gt=0, lt=1, description="relative error up to which a run is right")
     factor: float = Field(2.0, gt=1, description="factor within which measured and predicted border agree")
 
     @property
@@ -90,28 +85,18 @@ class StabilitySettings(BaseModel):
 
 @dataclass(frozen=True)
 class _Runs:
-    """A cube as a table of runs, shape (method, case, step) each; a case is an operating point.
+    """A cube as a table of runs, shape (method, case, step) each; a case is an operating point."""
 
-    Attributes
-    ----------
-    methods, steps, cases
-        Labels; `cases` holds the values of every factor but the numerics, each of shape (case,).
-    numerics
-        Name of the step or tolerance.
-    outcome, value, detail
-        How each run ended, its output, and why.
-    rates
-        Rates of friction, contact and lag, shape (method, case, step, 3); NaN where not known.
-    """
-
+    # methods, steps, cases: labels; `cases` holds the values of every factor but the numerics, each of shape (case,)
     methods: list[str]
     steps: FloatArray
     cases: dict[str, FloatArray]
-    numerics: str
+    numerics: str  # name of the step or tolerance
+    # outcome, value, detail: how each run ended, its output, and why
     outcome: NDArray[np.int8]
     value: FloatArray
     detail: NDArray[Any]
-    rates: FloatArray
+    rates: FloatArray  # rates of friction, contact and lag, shape (method, case, step, 3); NaN where not known
 
 
 def predicted_border(method: Method, rates: FloatArray, limit: float) -> tuple[float, Limit]:
@@ -177,19 +162,27 @@ def stability_borders(cube: xr.Dataset, settings: StabilitySettings) -> xr.Datas
     kind[done & ~certain[:, None]] = RunKind.UNKNOWN
     kind[np.isin(runs.outcome, (Outcome.NOT_RUN, Outcome.NOT_APPLICABLE))] = RunKind.ABSENT
     borders = [
-        [_border(runs, kind, m, c, predicted_border(METHODS[name], rates[c], settings.limit), settings.factor)
-         for c in range(certainty.size)] for m, name in enumerate(runs.methods)
-    ]  # fmt: skip
+        [
+            _border(runs, kind, m, c, predicted_border(METHODS[name], rates[c], settings.limit), settings.factor)
+            for c in range(certainty.size)
+        ]
+        for m, name in enumerate(runs.methods)
+    ]
     return _labelled(cube, runs, settings, borders, kind, error, (reference, certainty, rates, source))
 
 
 def _runs(cube: xr.Dataset, settings: StabilitySettings) -> _Runs:
     """Read a cube as a table of runs."""
     dims = [str(dim) for dim in cube["outcome"].dims]
-    names = dims if dims != ["point"] else [
-        str(name) for name in cube.coords
-        if cube[name].dims == ("point",) and str(name) not in ("point", "varied") and not str(name).endswith("_row")
-    ]  # fmt: skip
+    names = (
+        dims
+        if dims != ["point"]
+        else [
+            str(name)
+            for name in cube.coords
+            if cube[name].dims == ("point",) and str(name) not in ("point", "varied") and not str(name).endswith("_row")
+        ]
+    )
     numerics = [name for name in _NUMERICS if name in names]
     if "method" not in names or len(numerics) != 1:
         raise InputError("stability needs the factors method and either step_s or relative_tolerance")
@@ -208,14 +201,18 @@ def _runs(cube: xr.Dataset, settings: StabilitySettings) -> _Runs:
     detail = cube["outcome_detail"].values.ravel() if "outcome_detail" in cube else np.full(which.size, "")
     rates = [cube[name].values.ravel() if name in cube else np.full(which.size, np.nan) for name in _RATES]
     return _Runs(
-        methods, np.exp(steps), {name: table[np.sort(first), i] for i, name in enumerate(others)}, numerics[0],
+        methods,
+        np.exp(steps),
+        {name: table[np.sort(first), i] for i, name in enumerate(others)},
+        numerics[0],
         _placed(shape, place, cube["outcome"].values.ravel().astype(np.int8), np.int8(Outcome.NOT_RUN)),
-        _placed(shape, place, _output(cube, settings), np.nan), _placed(shape, place, detail.astype(object), ""),
+        _placed(shape, place, _output(cube, settings), np.nan),
+        _placed(shape, place, detail.astype(object), ""),
         np.stack([_placed(shape, place, rate, np.nan) for rate in rates], axis=-1),
-    )  # fmt: skip
+    )
 
 
-def _labels(column: NDArray[Any]) -> tuple[list[str], NDArray[np.int64]]:
+def _labels(column: NDArray[Any]) -> tuple[list[str], IntArray]:
     """Distinct words in the order in which they come, and which of them each row has."""
     words = list(dict.fromkeys(column.tolist()))
     return words, np.array([words.index(word) for word in column])
@@ -279,13 +276,16 @@ def _border(
     failed = there[first] if bad.size else None
     bounded = known and max(low * high, predicted[0]) < math.inf
     return {
-        "border_low": low, "border_high": high, "border_predicted": predicted[0], "limited_by": predicted[1],
+        "border_low": low,
+        "border_high": high,
+        "border_predicted": predicted[0],
+        "limited_by": predicted[1],
         "ratio": math.sqrt(low * high) / predicted[0] if bounded else math.nan,
         "agrees": _agreement(low, high, predicted[0], factor) if known else Agreement.NOT_DECIDED,
         "first_failure": Outcome.NOT_RUN if failed is None else int(runs.outcome[m, c, failed]),
         "first_detail": "" if failed is None else str(runs.detail[m, c, failed]),
         "wrong_runs": int((kind[m, c] == RunKind.WRONG).sum()),
-    }  # fmt: skip
+    }
 
 
 def _agreement(low: float, high: float, predicted: float, factor: float) -> Agreement:
@@ -313,9 +313,14 @@ _FLAGS: dict[str, tuple[type[IntEnum], str]] = {
 
 
 def _labelled(
-    cube: xr.Dataset, runs: _Runs, settings: StabilitySettings, borders: list[list[dict[str, Any]]],
-    kind: NDArray[np.int8], error: FloatArray, references: tuple[FloatArray, FloatArray, FloatArray, list[str]],
-) -> xr.Dataset:  # fmt: skip
+    cube: xr.Dataset,
+    runs: _Runs,
+    settings: StabilitySettings,
+    borders: list[list[dict[str, Any]]],
+    kind: NDArray[np.int8],
+    error: FloatArray,
+    references: tuple[FloatArray, FloatArray, FloatArray, list[str]],
+) -> xr.Dataset:
     """Result as a Dataset with labels and attributes."""
     reference, certainty, rates, source = references
     unit = {"units": "s" if runs.numerics == "step_s" else "1"}
@@ -349,9 +354,7 @@ def _labelled(
 
 def _flag_attributes(flags: type[IntEnum], meaning: str) -> dict[str, Any]:
     values = np.array(list(flags), np.int8)
-    return {
-        "long_name": meaning, "flag_values": values, "flag_meanings": " ".join(flag.name.lower() for flag in flags)
-    }  # fmt: skip
+    return {"long_name": meaning, "flag_values": values, "flag_meanings": " ".join(flag.name.lower() for flag in flags)}
 
 
 def _varied(cases: dict[str, FloatArray]) -> list[str]:

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from pydantic import Field
 from threadpoolctl import threadpool_limits
 
@@ -28,12 +27,9 @@ from tripod_doe.analysis.sensitivity.outputs import (
 from tripod_doe.analysis.sensitivity.sample import Sample, read_sample
 from tripod_doe.analysis.sensitivity.settings import SensitivitySettings
 from tripod_doe.analysis.what_if import what_if
+from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.study.flat_points import flat_points
-
-__all__ = ["CANDIDATES", "SURROGATE_DESIGNS", "SurrogateSettings", "surrogate"]
-
-FloatArray = NDArray[np.float64]
 
 SURROGATE_DESIGNS = (*SAMPLED_DESIGNS, "grid", "full-factorial", "central-composite", "box-behnken", "table")
 """Designs whose points a surrogate can learn from."""
@@ -174,10 +170,16 @@ def surrogate(cube: xr.Dataset, settings: SurrogateSettings | None = None) -> xr
         result = result.merge(what_if(sample, tables, cube, settings.seed), combine_attrs="no_conflicts")
     for name, meaning in _MEANINGS.items():
         result[name].attrs = {"long_name": meaning} | ({"units": "1"} if name == "predicted_part" else {})
-    result["chosen"] = result["chosen"].fillna(-1).astype(np.int8).assign_attrs(
-        long_name="surrogate with the smallest error", flag_values=np.arange(-1, len(CANDIDATES), dtype=np.int8),
-        flag_meanings=" ".join(["constant", *CANDIDATES]),
-    )  # fmt: skip
+    result["chosen"] = (
+        result["chosen"]
+        .fillna(-1)
+        .astype(np.int8)
+        .assign_attrs(
+            long_name="surrogate with the smallest error",
+            flag_values=np.arange(-1, len(CANDIDATES), dtype=np.int8),
+            flag_meanings=" ".join(["constant", *CANDIDATES]),
+        )
+    )
     for label in result.coords:
         result[label].attrs.setdefault("long_name", str(label).replace("_", " "))
     return result.assign_attrs(

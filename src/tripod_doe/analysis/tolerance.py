@@ -27,14 +27,11 @@ from tripod_doe.analysis.sensitivity.outputs import (
 from tripod_doe.analysis.sensitivity.resampling import bootstrap_weights, half_width
 from tripod_doe.analysis.sensitivity.sample import Sample, read_sample
 from tripod_doe.analysis.sensitivity.settings import SHARES, Probabilities, SensitivitySettings
+from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.distributions import scatter_density
 from tripod_doe.study.file import FactorTable
 from tripod_doe.study.flat_points import flat_points
-
-__all__ = ["ToleranceSettings", "tolerance"]
-
-FloatArray = NDArray[np.float64]
 
 
 class ToleranceSettings(SensitivitySettings):
@@ -83,9 +80,7 @@ def _exceedance(values: FloatArray, limit: FloatArray, confidence: float) -> dic
 
 def _halved_weights(sample: Sample) -> FloatArray:
     """Weights of the points if one factor scattered half as far, shape (factor, point); NaN where it has no scatter."""
-    return np.stack([
-        _weights(table, np.asarray(sample.columns[name])) for name, table in sample.tables.items()
-    ])  # fmt: skip
+    return np.stack([_weights(table, np.asarray(sample.columns[name])) for name, table in sample.tables.items()])
 
 
 def _weights(table: FactorTable, column: NDArray[np.generic]) -> FloatArray:
@@ -165,8 +160,10 @@ _MEANINGS = {
     "exceedance_if_halved": "probability to exceed the limit if the factor scattered half as far",
     "gain_of_halving": "part of the standard deviation that goes if the factor scatters half as far",
     "gain_of_halving_conf": "half width of the interval of the gain",
-    "mean": "mean", "std": "standard deviation", "limit": "largest value allowed",
-}  # fmt: skip
+    "mean": "mean",
+    "std": "standard deviation",
+    "limit": "largest value allowed",
+}
 
 
 @makes_kind("tolerance")
@@ -213,6 +210,9 @@ def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr
         result[label].attrs.setdefault("long_name", str(label).replace("_", " "))
     region = {"failing_region": sample.region.text} if sample.region else {}
     return result.assign_attrs(
-        **output_attributes(cube, names), points_used=sample.rows.size, points_dropped=sample.dropped,
-        confidence_level=settings.confidence, **region,
-    )  # fmt: skip
+        **output_attributes(cube, names),
+        points_used=sample.rows.size,
+        points_dropped=sample.dropped,
+        confidence_level=settings.confidence,
+        **region,
+    )

@@ -20,10 +20,7 @@ from threadpoolctl import threadpool_limits
 from tripod_doe.analysis.sensitivity.distributions import SAMPLED_DESIGNS
 from tripod_doe.analysis.sensitivity.outputs import OutputTable
 from tripod_doe.analysis.sensitivity.sample import Sample
-
-__all__ = ["ATTRIBUTE", "Component", "WhatIf", "neighbours", "read_what_if", "what_if"]
-
-FloatArray = NDArray[np.float64]
+from tripod_doe.array_types import FloatArray, IntArray
 
 ATTRIBUTE = "what_if"
 """Attribute of a result that holds all that is no array."""
@@ -42,65 +39,33 @@ _AMPLITUDE, _PHASE = "thrust_amplitude", "thrust_phase_deg"
 
 @dataclass(frozen=True)
 class Component:
-    """One number that is learnt.
+    """One number that is learnt."""
 
-    Attributes
-    ----------
-    label
-        Of the output, or of the part of an order.
-    unit
-        Its unit.
-    order
-        The order of which it is a part; None for other outputs.
-    """
-
-    label: str
-    unit: str
-    order: int | None = None
+    label: str  # of the output, or of the part of an order
+    unit: str  # its unit
+    order: int | None = None  # the order of which it is a part; None for other outputs
 
 
 @dataclass(frozen=True)
 class WhatIf:
-    """A surrogate that can be asked.
+    """A surrogate that can be asked."""
 
-    Attributes
-    ----------
-    inputs
-        For each input its factor and either the middle and half of the range of its numbers, or the word that it is 1
-        for.
-    factors
-        For each factor its unit, range, mean and standard deviation over the computed points, or its words.
-    components
-        What it predicts; the cosine parts of orders come before their sine parts.
-    exponents
-        Of the terms of polynomials, shape (term, input).
-    coefficients
-        Shape (component, term); 0 for Gaussian processes.
-    learnt
-        Inputs that the Gaussian processes learnt from, shape (learnt, input).
-    weights
-        Shape (component, learnt); 0 for polynomials.
-    lengths
-        Length scales of Gaussian processes, shape (component, input).
-    places, values, misses
-        Computed points: their inputs, what they gave, and by how much a surrogate without them was too large, shape
-        (computed, input or component).
-    sampled
-        Whether the computed points follow distributions of independent factors.
-    """
-
+    # for each input its factor and either the middle and half of the range of its numbers, or the word that it is 1 for
     inputs: list[dict[str, Any]]
+    # for each factor its unit, range, mean and standard deviation over the computed points, or its words
     factors: dict[str, dict[str, Any]]
-    components: list[Component]
-    exponents: NDArray[np.int8]
-    coefficients: FloatArray
-    learnt: FloatArray
-    weights: FloatArray
-    lengths: FloatArray
+    components: list[Component]  # what it predicts; the cosine parts of orders come before their sine parts
+    exponents: NDArray[np.int8]  # of the terms of polynomials, shape (term, input)
+    coefficients: FloatArray  # shape (component, term); 0 for Gaussian processes
+    learnt: FloatArray  # inputs that the Gaussian processes learnt from, shape (learnt, input)
+    weights: FloatArray  # shape (component, learnt); 0 for polynomials
+    lengths: FloatArray  # length scales of Gaussian processes, shape (component, input)
+    # places, values, misses: computed points: their inputs, what they gave, and by how much a surrogate without them
+    # was too large, shape (computed, input or component)
     places: FloatArray
     values: FloatArray
     misses: FloatArray
-    sampled: bool
+    sampled: bool  # whether the computed points follow distributions of independent factors
 
     def predict(self, places: FloatArray) -> FloatArray:
         """All components at some inputs, shape (point, input) -> (point, component)."""
@@ -161,10 +126,11 @@ def what_if(sample: Sample, tables: list[OutputTable], cube: xr.Dataset, seed: i
                 weights[at], lengths[at], misses[:, at] = own, scales, unseen
     shown = np.arange(min(_SHOWN_POINTS, len(places)))
     told = {
-        "inputs": inputs, "factors": factors,
+        "inputs": inputs,
+        "factors": factors,
         "sampled": sample.design.kind in SAMPLED_DESIGNS and not sample.design.correlation,
         "components": [[each.label, each.unit, each.order] for each in components],
-    }  # fmt: skip
+    }
     data = {
         "what_if_exponents": (("what_if_term", "what_if_input"), exponents),
         "what_if_coefficients": (("what_if_component", "what_if_term"), coefficients),
@@ -210,8 +176,14 @@ def _encoded(sample: Sample, cube: xr.Dataset) -> tuple[list[dict[str, Any]], di
             middle, half = (low + high) / 2, (high - low) / 2 or 1.0
             inputs.append({"factor": name, "middle": middle, "half": half})
             columns.append((numbers - middle) / half)
-            factors[name] = {"unit": unit, "low": low, "high": high, "mean": float(numbers.mean()),
-                             "std": float(numbers.std()), "whole": bool((numbers % 1 == 0).all())}  # fmt: skip
+            factors[name] = {
+                "unit": unit,
+                "low": low,
+                "high": high,
+                "mean": float(numbers.mean()),
+                "std": float(numbers.std()),
+                "whole": bool((numbers % 1 == 0).all()),
+            }
         else:
             words = [str(word) for word in np.unique(column.astype(str))]
             inputs += [{"factor": name, "word": word} for word in words[1:]]
@@ -220,9 +192,7 @@ def _encoded(sample: Sample, cube: xr.Dataset) -> tuple[list[dict[str, Any]], di
     return inputs, factors, np.stack(columns, axis=1)
 
 
-def _components(
-    tables: list[OutputTable], cube: xr.Dataset, rows: NDArray[np.int64]
-) -> tuple[list[Component], FloatArray]:
+def _components(tables: list[OutputTable], cube: xr.Dataset, rows: IntArray) -> tuple[list[Component], FloatArray]:
     """What is learnt, with its values, shape (point, component)."""
     if any(table.name == _AMPLITUDE for table in tables) and _PHASE in cube:
         amplitude, phase = (cube[name].isel(point=rows).values.astype(float) for name in (_AMPLITUDE, _PHASE))

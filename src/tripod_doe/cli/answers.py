@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from tripod_doe.simulator import Parameter, Simulator
 
 
-__all__ = ["COMMANDS"]
-
 _LONG = 1.0  # CPU seconds of a point from which on its price is told before it is simulated
 
 
@@ -35,11 +33,17 @@ def _add_query(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument("--variable", metavar="NAME", required=True, help="variable to print")
     add_selection(parser, "a value, a list a,b,c or a range a:b of a coordinate")
     parser.add_argument("--where", metavar="EXPR", help="condition on coordinates, variables and outcome")
-    parser.add_argument("--format", choices=("table", "json", "csv", "netcdf"),
-                        help="output format (default: as --output is named, else table)")  # fmt: skip
-    parser.add_argument("--output", metavar="FILE", type=Path,
-                        help="write to this file instead of standard output; its ending decides the format: .csv, "
-                        ".json, .nc or .txt")  # fmt: skip
+    parser.add_argument(
+        "--format",
+        choices=("table", "json", "csv", "netcdf"),
+        help="output format (default: as --output is named, else table)",
+    )
+    parser.add_argument(
+        "--output",
+        metavar="FILE",
+        type=Path,
+        help="write to this file instead of standard output; its ending decides the format: .csv, .json, .nc or .txt",
+    )
 
 
 def _add_simulate(parser: Parser, arguments: Sequence[str]) -> None:
@@ -56,20 +60,42 @@ def _add_simulate(parser: Parser, arguments: Sequence[str]) -> None:
 
 def _add_compare(parser: Parser, arguments: Sequence[str]) -> None:
     add_cube(parser)
-    parser.add_argument("measurement", metavar="MEASUREMENT.csv", type=Path,
-                        help="table with thrust_n and rotation_deg, or thrust_n, time_s and tacho")  # fmt: skip
+    parser.add_argument(
+        "measurement",
+        metavar="MEASUREMENT.csv",
+        type=Path,
+        help="table with thrust_n and rotation_deg, or thrust_n, time_s and tacho",
+    )
     add_selection(parser, "the value of a factor, so that one point is left, or the points over speed_rpm")
-    parser.add_argument("--column", metavar="NAME=HEADING", action="append", default=[],
-                        help="the column that is thrust_n, rotation_deg, time_s or tacho; may be repeated")  # fmt: skip
-    parser.add_argument("--pulses-per-revolution", metavar="N", type=int, default=1,
-                        help="rising edges of tacho per revolution (default 1)")  # fmt: skip
-    parser.add_argument("--reference-angle", metavar="DEG", type=float,
-                        help="rotation angle of the housing at the first rising edge, or at rotation_deg = 0; "
-                        "if omitted, the measurement is aligned by the phase of its third order")  # fmt: skip
+    parser.add_argument(
+        "--column",
+        metavar="NAME=HEADING",
+        action="append",
+        default=[],
+        help="the column that is thrust_n, rotation_deg, time_s or tacho; may be repeated",
+    )
+    parser.add_argument(
+        "--pulses-per-revolution",
+        metavar="N",
+        type=int,
+        default=1,
+        help="rising edges of tacho per revolution (default 1)",
+    )
+    parser.add_argument(
+        "--reference-angle",
+        metavar="DEG",
+        type=float,
+        help="rotation angle of the housing at the first rising edge, or at rotation_deg = 0; "
+        "if omitted, the measurement is aligned by the phase of its third order",
+    )
     parser.add_argument("--speeds", metavar="LOW:HIGH", help="use only revolutions within this range of speed, rpm")
     add_format(parser)
-    parser.add_argument("--output", metavar="FILE|DIR", type=Path,
-                        help="write a report page: FILE.html, or DIR/index.html with DIR/comparison.nc")  # fmt: skip
+    parser.add_argument(
+        "--output",
+        metavar="FILE|DIR",
+        type=Path,
+        help="write a report page: FILE.html, or DIR/index.html with DIR/comparison.nc",
+    )
 
 
 def _scene_named_in(arguments: Sequence[str]) -> str:
@@ -86,9 +112,11 @@ def _add_parameters(parser: argparse.ArgumentParser, simulator: Simulator) -> No
         text = f"{parameter.meaning} ({parameter.unit_text + '; ' if parameter.unit_text else ''}{parameter.range_text}"
         text += f"; default {parameter.default}" if parameter.default is not None else ""
         group.add_argument(
-            "--" + parameter.name.replace("_", "-"), dest=parameter.name, metavar=parameter.symbol or "VALUE",
+            "--" + parameter.name.replace("_", "-"),
+            dest=parameter.name,
+            metavar=parameter.symbol or "VALUE",
             help=text.replace("%", "%%") + f"; {parameter.source})",
-        )  # fmt: skip
+        )
 
 
 def _parameter_value(parameter: Parameter, text: str) -> Any:

@@ -8,8 +8,6 @@ from pathlib import Path
 
 import shtab
 
-__all__ = ["completion_script"]
-
 
 def completion_script(parser: argparse.ArgumentParser, shell: str) -> str:
     """The script that makes a shell complete the words of a parser; `shell` is bash or zsh."""

@@ -18,9 +18,6 @@ from tripod_doe.cli.parser import DONE, INTERNAL, WRONG_INPUT, Parser
 from tripod_doe.errors import InputError, TripodDoeError, speaking_of_options
 from tripod_doe.interrupts import INTERRUPTED, check_interrupt, leave_interrupted, take_interrupts
 
-__all__ = ["build_parser", "main"]
-
-
 COMMANDS = {**studies.COMMANDS, **answers.COMMANDS, **serving.COMMANDS, **starting.COMMANDS}
 """All commands by the word that calls them, in the order of the help."""
 

@@ -11,22 +11,6 @@ from typing import Any, NoReturn
 
 from tripod_doe.errors import near_match
 
-__all__ = [
-    "DONE",
-    "INTERNAL",
-    "SOME_FAILED",
-    "WRONG_INPUT",
-    "Command",
-    "Parser",
-    "add_cube",
-    "add_execution",
-    "add_format",
-    "add_out",
-    "add_selection",
-    "add_study",
-]
-
-
 DONE, INTERNAL, WRONG_INPUT, SOME_FAILED = 0, 1, 2, 3
 
 
@@ -95,9 +79,13 @@ def add_selection(parser: Parser, text: str) -> None:
 
 def add_execution(parser: Parser, workers: str) -> None:
     """Add the flags that say where points run and which run again; `workers` says what the worker processes are."""
-    parser.add_argument("--workers", metavar="N", type=int,
-                        help=f"{workers}; 0: compute in this process (default: 0 for studies of a few seconds, "
-                        "else 2)")  # fmt: skip
-    parser.add_argument("--oversubscribe", action="store_true",
-                        help="start all --workers even if this machine has fewer processors")  # fmt: skip
+    parser.add_argument(
+        "--workers",
+        metavar="N",
+        type=int,
+        help=f"{workers}; 0: compute in this process (default: 0 for studies of a few seconds, else 2)",
+    )
+    parser.add_argument(
+        "--oversubscribe", action="store_true", help="start all --workers even if this machine has fewer processors"
+    )
     parser.add_argument("--retry-failed", action="store_true", help="run failed points again")

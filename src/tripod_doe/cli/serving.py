@@ -9,21 +9,31 @@ from pathlib import Path
 
 from tripod_doe.cli.parser import DONE, Command, Parser
 
-__all__ = ["COMMANDS"]
-
 
 def _add_serve(parser: Parser, arguments: Sequence[str]) -> None:
-    parser.add_argument("--folder", metavar="DIR", type=Path, default=Path("results"),
-                        help="folder of the runs and their result directories (default results)")  # fmt: skip
-    parser.add_argument("--host", default="127.0.0.1", metavar="HOST",
-                        help="where to listen (default 127.0.0.1: seen from this machine only)")  # fmt: skip
+    parser.add_argument(
+        "--folder",
+        metavar="DIR",
+        type=Path,
+        default=Path("results"),
+        help="folder of the runs and their result directories (default results)",
+    )
+    parser.add_argument(
+        "--host",
+        default="127.0.0.1",
+        metavar="HOST",
+        help="where to listen (default 127.0.0.1: seen from this machine only)",
+    )
     parser.add_argument("--port", type=int, default=8811, metavar="PORT", help="port (default 8811; 0: any free one)")
     parser.add_argument("--workers", type=int, metavar="N", help="worker processes of each run (default: as run)")
     parser.add_argument("--demo", action="store_true", help="start with a small finished study in the list")
     parser.add_argument("--read-only", action="store_true", help="show results, and run and change nothing")
-    parser.add_argument("--token-file", metavar="FILE", type=Path,
-                        help="file with the token; made if it is not there (default: a new token at each "
-                        "start)")  # fmt: skip
+    parser.add_argument(
+        "--token-file",
+        metavar="FILE",
+        type=Path,
+        help="file with the token; made if it is not there (default: a new token at each start)",
+    )
 
 
 def _serve(options: argparse.Namespace) -> int:

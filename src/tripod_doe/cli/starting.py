@@ -15,14 +15,16 @@ from tripod_doe.cli.parser import (
 from tripod_doe.errors import InputError
 from tripod_doe.study.template import TEMPLATES
 
-__all__ = ["COMMANDS"]
-
 
 def _add_init(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument("name", metavar="NAME", nargs="?", default="study", help="name of the study (default study)")
-    parser.add_argument("--kind", choices=TEMPLATES, default="grid",
-                        help="kind of study: a grid (default), which parameter matters, which friction, effects and "
-                        "curvature from few points, tolerances, a page to play with, or several models")  # fmt: skip
+    parser.add_argument(
+        "--kind",
+        choices=TEMPLATES,
+        default="grid",
+        help="kind of study: a grid (default), which parameter matters, which friction, effects and "
+        "curvature from few points, tolerances, a page to play with, or several models",
+    )
 
 
 def _add_schema(parser: Parser, arguments: Sequence[str]) -> None:

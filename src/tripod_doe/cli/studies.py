@@ -22,8 +22,6 @@ from tripod_doe.cli.parser import (
 from tripod_doe.errors import InputError, option
 from tripod_doe.quantities import count_of, duration, pace
 
-__all__ = ["COMMANDS"]
-
 _SILENT_POINTS = 200_000
 """Points up to which a plan needs no word while it is made."""
 _CHECK_SECONDS = 25e-6
@@ -46,10 +44,15 @@ def _add_run(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument(
         "--scheduler-file", metavar="FILE", type=Path, help="file of that scheduler, in place of its address"
     )
-    parser.add_argument("--wait", metavar="TIME", type=_seconds,
-                        help="how long to wait for a scheduler: 30s, 2h (default 1min for a lost one)")  # fmt: skip
-    parser.add_argument("--take-over", action="store_true",
-                        help="take the place of a dead process that still holds the directory")  # fmt: skip
+    parser.add_argument(
+        "--wait",
+        metavar="TIME",
+        type=_seconds,
+        help="how long to wait for a scheduler: 30s, 2h (default 1min for a lost one)",
+    )
+    parser.add_argument(
+        "--take-over", action="store_true", help="take the place of a dead process that still holds the directory"
+    )
     parser.add_argument("--fail-fast", action="store_true", help="stop at the first point that fails unexpectedly")
     parser.add_argument("--export", choices=("zarr",), help="write the cube in this form, too, as DIR/cube.zarr")
 
@@ -57,9 +60,12 @@ def _add_run(parser: Parser, arguments: Sequence[str]) -> None:
 def _add_plan(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument("file", metavar="FILE.toml", type=Path, help="study file or workflow file")
     parser.add_argument("--no-timing", action="store_true", help="count points and bytes only, without timing")
-    parser.add_argument("--out", metavar="DIR", type=Path,
-                        help='result directory with models that a pilot chose (model = "auto"), or with a split, to '
-                        "show them")  # fmt: skip
+    parser.add_argument(
+        "--out",
+        metavar="DIR",
+        type=Path,
+        help='result directory with models that a pilot chose (model = "auto"), or with a split, to show them',
+    )
     parser.add_argument("--quick", action="store_true", help="for a workflow: plan the smaller studies of [quick]")
     parser.add_argument("--workers", metavar="N", type=int, default=2, help="worker processes to plan for (default 2)")
 
@@ -86,10 +92,17 @@ def _run(options: argparse.Namespace) -> int:
         refuse_without_zarr()
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     summary = run(
-        options.study, options.out, options.workers, options.scheduler, options.retry_failed, options.fail_fast,
-        oversubscribe=options.oversubscribe, scheduler_file=options.scheduler_file, wait=options.wait,
+        options.study,
+        options.out,
+        options.workers,
+        options.scheduler,
+        options.retry_failed,
+        options.fail_fast,
+        oversubscribe=options.oversubscribe,
+        scheduler_file=options.scheduler_file,
+        wait=options.wait,
         take_over=options.take_over,
-    )  # fmt: skip
+    )
     for sentence in [*summary.answers, *summary.findings, *summary.model_notes]:
         print(sentence, file=sys.stderr)
     for name, reason in summary.analyses.items():
@@ -163,9 +176,14 @@ def _workflow(options: argparse.Namespace) -> int:
 
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     summary = run_workflow(
-        options.file, options.out, options.only, options.quick, options.workers, options.retry_failed,
+        options.file,
+        options.out,
+        options.only,
+        options.quick,
+        options.workers,
+        options.retry_failed,
         oversubscribe=options.oversubscribe,
-    )  # fmt: skip
+    )
     counts = Counter(step.state for step in summary.steps)
     print(", ".join(f"{count} {state}" for state, count in counts.items()), file=sys.stderr)
     print(f"report  {summary.page}", file=sys.stderr)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.joint.balance_constants import point_constants_of
 from tripod_doe.joint.moving_roller import moving_forces
 from tripod_doe.joint.revolution import Memory, motion_at, skew_of
@@ -14,35 +15,22 @@ from tripod_doe.joint.roller_balance import spider_wrench, thrust_of_each
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel, kernel_part
 from tripod_doe.mechanics.lanes import WIDTH, load, pick, spread, store
 
-__all__ = ["Solution", "account"]
-
-FloatArray = NDArray[np.float64]
-
 _LEAST_LOSS = 1e-3  # of the transmitted power; a joint with less friction is measured against that
 
 
 class Solution(NamedTuple):
-    """Arrays that the kernels fill, one entry a point; see `equilibrium.Equilibrium`.
+    """Arrays that the kernels fill, one entry a point; see `equilibrium.Equilibrium`."""
 
-    Attributes
-    ----------
-    thrust, parts
-        Shapes (point, 3, eights, 8) and (point, 6, eights, 8).
-    power, residual, unexplained
-        Shapes (point, 5), (point,) and (point,).
-    extremes
-        Largest and smallest normal force, shape (point, 2).
-    sweeps, settled
-        Shape (point,).
-    """
-
+    # thrust, parts: shapes (point, 3, eights, 8) and (point, 6, eights, 8)
     thrust: FloatArray
     parts: FloatArray
+    # power, residual, unexplained: shapes (point, 5), (point,) and (point,)
     power: FloatArray
     residual: FloatArray
     unexplained: FloatArray
-    extremes: FloatArray
-    sweeps: NDArray[np.int64]
+    extremes: FloatArray  # largest and smallest normal force, shape (point, 2)
+    # sweeps, settled: shape (point,)
+    sweeps: IntArray
     settled: NDArray[np.bool_]
 
     @classmethod
@@ -50,10 +38,15 @@ class Solution(NamedTuple):
         """No thrust, no power: what points without a torque have."""
         eights = -(-samples // WIDTH)
         return cls(
-            np.zeros((points, 3, eights, WIDTH)), np.zeros((points, 6, eights, WIDTH)), np.zeros((points, 5)),
-            np.zeros(points), np.zeros(points), np.zeros((points, 2)), np.zeros(points, np.int64),
+            np.zeros((points, 3, eights, WIDTH)),
+            np.zeros((points, 6, eights, WIDTH)),
+            np.zeros((points, 5)),
+            np.zeros(points),
+            np.zeros(points),
+            np.zeros((points, 2)),
+            np.zeros(points, np.int64),
             np.zeros(points, np.bool_),
-        )  # fmt: skip
+        )
 
 
 @inlined_kernel
@@ -139,6 +132,12 @@ def _account_point(row, memory, thrust, parts, power, residual, unexplained, ext
 def account(row: FloatArray, memory: Memory, solution: Solution, i: int) -> None:
     """Write the answer of point i, whose balance stands in `memory`; `row` holds its constants."""
     _account_point(
-        row, memory, solution.thrust[i], solution.parts[i], solution.power[i], solution.residual[i : i + 1],
-        solution.unexplained[i : i + 1], solution.extremes[i],
-    )  # fmt: skip
+        row,
+        memory,
+        solution.thrust[i],
+        solution.parts[i],
+        solution.power[i],
+        solution.residual[i : i + 1],
+        solution.unexplained[i : i + 1],
+        solution.extremes[i],
+    )

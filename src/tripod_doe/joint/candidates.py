@@ -18,8 +18,6 @@ from pathlib import Path
 
 from tripod_doe.simulator import Candidate, Value
 
-__all__ = ["JOINT_CANDIDATES", "PRICES"]
-
 PRICES = Path(__file__).with_name("prices.toml")
 """File of the recorded prices: a table for each candidate, from the cheapest to the finest."""
 

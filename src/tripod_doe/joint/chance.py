@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.joint.orders import ORDERS
-
-__all__ = ["mean_and_chance", "swung_in"]
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _IDLE = np.array([7, 8, 10, 11])
 """High orders that trunnions in turn do not make: what there is of them is chance, which moves all orders alike."""

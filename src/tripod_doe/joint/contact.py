@@ -12,23 +12,9 @@ import math
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.mechanics.compilation import inner_kernel, kernel
-
-__all__ = [
-    "bearing_load_zone",
-    "contact_constants",
-    "elastic_factor",
-    "groove_contact_stiffness",
-    "groove_curvature",
-    "hertz_coefficients",
-    "needle_contact_stiffness",
-    "needle_loads",
-    "semi_major_axis_factor",
-]
-
-FloatArray = NDArray[np.float64]
 
 _STEEL = 207e3 / (1 - 0.3**2)
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)

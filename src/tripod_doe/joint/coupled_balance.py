@@ -20,8 +20,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.balance_constants import TRANSITIONS, point_constants_of
 from tripod_doe.joint.linear_lap import link_samples, solve_samples
 from tripod_doe.joint.moving_roller import added_motion
@@ -30,10 +30,6 @@ from tripod_doe.joint.roller_balance import groove_forces, leaning_contact, spid
 from tripod_doe.mechanics.compilation import inlined_kernel, inner_kernel, kernel, kernel_part
 from tripod_doe.mechanics.derivatives import variable
 from tripod_doe.mechanics.lanes import WIDTH, clear, pick
-
-__all__ = ["loads_at_rest", "settle_together"]
-
-FloatArray = NDArray[np.float64]
 
 _HASTY, _PATIENT, _IN_ALL = 12, 30, 500
 """Largest numbers of iterations of a step of the transition velocities for the hasty and the patient, and of all steps.

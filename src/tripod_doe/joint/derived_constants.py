@@ -6,18 +6,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.contact import bearing_load_zone
 from tripod_doe.joint.initial_state import GROOVE_ANGLES, InitialState, Pose, initial_state
 from tripod_doe.joint.transition import transition_velocities
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.scene import Body, Friction, Vector
-
-__all__ = ["DerivedConstants", "derive_constants", "moving_body", "vector"]
-
-FloatArray = NDArray[np.float64]
 
 _GROOVE_EXPONENT = 1.5
 _Z = np.array([0.0, 0.0, 1.0])
@@ -35,34 +31,19 @@ def _quaternion(attitude: Rotation) -> tuple[float, float, float, float]:
 
 @dataclass(frozen=True)
 class DerivedConstants:
-    """What a scene of the joint is made from, at one operating point; in mm, N, s, t, rad.
+    """What a scene of the joint is made from, at one operating point; in mm, N, s, t, rad."""
 
-    Attributes
-    ----------
-    values
-        The operating point.
-    initial
-        Where shaft, output shaft and rollers start.
-    side
-        Sign of the torque: which flank of the grooves is loaded.
-    sphere_stiffness
-        C of one sphere of a needle.
-    needle_load
-        Penetration of the most loaded needle into each partner at the start.
-    groove, needle, needle_end
-        Coefficients and transition velocities at the groove, at trunnion and bore, and between needles and stops.
-    roller_spin_transition
-        Turning of a roller on its trunnion at which its needles reach their transition of rolling.
-    """
-
-    values: JointValues[float]
-    initial: InitialState
-    side: float
-    sphere_stiffness: float
-    needle_load: float
+    values: JointValues[float]  # the operating point
+    initial: InitialState  # where shaft, output shaft and rollers start
+    side: float  # sign of the torque: which flank of the grooves is loaded
+    sphere_stiffness: float  # C of one sphere of a needle
+    needle_load: float  # penetration of the most loaded needle into each partner at the start
+    # groove, needle, needle_end: coefficients and transition velocities at the groove, at trunnion and bore, and
+    # between needles and stops
     groove: Friction
     needle: tuple[Friction, Friction]
     needle_end: Friction
+    # turning of a roller on its trunnion at which its needles reach their transition of rolling
     roller_spin_transition: float
 
     @property
@@ -89,31 +70,56 @@ def derive_constants(values: JointValues[float]) -> DerivedConstants:
     needle_load = bearing_load_zone(load, clearance, values.needle_stiffness, values.needle_count)[1]
     in_groove = (load / values.groove_stiffness) ** (1 / _GROOVE_EXPONENT)
     initial = initial_state(
-        values.joint_angle, values.outboard_joint_angle, values.shaft_length, values.pitch_radius, values.speed,
+        values.joint_angle,
+        values.outboard_joint_angle,
+        values.shaft_length,
+        values.pitch_radius,
+        values.speed,
         side * (values.groove_play + in_groove + clearance + 2 * needle_load),
-    )  # fmt: skip
+    )
     groove = Friction(
-        values.groove_sliding_friction, float(transition.groove_sliding),
-        values.groove_rolling_friction, values.groove_rolling_lever, float(transition.groove_rolling),
-        3 / 8 * values.groove_spin_friction * values.groove_axis_factor, float(transition.spinning),
-    )  # fmt: skip
+        values.groove_sliding_friction,
+        float(transition.groove_sliding),
+        values.groove_rolling_friction,
+        values.groove_rolling_lever,
+        float(transition.groove_rolling),
+        3 / 8 * values.groove_spin_friction * values.groove_axis_factor,
+        float(transition.spinning),
+    )
     slip, spin = float(transition.needle_sliding), float(transition.roller_spin)
     # a needle that rolls between trunnion and bore turns on them at r_b and r_t over its diameter times the spin
     rolling = [
-        Friction(values.needle_sliding_friction, slip, values.needle_rolling_friction, values.needle_radius,
-                 spin * partner / (2 * values.needle_radius))
+        Friction(
+            values.needle_sliding_friction,
+            slip,
+            values.needle_rolling_friction,
+            values.needle_radius,
+            spin * partner / (2 * values.needle_radius),
+        )
         for partner in (values.bore_radius, values.trunnion_radius)
-    ]  # fmt: skip
+    ]
     return DerivedConstants(
-        values, initial, side, values.needle_stiffness / values.spheres_per_needle, needle_load,
-        groove, (rolling[0], rolling[1]), Friction(values.needle_sliding_friction, slip),
+        values,
+        initial,
+        side,
+        values.needle_stiffness / values.spheres_per_needle,
+        needle_load,
+        groove,
+        (rolling[0], rolling[1]),
+        Friction(values.needle_sliding_friction, slip),
         spin,
-    )  # fmt: skip
+    )
 
 
 def moving_body(name: str, mass: float, inertia: Vector, pose: Pose, own_moment: Vector = (0.0, 0.0, 0.0)) -> Body:
     """A body that starts in a pose."""
     return Body(
-        name, mass, inertia, vector(pose.position), _quaternion(pose.attitude), vector(pose.velocity),
-        vector(pose.rotation), own_moment=own_moment,
-    )  # fmt: skip
+        name,
+        mass,
+        inertia,
+        vector(pose.position),
+        _quaternion(pose.attitude),
+        vector(pose.velocity),
+        vector(pose.rotation),
+        own_moment=own_moment,
+    )

@@ -49,6 +49,7 @@ from functools import cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.joint import contact
 from tripod_doe.joint.balance_account import Solution, account
 from tripod_doe.joint.balance_constants import TILT, YAW, PointConstants
@@ -64,60 +65,36 @@ from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.first_compilation import first_compilation
 from tripod_doe.mechanics.lanes import WIDTH
 
-__all__ = ["Equilibrium", "load_zones", "point_constants", "solve_balance", "solve_equilibrium"]
-
-FloatArray = NDArray[np.float64]
-
 _LITTLE = 1e-6
 """Friction coefficient of what hardly resists."""
 
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """Solution of a block of points.
+    """Solution of a block of points."""
 
-    Attributes
-    ----------
-    groove_thrust
-        Axial force on the housing at each groove over one revolution in N, shape (point, groove, sample).
-    thrust_parts
-        What each mechanism adds to their sum in N, shape (point, part, sample); see `thrust_parts`.
-    friction_power
-        Mean power lost to each mechanism in N mm/s, shape (point, mechanism).
-    energy_residual
-        Input less output less friction power, over the friction power (or a thousandth of the transmitted power, where
-        that is larger), shape (point,).
-    unexplained_power
-        Input less output less friction power, over the transmitted power, shape (point,).
-    largest_normal_force, smallest_normal_force
-        Of all grooves and angles in N, shape (point,); where no balance was found, those without slip.
-    needle_penetration
-        Of the most loaded needle into each partner in mm, shape (point,).
-    sweeps
-        Relaxation sweeps, and evaluations of all grooves' forces, shape (point,).
-    settled
-        Whether every balance was met within the tolerance, shape (point,).
-    needle_skew
-        Of the needle that carries the most, rad, shape (point, trunnion, cycles sample); None where needles never move.
-    needles_settled
-        Whether the balance settled with moving needles, shape (point,); where not, it is that of needles that keep
-        their skew.
-    upright
-        Whether the balance settled only with rollers that do not yaw on their needles, shape (point,).
-    """
-
+    # axial force on the housing at each groove over one revolution in N, shape (point, groove, sample)
     groove_thrust: FloatArray
+    # what each mechanism adds to their sum in N, shape (point, part, sample); see `thrust_parts`
     thrust_parts: FloatArray
-    friction_power: FloatArray
+    friction_power: FloatArray  # mean power lost to each mechanism in N mm/s, shape (point, mechanism)
+    # input less output less friction power, over the friction power (or a thousandth of the transmitted power, where
+    # that is larger), shape (point,)
     energy_residual: FloatArray
-    unexplained_power: FloatArray
+    unexplained_power: FloatArray  # input less output less friction power, over the transmitted power, shape (point,)
+    # largest_normal_force, smallest_normal_force: of all grooves and angles in N, shape (point,); where no balance was
+    # found, those without slip
     largest_normal_force: FloatArray
     smallest_normal_force: FloatArray
-    needle_penetration: FloatArray
-    sweeps: NDArray[np.int64]
-    settled: NDArray[np.bool_]
+    needle_penetration: FloatArray  # of the most loaded needle into each partner in mm, shape (point,)
+    sweeps: IntArray  # relaxation sweeps, and evaluations of all grooves' forces, shape (point,)
+    settled: NDArray[np.bool_]  # whether every balance was met within the tolerance, shape (point,)
+    # whether the balance settled only with rollers that do not yaw on their needles, shape (point,)
     upright: NDArray[np.bool_]
+    # of the needle that carries the most, rad, shape (point, trunnion, cycles sample); None where needles never move
     needle_skew: FloatArray | None = None
+    # whether the balance settled with moving needles, shape (point,); where not, it is that of needles that keep their
+    # skew
     needles_settled: NDArray[np.bool_] | None = None
 
 
@@ -132,9 +109,7 @@ def load_zones(points: JointValues[FloatArray]) -> tuple[FloatArray, FloatArray]
     """`contact.bearing_load_zone` of straight needles for every point, each of shape (point,)."""
     load = points.groove_load
     kappa, penetration = np.empty_like(load), np.empty_like(load)
-    _load_zones(
-        load, points.bearing_radial_clearance, points.needle_stiffness, points.needle_count, kappa, penetration
-    )  # fmt: skip
+    _load_zones(load, points.bearing_radial_clearance, points.needle_stiffness, points.needle_count, kappa, penetration)
     return kappa, penetration
 
 
@@ -278,9 +253,12 @@ def _settle_with_needles(row: FloatArray, memory: Memory, followers: Followers, 
 
 
 def solve_balance(
-    points: JointValues[FloatArray], columns: Mapping[str, FloatArray], penetration: FloatArray, samples: int,
+    points: JointValues[FloatArray],
+    columns: Mapping[str, FloatArray],
+    penetration: FloatArray,
+    samples: int,
     followers: Followers | None = None,
-) -> Equilibrium:  # fmt: skip
+) -> Equilibrium:
     """Solve the balance of a block of points whose constants are known; parameters as there.
 
     `followers` are the needles of a balance in which rollers tilt and needles may move.
@@ -308,6 +286,16 @@ def solve_balance(
     thrust, parts = (sums.reshape(*sums.shape[:2], -1)[..., :samples] for sums in (solution.thrust, solution.parts))
     largest, smallest = solution.extremes.T
     return Equilibrium(
-        thrust, parts, solution.power, solution.residual, solution.unexplained, largest, smallest, penetration,
-        solution.sweeps, solution.settled, upright, *((followers.skews, followers.settled) if followers else ()),
-    )  # fmt: skip
+        thrust,
+        parts,
+        solution.power,
+        solution.residual,
+        solution.unexplained,
+        largest,
+        smallest,
+        penetration,
+        solution.sweeps,
+        solution.settled,
+        upright,
+        *((followers.skews, followers.settled) if followers else ()),
+    )

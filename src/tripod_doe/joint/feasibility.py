@@ -19,16 +19,12 @@ law fades out, and the thrust with it.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.transition import least_speed, slides_too_slowly
 from tripod_doe.joint.values import JointValues
 from tripod_doe.quantities import rounded_up
 from tripod_doe.simulator import Outcome
-
-__all__ = ["infeasible", "misfits", "most_needles", "room_for_needles"]
-
-FloatArray = NDArray[np.float64]
 
 _STATIC_PRESSURE = 4000.0
 """MPa; contact stress of the basic static load rating of roller bearings (ISO 76)."""
@@ -77,16 +73,22 @@ def misfits(points: JointValues[FloatArray]) -> list[tuple[int, str]]:
     load, held, pressure = _preload(points)
     reasons = [
         (needle >= pitch, "the trunnion has no diameter: needle_diameter_mm must be below needle_pitch_diameter_mm"),
-        (_spacing(points, 0.0) < needle,
-         "the needles do not fit on the pitch circle: reduce needle_count or needle_diameter_mm"),
+        (
+            _spacing(points, 0.0) < needle,
+            "the needles do not fit on the pitch circle: reduce needle_count or needle_diameter_mm",
+        ),
         (bore >= 2 * points.roller_radius, "the bore is larger than the roller: raise roller_radius_mm"),
-        (pressure > _STATIC_PRESSURE,
-         f"the preload of the needles exceeds a contact pressure of {_STATIC_PRESSURE:g} MPa: raise "
-         "bearing_radial_clearance_mm"),
-        ((held > load) & (load > 0),
-         "the sliding friction of the preloaded needles exceeds the mean contact force of a groove, so the rollers "
-         "cannot move on their trunnions: raise bearing_radial_clearance_mm or torque_n_m"),
-    ]  # fmt: skip
+        (
+            pressure > _STATIC_PRESSURE,
+            f"the preload of the needles exceeds a contact pressure of {_STATIC_PRESSURE:g} MPa: raise "
+            "bearing_radial_clearance_mm",
+        ),
+        (
+            (held > load) & (load > 0),
+            "the sliding friction of the preloaded needles exceeds the mean contact force of a groove, so the rollers "
+            "cannot move on their trunnions: raise bearing_radial_clearance_mm or torque_n_m",
+        ),
+    ]
     reasons += [
         (_spacing(points, skew) < needle, f"needles skewed by initial_skew_{k}_deg do not fit beside each other")
         for k, skew in enumerate(points.initial_skews, 1)

@@ -25,8 +25,6 @@ from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.lanes import load, select, spread, store
 from tripod_doe.mechanics.laws import hyperbolic_tangent
 
-__all__ = ["settle_free"]
-
 _BISECTIONS, _ROUNDS = 90, 12
 _BETWEEN = 1e-3
 """Tolerance of the contact ellipse where a roller goes to and fro between two spins, which differ little in load."""

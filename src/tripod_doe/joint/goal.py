@@ -7,15 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.values import JointValues
 from tripod_doe.simulator import Demands
-
-__all__ = ["SMALLEST_THIRD", "Goal"]
-
-FloatArray = NDArray[np.float64]
 
 SMALLEST_THIRD = 2e-3
 """Share of |T| / R_p: a smaller third order, as a straight joint has, counts as one of this size."""
@@ -23,18 +19,10 @@ SMALLEST_THIRD = 2e-3
 
 @dataclass(frozen=True)
 class Goal:
-    """Which orders of the thrust must be how accurate.
+    """Which orders of the thrust must be how accurate."""
 
-    Attributes
-    ----------
-    orders
-        Allowed relative error by order.
-    floor
-        Share of the largest order: an order that is smaller counts as one of this size.
-    """
-
-    orders: Mapping[int, float]
-    floor: float = 0.01
+    orders: Mapping[int, float]  # allowed relative error by order
+    floor: float = 0.01  # share of the largest order: an order that is smaller counts as one of this size
 
     @classmethod
     def of(cls, demands: Demands) -> Goal:

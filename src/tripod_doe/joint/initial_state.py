@@ -11,13 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
-__all__ = ["GROOVE_ANGLES", "InitialState", "Pose", "initial_state"]
-
-FloatArray = NDArray[np.float64]
+from tripod_doe.array_types import FloatArray
 
 GROOVE_ANGLES = np.radians([0.0, 120.0, 240.0])
 _STEP = 1e-4  # rad; the differences' error is below 1e-8 of a velocity
@@ -36,21 +33,12 @@ class Pose:
 
 @dataclass(frozen=True)
 class InitialState:
-    """Places and motions of shaft, output shaft and rollers.
+    """Places and motions of shaft, output shaft and rollers."""
 
-    Attributes
-    ----------
-    shaft
-        Of its spider centre; its z axis runs to the outboard end, trunnion k at 120 deg (k - 1) from its x axis.
-    output
-        Of the outboard end; its z axis is the output axis, its y axis the fork of the universal joint.
-    rollers
-        Of the rollers' centres; their z axes are the trunnions', outward.
-    """
-
+    # of its spider centre; its z axis runs to the outboard end, trunnion k at 120 deg (k - 1) from its x axis
     shaft: Pose
-    output: Pose
-    rollers: tuple[Pose, Pose, Pose]
+    output: Pose  # of the outboard end; its z axis is the output axis, its y axis the fork of the universal joint
+    rollers: tuple[Pose, Pose, Pose]  # of the rollers' centres; their z axes are the trunnions', outward
 
 
 def _frame(axis: FloatArray, fork: FloatArray) -> Rotation:
@@ -81,8 +69,9 @@ def _attitudes(
     found = root(gaps, guess, tol=1e-14).x
     shaft = Rotation.from_rotvec(found[:3]) * ideal
     centres = list(pitch * outward + behind + found[6:, None] * _Z)
-    trunnions = [shaft * Rotation.from_rotvec(a * _Z) * Rotation.from_rotvec([0.0, np.pi / 2, 0.0])
-                 for a in GROOVE_ANGLES]  # fmt: skip
+    trunnions = [
+        shaft * Rotation.from_rotvec(a * _Z) * Rotation.from_rotvec([0.0, np.pi / 2, 0.0]) for a in GROOVE_ANGLES
+    ]
     axis = turned.apply([np.sin(theta - outboard), 0.0, np.cos(theta - outboard)])
     output = _frame(axis, shaft.apply(_X))
     return [end - length * shaft.apply(_Z), end, *centres], [shaft, output, *trunnions]

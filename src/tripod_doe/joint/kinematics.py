@@ -25,32 +25,18 @@ from typing import NamedTuple
 
 from tripod_doe.mechanics.compilation import inlined_kernel
 
-__all__ = ["IdealMotion", "ideal_motion"]
-
 
 class IdealMotion(NamedTuple):
-    """Ideal motion of one roller in its groove's frame; lengths in mm, velocities in mm/s and rad/s.
+    """Ideal motion of one roller in its groove's frame; lengths in mm, velocities in mm/s and rad/s."""
 
-    Attributes
-    ----------
-    along_groove
-        Velocity of the roller's centre along the groove, v_z.
-    along_trunnion
-        Velocity of the roller on its trunnion, w, positive outward.
-    distance
-        Distance r of the roller's centre from the spider's centre.
-    t_r, t_t, t_z
-        Direction of the trunnion axis, outward.
-    w_r, w_t, w_z
-        Angular velocity of the spider relative to the housing.
-    """
-
-    along_groove: float
-    along_trunnion: float
-    distance: float
+    along_groove: float  # velocity of the roller's centre along the groove, v_z
+    along_trunnion: float  # velocity of the roller on its trunnion, w, positive outward
+    distance: float  # distance r of the roller's centre from the spider's centre
+    # t_r, t_t, t_z: direction of the trunnion axis, outward
     t_r: float
     t_t: float
     t_z: float
+    # w_r, w_t, w_z: angular velocity of the spider relative to the housing
     w_r: float
     w_t: float
     w_z: float

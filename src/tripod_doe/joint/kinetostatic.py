@@ -55,8 +55,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.equilibrium import Equilibrium, point_constants, solve_balance
 from tripod_doe.joint.moving_needles import Followers
 from tripod_doe.joint.needle_constants import needle_constants
@@ -64,10 +64,6 @@ from tripod_doe.joint.needle_motion import FARTHEST
 from tripod_doe.joint.roller_inertia import roller_inertia
 from tripod_doe.joint.turned_bearing import turned_bearing
 from tripod_doe.joint.values import JointValues
-
-__all__ = ["solve_kinetostatic"]
-
-FloatArray = NDArray[np.float64]
 
 _ON_AVERAGE = 2 / math.pi
 """Mean distance of a load that swings about the middle of the needles, over the largest."""
@@ -91,9 +87,16 @@ def _turned(points: JointValues[FloatArray], offset: FloatArray, lever: FloatArr
     """`turned_bearing` for every point, shape (4, point); the moment is the load's at a lever."""
     load = points.groove_load
     columns = (
-        load, offset, load * lever, points.bearing_radial_clearance, points.needle_stiffness, points.needle_count,
-        points.needle_length, points.spheres_per_needle, points.needle_crown,
-    )  # fmt: skip
+        load,
+        offset,
+        load * lever,
+        points.bearing_radial_clearance,
+        points.needle_stiffness,
+        points.needle_count,
+        points.needle_length,
+        points.spheres_per_needle,
+        points.needle_crown,
+    )
     return np.array([turned_bearing(*each) for each in np.column_stack(columns)]).reshape(-1, 4).T
 
 

@@ -12,48 +12,36 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.mechanics.by_reference import ByReference
 from tripod_doe.mechanics.compilation import inner_kernel
 from tripod_doe.mechanics.lanes import clear
-
-__all__ = ["LinearLap", "link_samples", "solve_samples"]
-
-FloatArray = NDArray[np.float64]
 
 _STRETCH = 8
 
 
 @dataclass(frozen=True, eq=False)
 class LinearLap(ByReference):
-    """The system, its solution, and memory for it.
+    """The system, its solution, and memory for it."""
 
-    Attributes
-    ----------
-    equations
-        Of each sample: derivatives for its unknowns (two of each roller, three loads), by how much each equation is
-        missed, and derivatives for h, (sample, 9, 16).
-    follows
-        By how much y differs from what the unknowns say, and derivatives of that for unknowns of the same roller (two,
-        and its load) and for its h, (sample, 6, 6).
-    changes, steps
-        Solutions: changes of the unknowns, (sample, 9, 7), and of y, (sample, 6, 7), in their first columns; after
-        that come the answers to a change of h.
-    across, past, following
-        y one and two samples ago in thirteen recursions, (12, 13), what acts of them, and the next one, (6, 13).
-    pair, links, starts, lap
-        Equations of two neighbouring stretches, (24, 37), those that are solved, (stretch, 12, 25), y before each
-        stretch, (stretch, 12), and the last system, (12, 13).
-    """
-
+    # of each sample: derivatives for its unknowns (two of each roller, three loads), by how much each equation is
+    # missed, and derivatives for h, (sample, 9, 16)
     equations: FloatArray
+    # by how much y differs from what the unknowns say, and derivatives of that for unknowns of the same roller (two,
+    # and its load) and for its h, (sample, 6, 6)
     follows: FloatArray
+    # changes, steps: solutions: changes of the unknowns, (sample, 9, 7), and of y, (sample, 6, 7), in their first
+    # columns; after that come the answers to a change of h
     changes: FloatArray
     steps: FloatArray
+    # across, past, following: y one and two samples ago in thirteen recursions, (12, 13), what acts of them, and the
+    # next one, (6, 13)
     across: FloatArray
     past: FloatArray
     following: FloatArray
+    # pair, links, starts, lap: equations of two neighbouring stretches, (24, 37), those that are solved, (stretch, 12,
+    # 25), y before each stretch, (stretch, 12), and the last system, (12, 13)
     pair: FloatArray
     links: FloatArray
     starts: FloatArray
@@ -64,10 +52,18 @@ class LinearLap(ByReference):
         """Memory for so many samples a revolution."""
         stretches = -(-samples // _STRETCH)
         return cls(
-            np.zeros((samples, 9, 16)), np.zeros((samples, 6, 6)), np.zeros((samples, 9, 7)), np.zeros((samples, 6, 7)),
-            np.zeros((12, 13)), np.zeros((6, 13)), np.zeros((6, 13)), np.zeros((24, 37)),
-            np.zeros((stretches, 12, 25)), np.zeros((stretches, 12)), np.zeros((12, 13)),
-        )  # fmt: skip
+            np.zeros((samples, 9, 16)),
+            np.zeros((samples, 6, 6)),
+            np.zeros((samples, 9, 7)),
+            np.zeros((samples, 6, 7)),
+            np.zeros((12, 13)),
+            np.zeros((6, 13)),
+            np.zeros((6, 13)),
+            np.zeros((24, 37)),
+            np.zeros((stretches, 12, 25)),
+            np.zeros((stretches, 12)),
+            np.zeros((12, 13)),
+        )
 
 
 @inner_kernel

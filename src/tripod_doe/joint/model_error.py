@@ -25,16 +25,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.joint.nearest import ALIKE, nearest_rows
 from tripod_doe.joint.operating_ratios import RATIOS, operating_ratios
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.joint.vibration_record import vibration_errors
 from tripod_doe.quantities import number
 from tripod_doe.simulator import Demand, Demands
-
-__all__ = ["COMPARED", "FINEST", "QUANTITY", "RECORDED", "errors_at", "known_errors", "similar_errors"]
-
-FloatArray = NDArray[np.float64]
 
 RECORDED = Path(__file__).with_name("model_errors.csv")
 """File of the measured errors."""
@@ -57,37 +54,22 @@ _NO_ANSWER = "for most of the similar points one of the models did not finish"
 
 @dataclass(frozen=True)
 class _Measured:
-    """Points at which the models were compared.
+    """Points at which the models were compared."""
 
-    Attributes
-    ----------
-    names
-        Names of the ratios.
-    low, high
-        Least and largest value of each ratio, shape (ratio,).
-    places
-        Logarithms of the ratios, over the spread of each, shape (measured, ratio).
-    spread
-        Standard deviations of the logarithms, shape (ratio,).
-    errors
-        By model: relative error of its third order, shape (measured,); NaN where one of the two has no answer, and
-        infinite where it was not asked.
-    second
-        Second order of `needles` over their third, shape (measured,); NaN where it was not measured well enough.
-    second_missed
-        By model: what it misses of the second order, over the third order of `needles`, shape (measured,).
-    given
-        The parameters that were varied, or set, shape (measured,) each; all others had their defaults.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # names of the ratios
+    # low, high: least and largest value of each ratio, shape (ratio,)
     low: FloatArray
     high: FloatArray
-    places: FloatArray
-    spread: FloatArray
+    places: FloatArray  # logarithms of the ratios, over the spread of each, shape (measured, ratio)
+    spread: FloatArray  # standard deviations of the logarithms, shape (ratio,)
+    # by model: relative error of its third order, shape (measured,); NaN where one of the two has no answer, and
+    # infinite where it was not asked
     errors: dict[str, FloatArray]
+    # second order of `needles` over their third, shape (measured,); NaN where it was not measured well enough
     second: FloatArray
+    # by model: what it misses of the second order, over the third order of `needles`, shape (measured,)
     second_missed: dict[str, FloatArray]
+    # the parameters that were varied, or set, shape (measured,) each; all others had their defaults
     given: dict[str, FloatArray]
 
     def told(self, ratio: int) -> str:
@@ -162,9 +144,16 @@ def _measured() -> _Measured:
     errors = {model: np.abs(table[model]) for model in COMPARED}
     errors["rollers"][~direct] = np.inf
     measured = _Measured(
-        tuple(ratios), values.min(axis=0), values.max(axis=0), np.log(values) / spread, spread, errors,
-        table["needles_2"], second_missed, parameters,
-    )  # fmt: skip
+        tuple(ratios),
+        values.min(axis=0),
+        values.max(axis=0),
+        np.log(values) / spread,
+        spread,
+        errors,
+        table["needles_2"],
+        second_missed,
+        parameters,
+    )
     by_rollers = _median_and_limit(measured.near("rollers", measured.places[~direct]))[0]
     for model in WITHOUT_VIBRATION:
         errors[model][~direct] += by_rollers
@@ -267,7 +256,7 @@ def _by_vibration(points: Mapping[str, NDArray[Any]], demands: Demands) -> Float
     return np.stack([third / each.allowed if each.label == 3 else second for each in demands.quantities], axis=-1)
 
 
-def _apart(known: FloatArray, places: FloatArray, nearest: NDArray[np.int64]) -> FloatArray:
+def _apart(known: FloatArray, places: FloatArray, nearest: IntArray) -> FloatArray:
     """Distances of some places to the last of their nearest known ones, shape (len(places),)."""
     return np.asarray(np.linalg.norm(known[nearest[:, -1]] - places, axis=1))
 

@@ -8,8 +8,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.goal import Goal
 from tripod_doe.joint.operating_ratios import RATIOS
 from tripod_doe.joint.outputs import (
@@ -31,9 +31,6 @@ if TYPE_CHECKING:  # a model imports its kernels when it is first used
     from tripod_doe.joint.equilibrium import Equilibrium
     from tripod_doe.joint.joint_run import Readings
 
-__all__ = ["MODELS", "Model"]
-
-FloatArray = NDArray[np.float64]
 
 _CHUNK = 64  # points whose waveforms are held at once
 _ROUNDING, _SPIDER_MOTION = 1e-8, 2e-3
@@ -56,42 +53,25 @@ _SKEWS = ("needle_skew_deg", "needle_skew_summary_deg")
 
 @dataclass(frozen=True)
 class Model:
-    """One model of the ladder.
+    """One model of the ladder."""
 
-    Attributes
-    ----------
-    name
-        The value of the parameter ``model``.
-    methods
-        How it can be solved, the default first, and the numerics parameters that each method uses, with their default
-        values.
-    ignores
-        Parameters that it cannot represent.
-    lacks
-        Parameters that have no effect in it, or not all of it, each with what it leaves out, as a sentence.
-    valid
-        Where it holds.
-    settles
-        Whether a run finds its own tolerance or step where none is given; else the method's own is accurate enough for
-        any that may be asked for.
-    outputs
-        Names of the outputs that it computes.
-    simulate
-        (block of points, method, samples per revolution, outputs to keep, which orders must be how accurate or None for
-        the third order's `accuracy`) -> results.
-    prepare
-        (block of one point, method): compiles all that `simulate` needs.
-    """
-
-    name: str
+    name: str  # the value of the parameter ``model``
+    # how it can be solved, the default first, and the numerics parameters that each method uses, with their default
+    # values
     methods: Methods
-    ignores: frozenset[str]
-    outputs: frozenset[str]
+    ignores: frozenset[str]  # parameters that it cannot represent
+    outputs: frozenset[str]  # names of the outputs that it computes
+    # (block of points, method, samples per revolution, outputs to keep, which orders must be how accurate or None for
+    # the third order's `accuracy`) -> results
     simulate: Callable[[JointValues[FloatArray], str, int, Collection[str], Goal | None], BlockResult]
+    # (block of one point, method): compiles all that `simulate` needs
     prepare: Callable[[JointValues[FloatArray], str], None]
+    # whether a run finds its own tolerance or step where none is given; else the method's own is accurate enough for
+    # any that may be asked for
     settles: bool = False
+    # parameters that have no effect in it, or not all of it, each with what it leaves out, as a sentence
     lacks: Mapping[str, str] = field(default_factory=dict)
-    valid: tuple[ValidRange, ...] = ()
+    valid: tuple[ValidRange, ...] = ()  # where it holds
 
     @property
     def default_method(self) -> str:
@@ -100,9 +80,14 @@ class Model:
 
 
 def _simulate_balance(
-    solve: Callable[[JointValues[FloatArray], int], Equilibrium], energy_limit: float,
-    points: JointValues[FloatArray], method: str, samples: int, keep: Collection[str], goal: Goal | None = None,
-) -> BlockResult:  # fmt: skip
+    solve: Callable[[JointValues[FloatArray], int], Equilibrium],
+    energy_limit: float,
+    points: JointValues[FloatArray],
+    method: str,
+    samples: int,
+    keep: Collection[str],
+    goal: Goal | None = None,
+) -> BlockResult:
     """Simulate points by a balance; its tolerance is settled before (`balance_tolerance`)."""
     block = BlockResult.blank(points.torque.size)
     for start in range(0, block.count, _CHUNK):
@@ -119,9 +104,12 @@ def _left_by_tolerance(points: JointValues[FloatArray], solution: Equilibrium) -
 
 
 def _balance_chunk(
-    solve: Callable[[JointValues[FloatArray], int], Equilibrium], energy_limit: float,
-    points: JointValues[FloatArray], samples: int, keep: Collection[str],
-) -> BlockResult:  # fmt: skip
+    solve: Callable[[JointValues[FloatArray], int], Equilibrium],
+    energy_limit: float,
+    points: JointValues[FloatArray],
+    samples: int,
+    keep: Collection[str],
+) -> BlockResult:
     solution = solve(points, samples)
     straight = points.joint_angle == 0  # nothing slides or rolls: what there is of a thrust, the iteration left
     solution.groove_thrust[straight] = solution.thrust_parts[straight] = 0.0
@@ -167,9 +155,15 @@ def _balance_chunk(
 
 
 def _balance(
-    name: str, solve: Callable[[JointValues[FloatArray], int], Equilibrium], tolerance: float, energy_limit: float,
-    ignores: frozenset[str], lacks: Mapping[str, str], valid: tuple[ValidRange, ...], moves_needles: bool = False,
-) -> Model:  # fmt: skip
+    name: str,
+    solve: Callable[[JointValues[FloatArray], int], Equilibrium],
+    tolerance: float,
+    energy_limit: float,
+    ignores: frozenset[str],
+    lacks: Mapping[str, str],
+    valid: tuple[ValidRange, ...],
+    moves_needles: bool = False,
+) -> Model:
     """A model that balances forces at every rotation angle instead of following a motion."""
     missing = {"thrust_amplitude_error", *_RATES, *VIBRATION_OUTPUTS, *(() if moves_needles else _SKEWS)}
     simulate = partial(_simulate_balance, solve, energy_limit)
@@ -192,10 +186,13 @@ def _balance(
 
 _SETTLED = frozenset(
     {
-        "shaft_length_mm", "outboard_joint_angle_deg", "output_inertia_kg_m2", "contact_damping_s_per_mm",
+        "shaft_length_mm",
+        "outboard_joint_angle_deg",
+        "output_inertia_kg_m2",
+        "contact_damping_s_per_mm",
         "evaluation_budget",
     }
-)  # fmt: skip
+)
 _OF_NEEDLES = frozenset(
     {"spheres_per_needle", "needle_axial_clearance_mm", "needle_crown_um", "needle_mass_factor", "cycles"}
 )
@@ -254,10 +251,14 @@ def _within(swing: float, needle: float) -> tuple[ValidRange, ...]:
 
 
 _EQUILIBRIUM = _balance(
-    "equilibrium", _solve_equilibrium, 1e-9, _ROUNDING, _SETTLED | _OF_NEEDLES | _MASSES,
+    "equilibrium",
+    _solve_equilibrium,
+    1e-9,
+    _ROUNDING,
+    _SETTLED | _OF_NEEDLES | _MASSES,
     dict.fromkeys(("speed_rpm", *sorted(_MASSES)), "this model has no inertia"),
     (*_within(swing=0.05, needle=0.2), _SLOW, _NO_CROWN),
-)  # fmt: skip
+)
 _KINETOSTATIC = _balance(
     "kinetostatic",
     _solve_kinetostatic,
@@ -271,9 +272,13 @@ _KINETOSTATIC = _balance(
 
 
 def _simulate_multibody(
-    needles: bool, points: JointValues[FloatArray], method: str, samples: int, keep: Collection[str],
+    needles: bool,
+    points: JointValues[FloatArray],
+    method: str,
+    samples: int,
+    keep: Collection[str],
     goal: Goal | None = None,
-) -> BlockResult:  # fmt: skip
+) -> BlockResult:
     """Simulate points one by one: a run costs far more than what points could share."""
     from tripod_doe.joint.multibody_run import run_joint
 
@@ -286,8 +291,11 @@ def _simulate_multibody(
             block.settle(setting, i, result.setting)
         block.end(i, result.outcome, result.detail)
         block.steps[i], block.force_evaluations[i], block.solves[i], block.simulated_seconds[i] = (
-            result.steps, result.force_evaluations, result.solves, result.followed
-        )  # fmt: skip
+            result.steps,
+            result.force_evaluations,
+            result.solves,
+            result.followed,
+        )
         if result.readings is not None:
             for name, data in _answer(result.readings, keep).items():
                 block.put(name, JOINT_OUTPUTS[name].dims, i, data)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.balance_constants import TILT, PointConstants, flank, point_constants_of
 from tripod_doe.joint.moving_roller import added_motion
 from tripod_doe.joint.needle_constants import NeedleConstants
@@ -34,36 +35,24 @@ from tripod_doe.mechanics.by_reference import ByReference
 from tripod_doe.mechanics.compilation import kernel, kernel_part
 from tripod_doe.mechanics.lanes import WIDTH, load, spread, store
 
-__all__ = ["Followers", "NeedleMemory"]
-
-FloatArray = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class NeedleMemory(ByReference):
-    """What the kernels write while needles follow the rollers of a point.
+    """What the kernels write while needles follow the rollers of a point."""
 
-    Attributes
-    ----------
-    spins, plunges, loads, offsets, yaws, turns
-        As in `needle_motion.RollerMotion`, of every roller, shape (3, eights, 8).
-    held
-        Force of needles that keep their skew along every trunnion, over N, shape (3, eights, 8).
-    needles, contacts
-        Records of the needles of one trunnion.
-    forces, moments, places
-        Of the needles of one trunnion, shape (sample,).
-    """
-
+    # spins, plunges, loads, offsets, yaws, turns: as in `needle_motion.RollerMotion`, of every roller, shape (3,
+    # eights, 8)
     spins: FloatArray
     plunges: FloatArray
     loads: FloatArray
     offsets: FloatArray
     yaws: FloatArray
     turns: FloatArray
-    held: FloatArray
+    held: FloatArray  # force of needles that keep their skew along every trunnion, over N, shape (3, eights, 8)
+    # needles, contacts: records of the needles of one trunnion
     needles: NDArray[np.void]
     contacts: NDArray[np.void]
+    # forces, moments, places: of the needles of one trunnion, shape (sample,)
     forces: FloatArray
     moments: FloatArray
     places: FloatArray
@@ -73,11 +62,19 @@ class NeedleMemory(ByReference):
         """Memory for so many samples a revolution."""
         shape = (3, -(-samples // WIDTH), WIDTH)
         return cls(
-            np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape),
             np.zeros(shape),
-            np.zeros(MOST_NEEDLES, NEEDLE), np.zeros((MOST_NEEDLES, 2), NEEDLE_CONTACT),
-            np.zeros(samples), np.zeros(samples), np.zeros(samples),
-        )  # fmt: skip
+            np.zeros(shape),
+            np.zeros(shape),
+            np.zeros(shape),
+            np.zeros(shape),
+            np.zeros(shape),
+            np.zeros(shape),
+            np.zeros(MOST_NEEDLES, NEEDLE),
+            np.zeros((MOST_NEEDLES, 2), NEEDLE_CONTACT),
+            np.zeros(samples),
+            np.zeros(samples),
+            np.zeros(samples),
+        )
 
     def of_roller(self, k: int, samples: int) -> RollerMotion:
         """The motion of one roller."""
@@ -153,21 +150,12 @@ def _add_needles(row, memory, ring, k, skew):
 
 @dataclass(frozen=True)
 class Followers:
-    """Needles of a block of points.
+    """Needles of a block of points."""
 
-    Attributes
-    ----------
-    slide
-        Whether the needles of a point slide, and the joint is bent and turns; shape (point,).
-    skews
-        Of the needle that carries the most, rad, over all revolutions, shape (point, trunnion, cycles sample).
-    settled
-        Whether the balance settled with moving needles, shape (point,).
-    """
-
-    slide: NDArray[np.bool_]
+    slide: NDArray[np.bool_]  # whether the needles of a point slide, and the joint is bent and turns; shape (point,)
+    # of the needle that carries the most, rad, over all revolutions, shape (point, trunnion, cycles sample)
     skews: FloatArray
-    settled: NDArray[np.bool_]
+    settled: NDArray[np.bool_]  # whether the balance settled with moving needles, shape (point,)
     _table: FloatArray
     _initial: FloatArray
     _memory: NeedleMemory

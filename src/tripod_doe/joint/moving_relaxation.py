@@ -22,8 +22,6 @@ from tripod_doe.joint.revolution import (
 from tripod_doe.mechanics.compilation import kernel, kernel_part
 from tripod_doe.mechanics.lanes import WIDTH, load, spread, store
 
-__all__ = ["settle_moving"]
-
 _SWEEPS, _NEAR = 40, 0.03
 """Tangent slopes overshoot far from the solution, and secant slopes crawl near it: the tangent is taken once no sample
 changes by more than `_NEAR`. What has not settled after so many sweeps is solved at once (`coupled_balance`)."""

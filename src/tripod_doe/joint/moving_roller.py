@@ -11,8 +11,6 @@ from tripod_doe.mechanics.compilation import inlined_kernel, kernel_part
 from tripod_doe.mechanics.lanes import load
 from tripod_doe.mechanics.laws import hyperbolic_tangent
 
-__all__ = ["added_motion", "inertial_force", "moving_forces", "spider_load", "upright_spin", "yawed"]
-
 _NEWTON = 60
 """Iterations of a yaw, at most; four are usual."""
 

@@ -17,8 +17,8 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.goal import Goal
 from tripod_doe.joint.joint_run import JointRun, Readings, VibrationReadings
 from tripod_doe.joint.multibody_scene import build_joint
@@ -48,10 +48,6 @@ from tripod_doe.mechanics.rates import Rates
 from tripod_doe.mechanics.run import Limits, Run, method_named, run
 from tripod_doe.simulator import Outcome
 
-__all__ = ["compile_joint", "follow", "run_joint", "run_limits"]
-
-FloatArray = NDArray[np.float64]
-
 _LIMITS = Limits(energy=math.inf, reversals=1.0, drift=1e-2, windows=0)
 """Light needles reverse their slip, which does not reach the thrust; what a wrong run shows is its thrust at half the
 tolerance. Constraints act only at the far end of the shaft, where a micrometre turns it by 3e-6 rad."""
@@ -76,9 +72,15 @@ _RATE_STATES = 12
 
 
 def run_joint(
-    values: JointValues[float], needles: bool, method: str, samples: int, rates: bool = False, split: bool = False,
-    goal: Goal | None = None, usual: float = math.nan,
-) -> JointRun:  # fmt: skip
+    values: JointValues[float],
+    needles: bool,
+    method: str,
+    samples: int,
+    rates: bool = False,
+    split: bool = False,
+    goal: Goal | None = None,
+    usual: float = math.nan,
+) -> JointRun:
     """Simulate one operating point.
 
     Parameters
@@ -142,10 +144,13 @@ def run_joint(
                 return _with_rates(answer, kicked.last_turn, values) if rates else answer
         done = JointRun(outcome, detail, readings, followed=float(result.times[-1]))
     return replace(
-        done, setting=motion.setting, settled=settles,
-        steps=sum(part.steps for part in motion.runs), solves=sum(part.solves for part in motion.runs),
+        done,
+        setting=motion.setting,
+        settled=settles,
+        steps=sum(part.steps for part in motion.runs),
+        solves=sum(part.solves for part in motion.runs),
         force_evaluations=sum(part.force_evaluations for part in motion.runs),
-    )  # fmt: skip
+    )
 
 
 def _may_be_kicked(motion: Motion, vibrating: VibratingJoint | None) -> bool:
@@ -201,18 +206,29 @@ def follow(
     """
     cycles, revolution = int(values.cycles), 2 * math.pi / values.speed
     result = run(
-        assembly, method, cycles * revolution, step=step, samples=cycles * samples, settings=settings,
+        assembly,
+        method,
+        cycles * revolution,
+        step=step,
+        samples=cycles * samples,
+        settings=settings,
         limits=run_limits(values, cycles, method),
-    )  # fmt: skip
+    )
     if result.times.size <= cycles * samples:  # it stopped on its way
         return result, None
     followed = samples + samples // LEAD
     start = State(float(result.times[-1 - followed]), *(x[-1 - followed] for x in _states(result)))
     # steps divide the time between samples, so that is halved, too
     again = run(
-        assembly, method, float(result.times[-1] - start.time), step=step and step / 2, samples=2 * followed,
-        settings=settings._replace(tolerance=settings.tolerance / 2), limits=run_limits(values, 1, method), start=start,
-    )  # fmt: skip
+        assembly,
+        method,
+        float(result.times[-1] - start.time),
+        step=step and step / 2,
+        samples=2 * followed,
+        settings=settings._replace(tolerance=settings.tolerance / 2),
+        limits=run_limits(values, 1, method),
+        start=start,
+    )
     return result, again
 
 
@@ -258,8 +274,13 @@ def _read(assembly: Assembly, motion: Motion, values: JointValues[float], sample
     return Readings(
         ahead(_by_revolution(thrust[:, last], count), motion.lag),
         None if parts is None else ahead(_by_revolution(parts[:, last], count), motion.lag),
-        powers[:, last].mean(1), motion.error, skew, summary, result.penetration, result.energy_residual,
-    )  # fmt: skip
+        powers[:, last].mean(1),
+        motion.error,
+        skew,
+        summary,
+        result.penetration,
+        result.energy_residual,
+    )
 
 
 def _by_revolution(signals: FloatArray, count: int) -> FloatArray:

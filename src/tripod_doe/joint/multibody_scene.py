@@ -38,8 +38,6 @@ from tripod_doe.mechanics.scene import (
     Universal,
 )
 
-__all__ = ["build_joint", "build_trunnion"]
-
 _GROOVE_EXPONENT = 1.5
 _Z = np.array([0.0, 0.0, 1.0])
 
@@ -52,18 +50,19 @@ def _shafts(derived: DerivedConstants) -> tuple[list[Body], list[Constraint]]:
     across = mass * (length**2 / 12 + radius_squared / 4)
     arm = initial.shaft.attitude.apply(-derived.spider_in_shaft)
     middle = Pose(
-        initial.shaft.position + arm, initial.shaft.attitude,
-        initial.shaft.velocity + np.cross(initial.shaft.rotation, arm), initial.shaft.rotation,
-    )  # fmt: skip
+        initial.shaft.position + arm,
+        initial.shaft.attitude,
+        initial.shaft.velocity + np.cross(initial.shaft.rotation, arm),
+        initial.shaft.rotation,
+    )
     end = initial.output.position
     axis = initial.output.attitude.apply(_Z)
     speed = values.speed
     bodies = [
         moving_body("shaft", mass, (across, across, mass * radius_squared / 2), middle),
-        moving_body("output", mass, (inertia, inertia, inertia), initial.output,
-                own_moment=(0.0, 0.0, -values.torque)),
+        moving_body("output", mass, (inertia, inertia, inertia), initial.output, own_moment=(0.0, 0.0, -values.torque)),
         Body("space", mass, (inertia, inertia, inertia), angular_velocity=(0.0, 0.0, -speed), locked=(True,) * 6),
-    ]  # fmt: skip
+    ]
     half = vector(-derived.spider_in_shaft)
     constraints: list[Constraint] = [
         Revolute("space", "output", vector(end), axis_a=vector(axis)),
@@ -78,7 +77,7 @@ def _roller(derived: DerivedConstants, k: int) -> tuple[Body, SphereRow]:
     radius = values.roller_radius
     mass, polar, across = (
         float(x) for x in roller_inertia(*np.array([radius, values.roller_width, values.bore_radius, values.density]))
-    )  # fmt: skip
+    )
     trunnion = pose.attitude.apply(_Z)
     flank = derived.side * np.array([-math.sin(GROOVE_ANGLES[k]), math.cos(GROOVE_ANGLES[k]), 0.0])
     # its spin on the trunnion takes the slip along the groove to zero
@@ -89,13 +88,21 @@ def _roller(derived: DerivedConstants, k: int) -> tuple[Body, SphereRow]:
     body = moving_body(f"roller {k + 1}", mass, (across, across, polar), rolling)
     pitch = values.pitch_radius
     groove = Cylinder(
-        GROUND, values.groove_radius, axis=(0.0, 0.0, 1.0), concave=True,
+        GROUND,
+        values.groove_radius,
+        axis=(0.0, 0.0, 1.0),
+        concave=True,
         point=(pitch * math.cos(GROOVE_ANGLES[k]), pitch * math.sin(GROOVE_ANGLES[k]), 0.0),
-    )  # fmt: skip
+    )
     contact = SphereRow(
-        body.name, groove, radius, values.groove_stiffness, _GROOVE_EXPONENT,
-        damping=values.contact_damping, friction=derived.groove,
-    )  # fmt: skip
+        body.name,
+        groove,
+        radius,
+        values.groove_stiffness,
+        _GROOVE_EXPONENT,
+        damping=values.contact_damping,
+        friction=derived.groove,
+    )
     return body, contact
 
 
@@ -119,9 +126,13 @@ def build_joint(values: JointValues[float], needles: bool) -> Scene:
     rollers = [_roller(derived, k) for k in range(3)]
     rings = [_ring(derived, k, rollers[k][0]) for k in range(3)] if needles else []
     return _turning_scene(
-        values, bodies, rollers, rings, constraints,
+        values,
+        bodies,
+        rollers,
+        rings,
+        constraints,
         () if needles else tuple(lumped_bearing(derived, k) for k in range(3)),
-    )  # fmt: skip
+    )
 
 
 def build_trunnion(values: JointValues[float]) -> Scene:
@@ -155,9 +166,13 @@ def _guide(derived: DerivedConstants, k: int, roller: Body) -> tuple[Body, list[
     """A slider along groove k and the planes of the shaft that keep it on trunnion k."""
     pose, axis = derived.initial.rollers[k], derived.trunnion_axis(k)
     body = Body(
-        f"guide {k + 1}", roller.mass, roller.inertia, vector(pose.position), velocity=vector(pose.velocity),
+        f"guide {k + 1}",
+        roller.mass,
+        roller.inertia,
+        vector(pose.position),
+        velocity=vector(pose.velocity),
         locked=(True, True, False, True, True, True),
-    )  # fmt: skip
+    )
     spider = vector(derived.spider_in_shaft)
     normals = (_Z, np.cross(_Z, axis))
     return body, [PointInPlane("shaft", body.name, spider, normal_a=vector(normal)) for normal in normals]

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["ALIKE", "nearest_rows"]
-
-FloatArray = NDArray[np.float64]
+from tripod_doe.array_types import FloatArray, IntArray
 
 ALIKE = 10
 """Recorded points that a point is compared with."""
@@ -16,7 +13,7 @@ _FEW = 500
 """Places for which no compilation is worth its time."""
 
 
-def nearest_rows(known: FloatArray, places: FloatArray, count: int) -> NDArray[np.int64]:
+def nearest_rows(known: FloatArray, places: FloatArray, count: int) -> IntArray:
     """The known places nearest to some others, of equally near ones the first.
 
     Known places that are the same to the last bit are common: their points differ in what no coordinate depends on.

@@ -11,17 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.mechanics.compilation import inner_kernel, kernel
-
-__all__ = ["nearest_places"]
-
-FloatArray = NDArray[np.float64]
 
 _RUN, _MOST_RUNS = 64, 1024
 """Places of a run, about, and number of runs."""
 
 
-def nearest_places(known: FloatArray, places: FloatArray, count: int) -> NDArray[np.int64]:
+def nearest_places(known: FloatArray, places: FloatArray, count: int) -> IntArray:
     """As `nearest.nearest_rows`."""
     found, cells = np.zeros((len(places), count), np.int64), _cells(places)
     order = np.argsort(cells, kind="stable")

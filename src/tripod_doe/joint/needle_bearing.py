@@ -12,8 +12,6 @@ from tripod_doe.joint.derived_constants import DerivedConstants, moving_body, ve
 from tripod_doe.joint.initial_state import GROOVE_ANGLES, Pose
 from tripod_doe.mechanics.scene import Body, Cylinder, Friction, NeedleBearing, Plane, SphereRow
 
-__all__ = ["lumped_bearing", "needle_body", "needle_contacts"]
-
 _EXPONENT = 10 / 9
 _Z = np.array([0.0, 0.0, 1.0])
 
@@ -54,12 +52,22 @@ def needle_contacts(derived: DerivedConstants, k: int, j: int) -> list[SphereRow
 
     def row(surface: Cylinder | Plane, friction: Friction, **shape: Any) -> SphereRow:
         return SphereRow(
-            name, surface, stiffness=derived.sphere_stiffness, exponent=_EXPONENT,
-            damping=values.contact_damping, friction=friction, **shape,
-        )  # fmt: skip
+            name,
+            surface,
+            stiffness=derived.sphere_stiffness,
+            exponent=_EXPONENT,
+            damping=values.contact_damping,
+            friction=friction,
+            **shape,
+        )
 
-    line = {"radius": radius, "axis": (0.0, 0.0, 1.0), "length": length, "count": int(values.spheres_per_needle),
-            "crown": values.needle_crown}  # fmt: skip
+    line = {
+        "radius": radius,
+        "axis": (0.0, 0.0, 1.0),
+        "length": length,
+        "count": int(values.spheres_per_needle),
+        "crown": values.needle_crown,
+    }
     trunnion = Cylinder("shaft", values.trunnion_radius, vector(derived.spider_in_shaft), vector(axis))
     bore = Cylinder(roller, values.bore_radius, axis=(0.0, 0.0, 1.0), concave=True)
     rows = [row(trunnion, derived.needle[0], **line), row(bore, derived.needle[1], **line)]
@@ -80,13 +88,22 @@ def lumped_bearing(derived: DerivedConstants, k: int) -> NeedleBearing:
     middle = derived.spider_in_shaft + derived.ring_distance * axis
     passed_on = min(values.needle_rolling_friction, values.needle_sliding_friction)  # which makes needles roll
     friction = Friction(
-        values.needle_sliding_friction, derived.needle_end.sliding_transition, passed_on,
+        values.needle_sliding_friction,
+        derived.needle_end.sliding_transition,
+        passed_on,
         rolling_transition=derived.roller_spin_transition,
-    )  # fmt: skip
+    )
     return NeedleBearing(
         Cylinder("shaft", values.trunnion_radius, vector(middle), vector(axis)),
         Cylinder(f"roller {k + 1}", values.bore_radius, axis=(0.0, 0.0, 1.0), concave=True),
-        values.needle_diameter, values.needle_length, int(values.needle_count), derived.sphere_stiffness,
-        _EXPONENT, int(values.spheres_per_needle), values.needle_crown, values.contact_damping,
-        values.initial_skews[k], friction,
-    )  # fmt: skip
+        values.needle_diameter,
+        values.needle_length,
+        int(values.needle_count),
+        derived.sphere_stiffness,
+        _EXPONENT,
+        int(values.spheres_per_needle),
+        values.needle_crown,
+        values.contact_damping,
+        values.initial_skews[k],
+        friction,
+    )

@@ -5,62 +5,61 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.transition import transition_velocities
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.compilation import inlined_kernel
 
-__all__ = ["NeedleConstants", "needle_constants", "needle_constants_of"]
-
-FloatArray = NDArray[np.float64]
-
 
 class NeedleConstants(NamedTuple):
-    """Constants of one point in mm, N, s, t, rad: the columns of the table that the kernels read.
+    """Constants of one point in mm, N, s, t, rad: the columns of the table that the kernels read."""
 
-    Attributes
-    ----------
-    needles, spheres
-        Needles of a trunnion, and spheres that stand for one.
-    length, reach
-        Of a needle, l, and how far it may move from the middle to either stop.
-    pitch_radius, bore_radius, lever
-        r_p, r_b, and r_e = r_b r_t / r_p, at which a skewed needle's sliding friction turns the roller.
-    clearance, stiffness, drop
-        Radial clearance, C of a whole needle against one part, and the crown's drop over the square of the station.
-    sliding, transition
-        mu_n and v_sn.
-    speed, cycles
-        Of the housing in rad/s, and revolutions that are followed.
-    thrown
-        Centrifugal force of a needle along its trunnion, N.
-    """
-
+    # needles, spheres: needles of a trunnion, and spheres that stand for one
     needles: float
     spheres: float
+    # length, reach: of a needle, l, and how far it may move from the middle to either stop
     length: float
     reach: float
+    # pitch_radius, bore_radius, lever: r_p, r_b, and r_e = r_b r_t / r_p, at which a skewed needle's sliding friction
+    # turns the roller
     pitch_radius: float
     bore_radius: float
     lever: float
+    # clearance, stiffness, drop: radial clearance, C of a whole needle against one part, and the crown's drop over the
+    # square of the station
     clearance: float
     stiffness: float
     drop: float
+    # sliding, transition: mu_n and v_sn
     sliding: float
     transition: float
+    # speed, cycles: of the housing in rad/s, and revolutions that are followed
     speed: float
     cycles: float
-    thrown: float
+    thrown: float  # centrifugal force of a needle along its trunnion, N
 
 
 @inlined_kernel
 def needle_constants_of(row):
     """The constants in a row of their table."""
     return NeedleConstants(
-        row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10], row[11], row[12],
-        row[13], row[14],
-    )  # fmt: skip
+        row[0],
+        row[1],
+        row[2],
+        row[3],
+        row[4],
+        row[5],
+        row[6],
+        row[7],
+        row[8],
+        row[9],
+        row[10],
+        row[11],
+        row[12],
+        row[13],
+        row[14],
+    )
 
 
 def needle_constants(points: JointValues[FloatArray]) -> FloatArray:

@@ -55,31 +55,29 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.needle_constants import needle_constants_of
 from tripod_doe.mechanics import laws
 from tripod_doe.mechanics.by_reference import ByReference
 from tripod_doe.mechanics.compilation import inlined_kernel, inner_kernel, kernel, kernel_part
-
-__all__ = ["FARTHEST", "MOST_NEEDLES", "NEEDLE", "NEEDLE_CONTACT", "NeedleForces", "RollerMotion", "follow_roller"]
-
-FloatArray = NDArray[np.float64]
 
 MOST_NEEDLES = 100
 """Of a trunnion."""
 FARTHEST = 0.35
 """Place of a load along a needle over its length, at most."""
 
-NEEDLE = np.dtype([
-    (name, float)
-    for name in (
-        "place",                        # along the trunnion from the middle, mm
-        "skew",                         # psi, rad
-        "load",                         # f, N
-        "known",                        # whether it is known how the load is spread
-    )
-])  # fmt: skip
+NEEDLE = np.dtype(
+    [
+        (name, float)
+        for name in (
+            "place",  # along the trunnion from the middle, mm
+            "skew",  # psi, rad
+            "load",  # f, N
+            "known",  # whether it is known how the load is spread
+        )
+    ]
+)
 """What is known of a needle."""
 NEEDLE_CONTACT = np.dtype([(name, float) for name in ("depth", "lean", "variance")])
 """What is known of a needle's contact with trunnion or bore: compression in its middle and its slope, <(x - x_f)^2>."""
@@ -314,45 +312,25 @@ def _step(c, needles, contacts, motion, gap, duration, refresh, zone):
 
 @dataclass(frozen=True, eq=False)
 class RollerMotion(ByReference):
-    """A roller over one revolution; arrays of shape (sample,).
+    """A roller over one revolution; arrays of shape (sample,)."""
 
-    Attributes
-    ----------
-    spins, turns
-        Of the roller on its trunnion, and of the trunnion about its axis against the load, rad/s.
-    plunges
-        Of the bore along the trunnion, outward, mm/s.
-    loads
-        Normal force, N.
-    offsets
-        Place of the load along the needles, from their middle, mm.
-    yaws
-        Which narrow the gap outward at gamma = 90 deg, rad.
-    """
-
+    # spins, turns: of the roller on its trunnion, and of the trunnion about its axis against the load, rad/s
     spins: FloatArray
     turns: FloatArray
-    plunges: FloatArray
-    loads: FloatArray
-    offsets: FloatArray
-    yaws: FloatArray
+    plunges: FloatArray  # of the bore along the trunnion, outward, mm/s
+    loads: FloatArray  # normal force, N
+    offsets: FloatArray  # place of the load along the needles, from their middle, mm
+    yaws: FloatArray  # which narrow the gap outward at gamma = 90 deg, rad
 
 
 @dataclass(frozen=True, eq=False)
 class NeedleForces(ByReference):
-    """What the needles of a trunnion do, the mean of the last two revolutions; arrays of shape (sample,).
+    """What the needles of a trunnion do, the mean of the last two revolutions; arrays of shape (sample,)."""
 
-    Attributes
-    ----------
-    forces, moments
-        Of their sliding friction on the roller along and about its trunnion, over N, in 1 and mm.
-    places
-        Where they are along the trunnion, mm.
-    """
-
+    # forces, moments: of their sliding friction on the roller along and about its trunnion, over N, in 1 and mm
     forces: FloatArray
     moments: FloatArray
-    places: FloatArray
+    places: FloatArray  # where they are along the trunnion, mm
 
 
 @kernel

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.goal import SMALLEST_THIRD
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
 from tripod_doe.joint.readings import groove_thrust
@@ -20,10 +20,6 @@ from tripod_doe.mechanics.assembly import Assembly
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.run import Run
 from tripod_doe.simulator import Outcome
-
-__all__ = ["ERROR_LIMIT", "LEAD", "amplitude_error", "finer_thrust", "judge", "miss_of_given"]
-
-FloatArray = NDArray[np.float64]
 
 ERROR_LIMIT = 0.05
 """Share of the third order above which a numerical error makes a run with a given tolerance or step inaccurate."""

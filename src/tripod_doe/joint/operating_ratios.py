@@ -8,11 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.roller_inertia import roller_inertia
-
-__all__ = ["RATIOS", "operating_ratios"]
-
-FloatArray = NDArray[np.float64]
 
 RATIOS = {
     "joint_angle_deg": "joint angle",

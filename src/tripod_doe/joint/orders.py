@@ -6,12 +6,8 @@ A signal is f(phi) = A_0 cos p_0 + sum_k A_k cos(k phi + p_k) with A_k >= 0 and 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["ORDERS", "ahead", "amplitude_and_phase", "complex_amplitudes", "rms"]
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from tripod_doe.array_types import ComplexArray, FloatArray
 
 ORDERS = np.arange(13)
 """The rotating orders that every model reports."""

@@ -7,25 +7,11 @@ from collections.abc import Collection
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.orders import ORDERS, amplitude_and_phase, complex_amplitudes, rms
 from tripod_doe.joint.parameters import MECHANISMS
 from tripod_doe.mechanics.rates import RATE_OUTPUTS
 from tripod_doe.simulator import Dimension, Output, by_name
-
-__all__ = [
-    "JOINT_OUTPUTS",
-    "ORDER",
-    "PARTS",
-    "PART_OUTPUTS",
-    "ROTATION",
-    "VIBRATION_OUTPUTS",
-    "part_outputs",
-    "rotation_angles",
-    "skew_outputs",
-    "thrust_outputs",
-]
-
-FloatArray = NDArray[np.float64]
 
 PARTS = (*MECHANISMS, "remainder")
 """Parts of the thrust: what the mechanisms add to it, and what is none of them; see `thrust_parts`."""
@@ -67,45 +53,148 @@ _PHASE = (
 _SKEW = "positive counterclockwise about the outward normal of the trunnion surface"
 
 _OUTPUTS = [
-    Output("thrust", "N", "F", "thrust force on the housing, positive towards the intermediate shaft",
-           (ROTATION,), convention=_SIGN),
-    Output("groove_thrust", "N", "F_k", "part of the thrust force in each groove", (_GROOVE, ROTATION),
-           convention=_SIGN),
-    Output("thrust_amplitude", "N", "A_k", "amplitude of the rotating orders of the thrust force", (ORDER,),
-           convention=_PHASE),
-    Output("thrust_phase_deg", "degree", "p_k", "phase of the rotating orders of the thrust force", (ORDER,),
-           angle=True, convention=_PHASE),
+    Output(
+        "thrust",
+        "N",
+        "F",
+        "thrust force on the housing, positive towards the intermediate shaft",
+        (ROTATION,),
+        convention=_SIGN,
+    ),
+    Output(
+        "groove_thrust", "N", "F_k", "part of the thrust force in each groove", (_GROOVE, ROTATION), convention=_SIGN
+    ),
+    Output(
+        "thrust_amplitude",
+        "N",
+        "A_k",
+        "amplitude of the rotating orders of the thrust force",
+        (ORDER,),
+        convention=_PHASE,
+    ),
+    Output(
+        "thrust_phase_deg",
+        "degree",
+        "p_k",
+        "phase of the rotating orders of the thrust force",
+        (ORDER,),
+        angle=True,
+        convention=_PHASE,
+    ),
     Output("thrust_rms", "N", "A_k/sqrt(2)", "effective value of the rotating orders of the thrust force", (ORDER,)),
-    Output("thrust_amplitude_scatter", "N", "", "difference of the thrust amplitude between the last two revolutions",
-           (ORDER,)),
-    Output("thrust_amplitude_error", "N", "", "error of the thrust amplitude: numerical, from tolerance or step, "
-           "and twice the standard error of the mean over revolutions", (ORDER,), optional=True),
-    Output("groove_thrust_amplitude", "N", "A_k", "amplitude of the rotating orders of the thrust in each groove",
-           (_GROOVE, ORDER), convention=_PHASE),
-    Output("groove_thrust_phase_deg", "degree", "p_k", "phase of the rotating orders of the thrust in each groove",
-           (_GROOVE, ORDER), angle=True, convention=_PHASE),
-    Output(PART_OUTPUTS[0], "N", "A_k", "amplitude of the rotating orders of each mechanism's part of the thrust "
-           "force, and of the remainder: inertia and numerical error", (_PART, ORDER)),
-    Output(PART_OUTPUTS[1], "degree", "p_k", "phase of the rotating orders of each mechanism's part of the thrust "
-           "force", (_PART, ORDER), angle=True, convention=_PHASE),
+    Output(
+        "thrust_amplitude_scatter",
+        "N",
+        "",
+        "difference of the thrust amplitude between the last two revolutions",
+        (ORDER,),
+    ),
+    Output(
+        "thrust_amplitude_error",
+        "N",
+        "",
+        "error of the thrust amplitude: numerical, from tolerance or step, "
+        "and twice the standard error of the mean over revolutions",
+        (ORDER,),
+        optional=True,
+    ),
+    Output(
+        "groove_thrust_amplitude",
+        "N",
+        "A_k",
+        "amplitude of the rotating orders of the thrust in each groove",
+        (_GROOVE, ORDER),
+        convention=_PHASE,
+    ),
+    Output(
+        "groove_thrust_phase_deg",
+        "degree",
+        "p_k",
+        "phase of the rotating orders of the thrust in each groove",
+        (_GROOVE, ORDER),
+        angle=True,
+        convention=_PHASE,
+    ),
+    Output(
+        PART_OUTPUTS[0],
+        "N",
+        "A_k",
+        "amplitude of the rotating orders of each mechanism's part of the thrust "
+        "force, and of the remainder: inertia and numerical error",
+        (_PART, ORDER),
+    ),
+    Output(
+        PART_OUTPUTS[1],
+        "degree",
+        "p_k",
+        "phase of the rotating orders of each mechanism's part of the thrust force",
+        (_PART, ORDER),
+        angle=True,
+        convention=_PHASE,
+    ),
     Output("friction_power_w", "W", "P", "mean power dissipated by each friction mechanism", (_MECHANISM,)),
-    Output("needle_skew_deg", "degree", "psi", "skew of the most loaded needle at this rotation angle",
-           (_TRUNNION, ROTATION), optional=True, convention=_SKEW),
-    Output("needle_skew_summary_deg", "degree", "psi", "mean, smallest and largest skew per revolution of the most "
-           "loaded needle", (_TRUNNION, _CYCLE, _STATISTIC), optional=True, convention=_SKEW),
+    Output(
+        "needle_skew_deg",
+        "degree",
+        "psi",
+        "skew of the most loaded needle at this rotation angle",
+        (_TRUNNION, ROTATION),
+        optional=True,
+        convention=_SKEW,
+    ),
+    Output(
+        "needle_skew_summary_deg",
+        "degree",
+        "psi",
+        "mean, smallest and largest skew per revolution of the most loaded needle",
+        (_TRUNNION, _CYCLE, _STATISTIC),
+        optional=True,
+        convention=_SKEW,
+    ),
     Output("largest_penetration_um", "um", "delta", "largest penetration of any contact"),
-    Output("energy_residual", "1", "", "input less output less friction power, over the friction power (or over a "
-           "thousandth of the transmitted power, where that is larger)"),
-    Output(VIBRATION_OUTPUTS[0], "1", "", "factor by which a self-excited vibration grows per revolution while it is "
-           "small; 1 where none grows", optional=True, on_request=True),
-    Output(VIBRATION_OUTPUTS[1], "s-1", "", "rate at which a self-excited vibration grows while it is small, mean over "
-           "a revolution; 0 where none grows", optional=True, on_request=True, response=True),
-    Output(VIBRATION_OUTPUTS[2], "Hz", "", "frequency of a self-excited vibration while it is small; 0 where none "
-           "grows", optional=True, on_request=True),
-    Output(VIBRATION_OUTPUTS[3], "N", "", "effective value of the thrust force above order 12, with the vibration that "
-           "was followed", optional=True, on_request=True, response=True),
+    Output(
+        "energy_residual",
+        "1",
+        "",
+        "input less output less friction power, over the friction power (or over a "
+        "thousandth of the transmitted power, where that is larger)",
+    ),
+    Output(
+        VIBRATION_OUTPUTS[0],
+        "1",
+        "",
+        "factor by which a self-excited vibration grows per revolution while it is small; 1 where none grows",
+        optional=True,
+        on_request=True,
+    ),
+    Output(
+        VIBRATION_OUTPUTS[1],
+        "s-1",
+        "",
+        "rate at which a self-excited vibration grows while it is small, mean over a revolution; 0 where none grows",
+        optional=True,
+        on_request=True,
+        response=True,
+    ),
+    Output(
+        VIBRATION_OUTPUTS[2],
+        "Hz",
+        "",
+        "frequency of a self-excited vibration while it is small; 0 where none grows",
+        optional=True,
+        on_request=True,
+    ),
+    Output(
+        VIBRATION_OUTPUTS[3],
+        "N",
+        "",
+        "effective value of the thrust force above order 12, with the vibration that was followed",
+        optional=True,
+        on_request=True,
+        response=True,
+    ),
     *RATE_OUTPUTS,
-]  # fmt: skip
+]
 
 JOINT_OUTPUTS = by_name(_OUTPUTS)
 """All outputs of the joint by name."""

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.joint.numerical_error import LEAD
 from tripod_doe.joint.orders import ahead, complex_amplitudes
 from tripod_doe.joint.readings import groove_thrust
@@ -18,11 +18,6 @@ from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, run
 from tripod_doe.simulator import Outcome
-
-__all__ = ["FollowedJoint", "Motion", "Pass", "StoppedError"]
-
-ComplexArray = NDArray[np.complex128]
-FloatArray = NDArray[np.float64]
 
 _BEGUN_ANEW = 3
 """How often the first pass is begun anew, with half the steps, where it stops on its way."""
@@ -38,59 +33,29 @@ class StoppedError(Exception):
 
 @dataclass(frozen=True)
 class Motion:
-    """What following a joint came to.
+    """What following a joint came to."""
 
-    Attributes
-    ----------
-    result
-        All revolutions, up to where the run stopped; the sampled ones at the end are those of the finest pass.
-    sampled
-        Number of revolutions that are sampled; 0 where the run stopped on its way.
-    setting, lag
-        Tolerance or step of the finest pass, and the rotation angle in rad by which its thrust is late.
-    error
-        Numerical error of every order, shape (order,).
-    missed
-        By how much the error misses what is asked for, and what would mend it; empty where it does not.
-    runs
-        All runs, for the work that they took.
-    swings
-        Whether it still swings in.
-    repeats
-        Whether its revolutions are alike, so that what it misses is due to its steps.
-    """
-
+    # all revolutions, up to where the run stopped; the sampled ones at the end are those of the finest pass
     result: Run
-    sampled: int
+    sampled: int  # number of revolutions that are sampled; 0 where the run stopped on its way
+    # setting, lag: tolerance or step of the finest pass, and the rotation angle in rad by which its thrust is late
     setting: float
     lag: float
-    error: FloatArray
-    missed: str
-    runs: tuple[Run, ...]
-    swings: bool = False
-    repeats: bool = True
+    error: FloatArray  # numerical error of every order, shape (order,)
+    missed: str  # by how much the error misses what is asked for, and what would mend it; empty where it does not
+    runs: tuple[Run, ...]  # all runs, for the work that they took
+    swings: bool = False  # whether it still swings in
+    repeats: bool = True  # whether its revolutions are alike, so that what it misses is due to its steps
 
 
 @dataclass(frozen=True)
 class Pass:
-    """The sampled revolutions, followed with one setting.
+    """The sampled revolutions, followed with one setting."""
 
-    Attributes
-    ----------
-    setting
-        Tolerance or step.
-    parts
-        Runs, each of which goes on where the one before it ended.
-    before
-        Samples of the first part before the sampled revolutions.
-    orders
-        Complex orders of the thrust, shape (revolution, order).
-    """
-
-    setting: float
-    parts: tuple[Run, ...]
-    before: int
-    orders: ComplexArray
+    setting: float  # tolerance or step
+    parts: tuple[Run, ...]  # runs, each of which goes on where the one before it ended
+    before: int  # samples of the first part before the sampled revolutions
+    orders: ComplexArray  # complex orders of the thrust, shape (revolution, order)
 
     @property
     def evaluations_per_sample(self) -> float:
@@ -100,26 +65,15 @@ class Pass:
 
 @dataclass
 class FollowedJoint:
-    """A joint, how it is followed, and all runs of it so far.
+    """A joint, how it is followed, and all runs of it so far."""
 
-    Attributes
-    ----------
-    assembly, values, method
-        The joint, its operating point, and the method.
-    samples
-        Samples per revolution.
-    limits
-        What one revolution may show.
-    runs
-        All runs, for the work that they took.
-    """
-
+    # assembly, values, method: the joint, its operating point, and the method
     assembly: Assembly
     values: JointValues[float]
     method: Method
-    samples: int
-    limits: Limits
-    runs: list[Run] = field(default_factory=list)
+    samples: int  # samples per revolution
+    limits: Limits  # what one revolution may show
+    runs: list[Run] = field(default_factory=list)  # all runs, for the work that they took
 
     @property
     def left(self) -> int:
@@ -206,18 +160,25 @@ class FollowedJoint:
         pieces = [(first.parts[0], slice(0, first.before - finest.before)), (finest.parts[0], slice(None))]
         pieces += [(part, slice(1, None)) for part in finest.parts[1:]]
         return replace(
-            _joined(pieces), energy_residual=max((part.energy_residual for part in finest.parts), key=abs),
-            outcome=(worst := _worst(finest.parts)).outcome, detail=worst.detail,
-        )  # fmt: skip
+            _joined(pieces),
+            energy_residual=max((part.energy_residual for part in finest.parts), key=abs),
+            outcome=(worst := _worst(finest.parts)).outcome,
+            detail=worst.detail,
+        )
 
     def _follow(self, setting: float, samples: int, start: State | None) -> Run:
         """Follow so many samples, from the start of the scene or from a state."""
         controlled, settings = self.method.controlled, Settings(budget=max(self.left, 1))
         result = run(
-            self.assembly, self.method.name, samples * self._time_of_sample, step=None if controlled else setting,
-            samples=samples, settings=settings._replace(tolerance=setting) if controlled else settings, start=start,
+            self.assembly,
+            self.method.name,
+            samples * self._time_of_sample,
+            step=None if controlled else setting,
+            samples=samples,
+            settings=settings._replace(tolerance=setting) if controlled else settings,
+            start=start,
             limits=replace(self.limits, turned_over=self.limits.turned_over * samples / self.samples),
-        )  # fmt: skip
+        )
         self.runs.append(result)
         if result.times.size <= samples:
             raise StoppedError(result)
@@ -249,7 +210,10 @@ def _joined(pieces: Sequence[tuple[Run, slice]]) -> Run:
         for name in ("times", "positions", "velocities")
     )
     return replace(
-        worst, times=times, positions=positions, velocities=velocities,
+        worst,
+        times=times,
+        positions=positions,
+        velocities=velocities,
         penetration=max(part.penetration for part, _ in pieces),
         energy_residual=max((part.energy_residual for part, _ in pieces), key=abs),
-    )  # fmt: skip
+    )

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.initial_state import GROOVE_ANGLES
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.assembly import Assembly
@@ -14,10 +14,6 @@ from tripod_doe.mechanics.contact import add_contacts
 from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.scene import GROUND
 from tripod_doe.mechanics.tables import FIRST, Slopes
-
-__all__ = ["groove_readings", "groove_thrust", "needle_drift", "needle_skews", "ring", "turned"]
-
-FloatArray = NDArray[np.float64]
 
 _ALONG = np.array([0.0, 0.0, 1.0])
 

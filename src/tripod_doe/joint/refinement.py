@@ -16,18 +16,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.chance import mean_and_chance, swung_in
 from tripod_doe.joint.goal import Goal
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.passes import FollowedJoint, Motion, Pass, StoppedError
 from tripod_doe.joint.roller_inertia import roller_inertia
 from tripod_doe.joint.values import JointValues
-
-__all__ = ["first_tolerance", "refine"]
-
-FloatArray = NDArray[np.float64]
 
 _RESOLVED = ((60, 8.7e-3), (550, 4.4e-3), (1500, 2.9e-3), (math.inf, 1.7e-3))
 """Coarsest tolerance that resolves the motion, by the largest ratio of a groove's normal force to the force that keeps
@@ -76,25 +72,15 @@ _DEAREST = 256
 
 @dataclass(frozen=True)
 class _Comparison:
-    """Two passes held against what is asked for.
+    """Two passes held against what is asked for."""
 
-    Attributes
-    ----------
-    by_steps
-        Error of every order by the steps of the finer pass, shape (order,).
-    by_chance
-        Error of every order by rattling, shape (order,).
-    sizes, allowed
-        What errors are relative to, and how large they may be (infinite where nothing is asked for), shape (order,).
-    swung_in
-        First revolutions of both passes that do not count.
-    """
-
-    by_steps: FloatArray
-    by_chance: FloatArray
+    by_steps: FloatArray  # error of every order by the steps of the finer pass, shape (order,)
+    by_chance: FloatArray  # error of every order by rattling, shape (order,)
+    # sizes, allowed: what errors are relative to, and how large they may be (infinite where nothing is asked for),
+    # shape (order,)
     sizes: FloatArray
     allowed: FloatArray
-    swung_in: int
+    swung_in: int  # first revolutions of both passes that do not count
 
     @classmethod
     def of(
@@ -215,7 +201,7 @@ def refine(joint: FollowedJoint, goal: Goal, setting: float) -> Motion:
     sampled, lag, whole = len(finest.orders) - dropped, joint.lag(finest.setting), joint.motion(first, finest)
     return Motion(
         whole, sampled, finest.setting, lag, error, swings or missed, tuple(joint.runs), bool(swings), repeats
-    )  # fmt: skip
+    )
 
 
 def _once_swung_in(joint: FollowedJoint, first: Pass, goal: Goal) -> tuple[Pass, str]:

@@ -22,8 +22,6 @@ from tripod_doe.joint.roller_balance import STILL, groove_forces, leaning_contac
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel, kernel_part
 from tripod_doe.mechanics.lanes import load, spread, store
 
-__all__ = ["settle_still"]
-
 _SWEEPS = 30
 
 

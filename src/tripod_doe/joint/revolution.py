@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.balance_constants import PointConstants, point_constants_of
 from tripod_doe.joint.kinematics import ideal_motion
 from tripod_doe.joint.linear_lap import LinearLap
@@ -21,59 +22,55 @@ from tripod_doe.mechanics.by_reference import ByReference
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel, kernel_part
 from tripod_doe.mechanics.lanes import WIDTH, load, pick, select, spread, store
 
-__all__ = [
-    "EIGHT_SAMPLES", "Memory", "balance_spider", "changed", "follow_root", "force_scale", "motion_at", "remember",
-    "repeat_first", "skew_of", "start", "store_wrench", "sum_of",
-]  # fmt: skip
-
-FloatArray = NDArray[np.float64]
-
-EIGHT_SAMPLES = np.dtype([
-    (name, float, (1, WIDTH))
-    for name in (
-        "cosine", "sine",                                 # of the groove's angle ahead of the trunnions
-        "slip",                                           # along the rolling direction, mm/s
-        "lean",                                           # force along the trunnion over N
-        "root",                                           # a_H of the contact ellipse, mm
-        "normal",                                         # N
-        "moved", "far",                                   # whether a sweep changed slip or lean, and by much
-        "across_1", "across_2", "about_shaft",            # what the groove does to the spider over N
-        "load_1", "load_2", "load_about",                 # what inertia does to the spider
-        "past_tilt", "past_spin",                         # earlier samples' part of backward differences
-        "tilt", "tilt_gain", "spin", "spin_gain",         # sin a and spin, and what the unknowns' changes add
-        "slip_step", "slip_carry", "lean_step", "lean_carry",  # wanted changes, and what earlier ones add to them
-        "needle_force", "needle_moment", "needle_swing", "steering",  # what needles and yaw add (`AddedMotion`)
-    )
-])  # fmt: skip
+EIGHT_SAMPLES = np.dtype(
+    [
+        (name, float, (1, WIDTH))
+        for name in (
+            "cosine",
+            "sine",  # of the groove's angle ahead of the trunnions
+            "slip",  # along the rolling direction, mm/s
+            "lean",  # force along the trunnion over N
+            "root",  # a_H of the contact ellipse, mm
+            "normal",  # N
+            "moved",
+            "far",  # whether a sweep changed slip or lean, and by much
+            "across_1",
+            "across_2",
+            "about_shaft",  # what the groove does to the spider over N
+            "load_1",
+            "load_2",
+            "load_about",  # what inertia does to the spider
+            "past_tilt",
+            "past_spin",  # earlier samples' part of backward differences
+            "tilt",
+            "tilt_gain",
+            "spin",
+            "spin_gain",  # sin a and spin, and what the unknowns' changes add
+            "slip_step",
+            "slip_carry",
+            "lean_step",
+            "lean_carry",  # wanted changes, and what earlier ones add to them
+            "needle_force",
+            "needle_moment",
+            "needle_swing",
+            "steering",  # what needles and yaw add (`AddedMotion`)
+        )
+    ]
+)
 """Fields of eight samples of a groove; those from `load_1` on are used by the kinetostatic model."""
 
 
 @dataclass(frozen=True, eq=False)
 class Memory(ByReference):
-    """What the kernels write while they solve a point.
+    """What the kernels write while they solve a point."""
 
-    Attributes
-    ----------
-    samples
-        Samples of a revolution.
-    eights
-        Records of `EIGHT_SAMPLES`, shape (3, eights).
-    turns
-        Cosine and sine of the skew of each trunnion's needles, shape (3, 2).
-    powers
-        Of the five mechanisms and the input shaft, shape (6, eights, 8).
-    state
-        All numbers in `eights`.
-    lap, noted, wide
-        Of `coupled_balance`: its linear system, four notes of the unknowns, shape (4, 3, sample, 5), and the row with
-        enlarged transition velocities.
-    """
-
-    samples: int
-    eights: NDArray[np.void]
-    turns: FloatArray
-    powers: FloatArray
-    state: FloatArray
+    samples: int  # samples of a revolution
+    eights: NDArray[np.void]  # records of `EIGHT_SAMPLES`, shape (3, eights)
+    turns: FloatArray  # cosine and sine of the skew of each trunnion's needles, shape (3, 2)
+    powers: FloatArray  # of the five mechanisms and the input shaft, shape (6, eights, 8)
+    state: FloatArray  # all numbers in `eights`
+    # lap, noted, wide: of `coupled_balance`: its linear system, four notes of the unknowns, shape (4, 3, sample, 5),
+    # and the row with enlarged transition velocities
     lap: LinearLap
     noted: FloatArray
     wide: FloatArray
@@ -85,9 +82,15 @@ class Memory(ByReference):
         records = np.zeros((3, eights), EIGHT_SAMPLES)
         state = records.view(float).reshape(-1)
         return cls(
-            samples, records, np.zeros((3, 2)), np.zeros((6, eights, WIDTH)),
-            state, LinearLap.for_samples(samples), np.zeros((4, 3, samples, 5)), np.zeros(len(PointConstants._fields)),
-        )  # fmt: skip
+            samples,
+            records,
+            np.zeros((3, 2)),
+            np.zeros((6, eights, WIDTH)),
+            state,
+            LinearLap.for_samples(samples),
+            np.zeros((4, 3, samples, 5)),
+            np.zeros(len(PointConstants._fields)),
+        )
 
 
 @inlined_kernel

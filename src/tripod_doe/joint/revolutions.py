@@ -10,10 +10,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import resample
 
+from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
 from tripod_doe.joint.readings import groove_readings, needle_skews
 from tripod_doe.joint.thrust_parts import thrust_parts
@@ -23,11 +23,6 @@ from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, run
 from tripod_doe.simulator import Outcome
-
-__all__ = ["JointInTurns", "Revolution", "StoppedError", "unrest"]
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _RATE = 2e4
 """Least samples per second: contact damping keeps the contacts, which could vibrate faster, from doing so."""
@@ -60,33 +55,17 @@ class StoppedError(Exception):
 
 @dataclass(frozen=True)
 class Revolution:
-    """What is read off one revolution, in internal units; waveforms at the samples of the run's results.
+    """What is read off one revolution, in internal units; waveforms at the samples of the run's results."""
 
-    Attributes
-    ----------
-    thrust
-        At each groove, shape (groove, sample).
-    thirds
-        Complex orders of their sum, each third of the revolution by itself, shape (3, order).
-    parts
-        Part of each mechanism, shape (part, sample); None unless requested.
-    power
-        Mean power lost to each mechanism, shape (mechanism,).
-    unrests
-        Effective value of the thrust above the orders that are reported, in each third, shape (3,).
-    skew, skew_summary
-        See `needle_skews`; None without needles.
-    penetration, energy_residual
-        See `mechanics.run.Run`.
-    """
-
-    thrust: FloatArray
-    thirds: ComplexArray
-    parts: FloatArray | None
-    power: FloatArray
-    unrests: FloatArray
+    thrust: FloatArray  # at each groove, shape (groove, sample)
+    thirds: ComplexArray  # complex orders of their sum, each third of the revolution by itself, shape (3, order)
+    parts: FloatArray | None  # part of each mechanism, shape (part, sample); None unless requested
+    power: FloatArray  # mean power lost to each mechanism, shape (mechanism,)
+    unrests: FloatArray  # effective value of the thrust above the orders that are reported, in each third, shape (3,)
+    # skew, skew_summary: see `needle_skews`; None without needles
     skew: FloatArray | None
     skew_summary: FloatArray | None
+    # penetration, energy_residual: see `mechanics.run.Run`
     penetration: float
     energy_residual: float
 
@@ -104,46 +83,23 @@ class Revolution:
 
 @dataclass
 class JointInTurns:
-    """A joint that is followed revolution by revolution.
+    """A joint that is followed revolution by revolution."""
 
-    Attributes
-    ----------
-    assembly, values
-        The joint and its operating point.
-    method
-        How it is followed.
-    samples
-        Samples per revolution of the results.
-    limits
-        What a revolution may show.
-    budget
-        Force evaluations that are left.
-    split
-        Whether the thrust is split into the parts of the mechanisms.
-    state
-        Where it has come to; None at its start.
-    last_turn
-        The last revolution that was followed.
-    halved
-        How often tolerances or steps are halved from the start of each revolution.
-    turns, stops
-        Revolutions, or parts of them, that were begun so, and those of them that stopped on their way.
-    steps, force_evaluations, solves
-        Counted work.
-    """
-
+    # assembly, values: the joint and its operating point
     assembly: Assembly
     values: JointValues[float]
-    method: Method
-    samples: int
-    limits: Limits
-    budget: int
-    split: bool = False
-    state: State | None = None
-    last_turn: Run | None = None
-    halved: int = 0
+    method: Method  # how it is followed
+    samples: int  # samples per revolution of the results
+    limits: Limits  # what a revolution may show
+    budget: int  # force evaluations that are left
+    split: bool = False  # whether the thrust is split into the parts of the mechanisms
+    state: State | None = None  # where it has come to; None at its start
+    last_turn: Run | None = None  # the last revolution that was followed
+    halved: int = 0  # how often tolerances or steps are halved from the start of each revolution
+    # turns, stops: revolutions, or parts of them, that were begun so, and those of them that stopped on their way
     turns: int = 0
     stops: int = 0
+    # steps, force_evaluations, solves: counted work
     steps: int = 0
     force_evaluations: int = 0
     solves: int = 0
@@ -217,10 +173,16 @@ class JointInTurns:
         controlled = self.method.controlled
         settings = Settings(budget=max(self.budget, 1), correction=_CORRECTION)
         result = run(
-            self.assembly, self.method.name, duration, step=None if controlled else setting, samples=_BALANCED,
-            start=self.state, limits=self.limits, every_step=True,
+            self.assembly,
+            self.method.name,
+            duration,
+            step=None if controlled else setting,
+            samples=_BALANCED,
+            start=self.state,
+            limits=self.limits,
+            every_step=True,
             settings=settings._replace(tolerance=setting) if controlled else settings,
-        )  # fmt: skip
+        )
         self.steps, self.solves = self.steps + result.steps, self.solves + result.solves
         self.force_evaluations += result.force_evaluations
         self.budget -= result.force_evaluations
@@ -256,10 +218,16 @@ class JointInTurns:
             skew, summary = needle_skews(self.assembly, result.positions[nearest], self.values, 1)
         parts = at_equal_distances(thrust_parts(self.assembly, *states, self.values).sum(1)) if self.split else None
         return Revolution(
-            resample(thrust, self.samples, axis=-1), _orders_of_thirds(total),
-            None if parts is None else resample(parts, self.samples, axis=-1), power.mean(1), _unrests(total, 3),
-            skew, summary, result.penetration, result.energy_residual,
-        )  # fmt: skip
+            resample(thrust, self.samples, axis=-1),
+            _orders_of_thirds(total),
+            None if parts is None else resample(parts, self.samples, axis=-1),
+            power.mean(1),
+            _unrests(total, 3),
+            skew,
+            summary,
+            result.penetration,
+            result.energy_residual,
+        )
 
 
 def unrest(thrust: FloatArray) -> float:

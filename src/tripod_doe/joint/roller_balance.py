@@ -12,76 +12,41 @@ from tripod_doe.joint.balance_constants import flank
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel_part
 from tripod_doe.mechanics.laws import hyperbolic_tangent
 
-__all__ = [
-    "STILL",
-    "AddedMotion",
-    "Contact",
-    "GrooveForces",
-    "Skew",
-    "groove_forces",
-    "leaning_contact",
-    "spider_wrench",
-    "thrust_of_each",
-]
-
 
 class GrooveForces(NamedTuple):
-    """One roller in its groove at one rotation angle; forces, moments (mm) and powers (mm/s) over the normal force N.
+    """One roller in its groove at one rotation angle; forces, moments (mm), powers (mm/s) per normal force N."""
 
-    Attributes
-    ----------
-    moment, moment_slope
-        About the trunnion, and its derivative for the slip.
-    trunnion_force
-        (f t + P) / N, which the leaning normal must balance.
-    feedback
-        Derivative of the trunnion force for the force that the contact angle was made from.
-    sin_a, cos_a
-        Of the contact angle.
-    friction_tau, friction_z
-        Sliding friction across and along the groove.
-    moment_n, moment_tau, moment_z
-        Spinning moment, and rolling resistance across and along the groove.
-    sliding_power, spinning_power, rolling_power, needle_sliding_power, needle_rolling_power
-        Lost to each mechanism.
-    needle_sliding_moment, needle_rolling_moment
-        Of the needles about the trunnion.
-    spin, spin_gain
-        Of the roller on its trunnion in rad/s, and its derivative for the slip.
-    inertia_gain
-        Derivative of the moment for the spin of earlier samples.
-    tilt_gain
-        Derivative of sin_a for the force that the contact angle was made from.
-    swing_gain
-        Derivative of the trunnion force for those of earlier samples.
-    axis_z
-        Part of the roller's axis along the groove.
-    """
-
+    # moment, moment_slope: about the trunnion, and its derivative for the slip
     moment: float
     moment_slope: float
-    trunnion_force: float
-    feedback: float
+    trunnion_force: float  # (f t + P) / N, which the leaning normal must balance
+    feedback: float  # derivative of the trunnion force for the force that the contact angle was made from
+    # sin_a, cos_a: of the contact angle
     sin_a: float
     cos_a: float
+    # friction_tau, friction_z: sliding friction across and along the groove
     friction_tau: float
     friction_z: float
+    # moment_n, moment_tau, moment_z: spinning moment, and rolling resistance across and along the groove
     moment_n: float
     moment_tau: float
     moment_z: float
+    # sliding_power, spinning_power, rolling_power, needle_sliding_power, needle_rolling_power: lost to each mechanism
     sliding_power: float
     spinning_power: float
     rolling_power: float
     needle_sliding_power: float
     needle_rolling_power: float
+    # needle_sliding_moment, needle_rolling_moment: of the needles about the trunnion
     needle_sliding_moment: float
     needle_rolling_moment: float
+    # spin, spin_gain: of the roller on its trunnion in rad/s, and its derivative for the slip
     spin: float
     spin_gain: float
-    inertia_gain: float
-    tilt_gain: float
-    swing_gain: float
-    axis_z: float
+    inertia_gain: float  # derivative of the moment for the spin of earlier samples
+    tilt_gain: float  # derivative of sin_a for the force that the contact angle was made from
+    swing_gain: float  # derivative of the trunnion force for those of earlier samples
+    axis_z: float  # part of the roller's axis along the groove
 
 
 class Skew(NamedTuple):
@@ -92,56 +57,36 @@ class Skew(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """Where a roller touches its groove.
+    """Where a roller touches its groove."""
 
-    Attributes
-    ----------
-    sin_a, cos_a
-        Of the contact angle.
-    t_tau, t_n
-        The trunnion's direction across the groove and along the normal.
-    steepness
-        Derivative of the normal's part along the trunnion for the contact angle, but for its sign.
-    """
-
+    # sin_a, cos_a: of the contact angle
     sin_a: float
     cos_a: float
+    # t_tau, t_n: the trunnion's direction across the groove and along the normal
     t_tau: float
     t_n: float
-    steepness: float
+    steepness: float  # derivative of the normal's part along the trunnion for the contact angle, but for its sign
 
 
 class AddedMotion(NamedTuple):
-    """What a roller's mass, and its motion between samples, add to the balance; zero in `equilibrium`.
+    """What a roller's mass, and its motion between samples, add to the balance; zero in `equilibrium`."""
 
-    Attributes
-    ----------
-    plunge, rocking
-        Velocity along the trunnion in mm/s of the roller's centre, and of its bore besides, where the needles are.
-    swing, swing_gain
-        Slip across the groove in mm/s, and its derivative for the force that the contact angle was made from.
-    inertia
-        Moment about the trunnion over N and the change of the spin, mm s/rad.
-    past_spin
-        What earlier samples add to the backward difference of the spin, rad/s.
-    trunnion_force
-        Inertial force along the trunnion, over N.
-    needle_force, needle_moment
-        What needles that move by themselves add along and about the trunnion, over N; the moment in mm.
-    steering
-        What a yawed roller's axis has along the groove beyond its trunnion, rad.
-    """
-
+    # plunge, rocking: velocity along the trunnion in mm/s of the roller's centre, and of its bore besides, where the
+    # needles are
     plunge: float
     rocking: float
+    # swing, swing_gain: slip across the groove in mm/s, and its derivative for the force that the contact angle was
+    # made from
     swing: float
     swing_gain: float
-    inertia: float
-    past_spin: float
-    trunnion_force: float
+    inertia: float  # moment about the trunnion over N and the change of the spin, mm s/rad
+    past_spin: float  # what earlier samples add to the backward difference of the spin, rad/s
+    trunnion_force: float  # inertial force along the trunnion, over N
+    # needle_force, needle_moment: what needles that move by themselves add along and about the trunnion, over N; the
+    # moment in mm
     needle_force: float
     needle_moment: float
-    steering: float
+    steering: float  # what a yawed roller's axis has along the groove beyond its trunnion, rad
 
 
 STILL = AddedMotion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["roller_inertia"]
-
-FloatArray = NDArray[np.float64]
+from tripod_doe.array_types import FloatArray
 
 
 def roller_inertia(

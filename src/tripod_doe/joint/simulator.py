@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.joint import models
 from tripod_doe.joint.candidates import JOINT_CANDIDATES
@@ -33,9 +34,6 @@ from tripod_doe.simulator import (
     Value,
     is_set,
 )
-
-__all__ = ["JointSimulator", "simulator"]
-
 
 _KIND = ("model", "method", "samples_per_revolution", "cycles")
 """Parameters that points have in common which one run of a solver can answer."""
@@ -108,9 +106,9 @@ class JointSimulator(Simulator):
         models_of = np.asarray(points["model"], object)
         return ModelErrors(QUANTITY, FINEST, models_of, expected, limit, unknown, departures)
 
-    def recorded_errors(self, points: Mapping[str, NDArray[Any]], demands: Demands) -> NDArray[np.float64] | None:
+    def recorded_errors(self, points: Mapping[str, NDArray[Any]], demands: Demands) -> FloatArray | None:
         """Errors of the second and third order against `needles` at measured points like these."""
-        found: NDArray[np.float64] | None = None
+        found: FloatArray | None = None
         for model, rows, own in _by_model(points):
             errors = similar_errors(model.name, own, demands)
             if errors is None:
@@ -179,7 +177,7 @@ class JointSimulator(Simulator):
         block.coordinates.update(self.labels(block.outputs, first))
         return block
 
-    def _kinds(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[tuple[str, str, int, int], NDArray[np.int64]]]:
+    def _kinds(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[tuple[str, str, int, int], IntArray]]:
         """Positions of the points with the same model, method, samples per revolution and cycles."""
         count, columns = len(points["model"]), {name: np.asarray(points[name]) for name in _KIND}
         one = count > 0 and all((column == column[0]).all() for column in columns.values())  # as in most blocks
@@ -197,7 +195,7 @@ class JointSimulator(Simulator):
 
 def _by_model(
     points: Mapping[str, NDArray[Any]],
-) -> Iterator[tuple[models.Model, NDArray[np.int64], dict[str, NDArray[Any]]]]:
+) -> Iterator[tuple[models.Model, IntArray, dict[str, NDArray[Any]]]]:
     """The points of each model: their positions and all their parameters."""
     names = list(dict.fromkeys(points["model"].tolist()))
     for name in names:
@@ -205,14 +203,14 @@ def _by_model(
         yield models.MODELS[name], rows, _of_rows(points, rows)
 
 
-def _of_rows(points: Mapping[str, NDArray[Any]], rows: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
+def _of_rows(points: Mapping[str, NDArray[Any]], rows: IntArray) -> dict[str, NDArray[Any]]:
     """All parameters of some points, whose ascending rows are given; no copies where these are all points."""
     if rows.size == len(points["model"]):
         return {name: np.asarray(column) for name, column in points.items()}
     return {name: np.asarray(column)[rows] for name, column in points.items()}
 
 
-def _values(model: models.Model, method: str, columns: Mapping[str, NDArray[Any]]) -> JointValues[NDArray[np.float64]]:
+def _values(model: models.Model, method: str, columns: Mapping[str, NDArray[Any]]) -> JointValues[FloatArray]:
     """Values of points in internal units, with the method's own numerics where they are not given."""
     numbers = {}
     for name, parameter in JOINT_PARAMETERS.items():
@@ -224,7 +222,7 @@ def _values(model: models.Model, method: str, columns: Mapping[str, NDArray[Any]
 
 
 def _refused(
-    model: models.Model, method: str, columns: Mapping[str, NDArray[Any]], values: JointValues[NDArray[np.float64]]
+    model: models.Model, method: str, columns: Mapping[str, NDArray[Any]], values: JointValues[FloatArray]
 ) -> dict[int, tuple[Outcome, str]]:
     """Points of one model and method that are not run, with outcome and reason."""
     refused: dict[int, tuple[Outcome, str]] = {}

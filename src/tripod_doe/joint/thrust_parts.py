@@ -40,6 +40,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.outputs import PARTS
 from tripod_doe.joint.readings import ring, turned
 from tripod_doe.joint.values import JointValues
@@ -49,10 +50,6 @@ from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.contact import add_contacts
 from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.tables import FIRST, Slopes
-
-__all__ = ["thrust_parts"]
-
-FloatArray = NDArray[np.float64]
 
 _Z = np.array([0.0, 0.0, 1.0])
 _LAWS = ("sliding", "spinning", "rolling")

@@ -12,30 +12,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.values import JointValues
-
-__all__ = ["Transition", "least_speed", "slides_too_slowly", "transition_velocities"]
-
-FloatArray = NDArray[np.float64]
 
 _FLOOR = 1e-3  # mm/s and rad/s: at zero speed or joint angle nothing slips, and tanh(0 / floor) says so
 
 
 @dataclass(frozen=True)
 class Transition:
-    """Transition velocities a point, each of shape (point,).
+    """Transition velocities a point, each of shape (point,)."""
 
-    Attributes
-    ----------
-    groove_sliding, needle_sliding
-        In mm/s, of the slip at the groove and of a needle along its axis on trunnion and bore.
-    groove_rolling, roller_spin, spinning
-        In rad/s, of the rolling in the groove, of the roller's turning on its trunnion (at which all its needles
-        reach theirs), and of the spinning about the normal of the groove.
-    """
-
+    # groove_sliding, needle_sliding: in mm/s, of the slip at the groove and of a needle along its axis on trunnion and
+    # bore
     groove_sliding: FloatArray
     needle_sliding: FloatArray
+    # groove_rolling, roller_spin, spinning: in rad/s, of the rolling in the groove, of the roller's turning on its
+    # trunnion (at which all its needles reach theirs), and of the spinning about the normal of the groove
     groove_rolling: FloatArray
     roller_spin: FloatArray
     spinning: FloatArray

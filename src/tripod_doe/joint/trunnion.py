@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.feasibility import infeasible
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.multibody_run import compile_joint, follow
@@ -28,10 +29,6 @@ from tripod_doe.mechanics.run import Run, method_named
 from tripod_doe.mechanics.scenes.simulator import RUN_OUTPUTS, SceneSimulator
 from tripod_doe.simulator import Outcome, Output, Parameter, by_name
 
-__all__ = ["TrunnionSimulator", "simulator"]
-
-FloatArray = NDArray[np.float64]
-
 _SAMPLES = 360
 """Samples of the rotation angle per revolution."""
 
@@ -43,18 +40,28 @@ _NEEDLES = MODELS["needles"]
 _ROTATION = replace(ROTATION, labels=rotation_angles(_SAMPLES), length_parameter=None)
 
 _OUTPUTS = [
-    Output("groove_thrust", "N", "F_1", "axial force on the groove, positive towards the intermediate shaft",
-           (_ROTATION,)),
-    Output("groove_thrust_amplitude", "N", "A_k", "amplitude of the rotating orders of the axial force on the groove",
-           (ORDER,)),
-    Output("groove_thrust_phase_deg", "degree", "p_k", "phase of the rotating orders of the axial force on the groove",
-           (ORDER,), angle=True),
-    Output("needle_skew_deg", "degree", "psi", "skew of the most loaded needle at this rotation angle",
-           (_ROTATION,)),
-    Output("needle_drift_mm", "mm", "", "mean shift of the needles along the trunnion since the start",
-           (_ROTATION,)),
+    Output(
+        "groove_thrust", "N", "F_1", "axial force on the groove, positive towards the intermediate shaft", (_ROTATION,)
+    ),
+    Output(
+        "groove_thrust_amplitude",
+        "N",
+        "A_k",
+        "amplitude of the rotating orders of the axial force on the groove",
+        (ORDER,),
+    ),
+    Output(
+        "groove_thrust_phase_deg",
+        "degree",
+        "p_k",
+        "phase of the rotating orders of the axial force on the groove",
+        (ORDER,),
+        angle=True,
+    ),
+    Output("needle_skew_deg", "degree", "psi", "skew of the most loaded needle at this rotation angle", (_ROTATION,)),
+    Output("needle_drift_mm", "mm", "", "mean shift of the needles along the trunnion since the start", (_ROTATION,)),
     *RUN_OUTPUTS,
-]  # fmt: skip
+]
 
 
 def _numerics(name: str) -> Parameter:

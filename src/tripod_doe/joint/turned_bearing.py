@@ -9,8 +9,6 @@ import numpy as np
 from tripod_doe.joint.contact import needle_loads
 from tripod_doe.mechanics.compilation import kernel, kernel_part
 
-__all__ = ["turned_bearing"]
-
 _NEWTON = 100
 """Iterations, at most; ten to twenty are usual."""
 _WITHIN = 0.98

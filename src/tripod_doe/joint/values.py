@@ -6,11 +6,9 @@ from dataclasses import dataclass, fields
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["JointValues"]
+from tripod_doe.array_types import FloatArray
 
-FloatArray = NDArray[np.float64]
 Number = TypeVar("Number", float, FloatArray)
 
 
@@ -21,15 +19,6 @@ class JointValues(Generic[Number]):
     Every field is named as its parameter (`parameters.JOINT_PARAMETERS`), without the unit; coefficients of mechanisms
     that are switched off are zero (`parameters.internal_values`). NaN stands for a step, a tolerance or a transition
     velocity that is not given.
-
-    Attributes
-    ----------
-    groove_stiffness
-        C of roller and groove, N / mm^1.5.
-    groove_axis_factor
-        Semi-major axis of the groove's contact over f_n^(1/3), mm / N^(1/3).
-    needle_stiffness
-        C of a whole needle against one part, N / mm^(10/9).
     """
 
     joint_angle: Number
@@ -73,9 +62,9 @@ class JointValues(Generic[Number]):
     accuracy: Number
     cycles: Number
     evaluation_budget: Number
-    groove_stiffness: Number
-    groove_axis_factor: Number
-    needle_stiffness: Number
+    groove_stiffness: Number  # C of roller and groove, N / mm^1.5
+    groove_axis_factor: Number  # semi-major axis of the groove's contact over f_n^(1/3), mm / N^(1/3)
+    needle_stiffness: Number  # C of a whole needle against one part, N / mm^(10/9)
 
     @property
     def initial_skews(self) -> tuple[Number, Number, Number]:

@@ -14,8 +14,8 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.feasibility import room_for_needles
 from tripod_doe.joint.goal import SMALLEST_THIRD
 from tripod_doe.joint.joint_run import JointRun, VibrationReadings
@@ -29,10 +29,6 @@ from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.first_compilation import first_compilation
 from tripod_doe.mechanics.run import Limits, Run, run
 from tripod_doe.simulator import Outcome
-
-__all__ = ["VibratingJoint"]
-
-FloatArray = NDArray[np.float64]
 
 _BUILT_UP = 1.5
 """Factor of the thrust's unrest above which departures do not just grow but become a vibration."""
@@ -58,9 +54,14 @@ class VibratingJoint:
     """
 
     def __init__(
-        self, values: JointValues[float], vibration: Vibration, samples: int, limits: Limits,
-        allowed: Callable[[FloatArray], FloatArray], split: bool,
-    ) -> None:  # fmt: skip
+        self,
+        values: JointValues[float],
+        vibration: Vibration,
+        samples: int,
+        limits: Limits,
+        allowed: Callable[[FloatArray], FloatArray],
+        split: bool,
+    ) -> None:
         self._values, self._vibration, self._samples, self._limits = values, vibration, samples, limits
         self._allowed, self._split, self._joints = allowed, split, list[JointInTurns]()
 
@@ -85,10 +86,12 @@ class VibratingJoint:
         else:
             done = self._told(followed, needles)
         return replace(
-            done, steps=sum(joint.steps for joint in self._joints), solves=sum(joint.solves for joint in self._joints),
+            done,
+            steps=sum(joint.steps for joint in self._joints),
+            solves=sum(joint.solves for joint in self._joints),
             force_evaluations=sum(joint.force_evaluations for joint in self._joints),
             followed=sum(joint.state.time for joint in self._joints[-1:] if joint.state),
-        )  # fmt: skip
+        )
 
     def verdict(self, third: float | None, limit: float) -> tuple[Outcome, str]:
         """Whether a run without the vibration may be used: its outcome, and a note.
@@ -130,9 +133,14 @@ class VibratingJoint:
         method, setting = undamped(needles, self._vibration.growth.frequency)
         budget = int(self._values.evaluation_budget)
         joint = JointInTurns(
-            assemble(build_joint(self._values, needles)), self._values, method, self._samples, self._limits, budget,
+            assemble(build_joint(self._values, needles)),
+            self._values,
+            method,
+            self._samples,
+            self._limits,
+            budget,
             self._split,
-        )  # fmt: skip
+        )
         builds_up = self._vibration.builds_up and not needles
         self._joints.append(joint)
         with first_compilation(f"vibrating joints with {method.name}", seconds=30):

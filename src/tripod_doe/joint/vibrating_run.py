@@ -20,18 +20,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.joint.chance import mean_and_chance
 from tripod_doe.joint.joint_run import Readings
 from tripod_doe.joint.revolutions import JointInTurns, Revolution
 from tripod_doe.mechanics.integrators.contract import Method
 from tripod_doe.mechanics.integrators.registry import METHODS
 
-__all__ = ["FollowedVibration", "follow_vibration", "undamped"]
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 Allowed = Callable[[FloatArray], FloatArray]
 
 _FINER = 4.0
@@ -86,37 +82,21 @@ _TOLERANCE, _LONGEST_STEP, _ANGLE = 4e-3, 3e-5, 0.25
 
 @dataclass(frozen=True)
 class FollowedVibration:
-    """What following a vibration came to.
+    """What following a vibration came to."""
 
-    Attributes
-    ----------
-    revolutions, followed
-        Number of revolutions that the orders are the mean of, and of all that were followed.
-    setting
-        Tolerance or step of the finest of them.
-    third, scatter
-        Third order of the thrust, and the standard deviation of that of a revolution.
-    unrest
-        Effective value of the thrust above the orders that are reported.
-    steady
-        Whether the vibration has stopped growing.
-    certain
-        Whether all orders are as certain as asked for, too.
-    lacking
-        About how many force evaluations that would take besides, where the budget did not allow them; 0 elsewhere.
-    readings
-        Its results; the error of an order is by chance (twice the standard deviation of the mean) and by the steps.
-    """
-
+    # revolutions, followed: number of revolutions that the orders are the mean of, and of all that were followed
     revolutions: int
     followed: int
-    setting: float
+    setting: float  # tolerance or step of the finest of them
+    # third, scatter: third order of the thrust, and the standard deviation of that of a revolution
     third: float
     scatter: float
-    unrest: float
-    steady: bool
-    certain: bool
+    unrest: float  # effective value of the thrust above the orders that are reported
+    steady: bool  # whether the vibration has stopped growing
+    certain: bool  # whether all orders are as certain as asked for, too
+    # about how many force evaluations that would take besides, where the budget did not allow them; 0 elsewhere
     lacking: float
+    # its results; the error of an order is by chance (twice the standard deviation of the mean) and by the steps
     readings: Readings
 
 
@@ -172,20 +152,11 @@ def _afforded(joint: JointInTurns, share: float = 1.0) -> int:
 
 @dataclass(frozen=True)
 class _Compared:
-    """Revolutions in finer steps held against those before.
+    """Revolutions in finer steps held against those before."""
 
-    Attributes
-    ----------
-    pooled
-        Whether the mean is that of both.
-    mean
-        Mean complex orders, shape (order,).
-    by_steps, by_chance, allowed
-        Errors of each, and what they may be, shape (order,).
-    """
-
-    pooled: bool
-    mean: ComplexArray
+    pooled: bool  # whether the mean is that of both
+    mean: ComplexArray  # mean complex orders, shape (order,)
+    # by_steps, by_chance, allowed: errors of each, and what they may be, shape (order,)
     by_steps: FloatArray
     by_chance: FloatArray
     allowed: FloatArray
@@ -205,9 +176,12 @@ class _Compared:
         both = share * before + (1 - share) * mean
         finer = cls(False, mean, by_steps, chance, allowed(np.abs(mean)))
         pooled = cls(
-            True, both, (1 + (_FINER - 1) * share) * by_steps,
-            np.hypot(share * chance_before, (1 - share) * chance), allowed(np.abs(both)),
-        )  # fmt: skip
+            True,
+            both,
+            (1 + (_FINER - 1) * share) * by_steps,
+            np.hypot(share * chance_before, (1 - share) * chance),
+            allowed(np.abs(both)),
+        )
         if pooled.certain and len(fine) < _FEWEST:
             return pooled
         return min(finer, pooled, key=lambda one: one.miss)
@@ -294,9 +268,13 @@ def _thirds(revolutions: Sequence[Revolution]) -> ComplexArray:
 
 
 def _followed(
-    joint: JointInTurns, passed: Sequence[Revolution], coarse: Sequence[Revolution], fine: Sequence[Revolution],
-    setting: float, found: _Compared,
-) -> FollowedVibration:  # fmt: skip
+    joint: JointInTurns,
+    passed: Sequence[Revolution],
+    coarse: Sequence[Revolution],
+    fine: Sequence[Revolution],
+    setting: float,
+    found: _Compared,
+) -> FollowedVibration:
     """All that was found, with what is read off the revolutions that are kept."""
     kept = [*coarse, *fine] if found.pooled else list(fine)
     skew, summary = None, None
@@ -306,10 +284,15 @@ def _followed(
         summary = np.concatenate([each.skew_summary for each in last if each.skew_summary is not None], axis=1)
     parts = [each.parts for each in kept if each.parts is not None]
     readings = Readings(
-        np.array([each.thrust for each in kept]), np.array(parts) if parts else None,
-        np.mean([each.power for each in kept], axis=0), found.error, skew, summary,
-        max(each.penetration for each in passed), max((each.energy_residual for each in kept), key=abs),
-    )  # fmt: skip
+        np.array([each.thrust for each in kept]),
+        np.array(parts) if parts else None,
+        np.mean([each.power for each in kept], axis=0),
+        found.error,
+        skew,
+        summary,
+        max(each.penetration for each in passed),
+        max((each.energy_residual for each in kept), key=abs),
+    )
     scatter = float(found.by_chance[3]) / 2 * math.sqrt(len(kept))
     steady = _is_steady(fine)
     certain, lacking = steady and found.certain, 0.0
@@ -317,6 +300,14 @@ def _followed(
         more = len(kept) * (found.miss**2 - 1) if found.wants_revolutions else _DEARER * len(fine)
         lacking = (more if steady else len(fine)) * joint.evaluations_per_revolution
     return FollowedVibration(
-        len(kept), len(passed), setting, float(abs(found.mean[3])), scatter,
-        float(np.mean([each.unrest for each in kept])), steady, certain, lacking, readings,
-    )  # fmt: skip
+        len(kept),
+        len(passed),
+        setting,
+        float(abs(found.mean[3])),
+        scatter,
+        float(np.mean([each.unrest for each in kept])),
+        steady,
+        certain,
+        lacking,
+        readings,
+    )

@@ -26,8 +26,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.multibody_scene import build_joint
 from tripod_doe.joint.numerical_error import LEAD
 from tripod_doe.joint.orders import complex_amplitudes
@@ -39,10 +39,6 @@ from tripod_doe.mechanics.floquet import Growth, departure_matrices, fastest_gro
 from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, run
 from tripod_doe.quantities import duration
-
-__all__ = ["Vibration", "damping_against", "growing_vibration"]
-
-FloatArray = NDArray[np.float64]
 
 _METHOD = "adaptive-euler"
 """The method whose motion is tested: it damps vibrations. A method that damps little is on its way into them,
@@ -83,24 +79,12 @@ _STRONGER, _LEAST_DAMPING = (2.0, 4.0, 8.0, 16.0, 32.0), 1e-4
 
 @dataclass(frozen=True)
 class Vibration:
-    """A vibration that grows from the smooth motion of a joint.
+    """A vibration that grows from the smooth motion of a joint."""
 
-    Attributes
-    ----------
-    growth
-        How fast small departures grow.
-    third
-        Third order of the thrust in the smooth motion.
-    unrest
-        Effective value of the thrust above the orders that are reported, in the smooth motion.
-    states
-        Few states of the smooth motion, at the middles of equal parts of a revolution.
-    """
-
-    growth: Growth
-    third: float
-    unrest: float
-    states: tuple[State, ...] = ()
+    growth: Growth  # how fast small departures grow
+    third: float  # third order of the thrust in the smooth motion
+    unrest: float  # effective value of the thrust above the orders that are reported, in the smooth motion
+    states: tuple[State, ...] = ()  # few states of the smooth motion, at the middles of equal parts of a revolution
 
     @property
     def described(self) -> str:
@@ -222,8 +206,12 @@ def _smooth(
     """
     before = look.samples // LEAD if other else look.samples
     found = run(
-        assembly, _METHOD, 2 * math.pi / values.speed * (1 + before / look.samples), samples=look.samples + before,
-        start=other.before(LEAD) if other else None, settings=Settings(tolerance=look.tolerance),
+        assembly,
+        _METHOD,
+        2 * math.pi / values.speed * (1 + before / look.samples),
+        samples=look.samples + before,
+        start=other.before(LEAD) if other else None,
+        settings=Settings(tolerance=look.tolerance),
         limits=Limits(windows=0),
-    )  # fmt: skip
+    )
     return _Smooth(found, look) if found.times.size > look.samples + before else None

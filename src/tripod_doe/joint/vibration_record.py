@@ -15,12 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.nearest import ALIKE, nearest_rows
 from tripod_doe.simulator import NOTABLE_ERROR
-
-__all__ = ["SHARE", "SHARE_MEANING", "VIBRATES_BY", "VIBRATING", "vibration_errors", "vibration_share"]
-
-FloatArray = NDArray[np.float64]
 
 VIBRATING = Path(__file__).with_name("vibrating_joints.csv")
 """File of the recorded joints."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import roots_gegenbauer
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.mechanics import scene as parts
 from tripod_doe.mechanics.elimination import elimination_pattern
@@ -28,11 +29,8 @@ from tripod_doe.mechanics.tables import (
     Pattern,
     Tables,
     Work,
-)  # fmt: skip
+)
 
-__all__ = ["Assembly", "State", "assemble"]
-
-FloatArray = NDArray[np.float64]
 _AXES = np.eye(3)
 _CACHE_LINE = 64
 """Bytes that a processor reads at once."""
@@ -40,21 +38,11 @@ _CACHE_LINE = 64
 
 @dataclass
 class State:
-    """Positions and velocities of all bodies at one time: the only thing that changes.
+    """Positions and velocities of all bodies at one time: the only thing that changes."""
 
-    Attributes
-    ----------
-    time
-        Time.
-    positions
-        Centre of mass and quaternion, shape (body, 7); body 0 is the ground.
-    velocities
-        Velocity and angular velocity in world axes, shape (body, 6).
-    """
-
-    time: float
-    positions: FloatArray
-    velocities: FloatArray
+    time: float  # time
+    positions: FloatArray  # centre of mass and quaternion, shape (body, 7); body 0 is the ground
+    velocities: FloatArray  # velocity and angular velocity in world axes, shape (body, 6)
 
     def copy(self) -> State:
         """An independent copy."""
@@ -63,21 +51,11 @@ class State:
 
 @dataclass(frozen=True)
 class Assembly:
-    """A scene ready to run.
+    """A scene ready to run."""
 
-    Attributes
-    ----------
-    scene
-        What it was made from.
-    names
-        Body names in the order of the tables; the ground is first.
-    tables
-        What kernels read.
-    """
-
-    scene: parts.Scene
-    names: tuple[str, ...]
-    tables: Tables
+    scene: parts.Scene  # what it was made from
+    names: tuple[str, ...]  # body names in the order of the tables; the ground is first
+    tables: Tables  # what kernels read
 
     def initial_state(self) -> State:
         """The state that the scene describes, at time 0."""
@@ -383,6 +361,12 @@ def _tables(
 ) -> Tables:
     scales = np.array([scene.length_scale, scene.speed_scale, scene.rotation_scale, scene.time_scale])
     return Tables(
-        bodies, *elements, np.zeros(0, CONSTRAINT_ROW), np.array(scene.gravity, float),
-        np.array(scene.frame, float), scales, np.flatnonzero(bodies["block"] >= 0), pattern,
-    )  # fmt: skip
+        bodies,
+        *elements,
+        np.zeros(0, CONSTRAINT_ROW),
+        np.array(scene.gravity, float),
+        np.array(scene.frame, float),
+        scales,
+        np.flatnonzero(bodies["block"] >= 0),
+        pattern,
+    )

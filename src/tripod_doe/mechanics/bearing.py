@@ -35,8 +35,6 @@ from tripod_doe.mechanics.bearing_zone import in_world, place_bore, press_slice,
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.rotations import add, cross, load_vector, subtract
 
-__all__ = ["apply_to_body", "bearing_compression", "bearing_forces", "rolling_torque"]
-
 
 @kernel
 def bearing_forces(bearings, positions, velocities, force, ledger):

@@ -9,8 +9,6 @@ from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.pairs import add_pair
 from tripod_doe.mechanics.rotations import add, load_vector, subtract
 
-__all__ = ["bearing_matrices"]
-
 
 @inlined_kernel
 def _slope(secant, chord, magnitude, transition):

@@ -21,8 +21,6 @@ from tripod_doe.mechanics import laws
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.rotations import add, cross, dot, load_attitude, load_vector, rotate, scale, subtract
 
-__all__ = ["in_world", "place_bore", "press_slice", "slice_offset"]
-
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
@@ -100,10 +98,23 @@ def place_bore(bearing, positions, velocities):
     rate = subtract(moving, scale(dot(moving, axis), bore))
     lean_rate = subtract(leaning, scale(dot(leaning, axis), bore))
     return _Fit(
-        place, first, second, axis, dot(offset, first), dot(offset, second), dot(bore, first), dot(bore, second),
-        dot(rate, first), dot(rate, second), dot(lean_rate, first), dot(lean_rate, second),
-        dot(velocity, axis), dot(turn, first), dot(turn, second), dot(turn, axis),
-    )  # fmt: skip
+        place,
+        first,
+        second,
+        axis,
+        dot(offset, first),
+        dot(offset, second),
+        dot(bore, first),
+        dot(bore, second),
+        dot(rate, first),
+        dot(rate, second),
+        dot(lean_rate, first),
+        dot(lean_rate, second),
+        dot(velocity, axis),
+        dot(turn, first),
+        dot(turn, second),
+        dot(turn, axis),
+    )
 
 
 @inlined_kernel
@@ -185,10 +196,15 @@ def press_slice(bearing, fit, station, clearance, x, y, reach):
     lever = pitch * zone.along / max(zone.total, 1e-300)
     axial = fit.axial + lever * (fit.turn_1 * n_2 - fit.turn_2 * n_1)
     return _Slice(
-        n_1, n_2, zone, closing, n_1 * rate_2 - n_2 * rate_1,
+        n_1,
+        n_2,
+        zone,
+        closing,
+        n_1 * rate_2 - n_2 * rate_1,
         max(zone.total + 0.5 * bearing.damping * closing * zone.along, 0.0),
-        lever, bearing.cosine * axial - bearing.skew_lever * fit.spin,
-    )  # fmt: skip
+        lever,
+        bearing.cosine * axial - bearing.skew_lever * fit.spin,
+    )
 
 
 @inlined_kernel

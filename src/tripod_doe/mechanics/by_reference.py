@@ -19,8 +19,6 @@ from numba.core import types
 from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.extending import NativeValue, lower_getattr_generic, models, register_model, typeof_impl, unbox
 
-__all__ = ["ByReference"]
-
 _WORD = ir.IntType(64)
 
 

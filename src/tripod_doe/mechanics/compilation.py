@@ -20,8 +20,6 @@ from numba.core.registry import CPUDispatcher
 
 from tripod_doe.mechanics.sources import cache_root, source_hashes
 
-__all__ = ["KernelLocator", "inlined_kernel", "inner_kernel", "kernel", "kernel_part"]
-
 _PACKAGE = Path(__file__).resolve().parent.parent
 _MARK = "is_kernel"
 

@@ -23,10 +23,8 @@ from tripod_doe.mechanics.rotations import (
     rotate,
     scale,
     subtract,
-)  # fmt: skip
+)
 from tripod_doe.mechanics.tables import DISTANCE, IN_PLANE
-
-__all__ = ["evaluate_constraints", "factorise_schur", "solve_schur"]
 
 _RANK_TOLERANCE = 1e-10
 """A pivot this much below the first one belongs to a redundant equation; honest pivots of the tested scenes are

@@ -29,8 +29,6 @@ from tripod_doe.mechanics.lanes import WIDTH, everywhere, pick, row, row_of_sums
 from tripod_doe.mechanics.pairs import add_pair
 from tripod_doe.mechanics.rotations import add, cross, load_vector, scale, subtract
 
-__all__ = ["add_contacts", "largest_penetration"]
-
 
 class _Load(NamedTuple):
     """What the laws say: elastic force, normal force and its slopes; secant slopes of friction per unit of it."""
@@ -56,11 +54,16 @@ def _load(contact, spheres, motion):
     slip_speed = math.sqrt(motion.slip_t * motion.slip_t + motion.slip_b * motion.slip_b)
     roll, spin, roll_speed = _resistances(contact, normal, motion)
     return _Load(
-        elastic, normal, contact.exponent * stiffness * factor,
+        elastic,
+        normal,
+        contact.exponent * stiffness * factor,
         select(factor > 0.0, contact.damping * elastic, 0.0),
         contact.sliding * laws.secant_slope(slip_speed, contact.sliding_transition),
-        roll, spin, slip_speed, roll_speed,
-    )  # fmt: skip
+        roll,
+        spin,
+        slip_speed,
+        roll_speed,
+    )
 
 
 @inlined_kernel
@@ -82,9 +85,14 @@ def _forces(spheres, motion, acting):
     """Forces and moments of the spheres on their body."""
     n = acting.normal
     return wrench_of(
-        spheres, n, -n * acting.slide * motion.slip_t, -n * acting.slide * motion.slip_b,
-        -n * acting.spin * motion.spin, -n * acting.roll * motion.roll_t, -n * acting.roll * motion.roll_b,
-    )  # fmt: skip
+        spheres,
+        n,
+        -n * acting.slide * motion.slip_t,
+        -n * acting.slide * motion.slip_b,
+        -n * acting.spin * motion.spin,
+        -n * acting.roll * motion.roll_t,
+        -n * acting.roll * motion.roll_b,
+    )
 
 
 @inlined_kernel
@@ -92,12 +100,13 @@ def _add_powers(contact, spheres, motion, acting, powers):
     """Add the spheres' entries of the ledger to six lanes."""
     n, m = acting.normal, motion
     return (
-        powers[0] + laws.contact_energy(acting.elastic, contact.exponent, spheres.depth), powers[1],
+        powers[0] + laws.contact_energy(acting.elastic, contact.exponent, spheres.depth),
+        powers[1],
         powers[2] + n * acting.slide * (m.slip_t * m.slip_t + m.slip_b * m.slip_b),
         powers[3] + n * acting.spin * m.spin * m.spin,
         powers[4] + n * acting.roll * (m.roll_t * m.roll_t + m.roll_b * m.roll_b),
         powers[5] + (n - acting.elastic) * m.rate,
-    )  # fmt: skip
+    )
 
 
 @inlined_kernel

@@ -8,8 +8,6 @@ from tripod_doe.mechanics.contact_geometry import six, wrench_of
 from tripod_doe.mechanics.lanes import load, row_of_sums, store
 from tripod_doe.mechanics.rotations import add, cross, scale, subtract
 
-__all__ = ["add_derivatives"]
-
 
 @inlined_kernel
 def _slopes(coefficient, secant, chord, speed, transition, x, y):
@@ -50,9 +48,10 @@ def _twists(contact, s, m, acting, secant, damped):
     nn = damped * _slope(lever, secant, acting.spin, abs(m.spin), contact.spinning_transition)
     tt, tb, bb = damped * tt, damped * tb, damped * bb
     twists = (
-        add(scale(tt, s.tangent), scale(tb, s.binormal)), add(scale(tb, s.tangent), scale(bb, s.binormal)),
+        add(scale(tt, s.tangent), scale(tb, s.binormal)),
+        add(scale(tb, s.tangent), scale(bb, s.binormal)),
         scale(nn, s.normal),
-    )  # fmt: skip
+    )
     return _twist(s, 0, twists), _twist(s, 1, twists), _twist(s, 2, twists)
 
 
@@ -60,19 +59,26 @@ def _twists(contact, s, m, acting, secant, damped):
 def _mix(p, a, q, b):
     """Two multiples of six lanes each, p a + q b."""
     return (
-        p * a[0] + q * b[0], p * a[1] + q * b[1], p * a[2] + q * b[2],
-        p * a[3] + q * b[3], p * a[4] + q * b[4], p * a[5] + q * b[5],
-    )  # fmt: skip
+        p * a[0] + q * b[0],
+        p * a[1] + q * b[1],
+        p * a[2] + q * b[2],
+        p * a[3] + q * b[3],
+        p * a[4] + q * b[4],
+        p * a[5] + q * b[5],
+    )
 
 
 @inlined_kernel
 def _sums(a, b, c, x, y, z, twist):
     """One row of a x + b y + c z, summed over the spheres, with three more for the rotations."""
     return row_of_sums(
-        a * x[0] + b * y[0] + c * z[0], a * x[1] + b * y[1] + c * z[1], a * x[2] + b * y[2] + c * z[2],
-        a * x[3] + b * y[3] + c * z[3] + twist[0], a * x[4] + b * y[4] + c * z[4] + twist[1],
+        a * x[0] + b * y[0] + c * z[0],
+        a * x[1] + b * y[1] + c * z[1],
+        a * x[2] + b * y[2] + c * z[2],
+        a * x[3] + b * y[3] + c * z[3] + twist[0],
+        a * x[4] + b * y[4] + c * z[4] + twist[1],
         a * x[5] + b * y[5] + c * z[5] + twist[2],
-    )  # fmt: skip
+    )
 
 
 @inlined_kernel
@@ -86,9 +92,14 @@ def add_derivatives(contact, spheres, motion, acting, slopes, block):
     secant, by_velocity, by_position = slopes.secant, slopes.by_velocity, slopes.by_position
     # a change dN of the normal force changes the whole wrench by dN times `pull`
     pull = wrench_of(
-        s, 1.0, -acting.slide * m.slip_t, -acting.slide * m.slip_b,
-        (-4.0 / 3.0) * acting.spin * m.spin, -acting.roll * m.roll_t, -acting.roll * m.roll_b,
-    )  # fmt: skip
+        s,
+        1.0,
+        -acting.slide * m.slip_t,
+        -acting.slide * m.slip_b,
+        (-4.0 / 3.0) * acting.spin * m.spin,
+        -acting.roll * m.roll_t,
+        -acting.roll * m.roll_b,
+    )
     inward, turned, shifted = cross(s.arm, s.normal), cross(s.arm, s.tangent), cross(s.arm, s.binormal)
     across = six(s.tangent, subtract(turned, scale(s.radius, s.binormal)))
     along = six(s.binormal, add(shifted, scale(s.radius, s.tangent)))

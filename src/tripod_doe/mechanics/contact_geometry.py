@@ -18,8 +18,6 @@ from tripod_doe.mechanics.compilation import inlined_kernel
 from tripod_doe.mechanics.lanes import WIDTH, ramp, select
 from tripod_doe.mechanics.rotations import add, cross, dot, load_attitude, load_vector, rotate, scale, subtract
 
-__all__ = ["is_apart", "motion_at_contacts", "place_row", "place_spheres", "relative_motion", "six", "wrench_of"]
-
 
 class _Row(NamedTuple):
     """A row and its surface in world axes, seen from the surface.
@@ -122,7 +120,7 @@ def place_spheres(contact, place, group):
     tangent = cross(place.binormal, normal)
     return _Spheres(
         depth, radius, contact.sign * closeness, normal, tangent, place.binormal, scale(station, place.axis)
-    )  # fmt: skip
+    )
 
 
 @inlined_kernel
@@ -132,9 +130,14 @@ def motion_at_contacts(spheres, velocity, turn):
     roll_t, roll_b = dot(turn, spheres.tangent), dot(turn, spheres.binormal)
     swing = dot(moving, spheres.tangent)
     return _Motion(
-        -dot(moving, spheres.normal), swing, swing - spheres.radius * roll_b,
-        dot(moving, spheres.binormal) + spheres.radius * roll_t, dot(turn, spheres.normal), roll_t, roll_b,
-    )  # fmt: skip
+        -dot(moving, spheres.normal),
+        swing,
+        swing - spheres.radius * roll_b,
+        dot(moving, spheres.binormal) + spheres.radius * roll_t,
+        dot(turn, spheres.normal),
+        roll_t,
+        roll_b,
+    )
 
 
 @inlined_kernel
@@ -144,9 +147,10 @@ def wrench_of(spheres, normal, t, b, twist, about_t, about_b):
     turned = cross(spheres.arm, force)
     moment = add(
         scale(twist, spheres.normal),
-        add(scale(spheres.radius * b + about_t, spheres.tangent),
-            scale(about_b - spheres.radius * t, spheres.binormal)),
-    )  # fmt: skip
+        add(
+            scale(spheres.radius * b + about_t, spheres.tangent), scale(about_b - spheres.radius * t, spheres.binormal)
+        ),
+    )
     return six(force, add(turned, moment))
 
 

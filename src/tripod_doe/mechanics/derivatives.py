@@ -17,8 +17,6 @@ from numba.extending import intrinsic, register_model
 
 from tripod_doe.mechanics.lanes import WIDTH, Lanes, LanesModel, Mask, call, define, spread_lanes
 
-__all__ = ["DIRECTIONS", "variable"]
-
 DIRECTIONS = WIDTH - 1
 _DOUBLE, _INDEX = ir.DoubleType(), ir.IntType(32)
 _VECTOR = ir.VectorType(_DOUBLE, WIDTH)

@@ -22,13 +22,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import IntArray
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.lanes import everywhere, load, pick, replace, row_of_sums, store
 from tripod_doe.mechanics.tables import Pattern
-
-__all__ = ["eliminate", "elimination_pattern", "multiply", "reduce_right_side", "substitute_back"]
-
-IntArray = NDArray[np.int64]
 
 _CANCELLED = 1e-6
 """A pivot that has lost this much of its diagonal entry is looked for again with exchanges of rows."""
@@ -128,9 +125,13 @@ def _sweep(rows, k, diagonal, safe):
     pivot = pick(rows[0], k)
     scaled = (1.0 / pivot) * replace(rows[0], k, 1.0)
     rows = (
-        _swept(rows[1], k, scaled), _swept(rows[2], k, scaled), _swept(rows[3], k, scaled),
-        _swept(rows[4], k, scaled), _swept(rows[5], k, scaled), scaled,
-    )  # fmt: skip
+        _swept(rows[1], k, scaled),
+        _swept(rows[2], k, scaled),
+        _swept(rows[3], k, scaled),
+        _swept(rows[4], k, scaled),
+        _swept(rows[5], k, scaled),
+        scaled,
+    )
     share = abs(pivot / diagonal)
     return rows, share if not share > safe else safe
 
@@ -190,9 +191,13 @@ def _is_empty(block):
 def _product(block, x):
     """A 6 x 6 block times the first six of lanes."""
     return row_of_sums(
-        load(block, 0) * x, load(block, 1) * x, load(block, 2) * x,
-        load(block, 3) * x, load(block, 4) * x, load(block, 5) * x,
-    )  # fmt: skip
+        load(block, 0) * x,
+        load(block, 1) * x,
+        load(block, 2) * x,
+        load(block, 3) * x,
+        load(block, 4) * x,
+        load(block, 5) * x,
+    )
 
 
 @kernel

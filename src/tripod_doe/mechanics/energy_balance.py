@@ -5,15 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.inertia import kinetic_energies
 from tripod_doe.mechanics.tables import Work
-
-__all__ = ["EnergyBalance", "Passage"]
-
-FloatArray = NDArray[np.float64]
 
 _NOTHING = 1e-6
 
@@ -64,17 +60,10 @@ class Passage:
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """What a run missed.
+    """What a run missed."""
 
-    Attributes
-    ----------
-    turned_over
-        Largest of change, work put in and work lost, or a least value.
-    times, residuals
-        Of every sample: its time, and change less work put in plus work lost.
-    """
-
-    turned_over: float
+    turned_over: float  # largest of change, work put in and work lost, or a least value
+    # times, residuals: of every sample: its time, and change less work put in plus work lost
     times: FloatArray
     residuals: FloatArray
 

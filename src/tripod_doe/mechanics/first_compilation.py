@@ -27,8 +27,6 @@ from tripod_doe.errors import StorageError
 from tripod_doe.mechanics.sources import cache_root, source_hashes
 from tripod_doe.simulator import not_counted
 
-__all__ = ["compilations", "first_compilation"]
-
 _one_thread = threading.RLock()
 _compiling = False
 """Whether this process holds a lock: a compilation within a compilation does not ask for one, as it might wait for a

@@ -21,19 +21,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.motion import copy_vectors, evaluate
 from tripod_doe.mechanics.rotations import move
 from tripod_doe.mechanics.tables import Work
 from tripod_doe.one_thread import one_thread
-
-__all__ = ["Growth", "departure_matrices", "fastest_growth"]
-
-FloatArray = NDArray[np.float64]
 
 _DIFFERENCE = 1e-6
 """Steps of the central differences over the scales of the scene: between curvature (squared) and rounding (inverse)."""
@@ -47,25 +43,15 @@ _AT, _SPEEDS = range(2)
 
 @dataclass(frozen=True)
 class Growth:
-    """The departure from a motion that grows fastest.
+    """The departure from a motion that grows fastest."""
 
-    Attributes
-    ----------
-    factor
-        By what it has grown at the end of the motion that was looked at, at least, up to 8e307; a multiplier's size if
-        that is a period.
-    rate
-        The same as a rate, 1/time: negative where all departures die out.
-    frequency
-        Angular frequency of the departure where it grows fastest; zero where none oscillates.
-    climb
-        What departures grow by in those parts of the motion in which some oscillating one does: a logarithm, more than
-        that of the factor where they die out in between.
-    """
-
+    # by what it has grown at the end of the motion that was looked at, at least, up to 8e307; a multiplier's size if
+    # that is a period
     factor: float
-    rate: float
-    frequency: float
+    rate: float  # the same as a rate, 1/time: negative where all departures die out
+    frequency: float  # angular frequency of the departure where it grows fastest; zero where none oscillates
+    # what departures grow by in those parts of the motion in which some oscillating one does: a logarithm, more than
+    # that of the factor where they die out in between
     climb: float = 0.0
 
 

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.energy_balance import EnergyBalance, Passage
 from tripod_doe.mechanics.integrators.contract import Method
@@ -20,26 +20,16 @@ from tripod_doe.mechanics.monitor import Settings, begin_watch
 from tripod_doe.mechanics.tables import EVALUATIONS, Work
 from tripod_doe.simulator import Outcome
 
-__all__ = ["Again", "Difference", "Ways", "difference", "error_over_difference", "run_again", "ways_of"]
-
-FloatArray = NDArray[np.float64]
 _TENTH = 0.1
 
 
 @dataclass(frozen=True)
 class Ways:
-    """What differences are measured by.
+    """What differences are measured by."""
 
-    Attributes
-    ----------
-    duration
-        Time that the ways took.
-    slip, travel, spun
-        Longest slip path of a sphere, longest way of a body along an axis, and largest turn of a body about one. Turns
-        count by the length that the scene's speed_scale is at its rotation_scale.
-    """
-
-    duration: float
+    duration: float  # time that the ways took
+    # slip, travel, spun: longest slip path of a sphere, longest way of a body along an axis, and largest turn of a body
+    # about one. Turns count by the length that the scene's speed_scale is at its rotation_scale.
     slip: float
     travel: float
     spun: float
@@ -47,54 +37,27 @@ class Ways:
 
 @dataclass(frozen=True)
 class Again:
-    """A stretch of a run that was run again.
+    """A stretch of a run that was run again."""
 
-    Attributes
-    ----------
-    begin
-        When it began.
-    apart, turned
-        Largest distance between each body's places at the states of the stretch, and between its attitudes, as a
-        length; shape (body,).
-    ways
-        What the finer motion slipped, travelled and turned.
-    balance
-        Energy balance of the finer motion.
-    evaluations
-        Force evaluations that it took.
-    outcome
-        How it ended; the rest holds up to there.
-    """
-
-    begin: float
+    begin: float  # when it began
+    # apart, turned: largest distance between each body's places at the states of the stretch, and between its
+    # attitudes, as a length; shape (body,)
     apart: FloatArray
     turned: FloatArray
-    ways: Ways
-    balance: EnergyBalance
-    evaluations: int
-    outcome: Outcome
+    ways: Ways  # what the finer motion slipped, travelled and turned
+    balance: EnergyBalance  # energy balance of the finer motion
+    evaluations: int  # force evaluations that it took
+    outcome: Outcome  # how it ended; the rest holds up to there
 
 
 @dataclass(frozen=True)
 class Difference:
-    """The largest difference to half the steps over the way that it is measured by: how large, of which body, when.
+    """The largest difference to half the steps over the way that it is measured by: how large, of which body, when."""
 
-    Attributes
-    ----------
-    size
-        Difference over the slip path, or over the travel where nothing slips.
-    body
-        Number of the body.
-    begin
-        When the stretch began that has most of it.
-    way
-        What it is measured by.
-    """
-
-    size: float
-    body: int
-    begin: float
-    way: str
+    size: float  # difference over the slip path, or over the travel where nothing slips
+    body: int  # number of the body
+    begin: float  # when the stretch began that has most of it
+    way: str  # what it is measured by
 
 
 def error_over_difference(order: int, controlled: bool) -> float:

@@ -13,9 +13,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from tripod_doe.array_types import FloatArray
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel, kernel_part
 from tripod_doe.mechanics.constraints import evaluate_constraints, factorise_schur, solve_schur
 from tripod_doe.mechanics.elimination import eliminate, reduce_right_side, substitute_back
@@ -30,13 +28,6 @@ from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.motion import add_reaction_power, copy_vectors, larger, linearise_elements
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
 from tripod_doe.mechanics.tables import FACTORISATIONS, FIRST, ITERATIONS, Slopes
-
-__all__ = [
-    "LEAST_SHARE", "Stage", "factorise_multipliers", "factorise_system", "gather", "largest_correction", "lock_blocks",
-    "mask", "scatter", "solve_stage", "solve_system", "solve_tail", "solve_unconstrained",
-]  # fmt: skip
-
-FloatArray = NDArray[np.float64]
 
 _SLOW = 0.3
 """Contraction above which an iteration is slow."""
@@ -202,25 +193,17 @@ class Stage(NamedTuple):
 
     p are the momenta in axes at rest (`motion.add_momenta`), p_0 those in `Work.momenta`; or, for methods that know
     velocities `before` instead, p - p_0 = M (u - before) and Q holds the inertia forces too.
-
-    Attributes
-    ----------
-    start, base
-        Positions that displacements count from, shape (body, 7), and the known part of the displacement, (body, 6).
-    before
-        Known velocities, shape (body, 6), or empty.
-    reach, factor
-        The method's multiples of the step for positions and velocities.
-    time
-        Time of the stage.
     """
 
+    # start, base: positions that displacements count from, shape (body, 7), and the known part of the displacement,
+    # (body, 6)
     start: FloatArray
     base: FloatArray
-    before: FloatArray
+    before: FloatArray  # known velocities, shape (body, 6), or empty
+    # reach, factor: the method's multiples of the step for positions and velocities
     reach: float
     factor: float
-    time: float
+    time: float  # time of the stage
 
 
 @inlined_kernel

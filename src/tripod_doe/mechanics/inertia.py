@@ -14,12 +14,7 @@ from tripod_doe.mechanics.rotations import (
     rotation_by,
     scale,
     subtract,
-)  # fmt: skip
-
-__all__ = [
-    "add_inertia_forces", "add_inertia_matrices", "add_mass_blocks", "add_mass_product", "add_momenta",
-    "divide_by_mass", "kinetic_energies", "velocity_at_rest",
-]  # fmt: skip
+)
 
 
 @inlined_kernel

@@ -16,11 +16,6 @@ from numba.core import cgutils, types
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
-__all__ = [
-    "WIDTH", "Lanes", "LanesModel", "Mask", "call", "clear", "define", "everywhere", "load", "pick", "ramp", "replace",
-    "root_guess", "row", "row_of_sums", "select", "spread", "spread_lanes", "store",
-]  # fmt: skip
-
 WIDTH = 8
 _DOUBLE, _INTEGER, _INDEX = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
 _VECTOR = ir.VectorType(_DOUBLE, WIDTH)
@@ -100,8 +95,12 @@ def _comparison(sign: str) -> Any:
     return lambda builder, a, b: builder.fcmp_ordered(sign, a, b)
 
 
-for _function, _name in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul"),
-                         (operator.truediv, "fdiv")):  # fmt: skip
+for _function, _name in (
+    (operator.add, "fadd"),
+    (operator.sub, "fsub"),
+    (operator.mul, "fmul"),
+    (operator.truediv, "fdiv"),
+):
     define(_function, 2, LANES, _pairwise(_name))
 for _function, _sign in ((operator.gt, ">"), (operator.lt, "<"), (operator.le, "<=")):
     define(_function, 2, _MASK, _comparison(_sign))

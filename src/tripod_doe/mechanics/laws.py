@@ -11,11 +11,6 @@ import math
 from tripod_doe.mechanics.compilation import inlined_kernel
 from tripod_doe.mechanics.lanes import root_guess, select
 
-__all__ = [
-    "contact_energy", "contact_force", "contact_secant", "damping_factor", "hyperbolic_tangent", "relative_tangent",
-    "rolling_moment", "root", "secant_slope", "spinning_lever", "tangent_slope",
-]  # fmt: skip
-
 _BITS_OF_ONE = (1023.0 - 0.045) * 2.0**52
 """The bits of 1.0 read as an integer, less what makes the error of `root`'s guess smallest."""
 

@@ -21,9 +21,9 @@ from collections.abc import Iterable
 from dataclasses import astuple, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigvals, null_space, solve
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.constraints import evaluate_constraints
 from tripod_doe.mechanics.inertia import add_inertia_matrices, add_mass_blocks
@@ -31,25 +31,16 @@ from tripod_doe.mechanics.motion import linearise_elements
 from tripod_doe.mechanics.rates import Rates
 from tripod_doe.mechanics.tables import Slopes
 
-__all__ = ["Matrices", "fastest_rates", "linear_matrices", "rates_at"]
-
-FloatArray = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Matrices:
-    """Linearisation of a scene, reduced to the motions that locks and constraints leave; each of shape (dof, dof).
+    """Linearisation of a scene, reduced to the motions that locks and constraints leave; each of shape (dof, dof)."""
 
-    Attributes
-    ----------
-    mass, stiffness
-        M, and K = -dQ/dq.
-    tangent, secant
-        D = -dQ/dv with the exact tangent of every friction law, and with its secant across and along the slip.
-    """
-
+    # mass, stiffness: M, and K = -dQ/dq
     mass: FloatArray
     stiffness: FloatArray
+    # tangent, secant: D = -dQ/dv with the exact tangent of every friction law, and with its secant across and along the
+    # slip
     tangent: FloatArray
     secant: FloatArray
 

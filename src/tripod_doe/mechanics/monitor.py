@@ -5,19 +5,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from tripod_doe.array_types import FloatArray
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.constraints import evaluate_constraints
 from tripod_doe.mechanics.lanes import load, select, store
 from tripod_doe.mechanics.motion import accelerate, generalized_forces, larger
 from tripod_doe.mechanics.tables import EVALUATIONS, STEPS, TRACED, Tables, Work
-
-__all__ = [
-    "DIVERGED", "EVALUATION_LIMIT", "FINISHED", "RUNAWAY", "STEP_LIMIT", "TRACE_FULL", "Settings", "accept",
-    "begin_watch",
-]  # fmt: skip
 
 FINISHED, DIVERGED, STEP_LIMIT, EVALUATION_LIMIT = 0, 1, 3, 4
 """How a stretch of a run ended; the integers are those of `results.Outcome`."""
@@ -34,39 +27,21 @@ _ROLLING = 0.01
 
 
 class Settings(NamedTuple):
-    """Numerics of a run.
+    """Numerics of a run."""
 
-    Attributes
-    ----------
-    tolerance
-        Relative tolerance of methods that control their step.
-    floor
-        Smallest step before a run gives up.
-    budget
-        Largest number of force evaluations.
-    iterations, correction
-        Largest number of iterations of an implicit stage, and the relative correction at which they end.
-    baumgarte
-        Rate of Baumgarte's stabilisation, 0 for none.
-    projection
-        Whether states are projected onto the constraints after every step.
-    controlled
-        Whether methods with step control use it; without they take equal steps.
-    """
-
-    tolerance: float = 1e-6
-    floor: float = 1e-13
-    budget: int = 2_000_000_000
+    tolerance: float = 1e-6  # relative tolerance of methods that control their step
+    floor: float = 1e-13  # smallest step before a run gives up
+    budget: int = 2_000_000_000  # largest number of force evaluations
+    # iterations, correction: largest number of iterations of an implicit stage, and the relative correction at which
+    # they end
     iterations: int = 60
     correction: float = 1e-9
-    baumgarte: float = 0.0
-    projection: bool = True
-    controlled: bool = True
+    baumgarte: float = 0.0  # rate of Baumgarte's stabilisation, 0 for none
+    projection: bool = True  # whether states are projected onto the constraints after every step
+    controlled: bool = True  # whether methods with step control use it; without they take equal steps
 
 
-def begin_watch(
-    tables: Tables, work: Work, positions: NDArray[np.float64], velocities: NDArray[np.float64], time: float
-) -> None:
+def begin_watch(tables: Tables, work: Work, positions: FloatArray, velocities: FloatArray, time: float) -> None:
     """Note the state that a run starts from, so that the first step has powers and slips to compare with."""
     generalized_forces(tables, work, positions, velocities)
     accelerate(tables, work, positions, velocities, time, 0.0)

@@ -15,11 +15,6 @@ from tripod_doe.mechanics.rotations import load_attitude, load_vector, move, rot
 from tripod_doe.mechanics.springs import add_springs
 from tripod_doe.mechanics.tables import EVALUATIONS, FIRST, LINEARISATIONS, Slopes
 
-__all__ = [
-    "accelerate", "add_reaction_power", "constraint_rate", "copy_vectors", "evaluate", "generalized_forces", "larger",
-    "linearise", "linearise_elements", "project", "project_positions", "project_velocities", "settle",
-]  # fmt: skip
-
 _PROJECTION_SWEEPS = 4
 
 

@@ -12,8 +12,6 @@ from importlib.metadata import version
 
 from tripod_doe.errors import InputError
 
-__all__ = ["PARTS", "TRIED", "check_numba"]
-
 TRIED = ">=0.61,<0.69"
 """Versions of numba, as pyproject.toml writes them."""
 
@@ -29,13 +27,23 @@ PARTS = {
     "numba.core.event": ("RecordingListener", "install_listener"),
     "numba.core.registry": ("CPUDispatcher",),
     "numba.core.typing.templates": (
-        "AttributeTemplate", "ConcreteTemplate", "infer_getattr", "infer_global", "signature",
+        "AttributeTemplate",
+        "ConcreteTemplate",
+        "infer_getattr",
+        "infer_global",
+        "signature",
     ),
     "numba.extending": (
-        "NativeValue", "intrinsic", "lower_builtin", "lower_getattr_generic", "models", "register_model",
-        "typeof_impl", "unbox",
+        "NativeValue",
+        "intrinsic",
+        "lower_builtin",
+        "lower_getattr_generic",
+        "models",
+        "register_model",
+        "typeof_impl",
+        "unbox",
     ),
-}  # fmt: skip
+}
 """Names that are used, by the module or class that has them."""
 
 

@@ -6,8 +6,6 @@ from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 from tripod_doe.mechanics.lanes import load, pick, row, store
 from tripod_doe.mechanics.rotations import add, cross
 
-__all__ = ["add_pair"]
-
 
 @kernel
 def add_pair(matrix, pair, block, arm_a, arm_b):
@@ -35,14 +33,15 @@ def _add_column(matrix, of_a, of_b, block, arm, arm_a, arm_b, sign):
     """Add the derivatives of both bodies' forces by the motion of the one whose centre is at -arm."""
     # a velocity v and an angular velocity w of the body move the place by v - arm x w
     x, y, z = arm
-    by_x, by_y, by_z = (
-        row(0.0, 0.0, 0.0, 0.0, z, -y), row(0.0, 0.0, 0.0, -z, 0.0, x), row(0.0, 0.0, 0.0, y, -x, 0.0)
-    )  # fmt: skip
+    by_x, by_y, by_z = (row(0.0, 0.0, 0.0, 0.0, z, -y), row(0.0, 0.0, 0.0, -z, 0.0, x), row(0.0, 0.0, 0.0, y, -x, 0.0))
     rows = (
-        _shifted(load(block, 0), by_x, by_y, by_z), _shifted(load(block, 1), by_x, by_y, by_z),
-        _shifted(load(block, 2), by_x, by_y, by_z), _shifted(load(block, 3), by_x, by_y, by_z),
-        _shifted(load(block, 4), by_x, by_y, by_z), _shifted(load(block, 5), by_x, by_y, by_z),
-    )  # fmt: skip
+        _shifted(load(block, 0), by_x, by_y, by_z),
+        _shifted(load(block, 1), by_x, by_y, by_z),
+        _shifted(load(block, 2), by_x, by_y, by_z),
+        _shifted(load(block, 3), by_x, by_y, by_z),
+        _shifted(load(block, 4), by_x, by_y, by_z),
+        _shifted(load(block, 5), by_x, by_y, by_z),
+    )
     if of_a >= 0:
         _add_rows(matrix[of_a], rows, arm_a, sign)
     if of_b >= 0:

@@ -6,34 +6,25 @@ from dataclasses import dataclass
 
 from tripod_doe.simulator import Output
 
-__all__ = ["RATE_OUTPUTS", "Rates"]
-
 RATE_OUTPUTS = tuple(
     Output(name, "s-1", symbol, meaning, optional=True, on_request=True)
     for name, symbol, meaning in (
         ("contact_rate_per_s", "omega", "angular frequency of the stiffest contact mode on the way"),
         ("friction_rate_per_s", "lambda", "fastest relaxation by friction and damping on the way"),
-        ("secant_lag_rate_per_s", "", "relative error by the secant slope of friction in a linearly implicit step, "
-         "over the step"),
+        (
+            "secant_lag_rate_per_s",
+            "",
+            "relative error by the secant slope of friction in a linearly implicit step, over the step",
+        ),
     )
-)  # fmt: skip
+)
 """What limits a run's step, as outputs in the order of `Rates`."""
 
 
 @dataclass(frozen=True)
 class Rates:
-    """What limits a step, each per unit of time.
+    """What limits a step, each per unit of time."""
 
-    Attributes
-    ----------
-    contact
-        Angular frequency of the stiffest mode.
-    friction
-        Fastest relaxation by friction and damping.
-    lag
-        Relative error of a linearly implicit step with the secant slope, over the step.
-    """
-
-    contact: float
-    friction: float
-    lag: float
+    contact: float  # angular frequency of the stiffest mode
+    friction: float  # fastest relaxation by friction and damping
+    lag: float  # relative error of a linearly implicit step with the secant slope, over the step

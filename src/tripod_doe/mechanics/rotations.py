@@ -10,11 +10,6 @@ import math
 
 from tripod_doe.mechanics.compilation import inlined_kernel, kernel
 
-__all__ = [
-    "add", "cross", "dot", "load_attitude", "load_vector", "move", "rotate", "rotate_back", "rotation_by",
-    "rotation_vector", "scale", "subtract", "tangent_rate",
-]  # fmt: skip
-
 
 @inlined_kernel
 def add(a, b):

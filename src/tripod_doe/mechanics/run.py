@@ -25,8 +25,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.bearing import bearing_compression
@@ -42,10 +42,6 @@ from tripod_doe.mechanics.trace import States, Trace
 from tripod_doe.quantities import number
 from tripod_doe.simulator import Outcome
 
-__all__ = ["Limits", "Run", "method_named", "run"]
-
-FloatArray = NDArray[np.float64]
-
 _TRACED = 1000
 """Steps after which a trace is emptied: the pause costs what a few steps cost."""
 
@@ -55,84 +51,57 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Limits:
-    """What a run may show and still be called finished.
+    """What a run may show and still be called finished."""
 
-    Attributes
-    ----------
-    energy
-        Energy residual over the work lost and the energy turned over. A height is off by that share, and by what the
-        sum of powers hides: hence below the twentieth that nothing may be off by.
-    turned_over
-        Energy that counts as turned over even where a motion turns over less.
-    reversals
-        Slip path in steps that reversed the slip, for the sphere that did it most, over the longest slip path; slip
-        below a hundredth of the transition velocity is rolling, whichever way it points.
-    error
-        Numerical error over the slip path. What a skewed needle drifts, or a tilted roller pushes along its groove, may
-        be a third of what slips: hence below a third of the twentieth that nothing may be off by.
-    penetration
-        Penetration over the largest radius of the body's spheres (over the scene's length if they are points), or over
-        that of a bearing's needles; every sphere and slice is looked at, at the samples.
-    drift
-        Residual of a constraint over the scene's length.
-    few
-        Steps up to which the whole run is run again; longer ones by windows.
-    windows, share
-        Windows that are run again, and their share of the run: their price is twice this. Without windows nothing is.
-    """
-
+    # energy residual over the work lost and the energy turned over. A height is off by that share, and by what the sum
+    # of powers hides: hence below the twentieth that nothing may be off by.
     energy: float = 0.04
-    turned_over: float = 0.0
+    turned_over: float = 0.0  # energy that counts as turned over even where a motion turns over less
+    # slip path in steps that reversed the slip, for the sphere that did it most, over the longest slip path; slip below
+    # a hundredth of the transition velocity is rolling, whichever way it points
     reversals: float = 0.05
+    # numerical error over the slip path. What a skewed needle drifts, or a tilted roller pushes along its groove, may
+    # be a third of what slips: hence below a third of the twentieth that nothing may be off by.
     error: float = 0.015
+    # penetration over the largest radius of the body's spheres (over the scene's length if they are points), or over
+    # that of a bearing's needles; every sphere and slice is looked at, at the samples
     penetration: float = 0.05
-    drift: float = 1e-4
-    few: int = 500
+    drift: float = 1e-4  # residual of a constraint over the scene's length
+    few: int = 500  # steps up to which the whole run is run again; longer ones by windows
+    # windows, share: windows that are run again, and their share of the run: their price is twice this. Without windows
+    # nothing is.
     windows: int = 4
     share: float = 0.04
 
 
 @dataclass(frozen=True)
 class Run:
-    """What became of a run.
+    """What became of a run."""
 
-    Attributes
-    ----------
-    assembly
-        What was run.
-    outcome, detail
-        How it ended, and if not well then why, when and at which body.
-    times, positions, velocities
-        Samples, shapes (sample,), (sample, body, 7), (sample, body, 6), from the start on; or the states after all
-        steps, where those were asked for.
-    work
-        Time integrals of the power put in and of that lost by sliding, spinning, rolling and damping.
-    energy_residual, reversals, disagreement, penetration, drift
-        The quantities that `Limits` bounds, NaN where they were not found; of the error, the difference to half the
-        steps that it follows from.
-    steps, force_evaluations, solves, check_evaluations
-        Counted work: steps, evaluations of all forces, factorisations of a linear system; evaluations of the checks.
-    followed
-        Time that was simulated, up to the end or the failure.
-    """
-
-    assembly: Assembly
+    assembly: Assembly  # what was run
+    # outcome, detail: how it ended, and if not well then why, when and at which body
     outcome: Outcome
     detail: str
+    # times, positions, velocities: samples, shapes (sample,), (sample, body, 7), (sample, body, 6), from the start on;
+    # or the states after all steps, where those were asked for
     times: FloatArray
     positions: FloatArray
     velocities: FloatArray
-    work: FloatArray
+    work: FloatArray  # time integrals of the power put in and of that lost by sliding, spinning, rolling and damping
+    # energy_residual, reversals, disagreement, penetration, drift: the quantities that `Limits` bounds, NaN where they
+    # were not found; of the error, the difference to half the steps that it follows from
     energy_residual: float
     reversals: float
     disagreement: float
     penetration: float
     drift: float
+    # steps, force_evaluations, solves, check_evaluations: counted work: steps, evaluations of all forces,
+    # factorisations of a linear system; evaluations of the checks
     steps: int
     force_evaluations: int
     solves: int
     check_evaluations: int
-    followed: float
+    followed: float  # time that was simulated, up to the end or the failure
 
 
 def method_named(name: str) -> Method:
@@ -229,11 +198,22 @@ def run(
     reversals = _reversals(assembly, memory, limits, motion.state.time, checks)
     outcome, detail = checks.failure or (Outcome.FINISHED, "")
     return Run(
-        assembly, outcome, detail, *states, memory.balance.copy(), energy, reversals, disagreement,
-        checks.penetration, float(memory.extremes[0]), int(memory.counters[STEPS]),
-        int(memory.counters[EVALUATIONS]), int(memory.counters[FACTORISATIONS]),
-        sum(piece.evaluations for piece in again), motion.state.time - motion.begin,
-    )  # fmt: skip
+        assembly,
+        outcome,
+        detail,
+        *states,
+        memory.balance.copy(),
+        energy,
+        reversals,
+        disagreement,
+        checks.penetration,
+        float(memory.extremes[0]),
+        int(memory.counters[STEPS]),
+        int(memory.counters[EVALUATIONS]),
+        int(memory.counters[FACTORISATIONS]),
+        sum(piece.evaluations for piece in again),
+        motion.state.time - motion.begin,
+    )
 
 
 @dataclass(frozen=True)
@@ -366,9 +346,16 @@ def _inspect(assembly: Assembly, states: States, passage: Passage, limits: Limit
 
 
 def _judge(
-    assembly: Assembly, balance: EnergyBalance, again: Sequence[Again], ways: Ways, whole: bool, order: int,
-    controlled: bool, limits: Limits, checks: _Checks,
-) -> tuple[float, float]:  # fmt: skip
+    assembly: Assembly,
+    balance: EnergyBalance,
+    again: Sequence[Again],
+    ways: Ways,
+    whole: bool,
+    order: int,
+    controlled: bool,
+    limits: Limits,
+    checks: _Checks,
+) -> tuple[float, float]:
     """Difference to what was run again, over the way that it is measured by, and largest share of energy missed."""
     failed = [piece for piece in again if piece.outcome != Outcome.FINISHED]
     if failed or not again:

@@ -8,11 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-__all__ = [
-    "GROUND", "Body", "Constraint", "Cylinder", "Distance", "Fixed", "Friction", "NeedleBearing", "Plane",
-    "PointInPlane", "PrescribedRotation", "Revolute", "Scene", "SphereRow", "Spherical", "Spring", "Universal",
-]  # fmt: skip
-
 Vector = tuple[float, float, float]
 
 GROUND = "ground"
@@ -23,59 +18,40 @@ Z: Vector = (0.0, 0.0, 1.0)
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid body.
+    """A rigid body."""
 
-    Attributes
-    ----------
-    name
-        Unique in its scene.
-    mass, inertia
-        Mass and principal moments of inertia about the centre of mass; the body axes are the principal ones.
-    position, attitude
-        Centre of mass and unit quaternion (scalar first, body to world axes) at the start.
-    velocity, angular_velocity
-        In world axes at the start.
-    force, moment
-        Constant load at the centre of mass, in world axes.
-    own_moment
-        Constant moment in body axes: a torque that turns with the body's axis.
-    locked
-        Velocity components (three of translation, three of rotation, world axes) that keep their starting value. A
-        locked rotation needs all three locked, or the locked axes to be principal ones (checked at the start).
-    """
-
-    name: str
+    name: str  # unique in its scene
+    # mass, inertia: mass and principal moments of inertia about the centre of mass; the body axes are the principal
+    # ones
     mass: float
     inertia: Vector
+    # position, attitude: centre of mass and unit quaternion (scalar first, body to world axes) at the start
     position: Vector = ORIGIN
     attitude: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    # velocity, angular_velocity: in world axes at the start
     velocity: Vector = ORIGIN
     angular_velocity: Vector = ORIGIN
+    # force, moment: constant load at the centre of mass, in world axes
     force: Vector = ORIGIN
     moment: Vector = ORIGIN
-    own_moment: Vector = ORIGIN
+    own_moment: Vector = ORIGIN  # constant moment in body axes: a torque that turns with the body's axis
+    # velocity components (three of translation, three of rotation, world axes) that keep their starting value. A locked
+    # rotation needs all three locked, or the locked axes to be principal ones (checked at the start).
     locked: tuple[bool, bool, bool, bool, bool, bool] = (False,) * 6
 
 
 @dataclass(frozen=True)
 class Friction:
-    """Coefficients and transition velocities of a contact: Eq. 3 (sliding), Eq. 4 (rolling), Eq. 6-7 (spinning).
+    """Coefficients and transition velocities of a contact: Eq. 3 (sliding), Eq. 4 (rolling), Eq. 6-7 (spinning)."""
 
-    Attributes
-    ----------
-    sliding, sliding_transition
-        Friction coefficient and transition velocity v_st.
-    rolling, lever, rolling_transition
-        Rolling friction coefficient, lever D/2, and transition angular velocity.
-    spinning, spinning_transition
-        Factor k of M_s = k f_n^(4/3), and transition angular velocity.
-    """
-
+    # sliding, sliding_transition: friction coefficient and transition velocity v_st
     sliding: float = 0.0
     sliding_transition: float = 1.0
+    # rolling, lever, rolling_transition: rolling friction coefficient, lever D/2, and transition angular velocity
     rolling: float = 0.0
     lever: float = 0.0
     rolling_transition: float = 1.0
+    # spinning, spinning_transition: factor k of M_s = k f_n^(4/3), and transition angular velocity
     spinning: float = 0.0
     spinning_transition: float = 1.0
 
@@ -106,41 +82,23 @@ class SphereRow:
 
     Needle rollers are rows (paper 2.3.2); the side contact of neighbouring needles is the row of one against the
     convex cylinder of the other; an end stop is a row of one with radius 0 at the needle's end against a plane.
-
-    Attributes
-    ----------
-    body
-        The body that carries the spheres.
-    surface
-        What they touch.
-    radius
-        Radius of the spheres.
-    stiffness, exponent
-        C of each sphere and m of Eq. 2.
-    centre, axis
-        Middle of the row and unit vector along it, in body axes.
-    count, length
-        Number of spheres N_s and length l of the row; sphere k sits at l ((k + 1/2) / N_s - 1/2).
-    crown
-        Drop of the profile at the ends of the row: the radius falls by crown (2 x / l)^2.
-    damping
-        Factor of Hunt and Crossley on the penetration rate.
-    friction
-        Coefficients of sliding, rolling and spinning.
     """
 
-    body: str
-    surface: Plane | Cylinder
-    radius: float
+    body: str  # the body that carries the spheres
+    surface: Plane | Cylinder  # what they touch
+    radius: float  # radius of the spheres
+    # stiffness, exponent: C of each sphere and m of Eq. 2.
     stiffness: float
     exponent: float = 1.5
+    # centre, axis: middle of the row and unit vector along it, in body axes
     centre: Vector = ORIGIN
     axis: Vector = X
+    # count, length: number of spheres N_s and length l of the row; sphere k sits at l ((k + 1/2) / N_s - 1/2)
     count: int = 1
     length: float = 0.0
-    crown: float = 0.0
-    damping: float = 0.0
-    friction: Friction = field(default_factory=Friction)
+    crown: float = 0.0  # drop of the profile at the ends of the row: the radius falls by crown (2 x / l)^2
+    damping: float = 0.0  # factor of Hunt and Crossley on the penetration rate
+    friction: Friction = field(default_factory=Friction)  # coefficients of sliding, rolling and spinning
 
 
 @dataclass(frozen=True)
@@ -150,41 +108,27 @@ class NeedleBearing:
     The needles are smeared over the circumference. They stay with the trunnion along its axis, centred on the
     trunnion's point; the bore slides over them and must be long enough. What is left over between the bore, the
     trunnion and the needles' diameter is the radial clearance, negative for preload.
-
-    Attributes
-    ----------
-    trunnion, bore
-        The two raceways: a convex and a concave cylinder of two bodies. The trunnion's point is the middle of the
-        needles, the bore's lies anywhere on its axis.
-    diameter, length, count
-        Of the needles, and their number.
-    stiffness, exponent
-        C of one slice of a needle against one raceway, and m of Eq. 2.
-    slices
-        Number N_s of slices of a needle; they sit where the spheres of a `SphereRow` do.
-    crown
-        Drop of the needle's profile at its ends, as in `SphereRow`.
-    damping
-        Factor of Hunt and Crossley on the rate of each contact's compression.
-    skew
-        Angle of the needles to the trunnion's axis, positive counterclockwise about the outward normal of the trunnion.
-    friction
-        Sliding along the needles and rolling across them, at each of their two contacts. `rolling_transition` is the
-        roller's spin on its trunnion, with which both contacts reach theirs (s r_b and s r_t over the diameter). The
-        lever is half the diameter; lever and spinning stay zero.
     """
 
+    # trunnion, bore: the two raceways: a convex and a concave cylinder of two bodies. The trunnion's point is the
+    # middle of the needles, the bore's lies anywhere on its axis.
     trunnion: Cylinder
     bore: Cylinder
+    # diameter, length, count: of the needles, and their number
     diameter: float
     length: float
     count: int
+    # stiffness, exponent: C of one slice of a needle against one raceway, and m of Eq. 2.
     stiffness: float
     exponent: float = 10 / 9
-    slices: int = 7
-    crown: float = 0.0
-    damping: float = 0.0
+    slices: int = 7  # number N_s of slices of a needle; they sit where the spheres of a `SphereRow` do
+    crown: float = 0.0  # drop of the needle's profile at its ends, as in `SphereRow`
+    damping: float = 0.0  # factor of Hunt and Crossley on the rate of each contact's compression
+    # angle of the needles to the trunnion's axis, positive counterclockwise about the outward normal of the trunnion
     skew: float = 0.0
+    # sliding along the needles and rolling across them, at each of their two contacts. `rolling_transition` is the
+    # roller's spin on its trunnion, with which both contacts reach theirs (s r_b and s r_t over the diameter). The
+    # lever is half the diameter; lever and spinning stay zero.
     friction: Friction = field(default_factory=Friction)
 
 
@@ -288,34 +232,23 @@ Constraint = Spherical | Revolute | Universal | Fixed | Distance | PointInPlane 
 
 @dataclass(frozen=True)
 class Scene:
-    """Bodies, elements and constraints of one model.
+    """Bodies, elements and constraints of one model."""
 
-    Attributes
-    ----------
-    bodies, contacts, springs, constraints, bearings
-        The parts; a body is known by its name.
-    gravity
-        Acceleration of free fall, in world axes.
-    frame
-        Constant angular velocity of the world axes and the ground about their origin: a scene that turns as a whole is
-        slow, and its positions almost constant, when it is described in axes that turn with it.
-    core
-        Bodies that many others touch: they are eliminated last, as all that take part in constraints are.
-    length_scale, speed_scale, rotation_scale
-        Displacement, speed and angular velocity that matter in this scene: tolerances and bounds are relative to them.
-    time_scale
-        Time in which the motion of the scene changes by itself: the pace of `adaptive-euler`.
-    """
-
+    # bodies, contacts, springs, constraints, bearings: the parts; a body is known by its name
     bodies: tuple[Body, ...]
     contacts: tuple[SphereRow, ...] = ()
     springs: tuple[Spring, ...] = ()
     constraints: tuple[Constraint, ...] = ()
-    gravity: Vector = ORIGIN
+    gravity: Vector = ORIGIN  # acceleration of free fall, in world axes
+    # constant angular velocity of the world axes and the ground about their origin: a scene that turns as a whole is
+    # slow, and its positions almost constant, when it is described in axes that turn with it
     frame: Vector = ORIGIN
+    # length_scale, speed_scale, rotation_scale: displacement, speed and angular velocity that matter in this scene:
+    # tolerances and bounds are relative to them
     length_scale: float = 1.0
     speed_scale: float = 1.0
     rotation_scale: float = 1.0
-    time_scale: float = 1.0
+    time_scale: float = 1.0  # time in which the motion of the scene changes by itself: the pace of `adaptive-euler`
+    # bodies that many others touch: they are eliminated last, as all that take part in constraints are
     core: tuple[str, ...] = ()
     bearings: tuple[NeedleBearing, ...] = ()

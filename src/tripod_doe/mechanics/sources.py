@@ -16,8 +16,6 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
-__all__ = ["SourceHashes", "cache_root", "hash_sources", "source_hashes"]
-
 _PACKAGE = Path(__file__).resolve().parent.parent
 _DECIDE_RESULTS = ("mechanics", "joint")
 _KERNEL_DECORATORS = {"kernel", "inlined_kernel", "inner_kernel", "kernel_part"}
@@ -25,17 +23,10 @@ _KERNEL_DECORATORS = {"kernel", "inlined_kernel", "inner_kernel", "kernel_part"}
 
 @dataclass(frozen=True)
 class SourceHashes:
-    """Hashes of 16 hex digits, both with the versions of the compiler and of numpy.
+    """Hashes of 16 hex digits, both with the versions of the compiler and of numpy."""
 
-    Attributes
-    ----------
-    results
-        Of all of mechanics and joint: results with different hashes must not be mixed.
-    kernels
-        Of the modules that contain kernels and of all that they import: names the cache of their machine code.
-    """
-
-    results: str
+    results: str  # of all of mechanics and joint: results with different hashes must not be mixed
+    # of the modules that contain kernels and of all that they import: names the cache of their machine code
     kernels: str
 
 

@@ -9,8 +9,6 @@ from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.pairs import add_pair
 from tripod_doe.mechanics.rotations import add, cross, dot, load_attitude, load_vector, rotate, scale, subtract
 
-__all__ = ["add_springs"]
-
 
 @inlined_kernel
 def _spring_state(spring, positions, velocities):

@@ -8,16 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.mechanics.by_reference import ByReference
-
-__all__ = [
-    "BODY", "CONSTRAINT_ROW", "CONTACT", "DISTANCE", "EVALUATIONS", "FACTORISATIONS", "FIRST", "IN_PLANE", "ITERATIONS",
-    "LEDGER", "LINEARISATIONS", "LOAD_ZONE_NODES", "NEEDLE_BEARING", "PERPENDICULAR", "REJECTED", "SPRING", "STEPS",
-    "TRACED", "Pattern", "Slopes", "Tables", "Work",
-]  # fmt: skip
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _VECTOR = (np.float64, (3,))
 
@@ -145,61 +137,37 @@ LEDGER = ("elastic_energy", "input_power", "sliding", "spinning", "rolling", "da
 
 
 class Slopes(NamedTuple):
-    """Which derivatives of forces are wanted; with both factors zero, none.
+    """Which derivatives of forces are wanted; with both factors zero, none."""
 
-    Attributes
-    ----------
-    secant
-        1 for the secant (lagged) slope of every friction law, 0 for its exact tangent, and between them the tangent but
-        not less than this share of the secant.
-    by_velocity, by_position
-        Factors of D = -dQ/dv and K = -dQ/dq in the block matrix.
-    drift
-        Whether K times the velocities is wanted, too.
-    """
-
+    # 1 for the secant (lagged) slope of every friction law, 0 for its exact tangent, and between them the tangent but
+    # not less than this share of the secant
     secant: float
+    # by_velocity, by_position: factors of D = -dQ/dv and K = -dQ/dq in the block matrix
     by_velocity: float
     by_position: float
-    drift: bool
+    drift: bool  # whether K times the velocities is wanted, too
 
 
 @dataclass(frozen=True, eq=False)
 class Pattern(ByReference):
-    """Elimination of the block matrix, worked out once: which 6 x 6 blocks exist, and what each pivot does.
+    """Elimination of the block matrix, worked out once: which 6 x 6 blocks exist, and what each pivot does."""
 
-    Attributes
-    ----------
-    diagonal
-        Block number of each pivot, in order of elimination, shape (pivot,).
-    order
-        Row of each pivot, shape (pivot,).
-    start
-        Where each pivot's neighbours begin, shape (pivot + 1,).
-    neighbour, lower, upper
-        Row of each neighbour, and the blocks (neighbour, pivot) and (pivot, neighbour).
-    target_start, target
-        Blocks (i, j) that a pivot's neighbours i and j update, i slowest.
-    own
-        Diagonal block of each row.
-    row, column
-        Place of every block.
-    tail, tail_block
-        First pivot of the tail, the bodies that are eliminated last, and first block of the rows and columns that only
-        they have; all later blocks are of this kind too.
-    """
-
-    diagonal: IntArray
-    order: IntArray
-    start: IntArray
+    diagonal: IntArray  # block number of each pivot, in order of elimination, shape (pivot,)
+    order: IntArray  # row of each pivot, shape (pivot,)
+    start: IntArray  # where each pivot's neighbours begin, shape (pivot + 1,)
+    # neighbour, lower, upper: row of each neighbour, and the blocks (neighbour, pivot) and (pivot, neighbour)
     neighbour: IntArray
     lower: IntArray
     upper: IntArray
+    # target_start, target: blocks (i, j) that a pivot's neighbours i and j update, i slowest
     target_start: IntArray
     target: IntArray
-    own: IntArray
+    own: IntArray  # diagonal block of each row
+    # row, column: place of every block
     row: IntArray
     column: IntArray
+    # tail, tail_block: first pivot of the tail, the bodies that are eliminated last, and first block of the rows and
+    # columns that only they have; all later blocks are of this kind too
     tail: int
     tail_block: int
 
@@ -222,66 +190,27 @@ class Tables(ByReference):
 
 @dataclass(frozen=True, eq=False)
 class Work(ByReference):
-    """Memory of one run, allocated once.
+    """Memory of one run, allocated once."""
 
-    Attributes
-    ----------
-    force, acceleration
-        Generalized force and acceleration, shape (body, 6).
-    ledger
-        Energies and powers at the last force evaluation (`LEDGER`).
-    slip, slip_before
-        Slip vector of every sphere, in groups of eight, at the last force evaluation and at the last accepted step,
-        shape (group, 3, 8).
-    touching
-        Whether a contact's slips may differ from zero, at the same two times, shape (contact, 2).
-    drift
-        Stiffness times velocities: the rate at which forces fall as the bodies move on, shape (body, 6).
-    stiffness, dissipation, matrix
-        Block matrices -dQ/dq and -dQ/dv, for methods that need them apart, and the one that is factorised, shape
-        (block, 6, 8); the last two columns are zeros, so that a row is as wide as `lanes`.
-    phi, phi_t, gamma, jacobian, weighted, schur, multipliers, pivots
-        Constraint equations: residuals, partial time derivatives, right-hand side of Eq. 1, Phi_q as (row, 12), its
-        product with the inverse matrix (row, body, 6), Schur complement, lambda, and the order of its pivots.
-    blocks
-        A right-hand side of the block solver, shape (row, 8); the last two columns only fill the lanes.
-    momenta
-        Known part of the momenta in an implicit stage, shape (row, 8), the last two columns unused.
-    displacement, change
-        Displacements of an implicit stage from its start, and the correction of its velocities, shape (body, 8).
-    nothing
-        No velocities, shape (0, 8): for implicit stages that know momenta instead.
-    stages
-        Memory of a method for positions, increments and velocities, shape (17, body, 8); each method names its own.
-    pair
-        Scratch for one pair of bodies, shape (2, 6, 8).
-    counters
-        Counted work, and how full the trace is: `EVALUATIONS` to `TRACED`.
-    balance, power_before
-        Time integrals of ledger entries 1 to 5, and their values at the last accepted step.
-    motion_before
-        Places and velocities of all bodies at the last accepted step, shape (body, 6).
-    paths
-        Slip path of every sphere, in steps that reversed its slip and in all, shape (group, 2, 8).
-    extremes
-        Largest constraint drift.
-    failure
-        Body and size of what made a run stop.
-    trace
-        States after the last steps: time, positions and velocities in a row, shape (state, 1 + 13 x bodies); without
-        rows none are kept.
-    """
-
+    # force, acceleration: generalized force and acceleration, shape (body, 6)
     force: FloatArray
     acceleration: FloatArray
-    ledger: FloatArray
+    ledger: FloatArray  # energies and powers at the last force evaluation (`LEDGER`)
+    # slip, slip_before: slip vector of every sphere, in groups of eight, at the last force evaluation and at the last
+    # accepted step, shape (group, 3, 8)
     slip: FloatArray
     slip_before: FloatArray
-    touching: IntArray
+    touching: IntArray  # whether a contact's slips may differ from zero, at the same two times, shape (contact, 2)
+    # stiffness times velocities: the rate at which forces fall as the bodies move on, shape (body, 6)
     drift: FloatArray
+    # stiffness, dissipation, matrix: block matrices -dQ/dq and -dQ/dv, for methods that need them apart, and the one
+    # that is factorised, shape (block, 6, 8); the last two columns are zeros, so that a row is as wide as `lanes`
     stiffness: FloatArray
     dissipation: FloatArray
     matrix: FloatArray
+    # phi, phi_t, gamma, jacobian, weighted, schur, multipliers, pivots: constraint equations: residuals, partial time
+    # derivatives, right-hand side of Eq. 1, Phi_q as (row, 12), its product with the inverse matrix (row, body, 6),
+    # Schur complement, lambda, and the order of its pivots.
     phi: FloatArray
     phi_t: FloatArray
     gamma: FloatArray
@@ -290,18 +219,25 @@ class Work(ByReference):
     schur: FloatArray
     multipliers: FloatArray
     pivots: IntArray
+    # A right-hand side of the block solver, shape (row, 8); the last two columns only fill the lanes
     blocks: FloatArray
-    momenta: FloatArray
+    momenta: FloatArray  # known part of the momenta in an implicit stage, shape (row, 8), the last two columns unused
+    # displacement, change: displacements of an implicit stage from its start, and the correction of its velocities,
+    # shape (body, 8)
     displacement: FloatArray
     change: FloatArray
-    nothing: FloatArray
+    nothing: FloatArray  # no velocities, shape (0, 8): for implicit stages that know momenta instead
+    # memory of a method for positions, increments and velocities, shape (17, body, 8); each method names its own
     stages: FloatArray
-    pair: FloatArray
-    counters: IntArray
+    pair: FloatArray  # scratch for one pair of bodies, shape (2, 6, 8)
+    counters: IntArray  # counted work, and how full the trace is: `EVALUATIONS` to `TRACED`
+    # balance, power_before: time integrals of ledger entries 1 to 5, and their values at the last accepted step
     balance: FloatArray
     power_before: FloatArray
-    motion_before: FloatArray
-    paths: FloatArray
-    extremes: FloatArray
-    failure: FloatArray
+    motion_before: FloatArray  # places and velocities of all bodies at the last accepted step, shape (body, 6)
+    paths: FloatArray  # slip path of every sphere, in steps that reversed its slip and in all, shape (group, 2, 8)
+    extremes: FloatArray  # largest constraint drift
+    failure: FloatArray  # body and size of what made a run stop
+    # states after the last steps: time, positions and velocities in a row, shape (state, 1 + 13 x bodies); without rows
+    # none are kept
     trace: FloatArray

@@ -7,14 +7,11 @@ short. What is wanted of a motion at all times is read at its own steps instead.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.mechanics.assembly import State
 from tripod_doe.mechanics.tables import TRACED, Work
 
-__all__ = ["States", "Trace"]
-
-FloatArray = NDArray[np.float64]
 States = tuple[FloatArray, FloatArray, FloatArray]
 """Times, positions and velocities, shapes (state,), (state, body, 7), (state, body, 6)."""
 

@@ -71,8 +71,6 @@ from tripod_doe.report.stability import find_in_stability, stability_table
 from tripod_doe.report.surrogate import find_in_surrogate
 from tripod_doe.report.tolerance import find_in_tolerance, tolerance_table
 
-__all__ = ["ANALYSES", "Analysis", "Table", "findings_of", "table_of"]
-
 Table = tuple[list[str], list[list[str]]]
 """Heads and rows."""
 
@@ -111,45 +109,24 @@ def _without_name(find_in: Callable[[xr.Dataset], list[str]]) -> Callable[[str, 
 
 @dataclass(frozen=True)
 class Analysis:
-    """One kind of analysis.
+    """One kind of analysis."""
 
-    Attributes
-    ----------
-    function
-        Makes the result, whose attribute ``analysis_kind`` is the kind.
-    settings
-        Its settings: [analysis.NAME] of a study, [steps.NAME.settings] of a workflow.
-    designs
-        Design kinds of the studies whose cube it can read; empty where only a workflow can ask for it.
-    independent
-        Whether the factors of these designs must not be correlated.
-    crossed
-        Whether such a design may also be a part of a product.
-    files
-        Settings that name files, relative to the workflow file; their contents are part of the step's inputs.
-    partial
-        Whether it can read the cubes of failed studies: it knows which points did not finish, and reports them.
-    findings
-        (name of the analysis, result) -> sentences.
-    table
-        Result -> table for a page; None for none.
-    figures
-        Figures of results by the names that workflow files use.
-    export
-        For the answer to a workflow's question: a file of the result directory for other programs, and how its text
-        is made. The page of the workflow shows such an answer first.
-    """
-
-    function: Function
-    settings: type[BaseModel]
+    function: Function  # makes the result, whose attribute ``analysis_kind`` is the kind
+    settings: type[BaseModel]  # its settings: [analysis.NAME] of a study, [steps.NAME.settings] of a workflow
+    # design kinds of the studies whose cube it can read; empty where only a workflow can ask for it
     designs: tuple[str, ...] = ()
-    independent: bool = False
-    crossed: bool = False
+    independent: bool = False  # whether the factors of these designs must not be correlated
+    crossed: bool = False  # whether such a design may also be a part of a product
+    # settings that name files, relative to the workflow file; their contents are part of the step's inputs
     files: tuple[str, ...] = ()
+    # whether it can read the cubes of failed studies: it knows which points did not finish, and reports them
     partial: bool = False
-    findings: Callable[[str, xr.Dataset], list[str]] = _nothing
-    table: Callable[[xr.Dataset], Table] | None = None
+    findings: Callable[[str, xr.Dataset], list[str]] = _nothing  # (name of the analysis, result) -> sentences
+    table: Callable[[xr.Dataset], Table] | None = None  # result -> table for a page; None for none
+    # figures of results by the names that workflow files use
     figures: Mapping[str, Figure] = field(default_factory=dict)
+    # for the answer to a workflow's question: a file of the result directory for other programs, and how its text is
+    # made. The page of the workflow shows such an answer first.
     export: tuple[str, Callable[[xr.Dataset], str]] | None = None
 
     @property

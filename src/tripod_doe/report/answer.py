@@ -6,8 +6,6 @@ import re
 from collections.abc import Sequence
 from typing import TypeVar
 
-__all__ = ["answer_first", "picture_first"]
-
 _MOST = 3
 _NEXT_SENTENCE = re.compile(r"(?<=[.!?])(?<!Fig\.)(?<!Figs\.) (?=[A-Z0-9])")
 

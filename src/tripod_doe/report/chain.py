@@ -24,8 +24,6 @@ from tripod_doe.report.figures.claims import claims_chart
 from tripod_doe.report.side_by_side import find_side_by_side, of_one_ladder, side_by_side_table
 from tripod_doe.report.templates import render
 
-__all__ = ["StoredChart", "chain_page", "read_charts", "step_page", "write_charts"]
-
 _THIRD = 300.0  # points: a figure drawn wider than this is not readable in a third of the page
 
 
@@ -183,8 +181,19 @@ def _page(
         for part in parts
     ]
     head, _, changes = notice.partition(". ")
-    return render("chain.html", title=title, question=question, kicker=kicker, notice=(head, changes), parts=shown,
-                  sentences=sentences, picture=picture, chain=chain, rows=rows, text=text)  # fmt: skip
+    return render(
+        "chain.html",
+        title=title,
+        question=question,
+        kicker=kicker,
+        notice=(head, changes),
+        parts=shown,
+        sentences=sentences,
+        picture=picture,
+        chain=chain,
+        rows=rows,
+        text=text,
+    )
 
 
 def _part(name: str, cube: xr.Dataset, figures: Mapping[str, str], link: str) -> PagePart:

@@ -14,8 +14,6 @@ from tripod_doe.report.speed_accuracy import find_in_speed_accuracy, price_table
 from tripod_doe.report.stability import border_text, measured_border
 from tripod_doe.simulator import Outcome
 
-__all__ = ["choosing_page"]
-
 _ALLOWED = (0.1, 0.03, 0.01, 0.005)
 _JOINT = "joint"
 
@@ -63,8 +61,10 @@ def choosing_page(accuracy: xr.Dataset, borders: Mapping[str, xr.Dataset], commi
         _START.format(commit=commit),
         "## Which model\n\nThe cheapest run within the allowed error, relative to the finest model; the last column "
         "is the price of `needles` with default settings over that of this run:\n",
-        _table(["Quantity", "Allowed error", "Model", "Method and setting", "Error", "Price", "Price ratio"],
-               _choices(accuracy.sel(run=accuracy["scene"] == _JOINT))),
+        _table(
+            ["Quantity", "Allowed error", "Model", "Method and setting", "Error", "Price", "Price ratio"],
+            _choices(accuracy.sel(run=accuracy["scene"] == _JOINT)),
+        ),
         _PILOT,
         "Outputs that a model lacks, and parameters that it ignores:\n",
         _table(["Model", "Lacks", "Ignores"], [_blind_spots(name) for name in MODELS]),
@@ -75,11 +75,13 @@ def choosing_page(accuracy: xr.Dataset, borders: Mapping[str, xr.Dataset], commi
         "\n## Stability limits\n\nLargest step or tolerance up to which all runs are right, in the base case of each "
         "study; the limit that theory predicts; and, over all cases of the study, how many runs were rejected by their "
         "own checks or finished with a wrong result:\n",
-        _table(["Study", "Method", "Stability limit", "Predicted", "Rejected", "Wrong, undetected"],
-               [row for name, data in borders.items() for row in _breaks(name, data)]),
+        _table(
+            ["Study", "Method", "Stability limit", "Predicted", "Rejected", "Wrong, undetected"],
+            [row for name, data in borders.items() for row in _breaks(name, data)],
+        ),
         "\nFurther findings from these runs:\n",
         *(f"- {sentence}\n" for sentence in find_in_speed_accuracy(accuracy)[1:]),
-    ]  # fmt: skip
+    ]
     return "\n".join(part.rstrip("\n") if part.startswith("- ") else part for part in parts) + "\n"
 
 
@@ -107,18 +109,24 @@ def _choices(runs: xr.Dataset) -> list[list[str]]:
                 rows.append([*start, "–", "–", f"{number(100 * known_to, 2)} % at best", "–", "–"])
                 continue
             at = found[np.argmin(price[found])]
-            rows.append([
-                *start, str(part["model"].values[at]), str(part["described"].values[at]),
-                f"{number(100 * error[at], 2)} %", number(float(price[at])),
-                number(of_default / price[at]),
-            ])  # fmt: skip
+            rows.append(
+                [
+                    *start,
+                    str(part["model"].values[at]),
+                    str(part["described"].values[at]),
+                    f"{number(100 * error[at], 2)} %",
+                    number(float(price[at])),
+                    number(of_default / price[at]),
+                ]
+            )
     return rows
 
 
 def _blind_spots(name: str) -> list[str]:
     model, every = MODELS[name], set().union(*(other.outputs for other in MODELS.values()))
-    missing, ignored = (", ".join(f"`{part}`" for part in sorted(parts)) or "–"
-                        for parts in (every - model.outputs, model.ignores))  # fmt: skip
+    missing, ignored = (
+        ", ".join(f"`{part}`" for part in sorted(parts)) or "–" for parts in (every - model.outputs, model.ignores)
+    )
     return [name, missing, ignored]
 
 
@@ -128,9 +136,12 @@ def _breaks(name: str, borders: xr.Dataset) -> list[list[str]]:
     counted = {which: (kind == which).sum(axis=(1, 2)) for which in (RunKind.REFUSED, RunKind.WRONG)}
     return [
         [
-            name.replace("_", " "), str(method), measured_border(borders, base.isel(method=m)),
-            border_text(borders, float(base["border_predicted"][m])), str(int(counted[RunKind.REFUSED][m])),
+            name.replace("_", " "),
+            str(method),
+            measured_border(borders, base.isel(method=m)),
+            border_text(borders, float(base["border_predicted"][m])),
+            str(int(counted[RunKind.REFUSED][m])),
             str(int(counted[RunKind.WRONG][m])),
         ]
         for m, method in enumerate(borders["method"].values)
-    ]  # fmt: skip
+    ]

@@ -13,11 +13,17 @@ import xarray as xr
 from tripod_doe.quantities import interval, level, number
 from tripod_doe.report.responses import ORDINALS
 
-__all__ = ["ORDER_HEADS", "comparison_json", "comparison_text", "find_in_comparison", "order_rows"]
-
 ORDER_HEADS = (
-    "order", "measured N", "+- N", "model N", "difference N", "measured deg", "+- deg", "model deg", "difference deg"
-)  # fmt: skip
+    "order",
+    "measured N",
+    "+- N",
+    "model N",
+    "difference N",
+    "measured deg",
+    "+- deg",
+    "model deg",
+    "difference deg",
+)
 """Heads of the table of orders."""
 
 _FORCES = ("measured_amplitude", "model_amplitude", "amplitude_difference")

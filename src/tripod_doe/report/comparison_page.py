@@ -16,8 +16,6 @@ from tripod_doe.report.responses import spoken, unit_text
 from tripod_doe.report.templates import render
 from tripod_doe.study.netcdf import stamp_history, write_dataset
 
-__all__ = ["comparison_page", "write_comparison"]
-
 
 def comparison_page(comparison: xr.Dataset) -> str:
     """The comparison as one self-contained HTML page."""

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from tripod_doe.analysis.contribution import PAPER_SHARES
+from tripod_doe.array_types import FloatArray
 from tripod_doe.report.contributions import DEFINITIONS, Contribution, contributions, percent, spread
 from tripod_doe.report.responses import listed, spoken
-
-__all__ = ["contribution_findings", "contribution_notes", "find_in_contribution"]
-
-FloatArray = NDArray[np.float64]
 
 _PRINTED = 0.05  # percent that still shows in the one digit after the point
 _AGREE = 4.0  # percentage points within which two shares count as agreeing

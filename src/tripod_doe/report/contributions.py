@@ -12,20 +12,10 @@ from numpy.typing import NDArray
 
 from tripod_doe.analysis.contribution import PAPER_SHARES
 from tripod_doe.analysis.kinds import of_kind
+from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, MECHANISMS
 from tripod_doe.quantities import level, number, with_unit
 from tripod_doe.report.responses import ORDINALS, factor_label, factor_unit, spoken, unit_text
-
-__all__ = [
-    "DEFINITIONS",
-    "Contribution",
-    "contributions",
-    "percent",
-    "share_rows",
-    "spread",
-]
-
-FloatArray = NDArray[np.float64]
 
 DEFINITIONS = {
     "share_off": "switching off",
@@ -43,68 +33,36 @@ _MANY = 4  # operating points from which on quartiles say more than the ends
 
 @dataclass(frozen=True)
 class Contribution:
-    """The shares of one order, or of one output, at all operating points.
+    """The shares of one order, or of one output, at all operating points."""
 
-    Attributes
-    ----------
-    analysis, key
-        Name of the analysis, and of this part of it in file names.
-    what
-        What is shared out, in words.
-    model
-        The model of all points; empty where they have none, or several.
-    mechanisms
-        Names of the mechanisms.
-    points
-        Factors of the operating points, a row each; without columns where there is one point only.
-    units
-        Units of these factors as text.
-    labels
-        The operating points in words.
-    shares
-        Percent by definition, each of shape (operating point, mechanism); NaN where not known.
-    closure, none, interaction
-        Percent: 100 less the sum of the shares by switching off, P(none) and the strongest interaction.
-    pairs
-        The pairs with that interaction.
-    amplitude
-        With all mechanisms on, as text with its unit.
-    zero
-        At which operating points the amplitude is zero within its error, so that there are no shares.
-    uncertain
-        At which other operating points the error of the amplitude is so large that shares there say little.
-    paper
-        The paper's shares of it, for each mechanism; None where it gives none.
-    like_paper
-        Which operating points are the paper's in joint angle, torque and speed, as far as these vary.
-    missing
-        Why there are no shares at all; empty where there are some.
-    lost
-        At each operating point the combinations without a result; empty where all have one.
-    shapley_bounds
-        Smallest and largest Shapley value in percent, each of shape (operating point, mechanism); None without any.
-    """
-
+    # analysis, key: name of the analysis, and of this part of it in file names
     analysis: str
     key: str
-    what: str
-    model: str
-    mechanisms: list[str]
-    points: pd.DataFrame
-    units: dict[str, str]
-    labels: list[str]
+    what: str  # what is shared out, in words
+    model: str  # the model of all points; empty where they have none, or several
+    mechanisms: list[str]  # names of the mechanisms
+    points: pd.DataFrame  # factors of the operating points, a row each; without columns where there is one point only
+    units: dict[str, str]  # units of these factors as text
+    labels: list[str]  # the operating points in words
+    # percent by definition, each of shape (operating point, mechanism); NaN where not known
     shares: dict[str, FloatArray]
+    # closure, none, interaction: percent: 100 less the sum of the shares by switching off, P(none) and the strongest
+    # interaction
     closure: FloatArray
     none: FloatArray
     interaction: FloatArray
-    pairs: list[str]
-    amplitude: str
+    pairs: list[str]  # the pairs with that interaction
+    amplitude: str  # with all mechanisms on, as text with its unit
+    # at which operating points the amplitude is zero within its error, so that there are no shares
     zero: NDArray[np.bool_]
+    # at which other operating points the error of the amplitude is so large that shares there say little
     uncertain: NDArray[np.bool_]
-    paper: FloatArray | None
+    paper: FloatArray | None  # the paper's shares of it, for each mechanism; None where it gives none
+    # which operating points are the paper's in joint angle, torque and speed, as far as these vary
     like_paper: NDArray[np.bool_]
-    missing: str
-    lost: list[str]
+    missing: str  # why there are no shares at all; empty where there are some
+    lost: list[str]  # at each operating point the combinations without a result; empty where all have one
+    # smallest and largest Shapley value in percent, each of shape (operating point, mechanism); None without any
     shapley_bounds: tuple[FloatArray, FloatArray] | None
 
     @property

@@ -8,15 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from tripod_doe.analysis.additive_fit import Estimate
 from tripod_doe.analysis.curve_shape import Shape, extreme_levels, mirror_level
 from tripod_doe.analysis.factor_effects import FactorEffect, Ground
+from tripod_doe.array_types import FloatArray
 from tripod_doe.quantities import count_of, interval, level, number, rounded_up, with_unit
 from tripod_doe.report.responses import Response, factor_label, factor_text, factor_unit, listed
-
-__all__ = ["EffectTeller", "at_head"]
 
 _ROUNDING = 1e-9  # part of the range of a response that is no effect
 _INVISIBLE = 1e-6  # part of the largest value of a response below which a value is written as zero
@@ -39,7 +37,7 @@ def _both_signs(effect: FactorEffect) -> bool:
     return bool(effect.level[0] < 0 < effect.level[-1])
 
 
-def _about_zero(levels: NDArray[np.float64], extreme: NDArray[np.float64]) -> bool:
+def _about_zero(levels: FloatArray, extreme: FloatArray) -> bool:
     """Whether values of both signs are there, but not zero, and the extreme lies at those next to it."""
     if 0 in levels or not levels[0] < 0 < levels[-1]:
         return False
@@ -52,19 +50,12 @@ def _capital(text: str) -> str:
 
 @dataclass(frozen=True)
 class EffectTeller:
-    """Words for the effects on one response.
+    """Words for the effects on one response."""
 
-    Attributes
-    ----------
-    response, cube
-        What is stated, and its cube for the names of the factors.
-    span
-        Largest less smallest value of the response.
-    """
-
+    # response, cube: what is stated, and its cube for the names of the factors
     response: Response
     cube: xr.Dataset
-    span: float
+    span: float  # largest less smallest value of the response
 
     @property
     def name(self) -> str:
@@ -85,9 +76,13 @@ class EffectTeller:
         if not effect.numeric or (effect.level.size == 2 and _both_signs(effect)):
             return self._words(effect)
         told = {
-            Shape.NONE: self._flat, Shape.RISING: self._one_way, Shape.FALLING: self._one_way,
-            Shape.VALLEY: self._optimum, Shape.PEAK: self._optimum, Shape.MIXED: self._mixed,
-        }[effect.shape](effect)  # fmt: skip
+            Shape.NONE: self._flat,
+            Shape.RISING: self._one_way,
+            Shape.FALLING: self._one_way,
+            Shape.VALLEY: self._optimum,
+            Shape.PEAK: self._optimum,
+            Shape.MIXED: self._mixed,
+        }[effect.shape](effect)
         return f"{told}{self._alike(effect)}."
 
     def _signed(self, effect: FactorEffect) -> str:

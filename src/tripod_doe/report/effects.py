@@ -14,8 +14,6 @@ from tripod_doe.analysis.factor_effects import FactorEffect, Ground, factor_effe
 from tripod_doe.report.effect_teller import EffectTeller, at_head
 from tripod_doe.report.responses import Response, factor_label, factor_names, listed
 
-__all__ = ["effects_on", "find_effects", "point_columns", "unseparated", "varies"]
-
 _MINOR = 0.05  # change over the range of the response below which a factor shares one sentence with others
 
 

@@ -11,8 +11,6 @@ from tripod_doe.quantities import count_of, interval, number, squared, with_unit
 from tripod_doe.report.main_outputs import OutputPart, left_points, main_outputs
 from tripod_doe.report.responses import listed, spoken
 
-__all__ = ["effect_parts", "effect_table", "find_in_effects", "term_text"]
-
 _MOST_NAMED = 4
 _SURE = 0.05  # largest probability by chance of an effect that a sentence names
 
@@ -82,12 +80,16 @@ def effect_table(result: xr.Dataset) -> tuple[list[str], list[list[str]]]:
                 key: float(part[key].values[at])
                 for key in ("effect", "effect_conf", "sum_of_squares", "f_value", "p_value")
             }
-            rows.append([
-                what, term_text(str(part["term"].values[at])),
-                with_unit(interval(values["effect"], values["effect_conf"]), unit),
-                with_unit(number(values["sum_of_squares"]), squared(unit)),
-                number(values["f_value"]), number(values["p_value"], 2),
-            ])  # fmt: skip
+            rows.append(
+                [
+                    what,
+                    term_text(str(part["term"].values[at])),
+                    with_unit(interval(values["effect"], values["effect_conf"]), unit),
+                    with_unit(number(values["sum_of_squares"]), squared(unit)),
+                    number(values["f_value"]),
+                    number(values["p_value"], 2),
+                ]
+            )
         residual = with_unit(number(float(part["residual_sum_of_squares"])), squared(unit))
         rows.append([what, "residual", "", residual, "", ""])
     return ["output", "term", "effect", "sum of squares", "F", "p"], rows

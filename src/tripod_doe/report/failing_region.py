@@ -8,8 +8,6 @@ from tripod_doe.analysis.failing_region import FailingRegion, failing_region
 from tripod_doe.report.effects import point_columns, varies
 from tripod_doe.report.responses import asked, finished, waiting
 
-__all__ = ["failing_region_of"]
-
 
 def failing_region_of(cube: xr.Dataset) -> FailingRegion | None:
     """The region of a study in which most of its failed points lie, None where they do not lie together."""

@@ -30,8 +30,6 @@ from tripod_doe.report.responses import (
 from tripod_doe.report.shown_part import shown_part, told_part
 from tripod_doe.simulator import Outcome
 
-__all__ = ["find"]
-
 _FLAT = 1e-6  # part of the largest value below which a value is zero, and a difference none
 _MOST_GIVEN = 40  # a factor with more values than this is a sampled one
 _MOST_NAMED = 3  # factors by which a point can be named

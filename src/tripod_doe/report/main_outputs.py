@@ -12,8 +12,6 @@ import xarray as xr
 from tripod_doe.quantities import count_of, number, with_unit
 from tripod_doe.report.responses import ORDINALS, spoken, unit_text
 
-__all__ = ["OutputPart", "left_points", "main_outputs", "quantile_text"]
-
 _MOST = 4  # outputs of a function
 _AMPLITUDE = "thrust_amplitude"
 _UNNAMED = "the output"  # of a result that does not say what it was made of

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-__all__ = ["asked_orders", "chosen_models", "estimated_errors", "is_chosen"]
+from tripod_doe.array_types import FloatArray
 
 _ESTIMATE = "_error_estimate"
 
@@ -36,7 +36,7 @@ def chosen_models(cube: xr.Dataset) -> NDArray[np.object_]:
     return np.array([words[flag] for flag in used.values.ravel().tolist()], dtype=object).reshape(used.shape)
 
 
-def estimated_errors(cube: xr.Dataset) -> NDArray[np.float64]:
+def estimated_errors(cube: xr.Dataset) -> FloatArray:
     """Largest estimated error over the allowed one of all that was asked for, over the dimensions of the design."""
     allowed = tomllib.loads(str(cube.attrs["study"])).get("accuracy", {})
     names = [str(name).removesuffix(_ESTIMATE) for name in cube.data_vars if str(name).endswith(_ESTIMATE)]

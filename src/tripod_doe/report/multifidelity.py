@@ -10,8 +10,6 @@ from tripod_doe.report.main_outputs import OutputPart, main_outputs, quantile_te
 from tripod_doe.report.responses import listed
 from tripod_doe.report.sensitivity import sobol_sentence
 
-__all__ = ["find_in_multifidelity", "model_table", "multifidelity_parts"]
-
 
 def multifidelity_parts(result: xr.Dataset) -> list[OutputPart]:
     """Main outputs with their answers."""

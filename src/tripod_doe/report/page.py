@@ -65,15 +65,24 @@ from tripod_doe.study.model_records import MODEL_ERROR
 from tripod_doe.study.netcdf import read_dataset
 from tripod_doe.study.results import is_shown, opened_cube
 
-__all__ = ["make_page", "read_analyses", "write_report"]
-
 _MOST_FAILED = 50
 _SECTIONS = {
-    "tables": "Tables", "models": "Models", "borders": "Maps", "contribution": "Contribution", "loci": "Loci",
-    "effects": "Effects", "sensitivity": "Sensitivity", "waveforms": "Waveforms", "spectrum": "Orders",
-    "skews": "Needle skew", "region": "Where points fail", "failed": "Unfinished points", "cost": "Cost",
-    "setting": "Parameters", "provenance": "Provenance",
-}  # fmt: skip
+    "tables": "Tables",
+    "models": "Models",
+    "borders": "Maps",
+    "contribution": "Contribution",
+    "loci": "Loci",
+    "effects": "Effects",
+    "sensitivity": "Sensitivity",
+    "waveforms": "Waveforms",
+    "spectrum": "Orders",
+    "skews": "Needle skew",
+    "region": "Where points fail",
+    "failed": "Unfinished points",
+    "cost": "Cost",
+    "setting": "Parameters",
+    "provenance": "Provenance",
+}
 _ALWAYS = {"setting", "provenance"}  # the others only where there is something to fill them
 _FILES = ("cube.nc", "cost.nc", "study.toml")
 
@@ -207,11 +216,23 @@ def _content(
     shares = [[] if part.missing else contribution_charts(part) for part in parts]
     effects = effect_charts(shown)
     charts = _charts(part, shown, analyses)
-    picture = picture_first([charts["models"], charts["borders"], *shares, charts["sensitivity"], charts["loci"],
-                             [group.strongest for group in effects], *charts.values()])  # fmt: skip
+    picture = picture_first(
+        [
+            charts["models"],
+            charts["borders"],
+            *shares,
+            charts["sensitivity"],
+            charts["loci"],
+            [group.strongest for group in effects],
+            *charts.values(),
+        ]
+    )
     return picture, {name: _without(picture, group) for name, group in charts.items()} | {
-        "tables": [(result.attrs.get("title", name), *table) for name, result in analyses.items()
-                   if (table := table_of(result))],
+        "tables": [
+            (result.attrs.get("title", name), *table)
+            for name, result in analyses.items()
+            if (table := table_of(result))
+        ],
         "contribution": [
             (part, contribution_notes(part), _without(picture, group), None if part.missing else share_rows(part))
             for part, group in zip(parts, shares, strict=True)
@@ -219,7 +240,7 @@ def _content(
         "effects": [(group.response, rest) for group in effects if (rest := _without(picture, group.charts))],
         "cost": cost_rows(cube),
         "failed": failed_points(cube, _MOST_FAILED),
-    }  # fmt: skip
+    }
 
 
 def _in_order(cube: xr.Dataset, findings: Sequence[str], said: Sequence[str]) -> list[str]:

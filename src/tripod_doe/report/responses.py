@@ -10,48 +10,30 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.quantities import in_words, level, with_unit
 from tripod_doe.report.model_choice import asked_orders
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import COST_VARIABLES, EXCLUDED, RECORD_ROLE, RESPONSE_ROLE, SWITCH_ROLE
 
-__all__ = [
-    "ERRORS",
-    "ORDINALS",
-    "Effect",
-    "Response",
-    "along",
-    "asked",
-    "axis_label",
-    "design_kind",
-    "factor_label",
-    "factor_names",
-    "factor_text",
-    "factor_unit",
-    "finished",
-    "listed",
-    "main_effect",
-    "numeric_factors",
-    "point_text",
-    "responses",
-    "spoken",
-    "telling_points",
-    "told_points",
-    "truth_of",
-    "unit_text",
-    "waiting",
-]
-
-FloatArray = NDArray[np.float64]
-
 _TELLING = "telling_points"  # attribute of some points of a cube: which ones they are
 
 ORDINALS = (
-    "mean thrust force", "first order", "second order", "third order", "fourth order", "fifth order", "sixth order",
-    "seventh order", "eighth order", "ninth order", "tenth order", "eleventh order", "twelfth order",
-)  # fmt: skip
+    "mean thrust force",
+    "first order",
+    "second order",
+    "third order",
+    "fourth order",
+    "fifth order",
+    "sixth order",
+    "seventh order",
+    "eighth order",
+    "ninth order",
+    "tenth order",
+    "eleventh order",
+    "twelfth order",
+)
 """Orders in words."""
 
 _CHECKS = ("energy_residual", "largest_penetration_um")  # of the numerics: shown among the settings
@@ -69,27 +51,13 @@ _UNIT_SUFFIX = re.compile(r"(?:_per)?_(deg|n_m|n|rpm|mm_s|mm|um|kg_m2|kg_m3|kg|g
 
 @dataclass(frozen=True)
 class Response:
-    """One number per point.
+    """One number per point."""
 
-    Attributes
-    ----------
-    key
-        Its name in tables: that of the variable, with the order where there is one.
-    label
-        In words, for instance ``third order``.
-    unit
-        Its unit for people, empty without dimension.
-    values
-        Over the dimensions of the design; NaN where the point did not finish.
-    error
-        Difference of two means that their numerical errors can make; 0 where none is known.
-    """
-
-    key: str
-    label: str
-    unit: str
-    values: xr.DataArray
-    error: float = 0.0
+    key: str  # its name in tables: that of the variable, with the order where there is one
+    label: str  # in words, for instance ``third order``
+    unit: str  # its unit for people, empty without dimension
+    values: xr.DataArray  # over the dimensions of the design; NaN where the point did not finish
+    error: float = 0.0  # difference of two means that their numerical errors can make; 0 where none is known
 
     @property
     def axis(self) -> str:
@@ -100,26 +68,15 @@ class Response:
 
 @dataclass(frozen=True)
 class Effect:
-    """Dependence of a response on one factor: statistics over all other factors, each array of shape (level,).
+    """Dependence of a response on one factor: statistics over all other factors, each array of shape (level,)."""
 
-    Attributes
-    ----------
-    level
-        Values of the factor, or the means of ten equally filled classes of a sampled one.
-    mean, lower, upper
-        Mean and quartiles of the response.
-    count
-        Finished points.
-    sampled
-        Whether levels are classes.
-    """
-
-    level: FloatArray
+    level: FloatArray  # values of the factor, or the means of ten equally filled classes of a sampled one
+    # mean, lower, upper: mean and quartiles of the response
     mean: FloatArray
     lower: FloatArray
     upper: FloatArray
-    count: NDArray[np.int64]
-    sampled: bool
+    count: IntArray  # finished points
+    sampled: bool  # whether levels are classes
 
 
 def spoken(name: str) -> str:

@@ -11,8 +11,6 @@ from tripod_doe.quantities import count_of, interval, number, rounded_up
 from tripod_doe.report.main_outputs import OutputPart, main_outputs
 from tripod_doe.report.responses import listed, spoken
 
-__all__ = ["find_in_sensitivity", "sensitivity_parts", "sobol_sentence"]
-
 _MOST_NAMED = 4  # factors that a sentence names
 _NOT_RESOLVED, _BELOW_ERROR = 0, 2  # flags of `resolved`
 _HEADS = {
@@ -75,10 +73,9 @@ def sobol_sentence(part: OutputPart) -> str:
     others = f"; all others at most {rounded_up(max(rest))}" if rest else ""
     first = {index: part.answers[index].values[np.isfinite(part.answers["S1"].values)] for index in ("S1", "S1_conf")}
     total, half = float(first["S1"].sum()), float(np.sqrt((first["S1_conf"] ** 2).sum()))
-    alone = (
-        f"the first-order indices add up to {interval(total, half)}: "
-        + ("no interaction shows" if total + half >= 1 else "the rest are interactions")
-    )  # fmt: skip
+    alone = f"the first-order indices add up to {interval(total, half)}: " + (
+        "no interaction shows" if total + half >= 1 else "the rest are interactions"
+    )
     return f"Total Sobol' indices of {part.what}: {told}{others}; {alone}"
 
 

@@ -6,12 +6,10 @@ import math
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import IntArray
 from tripod_doe.report.responses import design_kind, truth_of
 from tripod_doe.study.slab_reading import read_positions
-
-__all__ = ["MOST_POINTS", "shown_part", "told_part"]
 
 MOST_POINTS = 1_000_000
 """Points up to which sentences and figures are made of all of them."""
@@ -58,7 +56,7 @@ def _numbers_of_a_point(cube: xr.Dataset, variable: xr.Variable) -> int:
     return math.prod(size for dim, size in variable.sizes.items() if dim not in design)
 
 
-def _rows(cube: xr.Dataset) -> tuple[dict[str, NDArray[np.int64]], str]:
+def _rows(cube: xr.Dataset) -> tuple[dict[str, IntArray], str]:
     """Positions along the dimensions of the design that are shown, and how they are chosen."""
     sizes = {str(dim): size for dim, size in cube["outcome"].sizes.items()}
     if list(sizes) == ["point"]:
@@ -75,7 +73,7 @@ def _rows(cube: xr.Dataset) -> tuple[dict[str, NDArray[np.int64]], str]:
     return rows, "every so many levels"
 
 
-def _rows_of_list(cube: xr.Dataset, count: int) -> tuple[dict[str, NDArray[np.int64]], str]:
+def _rows_of_list(cube: xr.Dataset, count: int) -> tuple[dict[str, IntArray], str]:
     """Points of a list at random, after all by the truth where there are several models."""
     how, first = "drawn at random with a fixed seed", np.zeros(0, np.int64)
     if design_kind(cube) == "multifidelity":

@@ -14,8 +14,6 @@ from tripod_doe.joint.parameters import MECHANISMS
 from tripod_doe.quantities import number
 from tripod_doe.report.responses import ORDINALS, spoken
 
-__all__ = ["find_side_by_side", "of_one_ladder", "side_by_side_table"]
-
 _RIGHT = 5.0  # percent of an amplitude within which a model gets it right
 _RIGHT_SHARE = 4.0  # percentage points of a share; the claims' own tolerance
 _ORDERS = (3, 2)
@@ -32,9 +30,11 @@ def of_one_ladder(data: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
     found = {
         name: each
         for name, each in of_kind(data, "contribution").items()
-        if each.attrs.get("model") in MODELS and not each.attrs.get("operating_dims")
-        and set(each["mechanism"].values) == set(MECHANISMS) and set(_ORDERS) <= set(each["order"].values.tolist())
-    }  # fmt: skip
+        if each.attrs.get("model") in MODELS
+        and not each.attrs.get("operating_dims")
+        and set(each["mechanism"].values) == set(MECHANISMS)
+        and set(_ORDERS) <= set(each["order"].values.tolist())
+    }
     ranks = {name: list(MODELS).index(each.attrs["model"]) for name, each in found.items()}
     ordered = sorted(found, key=lambda name: ranks[name])
     return {name: found[name] for name in ordered} if len(set(ranks.values())) == len(ranks) > 1 else {}

@@ -13,8 +13,6 @@ from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.quantities import level, number
 from tripod_doe.simulator import Outcome
 
-__all__ = ["find_in_speed_accuracy", "price_table"]
-
 _HOW = {
     Known.INTERPOLATED: "interpolated",
     Known.AT_MOST: "at its coarsest setting",
@@ -178,11 +176,17 @@ def price_table(data: xr.Dataset) -> tuple[list[str], list[list[str]]]:
                 done = int((data["outcome"].values[own] == Outcome.FINISHED).sum())
                 cell = row.sel({"method": method, "quantity": lead})
                 default = " (default)" if method == row["default_method"].item() else ""
-                rows.append([
-                    _spoken(str(case)), f"{method}{default}", _or_dash(float(cell["price"])),
-                    _or_dash(float(cell["price_ratio"])), Known(int(cell["price_known"])).label if _lead(row) else
-                    "no second method", f"{done}", f"{int(own.sum()) - done}",
-                ])  # fmt: skip
+                rows.append(
+                    [
+                        _spoken(str(case)),
+                        f"{method}{default}",
+                        _or_dash(float(cell["price"])),
+                        _or_dash(float(cell["price_ratio"])),
+                        Known(int(cell["price_known"])).label if _lead(row) else "no second method",
+                        f"{done}",
+                        f"{int(own.sum()) - done}",
+                    ]
+                )
     return heads, rows
 
 

@@ -13,17 +13,26 @@ from tripod_doe.report.figures.stability import map_of, maps
 from tripod_doe.report.responses import spoken, unit_text
 from tripod_doe.simulator import Outcome
 
-__all__ = ["border_text", "find_in_stability", "measured_border", "stability_table"]
-
 _HEADS = [
-    "Varied", "Method", "Measured limit", "Predicted limit", "Limited by", "Measured / predicted", "Agree",
-    "First failure", "Wrong, undetected",
-]  # fmt: skip
+    "Varied",
+    "Method",
+    "Measured limit",
+    "Predicted limit",
+    "Limited by",
+    "Measured / predicted",
+    "Agree",
+    "First failure",
+    "Wrong, undetected",
+]
 _LONG = 1e3  # seconds: a rate that small limits nothing
 _WORDS = {
-    Limit.NONE: "nothing", Limit.FRICTION: "friction", Limit.CONTACT: "stiffest contact mode",
-    Limit.LAG: "lag of the secant slope", Limit.TOLERANCE: "tolerance itself", Limit.UNKNOWN: "unknown",
-}  # fmt: skip
+    Limit.NONE: "nothing",
+    Limit.FRICTION: "friction",
+    Limit.CONTACT: "stiffest contact mode",
+    Limit.LAG: "lag of the secant slope",
+    Limit.TOLERANCE: "tolerance itself",
+    Limit.UNKNOWN: "unknown",
+}
 _WHY = {
     Limit.NONE: "no limit is predicted for this method",
     Limit.LAG: "the rate is the lag of velocities about a frozen state, which is a poor estimate of the error",
@@ -62,8 +71,9 @@ def find_in_stability(borders: xr.Dataset) -> list[str]:
     unknown = int((kind == RunKind.UNKNOWN).any(axis=(0, 2)).sum())
     if unknown:
         sentences.append(f"{unknown} operating points have no reference: no two runs agree closely enough.")
-    return sentences + [_disagreements(borders, m, np.flatnonzero(row)) for m, row in enumerate(agrees == Agreement.NO)
-                        if row.any()]  # fmt: skip
+    return sentences + [
+        _disagreements(borders, m, np.flatnonzero(row)) for m, row in enumerate(agrees == Agreement.NO) if row.any()
+    ]
 
 
 def _disagreements(borders: xr.Dataset, m: int, cases: np.ndarray) -> str:

@@ -9,8 +9,6 @@ from tripod_doe.quantities import number, with_unit
 from tripod_doe.report.main_outputs import main_outputs
 from tripod_doe.report.what_if import what_if_pages
 
-__all__ = ["find_in_surrogate"]
-
 _NEARLY_ALL = 99.9  # percent
 
 

@@ -16,6 +16,7 @@ import xarray as xr
 from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import duration, level, number
 from tripod_doe.report.responses import asked, factor_names, factor_unit, finished, unit_text, waiting
@@ -24,19 +25,6 @@ from tripod_doe.study.cube import THIS_STUDY
 from tripod_doe.study.journal import PILOT
 from tripod_doe.study.scenes import load_simulator
 from tripod_doe.study.slab_reading import largest_magnitude
-
-__all__ = [
-    "FailedPoint",
-    "OutcomeCount",
-    "ParameterRow",
-    "cost_rows",
-    "factor_rows",
-    "failed_points",
-    "fixed_rows",
-    "numerics_rows",
-    "outcome_counts",
-    "symbol",
-]  # fmt: skip
 
 _GREEK = {"theta": "θ", "omega": "ω", "mu": "μ", "psi": "ψ", "nu": "ν", "delta": "δ"}
 
@@ -137,7 +125,7 @@ def cost_rows(cube: xr.Dataset) -> list[tuple[str, str, str]]:
     return rows
 
 
-def _worker_rows(worker: NDArray[np.object_], wall: NDArray[np.float64]) -> list[tuple[str, str, str]]:
+def _worker_rows(worker: NDArray[np.object_], wall: FloatArray) -> list[tuple[str, str, str]]:
     """Who computed the points, and how fast: those that the pilot ran before are listed separately."""
     rows, here = [], worker != PILOT
     if here.any():
@@ -189,10 +177,15 @@ def factor_rows(cube: xr.Dataset) -> list[ParameterRow]:
         source = str(attrs.get("source", "unknown"))
         rows.append(
             ParameterRow(
-                name, symbol(str(attrs.get("symbol", ""))), _levels(cube[name].values), factor_unit(cube, name),
-                str(attrs.get("long_name", "")), source, source == "assumed",
+                name,
+                symbol(str(attrs.get("symbol", ""))),
+                _levels(cube[name].values),
+                factor_unit(cube, name),
+                str(attrs.get("long_name", "")),
+                source,
+                source == "assumed",
             )
-        )  # fmt: skip
+        )
     return rows
 
 

@@ -9,8 +9,6 @@ from jinja2.bccache import Bucket
 
 from tripod_doe.mechanics.sources import cache_root
 
-__all__ = ["compiled_templates"]
-
 
 class _CompiledTemplates(FileSystemBytecodeCache):
     """Compiled templates on disk; where they cannot be kept, they are compiled again."""

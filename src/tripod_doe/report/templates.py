@@ -13,8 +13,6 @@ from tripod_doe.quantities import number, size
 from tripod_doe.report.figures import Chart
 from tripod_doe.report.template_cache import compiled_templates
 
-__all__ = ["render"]
-
 _MOST_BYTES = 10_000_000
 _LARGE = {
     re.compile(r'<a class="data" [^>]*>Data \(CSV\)</a>'): "Its data are",

@@ -9,8 +9,6 @@ from tripod_doe.quantities import interval, number, with_unit
 from tripod_doe.report.main_outputs import OutputPart, left_points, main_outputs, quantile_text
 from tripod_doe.report.responses import listed, spoken
 
-__all__ = ["find_in_tolerance", "tolerance_parts", "tolerance_table"]
-
 _MOST_NAMED = 3
 
 
@@ -58,9 +56,12 @@ def _exceedance(what: str, part: xr.Dataset, unit: str) -> list[str]:
 def _gains(what: str, part: xr.Dataset, unit: str) -> list[str]:
     """Which scatter to halve first: only gains that their intervals tell from none."""
     rows = zip(
-        map(str, part["factor"].values), part["gain_of_halving"].values, part["gain_of_halving_conf"].values,
-        part["exceedance_if_halved"].values, strict=True,
-    )  # fmt: skip
+        map(str, part["factor"].values),
+        part["gain_of_halving"].values,
+        part["gain_of_halving_conf"].values,
+        part["exceedance_if_halved"].values,
+        strict=True,
+    )
     known = sorted((row for row in rows if row[1] - row[2] > 0), key=lambda row: -row[1])
     if not known:
         return [f"These points resolve no gain for {what} by halving the scatter of a single factor."]

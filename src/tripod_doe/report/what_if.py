@@ -16,12 +16,9 @@ from numpy.typing import NDArray
 
 from tripod_doe.analysis.kinds import of_kind
 from tripod_doe.analysis.what_if import WhatIf, neighbours, read_what_if
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.quantities import interval
 from tripod_doe.report.responses import ORDINALS, spoken, unit_text
-
-__all__ = ["Quantity", "WhatIfPage", "what_if_pages"]
-
-FloatArray = NDArray[np.float64]
 
 _COVERED = 0.95  # part of the unseen points that a band holds
 _MOST = 6  # orders or outputs that one looks at together
@@ -34,26 +31,16 @@ _ANGLES = 120  # of a revolution
 
 @dataclass(frozen=True)
 class Quantity:
-    """One number that the page shows.
+    """One number that the page shows."""
 
-    Attributes
-    ----------
-    label, unit
-        In words.
-    parts
-        The component, or the cosine and sine part of an order, whose amplitude is shown.
-    values, misses
-        At the computed points, and by how much the surrogate without them was too large, shape (point,).
-    factor
-        Half width of the band, over the root mean square of the misses at the nearest points.
-    """
-
+    # label, unit: in words
     label: str
     unit: str
-    parts: tuple[int, ...]
+    parts: tuple[int, ...]  # the component, or the cosine and sine part of an order, whose amplitude is shown
+    # values, misses: at the computed points, and by how much the surrogate without them was too large, shape (point,)
     values: FloatArray
     misses: FloatArray
-    factor: float
+    factor: float  # half width of the band, over the root mean square of the misses at the nearest points
 
     def of(self, components: FloatArray) -> FloatArray:
         """The number from predicted components, shape (point, component) -> (point,)."""
@@ -64,21 +51,11 @@ class Quantity:
 
 @dataclass(frozen=True)
 class WhatIfPage:
-    """What the page of one surrogate needs.
+    """What the page of one surrogate needs."""
 
-    Attributes
-    ----------
-    name
-        Name of the analysis.
-    surrogate
-        The surrogate.
-    quantities
-        What is shown.
-    """
-
-    name: str
-    surrogate: WhatIf
-    quantities: list[Quantity]
+    name: str  # name of the analysis
+    surrogate: WhatIf  # the surrogate
+    quantities: list[Quantity]  # what is shown
 
     @property
     def start(self) -> dict[str, float | str]:
@@ -134,8 +111,11 @@ class WhatIfPage:
     @property
     def waves(self) -> list[int]:
         """The orders whose waves are predicted, empty where there are none."""
-        return [each.order for each in self.surrogate.components[: len(self.surrogate.components) // 2]
-                if each.order is not None]  # fmt: skip
+        return [
+            each.order
+            for each in self.surrogate.components[: len(self.surrogate.components) // 2]
+            if each.order is not None
+        ]
 
     def payload(self) -> Markup:
         """All numbers as JSON: arrays as base64 of their bytes, those that are only shown in single precision."""
@@ -148,19 +128,30 @@ class WhatIfPage:
             "neighbours": neighbours(self.points),
             "exponents": _bytes(surrogate.exponents, np.int8),
             "quantities": [
-                {"label": each.label, "unit": each.unit, "parts": each.parts, "factor": each.factor,
-                 "largest": float(np.abs(each.values).max()), "values": _bytes(each.values, np.float32),
-                 "misses": _bytes(each.misses, np.float32)}
+                {
+                    "label": each.label,
+                    "unit": each.unit,
+                    "parts": each.parts,
+                    "factor": each.factor,
+                    "largest": float(np.abs(each.values).max()),
+                    "values": _bytes(each.values, np.float32),
+                    "misses": _bytes(each.misses, np.float32),
+                }
                 for each in self.quantities
             ],
-        }  # fmt: skip
+        }
         for name in ("coefficients", "learnt", "weights", "lengths", "places"):
             told[name] = _bytes(getattr(surrogate, name), np.float64)
         if waves:
             factor, largest = _wave_band(surrogate, waves)
-            told["wave"] = {"orders": waves, "factor": factor, "largest": largest, "unit": self.quantities[0].unit,
-                            "values": _bytes(surrogate.values, np.float32),
-                            "misses": _bytes(surrogate.misses, np.float32)}  # fmt: skip
+            told["wave"] = {
+                "orders": waves,
+                "factor": factor,
+                "largest": largest,
+                "unit": self.quantities[0].unit,
+                "values": _bytes(surrogate.values, np.float32),
+                "misses": _bytes(surrogate.misses, np.float32),
+            }
         return Markup(json.dumps(told).replace("</", "<\\/"))
 
 
@@ -223,12 +214,12 @@ def _factor(missed: FloatArray, local: FloatArray) -> float:
     return float(np.quantile(missed[known] / local[known], _COVERED)) if known.any() else 1.0
 
 
-def _nearest(places: FloatArray, at: FloatArray, itself: bool = False) -> NDArray[np.int64]:
+def _nearest(places: FloatArray, at: FloatArray, itself: bool = False) -> IntArray:
     """The nearest computed points, shape (point, neighbour); without the first where that is the point itself."""
     from scipy.spatial.distance import cdist  # slow to import: few pages have such a part
 
     gaps = cdist(at, places, "sqeuclidean")
-    order: NDArray[np.int64] = np.argsort(gaps, axis=1, kind="stable")
+    order: IntArray = np.argsort(gaps, axis=1, kind="stable")
     return order[:, 1 : 1 + neighbours(len(places))] if itself else order[:, : neighbours(len(places))]
 
 

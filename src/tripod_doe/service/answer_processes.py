@@ -17,8 +17,6 @@ from tripod_doe.service.fork_server import Answering
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import ForbiddenError, TooLargeError
 
-__all__ = ["AllBusyError", "AnswerFailedError", "AnswerProcesses"]
-
 _PATIENCE = 10  # times its limit that a process may take by the clock
 _WORKER = "tripod_doe.service.answering"
 _ERRORS = {"input": InputError, "forbidden": ForbiddenError, "too large": TooLargeError}

@@ -23,8 +23,6 @@ from tripod_doe.service.problems import ForbiddenError, TooLargeError
 from tripod_doe.service.uploads import STUDY, WORKFLOW, check_upload, write_upload
 from tripod_doe.study.child_process import answers
 
-__all__ = ["QUESTIONS"]
-
 Answer = tuple[Any, bytes]
 
 

@@ -27,8 +27,6 @@ from tripod_doe.service.service import Service
 from tripod_doe.service.settings import Settings
 from tripod_doe.service.uploads import upload_texts
 
-__all__ = ["create_app"]
-
 log = logging.getLogger(__name__)
 
 

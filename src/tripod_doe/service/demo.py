@@ -9,8 +9,6 @@ from importlib.resources import files
 
 from tripod_doe.service.service import Service
 
-__all__ = ["add_demo"]
-
 _LOOK = 0.1  # seconds between two looks
 
 

@@ -11,8 +11,6 @@ import xarray as xr
 from tripod_doe.analysis.kinds import kind_of
 from tripod_doe.report.analyses import findings_of, table_of
 
-__all__ = ["describe_analysis", "describe_cube"]
-
 
 def describe_cube(cube: xr.Dataset) -> dict[str, Any]:
     """A cube without its values.

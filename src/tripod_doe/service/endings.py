@@ -13,8 +13,6 @@ from tripod_doe.service.progress import PointCounts
 from tripod_doe.service.runs import Run, State
 from tripod_doe.study.results import is_shown
 
-__all__ = ["ending_of", "has_report", "remove_report"]
-
 _LEAST = 1_000_000  # bytes without which a run cannot end in order
 _FULL = "the disk is full; resume goes on at the next missing point"
 _SILENT = "its process ended without a message; resume goes on at the next missing point"

@@ -13,28 +13,16 @@ from itertools import takewhile
 
 from tripod_doe.service.runs import Run
 
-__all__ = ["Event", "Events"]
-
 _KEPT = 4096  # events that a stream which was away can still get
 
 
 @dataclass(frozen=True)
 class Event:
-    """A change of one run.
+    """A change of one run."""
 
-    Attributes
-    ----------
-    number
-        Counted from the start of the server.
-    run_id
-        The run.
-    text
-        The run as JSON; None where it was deleted.
-    """
-
-    number: int
-    run_id: str
-    text: str | None
+    number: int  # counted from the start of the server
+    run_id: str  # the run
+    text: str | None  # the run as JSON; None where it was deleted
 
 
 class Events:

@@ -9,8 +9,6 @@ from typing import Any
 
 from tripod_doe.service.runs import Run
 
-__all__ = ["Extremes"]
-
 _PAUSE = 2.0  # seconds between two looks into the cube of a run at work
 
 

@@ -29,8 +29,6 @@ import psutil
 
 from tripod_doe.study.child_process import command, environment
 
-__all__ = ["Answering", "start_module"]
-
 _IMPORTED = (
     "dask.array",  # which xarray imports with the first cube
     "matplotlib.backends.backend_svg",
@@ -83,9 +81,14 @@ def start_module(
         _fork_server.ask(json.dumps([niceness, module, *words]).encode(), [*streams, mark], must_start)
         return
     process = subprocess.Popen(  # libraries of other systems do not survive a fork
-        command(module, *words), stdin=streams[0], stdout=streams[1], stderr=streams[2], start_new_session=True,
-        pass_fds=(mark,), env=environment(),
-    )  # fmt: skip
+        command(module, *words),
+        stdin=streams[0],
+        stdout=streams[1],
+        stderr=streams[2],
+        start_new_session=True,
+        pass_fds=(mark,),
+        env=environment(),
+    )
     os.setpriority(os.PRIO_PROCESS, process.pid, os.nice(0) + niceness)
     os.write(mark, f"{process.pid}\n".encode())
     threading.Thread(target=process.wait, daemon=True).start()
@@ -194,9 +197,13 @@ class _ForkServer:
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             self._process = subprocess.Popen(
-                command(__name__, str(theirs.fileno())), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-                start_new_session=True, pass_fds=(theirs.fileno(),), env=environment(),
-            )  # fmt: skip
+                command(__name__, str(theirs.fileno())),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                start_new_session=True,
+                pass_fds=(theirs.fileno(),),
+                env=environment(),
+            )
         self._socket = ours
         return ours
 

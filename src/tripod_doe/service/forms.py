@@ -8,9 +8,6 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from tripod_doe.service.problems import Problem
 
-__all__ = ["Comparison", "Errors", "Health", "PlanRequest", "RunRecord", "Submission"]
-
-
 _STUDY = """[study]
 name = "two angles"
 

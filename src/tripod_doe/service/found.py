@@ -9,8 +9,6 @@ from typing import Any
 from tripod_doe.service.limits import Limits
 from tripod_doe.study.journal import FOLDER, Journal, journal_path
 
-__all__ = ["found_directories", "plan_found"]
-
 
 def found_directories(folder: Path, known: Collection[str]) -> list[Path]:
     """Result directories of studies in a folder, without those of known names."""

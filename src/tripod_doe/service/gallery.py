@@ -13,8 +13,6 @@ from typing import Any
 from tripod_doe.errors import InputError
 from tripod_doe.study.template import TEMPLATES
 
-__all__ = ["gallery", "gallery_upload"]
-
 _TEMPLATE_NAMES = {
     "grid": "Grid of joint angle and torque",
     "sensitivity": "Which parameter matters most",

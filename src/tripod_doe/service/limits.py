@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-__all__ = ["MEANINGS", "Limits"]
-
 
 @dataclass(frozen=True)
 class Limits:

@@ -20,8 +20,6 @@ from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.point import bars
 from tripod_doe.study.results import opened_cube
 
-__all__ = ["MEASUREMENT", "compare_upload", "compared_upload", "lay_over"]
-
 MEASUREMENT = "measurement.csv"
 """How messages call the uploaded table."""
 

@@ -17,8 +17,6 @@ from tripod_doe.workflow.analyses import check_analyses
 from tripod_doe.workflow.definition import load_workflow
 from tripod_doe.workflow.plan import WorkflowPlan
 
-__all__ = ["plan_study", "plan_upload"]
-
 _COUNTS = ("points", "unique", "excluded", "bytes")
 
 

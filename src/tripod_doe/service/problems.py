@@ -11,8 +11,6 @@ from pydantic import BaseModel, ConfigDict, Field
 from tripod_doe.errors import InputError
 from tripod_doe.service.toml_places import Place, place_of
 
-__all__ = ["ForbiddenError", "Problem", "RefusedError", "TooLargeError", "problems_of"]
-
 _MESSAGE = re.compile(
     r"(?:\[(?P<table>[^\]\s]+)\]:? ?)?(?:(?P<key>[A-Za-z_][\w.-]*) ?= ?(?P<value>.+?): )?(?P<told>.*)", re.DOTALL
 )
@@ -95,9 +93,15 @@ def _problem(told: str, file: str | None, texts: dict[str, str]) -> Problem:
     line, column = _place(told, texts.get(file or ""), path)
     near = _NEAR.search(rest)
     return Problem(
-        message=told, key=key, value=_value(value), line=line, column=column, near=near[1] if near else None,
-        file=file, table=table,
-    )  # fmt: skip
+        message=told,
+        key=key,
+        value=_value(value),
+        line=line,
+        column=column,
+        near=near[1] if near else None,
+        file=file,
+        table=table,
+    )
 
 
 def _place(told: str, text: str | None, path: list[str]) -> tuple[int | None, int | None]:

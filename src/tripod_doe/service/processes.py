@@ -19,8 +19,6 @@ import psutil
 from tripod_doe.errors import InputError
 from tripod_doe.service.fork_server import start_module
 
-__all__ = ["LOG", "is_alive", "is_held", "kill_run", "last_words", "run_log", "run_process", "start_run", "stop_run"]
-
 LOG = "run.log"
 """File of a result directory with what the latest run of it said."""
 

@@ -12,32 +12,16 @@ from pathlib import Path
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.journal import Journal, Mark, journal_path
 
-__all__ = ["PointCounts", "Progress"]
-
 
 @dataclass(frozen=True)
 class PointCounts:
-    """Points of a run.
+    """Points of a run."""
 
-    Attributes
-    ----------
-    total
-        Points to compute: repeated ones count once, excluded ones not at all.
-    finished
-        Points that ended well: finished, or with an outcome that the study expects.
-    failed
-        All others that have ended.
-    outcomes
-        Points by the label of their outcome.
-    cpu_seconds
-        Time of all of them, those that ran again counted each time.
-    """
-
-    total: int
-    finished: int = 0
-    failed: int = 0
-    outcomes: Mapping[str, int] | None = None
-    cpu_seconds: float = 0.0
+    total: int  # points to compute: repeated ones count once, excluded ones not at all
+    finished: int = 0  # points that ended well: finished, or with an outcome that the study expects
+    failed: int = 0  # all others that have ended
+    outcomes: Mapping[str, int] | None = None  # points by the label of their outcome
+    cpu_seconds: float = 0.0  # time of all of them, those that ran again counted each time
 
     @property
     def missing(self) -> int:

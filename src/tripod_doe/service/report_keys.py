@@ -6,8 +6,6 @@ import hashlib
 import hmac
 import re
 
-__all__ = ["is_report_address", "report_key"]
-
 _ADDRESS = re.compile(r"/api/v1/runs/([^/]+)/pages/([0-9a-f]{32})/.+")
 
 

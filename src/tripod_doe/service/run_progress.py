@@ -14,8 +14,6 @@ from tripod_doe.service.progress import PointCounts, Progress
 from tripod_doe.service.runs import Run
 from tripod_doe.workflow.steps_file import STEPS
 
-__all__ = ["RunProgress"]
-
 _PACE = 0.5  # seconds between two counts: each goes to all who watch
 
 

@@ -15,8 +15,6 @@ from typing import Any
 from tripod_doe.errors import InputError, StorageError, option
 from tripod_doe.service.progress import PointCounts
 
-__all__ = ["Run", "RunTable", "State"]
-
 TABLE = "service.sqlite"
 """File of the folder that holds the table."""
 
@@ -44,52 +42,28 @@ class State(StrEnum):
 
 @dataclass(frozen=True)
 class Run:
-    """One run of a study or of a workflow.
+    """One run of a study or of a workflow."""
 
-    Attributes
-    ----------
-    id
-        Random; also the name of its result directory in the folder.
-    kind
-        "study" or "workflow".
-    name, question
-        As its file says.
-    state
-        What it is doing.
-    message
-        Why it failed or stopped; empty otherwise.
-    plan
-        Its price, as `plans.plan_upload` gave it when it was submitted.
-    counts
-        Points that have ended.
-    steps
-        Of a workflow: what became of each step, in order.
-    eta_seconds
-        Time until the last point by the pace so far; None where it does not run or has no pace yet.
-    created, updated
-        Times in UTC.
-    retry_failed
-        Whether the run in the queue runs failed points again.
-    place
-        Name of its directory where that is not the id: the command line filled it, and the service leaves it alone.
-    key, digest
-        The client's Idempotency-Key, and the hash of what it submitted.
-    """
-
-    id: str
-    kind: str
+    id: str  # random; also the name of its result directory in the folder
+    kind: str  # "study" or "workflow"
+    # name, question: as its file says
     name: str
     question: str
-    state: State
-    message: str = ""
+    state: State  # what it is doing
+    message: str = ""  # why it failed or stopped; empty otherwise
+    # its price, as `plans.plan_upload` gave it when it was submitted
     plan: Mapping[str, Any] = field(default_factory=dict)
-    counts: PointCounts = field(default_factory=lambda: PointCounts(0))
-    steps: tuple[Mapping[str, Any], ...] = ()
+    counts: PointCounts = field(default_factory=lambda: PointCounts(0))  # points that have ended
+    steps: tuple[Mapping[str, Any], ...] = ()  # of a workflow: what became of each step, in order
+    # time until the last point by the pace so far; None where it does not run or has no pace yet
     eta_seconds: float | None = None
+    # created, updated: times in UTC
     created: str = ""
     updated: str = ""
-    retry_failed: bool = False
+    retry_failed: bool = False  # whether the run in the queue runs failed points again
+    # name of its directory where that is not the id: the command line filled it, and the service leaves it alone
     place: str = ""
+    # key, digest: the client's Idempotency-Key, and the hash of what it submitted
     key: str | None = None
     digest: str = ""
 
@@ -167,8 +141,10 @@ class RunTable:
         try:
             self._connection = _opened_for_reading(self.path) if read_only else _opened(self.path)
         except sqlite3.Error as error:
-            raise InputError(f"{self.path}: cannot use this table of runs ({error}); choose another "
-                             f"{option('folder')}, or move this file away") from error  # fmt: skip
+            raise InputError(
+                f"{self.path}: cannot use this table of runs ({error}); choose another "
+                f"{option('folder')}, or move this file away"
+            ) from error
 
     def close(self) -> None:
         """Close the file."""

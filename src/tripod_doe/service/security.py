@@ -26,8 +26,6 @@ from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.report_keys import is_report_address
 from tripod_doe.service.settings import Settings
 
-__all__ = ["API", "BODY", "Guard", "allowed_hosts"]
-
 API = "/api/v1"
 """Where the routes of the interface start."""
 

@@ -19,8 +19,6 @@ from tripod_doe.service.demo import add_demo
 from tripod_doe.service.service import Service
 from tripod_doe.service.settings import Settings
 
-__all__ = ["serve"]
-
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 _GRACE = 3  # seconds that open answers get at the end
 _LOCK = ".service.lock"
@@ -40,15 +38,23 @@ def serve(settings: Settings) -> None:
         app = create_app(settings)
         service: Service = app.state.service
         config = uvicorn.Config(
-            app, log_level="warning", access_log=False, server_header=False, timeout_graceful_shutdown=_GRACE,
-            proxy_headers=False, ws="none",
-        )  # fmt: skip
+            app,
+            log_level="warning",
+            access_log=False,
+            server_header=False,
+            timeout_graceful_shutdown=_GRACE,
+            proxy_headers=False,
+            ws="none",
+        )
         if settings.demo and not settings.read_only:
             service.start()
             add_demo(service)
         if settings.host not in _LOOPBACK:
-            print(f"tripod-doe: {settings.host} is seen from other machines, and what they send is not encrypted; "
-                  "who knows the token can run studies here", file=sys.stderr)  # fmt: skip
+            print(
+                f"tripod-doe: {settings.host} is seen from other machines, and what they send is not encrypted; "
+                "who knows the token can run studies here",
+                file=sys.stderr,
+            )
         shown = f"[{host}]" if ":" in host else host
         print(f"http://{shown}:{port}/?token={settings.token}", flush=True)
         _Server(config, service).run(sockets=[listener])

@@ -24,8 +24,6 @@ from tripod_doe.service.settings import Settings
 from tripod_doe.service.supervisor import UPLOAD, Supervisor
 from tripod_doe.service.uploads import STUDY, main_file, upload_texts, write_upload
 
-__all__ = ["Service"]
-
 log = logging.getLogger(__name__)
 
 _UPLOADS = ".upload-"
@@ -164,9 +162,16 @@ class Service:
         limits = self.settings.limits
         path = self.analysis_file(run_id, analysis, step) if analysis else self.results(run_id, step)
         return self._questions.ask(
-            "query", limits.query_seconds, path=str(path), variable=variable, select=select,
-            nearest=nearest, where=where, form=form, cells=limits.cells,
-        )[1]  # fmt: skip
+            "query",
+            limits.query_seconds,
+            path=str(path),
+            variable=variable,
+            select=select,
+            nearest=nearest,
+            where=where,
+            form=form,
+            cells=limits.cells,
+        )[1]
 
     def write_cube_so_far(self, run_id: str, step: str | None, folder: Path) -> None:
         """Write the cube of the points that a run has finished into a folder."""
@@ -217,9 +222,12 @@ class Service:
     def compare(self, run_id: str, measurement: str, step: str | None, settings: dict[str, Any]) -> dict[str, Any]:
         """A measurement beside a point of a run's cube, as ``compare --format json`` gives it."""
         told: dict[str, Any] = self._questions.ask(
-            "compare", self.settings.limits.query_seconds, path=str(self.results(run_id, step)),
-            measurement=measurement, settings=settings,
-        )[0]  # fmt: skip
+            "compare",
+            self.settings.limits.query_seconds,
+            path=str(self.results(run_id, step)),
+            measurement=measurement,
+            settings=settings,
+        )[0]
         return told
 
     def plan_of(self, run_id: str) -> dict[str, Any]:
@@ -257,9 +265,13 @@ class Service:
         limits = self.settings.limits
         with self._uploaded(texts) as upload:
             plan, _ = self._questions.ask(
-                "extend", limits.query_seconds, folder=str(upload), path=str(self.runs.directory(run_id)), texts=texts,
+                "extend",
+                limits.query_seconds,
+                folder=str(upload),
+                path=str(self.runs.directory(run_id)),
+                texts=texts,
                 limits=asdict(limits),
-            )  # fmt: skip
+            )
             return self.runs.extend(run_id, upload, plan)
 
     def results(self, run_id: str, step: str | None = None) -> Path:

@@ -10,41 +10,22 @@ from tripod_doe.atomic_files import replace_file
 from tripod_doe.errors import InputError, option
 from tripod_doe.service.limits import Limits
 
-__all__ = ["Settings", "read_token"]
-
 _SHORTEST_TOKEN = 16
 
 
 @dataclass(frozen=True)
 class Settings:
-    """A server's settings.
+    """A server's settings."""
 
-    Attributes
-    ----------
-    folder
-        Where the table of runs and the result directories are.
-    host, port
-        Where it listens; the port is also part of the cookie's name.
-    workers
-        Worker processes of each run; None leaves it to the run.
-    read_only
-        Whether all changes are refused, and nothing is run.
-    demo
-        Whether a small finished study is put into the list.
-    token
-        What a client must know.
-    limits
-        What it takes.
-    """
-
-    folder: Path
+    folder: Path  # where the table of runs and the result directories are
+    # host, port: where it listens; the port is also part of the cookie's name
     host: str = "127.0.0.1"
     port: int = 8811
-    workers: int | None = None
-    read_only: bool = False
-    demo: bool = False
-    token: str = field(default_factory=lambda: secrets.token_urlsafe(32), repr=False)
-    limits: Limits = field(default_factory=Limits)
+    workers: int | None = None  # worker processes of each run; None leaves it to the run
+    read_only: bool = False  # whether all changes are refused, and nothing is run
+    demo: bool = False  # whether a small finished study is put into the list
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(32), repr=False)  # what a client must know
+    limits: Limits = field(default_factory=Limits)  # what it takes
 
     @property
     def cookie(self) -> str:

@@ -21,8 +21,6 @@ from tripod_doe.simulator import Parameter
 from tripod_doe.study.file import DesignTable, parse_toml
 from tripod_doe.study.scenes import SCENES, load_simulator
 
-__all__ = ["changed_text", "study_form"]
-
 _DESIGN_KEYS = ("kind", "samples", "seed", "levels")
 _RANGE_KEYS = {"low", "high", "count", "scale"}
 _LONGEST = 200

@@ -29,8 +29,6 @@ from tripod_doe.service.settings import Settings
 from tripod_doe.service.uploads import main_file
 from tripod_doe.study.journal import journal_path
 
-__all__ = ["UPLOAD", "Supervisor"]
-
 UPLOAD = "upload"
 """Folder of a result directory with what the client submitted."""
 
@@ -102,9 +100,17 @@ class Supervisor:
         """Show a directory of the folder that the command line filled, or is filling."""
         changed = datetime.fromtimestamp(journal_path(directory).stat().st_mtime, UTC)
         run = Run(
-            secrets.token_hex(8), "study", plan["name"], plan["question"], State.RUNNING, plan=plan,
-            counts=PointCounts(plan["unique"]), created=stamp(changed), updated=stamp(changed), place=directory.name,
-        )  # fmt: skip
+            secrets.token_hex(8),
+            "study",
+            plan["name"],
+            plan["question"],
+            State.RUNNING,
+            plan=plan,
+            counts=PointCounts(plan["unique"]),
+            created=stamp(changed),
+            updated=stamp(changed),
+            place=directory.name,
+        )
         with self._lock:
             self._put(run)
         self._look_at(run.id)
@@ -170,9 +176,18 @@ class Supervisor:
             directory.mkdir()
             upload.rename(directory / UPLOAD)
             run = Run(
-                run_id, plan["kind"], plan["name"], plan["question"], State.QUEUED, plan=plan,
-                counts=PointCounts(plan["unique"]), created=time_now, updated=time_now, key=key or None, digest=digest,
-            )  # fmt: skip
+                run_id,
+                plan["kind"],
+                plan["name"],
+                plan["question"],
+                State.QUEUED,
+                plan=plan,
+                counts=PointCounts(plan["unique"]),
+                created=time_now,
+                updated=time_now,
+                key=key or None,
+                digest=digest,
+            )
             self._put(run)
         return run
 
@@ -233,8 +248,16 @@ class Supervisor:
             upload.rename(own)
             shutil.rmtree(own.with_name(f".{UPLOAD}.old"), ignore_errors=True)
             counts = replace(run.counts, total=plan["unique"])
-            return self._put(run.changed(state=State.QUEUED, message="", plan=plan, counts=counts, name=plan["name"],
-                                         question=plan["question"]))  # fmt: skip
+            return self._put(
+                run.changed(
+                    state=State.QUEUED,
+                    message="",
+                    plan=plan,
+                    counts=counts,
+                    name=plan["name"],
+                    question=plan["question"],
+                )
+            )
 
     def delete(self, run_id: str) -> None:
         """Forget a run and remove its directory.
@@ -332,8 +355,11 @@ class Supervisor:
             self._interrupted.discard(run_id)
             state, message = self._endings.setdefault(run_id, ending_of(run, counts, steps, directory))
             self._progress.pop(run_id, None)
-            self._put(run.changed(state=state, message=message, counts=counts, steps=steps, eta_seconds=None,
-                                  retry_failed=False))  # fmt: skip
+            self._put(
+                run.changed(
+                    state=state, message=message, counts=counts, steps=steps, eta_seconds=None, retry_failed=False
+                )
+            )
             del self._endings[run_id]
 
     def _interrupt(self, run_id: str) -> None:

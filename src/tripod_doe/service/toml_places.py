@@ -6,8 +6,6 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-__all__ = ["Place", "place_of"]
-
 _PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')"""
 _NAME = rf"{_PART}(?:[ \t]*\.[ \t]*{_PART})*"
 _HEADER = re.compile(rf"^[ \t]*\[\[?[ \t]*({_NAME})[ \t]*\]")
@@ -18,14 +16,9 @@ _LONG_STRINGS = ('"""', "'''")
 
 @dataclass(frozen=True)
 class Place:
-    """A place in a text.
+    """A place in a text."""
 
-    Attributes
-    ----------
-    line, column
-        Counted from 1.
-    """
-
+    # line, column: counted from 1
     line: int
     column: int
 

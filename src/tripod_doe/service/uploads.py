@@ -11,8 +11,6 @@ from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import ForbiddenError, TooLargeError
 from tripod_doe.study.file import parse_toml
 
-__all__ = ["STUDY", "WORKFLOW", "check_upload", "main_file", "upload_texts", "write_upload"]
-
 STUDY, WORKFLOW = "study.toml", "workflow.toml"
 """Names under which the submitted text itself is kept."""
 

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.simulator.outcome import Outcome
-
-__all__ = ["WORK", "BlockResult", "Retries", "Values", "common_unit"]
 
 WORK = ("steps", "force_evaluations", "solves", "simulated_seconds")
 """Fields of a `BlockResult` that count the work of each point; a retry adds to them."""
@@ -22,21 +21,11 @@ Rows = NDArray[np.integer[Any]] | slice | int
 
 @dataclass(frozen=True)
 class Values:
-    r"""One output of a block of points.
+    r"""One output of a block of points."""
 
-    Attributes
-    ----------
-    dims
-        Dimensions of one point's value.
-    data
-        Shape (point, \*dims); NaN where a point has no result.
-    unit
-        As a user's function gave it; empty where it did not, or where the simulator declares the output.
-    """
-
-    dims: tuple[str, ...]
-    data: NDArray[Any]
-    unit: str = ""
+    dims: tuple[str, ...]  # dimensions of one point's value
+    data: NDArray[Any]  # shape (point, \*dims); NaN where a point has no result
+    unit: str = ""  # as a user's function gave it; empty where it did not, or where the simulator declares the output
 
 
 def common_unit(name: str, unit: str, other: str) -> str:
@@ -54,67 +43,46 @@ def common_unit(name: str, unit: str, other: str) -> str:
 
 @dataclass(frozen=True)
 class Retries:
-    """What the retries of a study did to a block; every array starts with the point.
+    """What the retries of a study did to a block; every array starts with the point."""
 
-    Attributes
-    ----------
-    attempt
-        Number of the last change that was tried, 0 where the first attempt stands, shape (point,).
-    first_outcome, first_detail
-        How the first attempt ended, and why it failed or a note on it.
-    used
-        Values with which the point finished, or was first tried where it never did, of every parameter that a retry
-        may change: floats (NaN where the model has no such number), or words ("" where it has none).
-    """
-
+    # number of the last change that was tried, 0 where the first attempt stands, shape (point,)
     attempt: NDArray[np.int8]
+    # first_outcome, first_detail: how the first attempt ended, and why it failed or a note on it
     first_outcome: NDArray[np.int8]
     first_detail: list[str]
+    # values with which the point finished, or was first tried where it never did, of every parameter that a retry may
+    # change: floats (NaN where the model has no such number), or words ("" where it has none)
     used: dict[str, NDArray[Any]]
 
     def take(self, rows: NDArray[np.integer[Any]]) -> Retries:
         """Those of some points, in the order of `rows`."""
         return Retries(
-            self.attempt[rows], self.first_outcome[rows], [self.first_detail[row] for row in rows],
+            self.attempt[rows],
+            self.first_outcome[rows],
+            [self.first_detail[row] for row in rows],
             {name: column[rows] for name, column in self.used.items()},
-        )  # fmt: skip
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
 class BlockResult:
-    """What a simulator answers for a block of points; every array starts with the point.
+    """What a simulator answers for a block of points; every array starts with the point."""
 
-    Attributes
-    ----------
-    outcome
-        `Outcome` values, shape (point,).
-    detail
-        Why a point failed, or a note on one that finished; mostly empty there.
-    steps, force_evaluations, solves
-        Counted work, shape (point,); solves are factorisations of a linear system, zero for methods without one.
-    simulated_seconds
-        Time of the motion that was followed, up to the end or the failure, shape (point,); NaN where there is none.
-    outputs
-        Kept outputs by name.
-    coordinates
-        Labels along the dimensions of the outputs.
-    settled
-        Tolerances or steps that points settled by themselves, by the name of the parameter, shape (point,) each; NaN
-        where they did not, or were given one.
-    retries
-        What the retries of the study did, None without retries.
-    """
-
-    outcome: NDArray[np.int8]
-    detail: list[str]
-    steps: NDArray[np.int64]
-    force_evaluations: NDArray[np.int64]
-    solves: NDArray[np.int64]
-    simulated_seconds: NDArray[np.float64]
-    outputs: dict[str, Values] = field(default_factory=dict)
-    coordinates: dict[str, NDArray[Any]] = field(default_factory=dict)
-    settled: dict[str, NDArray[np.float64]] = field(default_factory=dict)
-    retries: Retries | None = None
+    outcome: NDArray[np.int8]  # `Outcome` values, shape (point,)
+    detail: list[str]  # why a point failed, or a note on one that finished; mostly empty there
+    # steps, force_evaluations, solves: counted work, shape (point,); solves are factorisations of a linear system, zero
+    # for methods without one
+    steps: IntArray
+    force_evaluations: IntArray
+    solves: IntArray
+    # time of the motion that was followed, up to the end or the failure, shape (point,); NaN where there is none
+    simulated_seconds: FloatArray
+    outputs: dict[str, Values] = field(default_factory=dict)  # kept outputs by name
+    coordinates: dict[str, NDArray[Any]] = field(default_factory=dict)  # labels along the dimensions of the outputs
+    # tolerances or steps that points settled by themselves, by the name of the parameter, shape (point,) each; NaN
+    # where they did not, or were given one
+    settled: dict[str, FloatArray] = field(default_factory=dict)
+    retries: Retries | None = None  # what the retries of the study did, None without retries
 
     @classmethod
     def blank(
@@ -175,7 +143,7 @@ class BlockResult:
             self.outputs[name] = replace(self.outputs[name], unit=common_unit(name, self.outputs[name].unit, unit))
         held[rows] = data
 
-    def settle(self, name: str, rows: Rows, values: NDArray[np.float64] | float) -> None:
+    def settle(self, name: str, rows: Rows, values: FloatArray | float) -> None:
         """Note the tolerance or step that points settled by themselves."""
         self.settled.setdefault(name, np.full(self.count, np.nan))[rows] = values
 

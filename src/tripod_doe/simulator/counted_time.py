@@ -7,8 +7,6 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-__all__ = ["counted_time", "not_counted"]
-
 
 class _LeftOut(threading.local):
     """Seconds of a thread that are not counted so far."""

@@ -4,31 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["Demand", "Demands"]
-
 _ERROR = "_error"  # an output NAME with a numerical error has it beside it as NAME_error
 
 
 @dataclass(frozen=True)
 class Demand:
-    """One quantity and its allowed relative error.
+    """One quantity and its allowed relative error."""
 
-    Attributes
-    ----------
-    name
-        As the study file writes it: an output, or an output with an order, as in thrust_amplitude_3.
-    output
-        Name of the output.
-    label
-        Where along the output's only dimension; None for a scalar.
-    allowed
-        Allowed relative error.
-    """
-
-    name: str
-    output: str
-    label: int | None
-    allowed: float
+    name: str  # as the study file writes it: an output, or an output with an order, as in thrust_amplitude_3
+    output: str  # name of the output
+    label: int | None  # where along the output's only dimension; None for a scalar
+    allowed: float  # allowed relative error
 
     @property
     def error(self) -> str:
@@ -38,18 +24,11 @@ class Demand:
 
 @dataclass(frozen=True)
 class Demands:
-    """All quantities whose accuracy is asked for.
+    """All quantities whose accuracy is asked for."""
 
-    Attributes
-    ----------
-    quantities
-        What is asked for.
-    floor
-        A value below this share of the largest one beside it (a small order beside the third) is measured against that
-        share of it: relative to its own size, a vanishing order would ask for anything.
-    """
-
-    quantities: tuple[Demand, ...]
+    quantities: tuple[Demand, ...]  # what is asked for
+    # A value below this share of the largest one beside it (a small order beside the third) is measured against that
+    # share of it: relative to its own size, a vanishing order would ask for anything
     floor: float
 
     @property

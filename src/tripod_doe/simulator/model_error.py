@@ -9,11 +9,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.quantities import count_of, number
-
-__all__ = ["NOTABLE_ERROR", "Departure", "ModelErrors", "ModelSummary", "ValidRange"]
-
-FloatArray = NDArray[np.float64]
 
 NOTABLE_ERROR = 0.05
 """Relative error of a model above which an answer is flagged."""
@@ -24,33 +21,16 @@ _REASONS = 2
 
 @dataclass(frozen=True)
 class ModelErrors:
-    """Relative errors of the models of some points, without those of their numerics.
+    """Relative errors of the models of some points, without those of their numerics."""
 
-    Attributes
-    ----------
-    quantity
-        What they are errors of, for instance ``third order``.
-    reference
-        The model that the others are compared with.
-    models
-        The model of every point, shape (point,).
-    expected
-        Median error at points like each that finer models computed, shape (point,); NaN where it is not known.
-    limit
-        90th percentile of the error at those points, shape (point,).
-    unknown
-        Why the error is not known, shape (point,); empty where it is.
-    departures
-        The ranges in which these models hold, each with the points that leave it.
-    """
-
-    quantity: str
-    reference: str
-    models: NDArray[np.object_]
+    quantity: str  # what they are errors of, for instance ``third order``
+    reference: str  # the model that the others are compared with
+    models: NDArray[np.object_]  # the model of every point, shape (point,)
+    # median error at points like each that finer models computed, shape (point,); NaN where it is not known
     expected: FloatArray
-    limit: FloatArray
-    unknown: NDArray[np.object_]
-    departures: Sequence[Departure] = ()
+    limit: FloatArray  # 90th percentile of the error at those points, shape (point,)
+    unknown: NDArray[np.object_]  # why the error is not known, shape (point,); empty where it is
+    departures: Sequence[Departure] = ()  # the ranges in which these models hold, each with the points that leave it
 
     def of(self, rows: NDArray[np.bool_]) -> ModelErrors:
         """Those of some of the points."""
@@ -59,35 +39,26 @@ class ModelErrors:
             for each in self.departures
         ]
         return replace(
-            self, models=self.models[rows], expected=self.expected[rows], limit=self.limit[rows],
-            unknown=self.unknown[rows], departures=departures,
-        )  # fmt: skip
+            self,
+            models=self.models[rows],
+            expected=self.expected[rows],
+            limit=self.limit[rows],
+            unknown=self.unknown[rows],
+            departures=departures,
+        )
 
 
 @dataclass(frozen=True)
 class ValidRange:
-    """A range outside which a model does not hold.
+    """A range outside which a model does not hold."""
 
-    Attributes
-    ----------
-    quantity
-        A parameter, or a ratio that follows from several.
-    reason
-        What the model leaves out that counts beyond.
-    low, high
-        Ends of the range; they belong to it.
-    unit
-        Of the quantity, as people write it; empty without dimension.
-    meaning
-        What the quantity is, where its name does not say it.
-    """
-
-    quantity: str
-    reason: str
+    quantity: str  # A parameter, or a ratio that follows from several
+    reason: str  # what the model leaves out that counts beyond
+    # low, high: ends of the range; they belong to it
     low: float = -np.inf
     high: float = np.inf
-    unit: str = ""
-    meaning: str = ""
+    unit: str = ""  # of the quantity, as people write it; empty without dimension
+    meaning: str = ""  # what the quantity is, where its name does not say it
 
     @property
     def text(self) -> str:
@@ -96,31 +67,21 @@ class ValidRange:
         unit = f" {self.unit}" if self.unit else ""
         if np.isinf(self.high):
             return f"{name} from {self.low:g}{unit}"
-        return f"{name} up to {self.high:g}{unit}" if np.isinf(self.low) else (
-            f"{name} from {self.low:g} to {self.high:g}{unit}"
-        )  # fmt: skip
+        return (
+            f"{name} up to {self.high:g}{unit}"
+            if np.isinf(self.low)
+            else (f"{name} from {self.low:g} to {self.high:g}{unit}")
+        )
 
 
 @dataclass(frozen=True)
 class Departure:
-    """Points that leave a range of their model.
+    """Points that leave a range of their model."""
 
-    Attributes
-    ----------
-    model
-        Name of the model.
-    left
-        The range.
-    outside
-        Which points leave it, shape (point,).
-    values
-        Its quantity at these points, shape (points outside,).
-    """
-
-    model: str
-    left: ValidRange
-    outside: NDArray[np.bool_]
-    values: FloatArray
+    model: str  # name of the model
+    left: ValidRange  # the range
+    outside: NDArray[np.bool_]  # which points leave it, shape (point,)
+    values: FloatArray  # its quantity at these points, shape (points outside,)
 
 
 @dataclass

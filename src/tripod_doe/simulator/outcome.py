@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["DETAIL_ATTRIBUTES", "OUTCOME_ATTRIBUTES", "OUTCOME_MEANINGS", "Outcome"]
-
 
 class Outcome(IntEnum):
     """How one point ended; the integer is the CF flag value stored in a cube.

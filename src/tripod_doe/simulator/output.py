@@ -8,38 +8,21 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-__all__ = ["Dimension", "Output"]
-
 Labels = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
 class Dimension:
-    """One dimension of outputs, and its labels.
+    """One dimension of outputs, and its labels."""
 
-    Attributes
-    ----------
-    name
-        Its name in the cube.
-    labels
-        One label for each place along it, shape (length,); or, where a parameter sets the length, a function of that
-        parameter's value.
-    unit
-        UDUNITS spelling; ``"1"`` without dimension, empty for words.
-    meaning
-        CF long_name.
-    length_parameter
-        Name of the parameter that sets the length; None where it is fixed.
-    convention
-        Where its labels start and which way they count; CF comment.
-    """
-
-    name: str
+    name: str  # its name in the cube
+    # one label for each place along it, shape (length,); or, where a parameter sets the length, a function of that
+    # parameter's value
     labels: Labels | Callable[[int], Labels]
-    unit: str = "1"
-    meaning: str = ""
-    length_parameter: str | None = None
-    convention: str = ""
+    unit: str = "1"  # UDUNITS spelling; ``"1"`` without dimension, empty for words
+    meaning: str = ""  # CF long_name
+    length_parameter: str | None = None  # name of the parameter that sets the length; None where it is fixed
+    convention: str = ""  # where its labels start and which way they count; CF comment
 
     def labels_of(self, values: Mapping[str, Any]) -> Labels:
         """Labels for a point with these values of its parameters, shape (length,)."""
@@ -56,42 +39,20 @@ class Dimension:
 
 @dataclass(frozen=True)
 class Output:
-    """One result of a simulator: a variable of the cube.
+    """One result of a simulator: a variable of the cube."""
 
-    Attributes
-    ----------
-    name
-        Variable name.
-    unit
-        UDUNITS spelling; ``"1"`` without dimension.
-    symbol
-        The field's symbol.
-    meaning
-        CF long_name.
-    dimensions
-        Dimensions of one point's value, for instance groove and order; empty for a scalar.
-    angle
-        Whether values are angles in degrees that wrap at +-180, so that differences need care.
-    optional
-        Whether some models cannot give it: their points hold NaN although they finished.
-    on_request
-        Whether it is computed only where a study names it among what it keeps.
-    response
-        Whether reports show it as a result of its own, beside the main ones of its simulator; a scalar.
-    convention
-        What its signs and phases mean; CF comment.
-    """
-
-    name: str
-    unit: str
-    symbol: str
-    meaning: str
+    name: str  # variable name
+    unit: str  # UDUNITS spelling; ``"1"`` without dimension
+    symbol: str  # the field's symbol
+    meaning: str  # CF long_name
+    # dimensions of one point's value, for instance groove and order; empty for a scalar
     dimensions: tuple[Dimension, ...] = ()
-    angle: bool = False
-    optional: bool = False
-    on_request: bool = False
+    angle: bool = False  # whether values are angles in degrees that wrap at +-180, so that differences need care
+    optional: bool = False  # whether some models cannot give it: their points hold NaN although they finished
+    on_request: bool = False  # whether it is computed only where a study names it among what it keeps
+    # whether reports show it as a result of its own, beside the main ones of its simulator; a scalar
     response: bool = False
-    convention: str = ""
+    convention: str = ""  # what its signs and phases mean; CF comment
 
     @property
     def unit_text(self) -> str:

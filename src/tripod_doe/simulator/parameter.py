@@ -12,56 +12,30 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, near_match
 
-__all__ = ["Parameter", "Value", "check_parameters", "is_set"]
-
 Value = float | int | str | None
 Kind = Literal["number", "integer", "switch", "choice", "argument"]
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One input of a simulator.
+    """One input of a simulator."""
 
-    Attributes
-    ----------
-    name
-        The name that is used in study files, Python, command line, cubes and tables.
-    default
-        Its value where it is not given; None where another parameter, the model or the method decides.
-    unit
-        UDUNITS spelling; ``"1"`` without dimension.
-    symbol
-        The field's symbol, as the paper writes it where it does.
-    meaning
-        One phrase in the field's words.
-    source
-        A place in the paper, or the word "assumed".
-    low, high
-        Range of allowed values, ends included unless `low_open`.
-    kind
-        ``number``, ``integer``, ``switch`` (0 or 1), ``choice``, or ``argument`` of a user function: a number or
-        a text, handed over as it is written.
-    choices
-        Allowed words of a choice.
-    group
-        Heading under which help and documentation list it.
-    follows
-        Name of the parameter whose value it takes where it is not given.
-    """
-
-    name: str
-    default: Value
-    unit: str
-    symbol: str
-    meaning: str
-    source: str
+    name: str  # the name that is used in study files, Python, command line, cubes and tables
+    default: Value  # its value where it is not given; None where another parameter, the model or the method decides
+    unit: str  # UDUNITS spelling; ``"1"`` without dimension
+    symbol: str  # the field's symbol, as the paper writes it where it does
+    meaning: str  # one phrase in the field's words
+    source: str  # A place in the paper, or the word "assumed"
+    # low, high: range of allowed values, ends included unless `low_open`
     low: float = -math.inf
     high: float = math.inf
     low_open: bool = False
+    # ``number``, ``integer``, ``switch`` (0 or 1), ``choice``, or ``argument`` of a user function: a number or a text,
+    # handed over as it is written
     kind: Kind = "number"
-    choices: tuple[str, ...] = ()
-    group: str = "parameters"
-    follows: str | None = None
+    choices: tuple[str, ...] = ()  # allowed words of a choice
+    group: str = "parameters"  # heading under which help and documentation list it
+    follows: str | None = None  # name of the parameter whose value it takes where it is not given
 
     @property
     def range_text(self) -> str:

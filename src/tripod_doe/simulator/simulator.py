@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.simulator.block import BlockResult
 from tripod_doe.simulator.candidate import Candidate
@@ -18,8 +19,6 @@ from tripod_doe.simulator.model_error import ModelErrors, ModelSummary
 from tripod_doe.simulator.outcome import Outcome
 from tripod_doe.simulator.output import Dimension, Output
 from tripod_doe.simulator.parameter import Parameter, Value, is_set
-
-__all__ = ["NUMERICS", "Methods", "Simulator", "by_name", "model_notes"]
 
 Methods = Mapping[str, Mapping[str, float]]
 """Methods of a model by name, the default first: the numerics parameters that each uses, with their values where they
@@ -41,30 +40,15 @@ def by_name(declared: Iterable[Declared]) -> dict[str, Declared]:
 
 
 class Simulator(ABC):
-    """A model that a study can run: parameters and outputs with metadata, and a function of a block of points.
+    """A model that a study can run: parameters and outputs with metadata, and a function of a block of points."""
 
-    Attributes
-    ----------
-    name
-        Name of the scene, or ``package.module:function``.
-    parameters
-        Everything that can be set, by name.
-    outputs
-        Everything that can be kept, by name; empty where it is known only from the answers.
-    source_hash
-        Hash of the sources that decide the results; results with different hashes are not mixed.
-    candidates
-        What model = "auto" may choose from, from the cheapest to the finest; empty with one model.
-    model_names
-        Names of its models, from the cheapest to the finest; empty with one.
-    """
-
-    name: str
-    parameters: Mapping[str, Parameter]
-    outputs: Mapping[str, Output]
-    source_hash: str = ""
+    name: str  # name of the scene, or ``package.module:function``
+    parameters: Mapping[str, Parameter]  # everything that can be set, by name
+    outputs: Mapping[str, Output]  # everything that can be kept, by name; empty where it is known only from the answers
+    source_hash: str = ""  # hash of the sources that decide the results; results with different hashes are not mixed
+    # what model = "auto" may choose from, from the cheapest to the finest; empty with one model
     candidates: tuple[Candidate, ...] = ()
-    model_names: tuple[str, ...] = ()
+    model_names: tuple[str, ...] = ()  # names of its models, from the cheapest to the finest; empty with one
 
     @abstractmethod
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
@@ -179,7 +163,7 @@ class Simulator(ABC):
         """
         return None
 
-    def recorded_errors(self, points: Mapping[str, NDArray[Any]], demands: Demands) -> NDArray[np.float64] | None:
+    def recorded_errors(self, points: Mapping[str, NDArray[Any]], demands: Demands) -> FloatArray | None:
         """Errors of the models of some points in what a study asks for, as they are on record for similar points.
 
         Parameters

@@ -12,36 +12,21 @@ from dataclasses import dataclass, replace
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import NUMERICS, Candidate, Demand, Demands, Simulator
 
-__all__ = ["AUTO", "Accuracy", "check_accuracy", "check_demands", "own_candidates"]
-
 AUTO = "auto"
 """The word for a model that a pilot chooses, point by point."""
 
 
 @dataclass(frozen=True)
 class Accuracy:
-    """The checked table [accuracy] of a study with model = "auto".
+    """The checked table [accuracy] of a study with model = "auto"."""
 
-    Attributes
-    ----------
-    demands
-        What is asked for.
-    confidence
-        Share of the points in which it must be met.
-    floor
-        A value below this share of the largest one beside it (a small order beside the third) is measured against that
-        share of it: relative to its own size, a vanishing order would ask for anything.
-    budget_cpu_s
-        Largest estimated price of pilot and study; None without.
-    candidates
-        What may be chosen, from the cheapest to the finest.
-    """
-
-    demands: tuple[Demand, ...]
-    confidence: float
+    demands: tuple[Demand, ...]  # what is asked for
+    confidence: float  # share of the points in which it must be met
+    # A value below this share of the largest one beside it (a small order beside the third) is measured against that
+    # share of it: relative to its own size, a vanishing order would ask for anything
     floor: float
-    budget_cpu_s: float | None
-    candidates: tuple[Candidate, ...]
+    budget_cpu_s: float | None  # largest estimated price of pilot and study; None without
+    candidates: tuple[Candidate, ...]  # what may be chosen, from the cheapest to the finest
 
     @property
     def parameters(self) -> tuple[str, ...]:

@@ -22,8 +22,6 @@ from tripod_doe.atomic_files import replace_file
 from tripod_doe.simulator import WORK, BlockResult, Retries, Values
 from tripod_doe.study.block_record import FinishedBlock, FinishedEnds, decode, decode_ends, decode_keys, record_number
 
-__all__ = ["BLOCK_COLUMNS", "Archive", "Row", "is_whole", "row_of", "without_log", "write_archive"]
-
 SCHEMA = """
 CREATE TABLE IF NOT EXISTS block (
     id INTEGER PRIMARY KEY,

@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import IntArray
 from tripod_doe.study.netcdf import TEXT_TABLE, are_point_numbers, reading
 from tripod_doe.study.results import cube_files, cube_so_far, is_shown
 
 if TYPE_CHECKING:
     import netCDF4
     import xarray as xr
-
-__all__ = ["CubeArrays", "Variable", "cube_arrays", "opened_arrays"]
 
 _STRETCH = 1 << 14  # positions that are read together where those asked for are far apart
 _NONE = np.zeros(0, np.int64)
@@ -28,31 +27,20 @@ _READ = ("flag_values", "flag_meanings", "long_name")  # attributes that say wha
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of a cube, read when its values are first asked for.
+    """A variable of a cube, read when its values are first asked for."""
 
-    Attributes
-    ----------
-    dims
-        Its dimensions.
-    read
-        Gives its values in a box of cells, of one axis per dimension.
-    words
-        Meanings of its values where it is a flag, by value; empty for numbers and texts.
-    is_counted
-        Whether its values are the positions along its dimension: numbers of points.
-    """
-
-    dims: tuple[str, ...]
-    read: Callable[[tuple[slice, ...]], NDArray[Any]]
+    dims: tuple[str, ...]  # its dimensions
+    read: Callable[[tuple[slice, ...]], NDArray[Any]]  # gives its values in a box of cells, of one axis per dimension
+    # meanings of its values where it is a flag, by value; empty for numbers and texts
     words: Mapping[int, str] = field(default_factory=dict)
-    is_counted: bool = False
+    is_counted: bool = False  # whether its values are the positions along its dimension: numbers of points
 
     @cached_property
     def values(self) -> NDArray[Any]:
         """Its values, one axis per dimension."""
         return self.read(tuple(slice(None) for _ in self.dims))
 
-    def at(self, rows: Mapping[str, NDArray[np.int64]]) -> NDArray[Any]:
+    def at(self, rows: Mapping[str, IntArray]) -> NDArray[Any]:
         """Its values at ascending positions along its dimensions; only stretches that hold them are read."""
         if "values" in vars(self):
             return _taken(self.values, self.dims, rows, dict.fromkeys(rows, 0))
@@ -68,7 +56,7 @@ class Variable:
 
 
 def _taken(
-    values: NDArray[Any], dims: tuple[str, ...], rows: Mapping[str, NDArray[np.int64]], first: Mapping[str, int]
+    values: NDArray[Any], dims: tuple[str, ...], rows: Mapping[str, IntArray], first: Mapping[str, int]
 ) -> NDArray[Any]:
     for axis, dim in enumerate(dims):
         if dim in rows:
@@ -78,23 +66,13 @@ def _taken(
 
 @dataclass(frozen=True)
 class CubeArrays:
-    """A cube without its attributes, but for the notes on its models.
+    """A cube without its attributes, but for the notes on its models."""
 
-    Attributes
-    ----------
-    sizes
-        Length of each dimension.
-    coordinates
-        Labels along the dimensions, and other coordinates such as the factors of a list of points.
-    variables
-        Everything else.
-    model_notes
-        Sentences on the models behind it and the errors known for them; none in a cube of one model.
-    """
-
-    sizes: Mapping[str, int]
+    sizes: Mapping[str, int]  # length of each dimension
+    # labels along the dimensions, and other coordinates such as the factors of a list of points
     coordinates: Mapping[str, Variable]
-    variables: Mapping[str, Variable]
+    variables: Mapping[str, Variable]  # everything else
+    # sentences on the models behind it and the errors known for them; none in a cube of one model
     model_notes: tuple[str, ...] = ()
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["BlockQueue"]
+from tripod_doe.array_types import IntArray
 
 _FIRST_BLOCK = 1  # a point may take seconds; how cheap points are is known from the first answer
 _LARGEST_GROWTH = 32
@@ -29,10 +28,10 @@ class BlockQueue:
         How long a block should last at least.
     """
 
-    def __init__(self, waiting: NDArray[np.int64], block: int | None = None, seconds: float = 1.0) -> None:
+    def __init__(self, waiting: IntArray, block: int | None = None, seconds: float = 1.0) -> None:
         self._target = seconds
         self._waiting = waiting
-        self._returned: list[NDArray[np.int64]] = []
+        self._returned: list[IntArray] = []
         self._fixed = block
         self._size = block or _FIRST_BLOCK
         self._seconds_per_point: float | None = None
@@ -40,7 +39,7 @@ class BlockQueue:
     def __len__(self) -> int:
         return self._waiting.size + sum(block.size for block in self._returned)
 
-    def take(self, slots: int) -> NDArray[np.int64] | None:
+    def take(self, slots: int) -> IntArray | None:
         """The next block, None when nothing waits; the last ones are small, so that all slots become free together."""
         if self._returned:
             return self._returned.pop()
@@ -51,7 +50,7 @@ class BlockQueue:
         block, self._waiting = self._waiting[:size], self._waiting[size:]
         return block
 
-    def halve(self, block: NDArray[np.int64]) -> None:
+    def halve(self, block: IntArray) -> None:
         """Put a block back as two halves."""
         self._returned.extend(half for half in np.array_split(block, 2) if half.size)
 

@@ -20,19 +20,6 @@ from numpy.typing import NDArray
 
 from tripod_doe.simulator import WORK, BlockResult, Retries, Values
 
-__all__ = [
-    "MARK",
-    "PREAMBLE",
-    "FinishedBlock",
-    "FinishedEnds",
-    "decode",
-    "decode_ends",
-    "decode_keys",
-    "encode",
-    "record_number",
-    "record_size",
-]
-
 MARK = b"\x93block\r\n"
 """Every record begins with it."""
 
@@ -47,42 +34,24 @@ Buffer = memoryview
 
 @dataclass(frozen=True)
 class FinishedBlock:
-    """A block of points as it came back from a worker.
+    """A block of points as it came back from a worker."""
 
-    Attributes
-    ----------
-    keys
-        Fingerprints of its points, shape (point,).
-    result
-        What was simulated.
-    cpu_seconds, wall_seconds
-        Of the whole block.
-    worker
-        Name of the process in which it ran; `journal.PILOT` for what the study's pilot ran.
-    """
-
-    keys: NDArray[np.void]
-    result: BlockResult
+    keys: NDArray[np.void]  # fingerprints of its points, shape (point,)
+    result: BlockResult  # what was simulated
+    # cpu_seconds, wall_seconds: of the whole block
     cpu_seconds: float
     wall_seconds: float
-    worker: str
+    worker: str  # name of the process in which it ran; `journal.PILOT` for what the study's pilot ran
 
 
 @dataclass(frozen=True)
 class FinishedEnds:
-    """How the points of a block ended.
+    """How the points of a block ended."""
 
-    Attributes
-    ----------
-    keys, outcomes
-        Fingerprints and outcomes of its points, shape (point,).
-    cpu_seconds
-        Of the whole block.
-    """
-
+    # keys, outcomes: fingerprints and outcomes of its points, shape (point,)
     keys: NDArray[np.void]
     outcomes: NDArray[np.int8]
-    cpu_seconds: float
+    cpu_seconds: float  # of the whole block
 
 
 def encode(block: FinishedBlock, number: int) -> bytes:
@@ -99,10 +68,12 @@ def encode(block: FinishedBlock, number: int) -> bytes:
     arrays: dict[str, NDArray[Any]] = {"keys": block.keys}
     arrays |= {name: getattr(result, name) for name in ("outcome", *WORK)}
     header: dict[str, Any] = {
-        "cpu_seconds": block.cpu_seconds, "wall_seconds": block.wall_seconds, "worker": block.worker,
+        "cpu_seconds": block.cpu_seconds,
+        "wall_seconds": block.wall_seconds,
+        "worker": block.worker,
         "dims": {name: values.dims for name, values in result.outputs.items()},
         "detail": _table_of("detail", result.detail, arrays),
-    }  # fmt: skip
+    }
     if units := {name: values.unit for name, values in result.outputs.items() if values.unit}:
         header["units"] = units
     arrays |= {f"output/{name}": values.data for name, values in result.outputs.items()}

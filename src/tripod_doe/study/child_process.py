@@ -13,8 +13,6 @@ import subprocess
 import sys
 from typing import IO
 
-__all__ = ["answers", "command", "environment", "start_child"]
-
 _NO_LEAKS = "ignore::UserWarning:multiprocessing.resource_tracker"  # the system frees what a child that is killed had
 
 

@@ -19,8 +19,6 @@ from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points, point_keys
 from tripod_doe.study.netcdf import read_dataset
 
-__all__ = ["CHOICE", "accuracy_of", "chosen_keys", "chosen_points", "frozen_choice", "key_texts"]
-
 CHOICE = "choice.nc"
 """Name of the file."""
 

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import CubeError
 from tripod_doe.simulator import (
     DETAIL_ATTRIBUTES,
@@ -21,27 +22,14 @@ from tripod_doe.simulator import (
     Parameter,
     common_unit,
 )
+from tripod_doe.study.block_record import FinishedBlock
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import SAMPLE, Column, Columns, Points, Rows
-from tripod_doe.study.journal import PILOT, FinishedBlock
+from tripod_doe.study.journal import PILOT
 from tripod_doe.study.key_index import KeyIndex
 from tripod_doe.study.model_records import ModelRecords
 from tripod_doe.study.netcdf import POINT_ATTRIBUTES
 from tripod_doe.study.provenance import cost_attributes, cube_attributes
-
-__all__ = [
-    "COST_VARIABLES",
-    "EXCLUDED",
-    "RECORD_ROLE",
-    "RESPONSE_ROLE",
-    "SWITCH_ROLE",
-    "THIS_STUDY",
-    "PlacedBlock",
-    "build_cube",
-    "cf_points",
-    "design_coordinates",
-    "part_of_cube",
-]
 
 COST_VARIABLES = {
     "cpu_seconds": ("s", "CPU time of the point (its share of the block)"),
@@ -68,7 +56,7 @@ RESPONSE_ROLE = "result of its own"
 THIS_STUDY = "this study"
 """Source of a value that the study gives itself, in place of the paper or an assumption."""
 
-PlacedBlock = tuple[FinishedBlock, NDArray[np.int64], NDArray[np.int64]]
+PlacedBlock = tuple[FinishedBlock, IntArray, IntArray]
 """A block, the rows of it that count, and where they stand among the points."""
 
 _CHUNK = 1_000_000  # points whose factors are looked at together
@@ -171,9 +159,9 @@ class _Table:
         self.first_outcome = self.outcome.copy()
         self.first_detail = self.detail.copy()
         self.used: dict[str, NDArray[Any]] = {}
-        self.settled: dict[str, NDArray[np.float64]] = {}
+        self.settled: dict[str, FloatArray] = {}
 
-    def fill(self, block: FinishedBlock, rows: NDArray[np.int64], at: NDArray[np.int64]) -> None:
+    def fill(self, block: FinishedBlock, rows: IntArray, at: IntArray) -> None:
         """Put the rows of a block where they belong."""
         result: BlockResult = block.result
         for name, values in result.outputs.items():
@@ -287,17 +275,30 @@ def _used_variables(study: Study, used: Mapping[str, NDArray[Any]], points: Poin
 def _choice_variables(table: _Table, points: Points) -> dict[str, xr.Variable]:
     """How accurate each point is expected to be with the model that a pilot chose for it, and whether that ran it."""
     variables = {
-        f"{name}_error_estimate": _shaped(points, (), column, {
-            "long_name": f"estimated relative error of {name}, of the model and numerical", "units": "1",
-            "role": RECORD_ROLE,
-        })
+        f"{name}_error_estimate": _shaped(
+            points,
+            (),
+            column,
+            {
+                "long_name": f"estimated relative error of {name}, of the model and numerical",
+                "units": "1",
+                "role": RECORD_ROLE,
+            },
+        )
         for name, column in points.error_estimate.items()
-    }  # fmt: skip
+    }
     if points.accuracy_met is not None:
-        variables["accuracy_met"] = _shaped(points, (), points.accuracy_met, {
-            "long_name": "whether the estimated error is within the accuracy asked for", "role": RECORD_ROLE,
-            "flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "unknown no yes",
-        })  # fmt: skip
+        variables["accuracy_met"] = _shaped(
+            points,
+            (),
+            points.accuracy_met,
+            {
+                "long_name": "whether the estimated error is within the accuracy asked for",
+                "role": RECORD_ROLE,
+                "flag_values": np.array([-1, 0, 1], np.int8),
+                "flag_meanings": "unknown no yes",
+            },
+        )
         meaning = "whether the pilot ran the point, so that the study did not"
         from_pilot = (table.worker == PILOT).astype(np.int8)
         variables["from_pilot"] = _shaped(points, (), from_pilot, _yes_or_no(meaning))

@@ -24,8 +24,6 @@ from tripod_doe.study.designs import Points
 from tripod_doe.study.netcdf import TEXT_TABLE, opened_store
 from tripod_doe.study.slabs import Slab, box
 
-__all__ = ["CubeFile", "cube_file"]
-
 _CHUNK_BYTES = 2_000_000
 _COURSE_BYTES = 2000  # of a point, above which a chunk has a part of them
 _SAMPLE_BYTES, _STRETCHES = 64_000, 16  # of the first slab, by which it is decided whether compression pays
@@ -83,10 +81,13 @@ class CubeFile:
     def finish(self, attributes: Mapping[str, Any]) -> None:
         """Write the tables of texts and the attributes of the cube."""
         tables = {
-            f"{name}_text": xr.Variable(f"{name}_row", np.array(list(table), object),
-                                        {"long_name": f"texts to which the numbers of {name} refer"})
+            f"{name}_text": xr.Variable(
+                f"{name}_row",
+                np.array(list(table), object),
+                {"long_name": f"texts to which the numbers of {name} refer"},
+            )
             for name, table in self._texts.items()
-        }  # fmt: skip
+        }
         xr.Dataset(tables, attrs=attributes).dump_to_store(self._store)
 
     def _coded(self, name: Any, variable: xr.Variable) -> xr.Variable:

@@ -16,8 +16,6 @@ from tripod_doe.study.on_dask import OnDask
 from tripod_doe.study.task import matching_simulator
 from tripod_doe.study.user_code import read_user_code
 
-__all__ = ["DaskWorkers"]
-
 
 class DaskWorkers:
     """Workers that several studies share.

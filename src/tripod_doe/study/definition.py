@@ -30,74 +30,35 @@ from tripod_doe.study.file import (
 from tripod_doe.study.retry import NO_RETRIES, RetryPlan, check_retries
 from tripod_doe.study.scenes import load_simulator
 
-__all__ = ["Factor", "Study", "canonical", "load_study", "parse_study"]
-
 
 @dataclass(frozen=True)
 class Factor:
-    """One factor: its parameter, and either its values or a distribution to sample.
+    """One factor: its parameter, and either its values or a distribution to sample."""
 
-    Attributes
-    ----------
-    parameter
-        What is varied.
-    values
-        Checked values in file order; None where it is sampled.
-    table
-        Its entry in the study file.
-    """
-
-    parameter: Parameter
-    values: tuple[Value, ...] | None
-    table: FactorTable
+    parameter: Parameter  # what is varied
+    values: tuple[Value, ...] | None  # checked values in file order; None where it is sampled
+    table: FactorTable  # its entry in the study file
 
 
 @dataclass(frozen=True)
 class Study:
-    """A checked study: static, all its points follow from it.
+    """A checked study: static, all its points follow from it."""
 
-    Attributes
-    ----------
-    file
-        The parsed study file.
-    simulator
-        What simulates its points.
-    base
-        Checked base values.
-    factors
-        Factors by name, in file order.
-    keep
-        Names of the outputs to keep; empty for a function that keeps all.
-    warnings
-        What the user should know before it runs.
-    text
-        The study file as written.
-    origin
-        Where it came from, for messages.
-    folder
-        Its folder, from which tables and functions are found.
-    switches
-        Names of the factors that an ablation switches off (0) and on (1); empty for other designs.
-    retry
-        Changes tried on points that failed.
-    accuracy
-        Accuracy for which a pilot chooses the model of every point; None where the study names its model.
-    demands
-        Accuracy to which runs are refined where the study names its model; None for that of `simulator` itself.
-    """
-
-    file: StudyFile
-    simulator: Simulator
-    base: Mapping[str, Value]
-    factors: Mapping[str, Factor]
-    keep: tuple[str, ...]
-    warnings: tuple[str, ...]
-    text: str
-    origin: str
-    folder: Path
+    file: StudyFile  # the parsed study file
+    simulator: Simulator  # what simulates its points
+    base: Mapping[str, Value]  # checked base values
+    factors: Mapping[str, Factor]  # factors by name, in file order
+    keep: tuple[str, ...]  # names of the outputs to keep; empty for a function that keeps all
+    warnings: tuple[str, ...]  # what the user should know before it runs
+    text: str  # the study file as written
+    origin: str  # where it came from, for messages
+    folder: Path  # its folder, from which tables and functions are found
+    # names of the factors that an ablation switches off (0) and on (1); empty for other designs
     switches: tuple[str, ...] = ()
-    retry: RetryPlan = NO_RETRIES
+    retry: RetryPlan = NO_RETRIES  # changes tried on points that failed
+    # accuracy for which a pilot chooses the model of every point; None where the study names its model
     accuracy: Accuracy | None = None
+    # accuracy to which runs are refined where the study names its model; None for that of `simulator` itself
     demands: Demands | None = None
 
     @property
@@ -163,8 +124,10 @@ def parse_study(text: str, origin: str = "study", folder: Path | None = None, fu
     accuracy = _accuracy(origin, simulator, file, {*base, *factors}) if auto else None
     demands = _demands(origin, simulator, file, {*base, *factors}) if file.accuracy and not auto else None
     if accuracy:  # all candidates are in play
-        levels |= {name: tuple(dict.fromkeys(candidate.values[name] for candidate in accuracy.candidates))
-                   for name in accuracy.parameters}  # fmt: skip
+        levels |= {
+            name: tuple(dict.fromkeys(candidate.values[name] for candidate in accuracy.candidates))
+            for name in accuracy.parameters
+        }
     run = file.run
     unknown = simulator.parameters.keys() - base if file.design.kind == "table" else ()
     retry = _at(

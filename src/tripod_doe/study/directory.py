@@ -17,22 +17,22 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import IntArray
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError, option
 from tripod_doe.quantities import size
 from tripod_doe.simulator import Outcome
+from tripod_doe.study.block_record import FinishedBlock
 from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import Study, canonical, parse_study
 from tripod_doe.study.hold import Hold
-from tripod_doe.study.journal import FOLDER, FinishedBlock, Journal
+from tripod_doe.study.journal import FOLDER, Journal
 from tripod_doe.study.plan import cube_bytes
 from tripod_doe.study.results import opened_cube
 from tripod_doe.study.salvage import salvage
 from tripod_doe.study.stored_results import StoredResults
 from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.study.written_cube import write_cube
-
-__all__ = ["ResultDirectory", "make_directory"]
 
 _SPARE_BYTES = 20_000_000
 _KERNELS, _COMPUTING = "kernel_source_hash", "computing"  # notes in the journal
@@ -161,7 +161,7 @@ class ResultDirectory:
         self._journal.remember({_KERNELS: study.simulator.source_hash, FOLDER: str(study.folder.absolute())})
         replace_text(self.path / "study.toml", study.text)
 
-    def missing(self, asked: StudyPoints, retry_failed: bool = False) -> NDArray[np.int64]:
+    def missing(self, asked: StudyPoints, retry_failed: bool = False) -> IntArray:
         """Indices of the points to compute, each different one once.
 
         Parameters

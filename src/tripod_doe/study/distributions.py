@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition import Factor
 from tripod_doe.study.file import FactorTable
-
-__all__ = ["Scatter", "is_unbounded", "quantile", "scatter_density"]
 
 _INSIDE = 1e-12  # keeps the ends of the unit interval off the infinite tails
 
@@ -24,7 +23,7 @@ def is_unbounded(factor: Factor) -> bool:
     return factor.table.distribution == "normal"
 
 
-def quantile(factor: Factor, unit: NDArray[np.float64]) -> NDArray[Any]:
+def quantile(factor: Factor, unit: FloatArray) -> NDArray[Any]:
     """Values of a sampled factor at given points of the unit interval.
 
     Parameters
@@ -94,21 +93,11 @@ def _frozen(table: FactorTable) -> Any:
 
 @dataclass(frozen=True)
 class Scatter:
-    """How a factor scatters.
+    """How a factor scatters."""
 
-    Attributes
-    ----------
-    density
-        Its density over its values, or over their logarithms.
-    centre
-        What it scatters about: mean, middle of a range, or peak.
-    logarithmic
-        Whether density and centre are those of logarithms.
-    """
-
-    density: Callable[[NDArray[np.float64]], NDArray[np.float64]]
-    centre: float
-    logarithmic: bool
+    density: Callable[[FloatArray], FloatArray]  # its density over its values, or over their logarithms
+    centre: float  # what it scatters about: mean, middle of a range, or peak
+    logarithmic: bool  # whether density and centre are those of logarithms
 
 
 def scatter_density(table: FactorTable) -> Scatter | None:

@@ -15,21 +15,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.simulator import BlockResult, Outcome
 from tripod_doe.study.block_queue import BlockQueue
+from tripod_doe.study.block_record import FinishedBlock
 from tripod_doe.study.definition import Study
 from tripod_doe.study.executor import Answer, AtWork, Executor, Lost
 from tripod_doe.study.existing_scheduler import ExistingScheduler
-from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.study.this_process import ThisProcess
 
 if TYPE_CHECKING:  # Dask takes a second to import, and a small study does without
     from tripod_doe.study.dask_workers import DaskWorkers
-
-__all__ = ["Execution"]
 
 _USUAL_WORKERS = 2
 _WORTH_WORKERS = 15.0  # seconds of work left: two workers take about 8 s of CPU time to start, and some to end
@@ -84,9 +83,7 @@ class Execution:
         if self._dask:
             self._dask.close()
 
-    def run(
-        self, asked: StudyPoints, missing: NDArray[np.int64], careful: bool = False
-    ) -> Generator[FinishedBlock, None, None]:
+    def run(self, asked: StudyPoints, missing: IntArray, careful: bool = False) -> Generator[FinishedBlock, None, None]:
         """Run points in blocks and give each finished block, in the order in which they finish.
 
         Parameters

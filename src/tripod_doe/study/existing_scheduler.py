@@ -17,8 +17,6 @@ from tripod_doe.quantities import duration
 if TYPE_CHECKING:  # Dask takes a second to import
     from distributed import Client
 
-__all__ = ["USUAL_WAIT", "ExistingScheduler"]
-
 USUAL_WAIT = 60.0
 """Seconds for which a study waits for a scheduler that is gone, unless told otherwise."""
 
@@ -28,22 +26,14 @@ _PAUSES = (0.5, 10.0)  # seconds between two attempts: the first, doubled up to 
 
 @dataclass(frozen=True)
 class ExistingScheduler:
-    """Where a scheduler is.
+    """Where a scheduler is."""
 
-    Attributes
-    ----------
-    address
-        For instance ``tcp://10.0.0.1:8786``; None where a file names it.
-    file
-        The file that ``dask scheduler --scheduler-file`` writes; read again whenever the scheduler was gone, since
-        another one may have another address.
-    wait
-        Seconds to wait for a scheduler, at the start as well; None: for one that is gone the usual time, at the start
-        no time, so that a wrong address is noticed.
-    """
-
-    address: str | None = None
+    address: str | None = None  # for instance ``tcp://10.0.0.1:8786``; None where a file names it
+    # the file that ``dask scheduler --scheduler-file`` writes; read again whenever the scheduler was gone, since
+    # another one may have another address
     file: Path | None = None
+    # seconds to wait for a scheduler, at the start as well; None: for one that is gone the usual time, at the start no
+    # time, so that a wrong address is noticed
     wait: float | None = None
 
     def __post_init__(self) -> None:

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from tripod_doe.errors import option
 from tripod_doe.simulator import Outcome
 
-__all__ = ["Failure", "common_failures", "failure_lines"]
-
 _SHOWN = 3
 
 _NUMBER = re.compile(r"-?\d+\.?\d*(e[+-]?\d+)?")
@@ -22,21 +20,11 @@ _NUMERICS = {Outcome.DIVERGED, Outcome.INACCURATE, Outcome.STEP_LIMIT}
 
 @dataclass(frozen=True)
 class Failure:
-    """Points that failed in the same way.
+    """Points that failed in the same way."""
 
-    Attributes
-    ----------
-    outcome
-        How they ended.
-    reason
-        The reason, that of the first of them where reasons differ in numbers only.
-    count
-        How many there are.
-    """
-
-    outcome: Outcome
-    reason: str
-    count: int
+    outcome: Outcome  # how they ended
+    reason: str  # the reason, that of the first of them where reasons differ in numbers only
+    count: int  # how many there are
 
     def __str__(self) -> str:
         points = "1 point" if self.count == 1 else f"{self.count:,} points"

@@ -13,22 +13,6 @@ from pydantic_core import ErrorDetails
 
 from tripod_doe.errors import InputError, closest, near_match
 
-__all__ = [
-    "TABLES",
-    "AccuracyTable",
-    "DesignTable",
-    "FactorTable",
-    "RunTable",
-    "Scalar",
-    "StudyFile",
-    "complaints",
-    "is_workflow",
-    "parse_file",
-    "parse_toml",
-    "read_text",
-    "said_of",
-]
-
 _MOST_PARTS = 16
 _LONGEST_SHOWN = 80  # characters of a value
 _LONG_NAME = re.compile(
@@ -37,10 +21,27 @@ _LONG_NAME = re.compile(
 
 Scalar = Annotated[float | int | str | bool, Field(union_mode="smart")]
 DesignKind = Literal[
-    "grid", "zip", "one-at-a-time", "table", "latin-hypercube", "sobol", "halton", "saltelli", "morris", "fast",
-    "rbd-fast", "finite-differences", "full-factorial", "fractional-factorial", "plackett-burman", "central-composite",
-    "box-behnken", "multifidelity", "ablation", "product",
-]  # fmt: skip
+    "grid",
+    "zip",
+    "one-at-a-time",
+    "table",
+    "latin-hypercube",
+    "sobol",
+    "halton",
+    "saltelli",
+    "morris",
+    "fast",
+    "rbd-fast",
+    "finite-differences",
+    "full-factorial",
+    "fractional-factorial",
+    "plackett-burman",
+    "central-composite",
+    "box-behnken",
+    "multifidelity",
+    "ablation",
+    "product",
+]
 
 
 class _Table(BaseModel):
@@ -64,9 +65,9 @@ class FactorTable(_Table):
     high: float | None = Field(None, description="upper end of the range")
     count: int | None = Field(None, ge=1, le=1_000_000, description="number of values from low to high, ends included")
     scale: Literal["linear", "log"] = Field("linear", description="spacing of the values or samples from low to high")
-    distribution: (
-        Literal["uniform", "normal", "truncated-normal", "log-uniform", "triangular", "discrete"] | None
-    ) = Field(None, description="distribution of a sampled factor; uniform on its scale if omitted")  # fmt: skip
+    distribution: Literal["uniform", "normal", "truncated-normal", "log-uniform", "triangular", "discrete"] | None = (
+        Field(None, description="distribution of a sampled factor; uniform on its scale if omitted")
+    )
     mean: float | None = Field(None, description="mean of a normal distribution")
     std: float | None = Field(None, gt=0, description="standard deviation of a normal distribution")
     mode: float | None = Field(None, description="peak of a triangular distribution")
@@ -138,7 +139,7 @@ class DesignTable(_Table):
     )
     combinations: Literal["all", "single"] = Field(
         "all", description="ablation: all combinations of the switches, or single: all on, none, each off, each alone"
-    )  # fmt: skip
+    )
     of: list[str] = Field([], description="product: names of the sub-designs [design.NAME]")
     factors: list[str] | None = Field(
         None, description="the factors that a sub-design varies; ablation: its switches, all of the scene if omitted"
@@ -297,14 +298,21 @@ def complaints(error: ValidationError, known: Callable[[list[str]], Iterable[str
 
 
 _EXPECTED = {
-    "string_type": "expected text in quotes", "string_too_short": "must not be empty",
-    "bool_type": "expected true or false", "bool_parsing": "expected true or false",
-    "float_type": "expected a number", "float_parsing": "expected a number", "finite_number": "must be finite",
-    "int_type": "expected a whole number", "int_parsing": "expected a whole number",
+    "string_type": "expected text in quotes",
+    "string_too_short": "must not be empty",
+    "bool_type": "expected true or false",
+    "bool_parsing": "expected true or false",
+    "float_type": "expected a number",
+    "float_parsing": "expected a number",
+    "finite_number": "must be finite",
+    "int_type": "expected a whole number",
+    "int_parsing": "expected a whole number",
     "int_from_float": "expected a whole number",
-    "greater_than": "must be above {gt:g}", "greater_than_equal": "must be at least {ge:g}",
-    "less_than": "must be below {lt:g}", "less_than_equal": "must be at most {le:g}",
-}  # fmt: skip
+    "greater_than": "must be above {gt:g}",
+    "greater_than_equal": "must be at least {ge:g}",
+    "less_than": "must be below {lt:g}",
+    "less_than_equal": "must be at most {le:g}",
+}
 """What a value must be, by pydantic's name of the complaint and with its numbers."""
 
 

@@ -13,8 +13,6 @@ from xarray.core import indexing
 
 from tripod_doe.study.slabs import box, slabs
 
-__all__ = ["flat_points"]
-
 _SLAB_BYTES = 32_000_000
 
 

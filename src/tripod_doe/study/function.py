@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import WORK, BlockResult, Outcome, Parameter, Simulator, Value, Values
 
-__all__ = ["FunctionSimulator"]
-
 _TAKEN_NAMES = frozenset({"outcome", "outcome_detail", "excluded", "worker", "cpu_seconds", "wall_seconds", *WORK})
 """What every cube holds, with its costs: an output of such a name would be lost behind it."""
 

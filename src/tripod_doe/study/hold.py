@@ -19,8 +19,6 @@ from typing import Any
 
 from tripod_doe.errors import InputError, StorageError, option
 
-__all__ = ["Hold"]
-
 _LOCK = ".lock"
 _SIGNING = 0.2  # seconds in which a process that has the lock names itself
 _CLOCK = 2.0  # seconds by which the start of a process is uncertain

@@ -35,8 +35,6 @@ from tripod_doe.study.block_record import (
 )
 from tripod_doe.study.segments import Segment, StoredSegment, segments_in
 
-__all__ = ["FOLDER", "PILOT", "SHOWN", "FinishedBlock", "FinishedEnds", "Journal", "Mark", "journal_path", "unreadable"]
-
 PILOT = "pilot"
 """Stands for the worker of points that were run by the pilot of their study."""
 
@@ -52,18 +50,10 @@ _BATCH_BYTES, _BATCH_SECONDS = 32_000_000, 1.0  # of blocks that are made to out
 
 @dataclass(frozen=True)
 class Mark:
-    """How far a reader has come.
+    """How far a reader has come."""
 
-    Attributes
-    ----------
-    archived
-        Blocks in the archive.
-    lengths
-        Bytes that were read of each segment, by its name.
-    """
-
-    archived: int = 0
-    lengths: dict[str, int] = field(default_factory=dict)
+    archived: int = 0  # blocks in the archive
+    lengths: dict[str, int] = field(default_factory=dict)  # bytes that were read of each segment, by its name
 
 
 class Journal:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["KeyIndex"]
+from tripod_doe.array_types import IntArray
 
 Words = NDArray[np.uint64]
-Places = NDArray[np.int64]
+Places = IntArray
 
 _BITS = 64  # of a word, of which a fingerprint has two
 _PART_BITS = 8  # by which fingerprints are parted before each part is sorted alone

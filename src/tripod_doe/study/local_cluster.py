@@ -18,8 +18,6 @@ from tripod_doe.errors import TripodDoeError, option
 from tripod_doe.study.child_process import answers, start_child
 from tripod_doe.study.scenes import modules_of_scenes
 
-__all__ = ["QUIET", "LocalWorkers"]
-
 QUIET = {
     "distributed.scheduler.allowed-failures": 0,  # which block is to blame is found out here
     "distributed.admin.tick.limit": "1h",

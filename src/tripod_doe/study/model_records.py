@@ -9,16 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.simulator import ModelErrors, ModelSummary
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points
 
-__all__ = ["MODEL_ERROR", "MODEL_ERROR_LIMIT", "ModelRecords", "model_records"]
-
 MODEL_ERROR, MODEL_ERROR_LIMIT = "model_error", "model_error_limit"
 """Variables of a cube: the error to expect of each point's model, and its limit."""
 
-Columns = dict[str, tuple[NDArray[np.float64], str]]
+Columns = dict[str, tuple[FloatArray, str]]
 
 _CHUNK = 10_000
 """Points whose parameters are held at once: few enough that the memory of one chunk serves the next."""
@@ -79,9 +78,7 @@ class ModelRecords:
             MODEL_ERROR_LIMIT: (limit, f"{of}: 90th percentile of similar points"),
         }
 
-    def _parameters(
-        self, points: Points, used: Mapping[str, NDArray[Any]], rows: NDArray[np.int64]
-    ) -> dict[str, NDArray[Any]]:
+    def _parameters(self, points: Points, used: Mapping[str, NDArray[Any]], rows: IntArray) -> dict[str, NDArray[Any]]:
         """Every parameter of some points, with the model that each ran with in the end."""
         columns = self._study.simulator.columns(self._study.base, points.at(rows), rows.size)
         if "model" in used:

@@ -17,18 +17,6 @@ if TYPE_CHECKING:  # a query reads cubes without xarray
     import xarray as xr
     from xarray.backends import NetCDF4DataStore
 
-__all__ = [
-    "POINT_ATTRIBUTES",
-    "TEXT_TABLE",
-    "are_point_numbers",
-    "lazy_dataset",
-    "opened_store",
-    "read_dataset",
-    "reading",
-    "stamp_history",
-    "write_dataset",
-]
-
 POINT_ATTRIBUTES = {"long_name": "number of the point in the design", "units": "1"}
 """Attributes of the coordinate ``point`` of a cube, which counts from 0."""
 

@@ -24,15 +24,13 @@ from distributed import Client, KilledWorker
 from distributed import Future as DaskFuture
 from distributed.client import ClosedClientError
 from distributed.comm import CommClosedError
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.study.executor import Answer, Lost
 from tripod_doe.study.on_worker import Unfit, our_version, read_answer, run_block
 from tripod_doe.study.task import Task
 from tripod_doe.study.user_code import UserCode
-
-__all__ = ["DEATHS", "OnDask"]
 
 DEATHS = 3
 """Workers that a point takes down by itself before it is given up."""
@@ -47,19 +45,12 @@ _ANSWER, _SILENCE = 10.0, 60.0  # seconds for one answer of a scheduler, and wit
 
 @dataclass(eq=False)
 class _Block:
-    """A block that was taken, until there is an answer.
+    """A block that was taken, until there is an answer."""
 
-    Attributes
-    ----------
-    points, task
-        Indices of its points, and what a worker needs.
-    deaths
-        Workers that died while it was the only block at work.
-    """
-
-    points: NDArray[np.int64]
+    # points, task: indices of its points, and what a worker needs
+    points: IntArray
     task: Task
-    deaths: int = 0
+    deaths: int = 0  # workers that died while it was the only block at work
 
 
 class OnDask:
@@ -129,7 +120,7 @@ class OnDask:
         """Blocks that were taken and have no answer."""
         return len(self._at_work) + len(self._suspects)
 
-    def submit(self, block: NDArray[np.int64], task: Task) -> None:
+    def submit(self, block: IntArray, task: Task) -> None:
         """Send a block."""
         self._send([_Block(block, task)])
 
@@ -159,7 +150,7 @@ class OnDask:
         self._counted_at, self._heard_at = -np.inf, time.monotonic()
         return blocks
 
-    def next_finished(self) -> tuple[NDArray[np.int64], Answer | Lost] | None:
+    def next_finished(self) -> tuple[IntArray, Answer | Lost] | None:
         """Wait for one of the blocks that were sent, and raise what its simulator raised.
 
         A block whose scheduler was lost, or whose worker cannot run the study, is sent again. One whose workers died

@@ -14,24 +14,15 @@ from tripod_doe.study.executor import Answer
 from tripod_doe.study.task import Task, matching_simulator, run_task
 from tripod_doe.study.user_code import UserCode, check_imported, placed
 
-__all__ = ["Unfit", "answer_as_bytes", "our_version", "read_answer", "run_block"]
-
 
 @dataclass(frozen=True)
 class Unfit:
-    """A worker that cannot run a study.
+    """A worker that cannot run a study."""
 
-    Attributes
-    ----------
-    name, address
-        Of the worker.
-    reason
-        Why it cannot, as the end of a sentence on it.
-    """
-
+    # name, address: of the worker
     name: str
     address: str
-    reason: str
+    reason: str  # why it cannot, as the end of a sentence on it
 
 
 @cache

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.quantities import duration, size
 from tripod_doe.study.definition import Study, load_study
 from tripod_doe.study.designs import Points, make_points, point_bytes
@@ -18,8 +19,6 @@ from tripod_doe.study.failures import Failure, common_failures
 from tripod_doe.study.model_records import model_records
 from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.study.timing import time_points
-
-__all__ = ["RECORDED", "Plan", "cube_bytes", "plan"]
 
 RECORDED = "recorded on another machine for usual points; others may cost twenty times as much"
 """Where a price comes from that was not timed."""
@@ -34,53 +33,24 @@ _NOTABLE_BYTES = 100_000_000  # of memory, below which a plan does not tell them
 
 @dataclass(frozen=True)
 class Plan:
-    """Counts and prices of a study.
+    """Counts and prices of a study."""
 
-    Attributes
-    ----------
-    points
-        Points of the design, repeated and excluded ones included.
-    unique
-        Points to compute: repeated ones are computed once.
-    excluded
-        Cells that a constraint leaves out.
-    blocks
-        Tasks, estimated; None without a price.
-    cpu_hours
-        Lower quartile, mean and upper quartile of the total; None without a price.
-    cube_bytes
-        Size of the cube, where the outputs' shapes are known beforehand.
-    timed
-        Batches of points that were timed; 0 where the price is a recorded one, or none is known.
-    chosen
-        Whether a pilot chooses the models, so that nothing can be timed before it has run.
-    warnings
-        What the user should know, the ranges of the models that points leave included.
-    foreseen
-        Points that are known to fail before anything is solved, by outcome and reason.
-    models
-        The models of the points, with the errors known for them.
-    design
-        What the user should know of the design.
-    memory_bytes
-        Memory that the points take while the study runs, their results left out.
-    written_bytes
-        Size of cube and costs before compression; None where that of the cube is not known.
-    """
-
-    points: int
-    unique: int
-    excluded: int
-    blocks: int | None
+    points: int  # points of the design, repeated and excluded ones included
+    unique: int  # points to compute: repeated ones are computed once
+    excluded: int  # cells that a constraint leaves out
+    blocks: int | None  # tasks, estimated; None without a price
+    # lower quartile, mean and upper quartile of the total; None without a price
     cpu_hours: tuple[float, float, float] | None
-    cube_bytes: int | None
-    timed: int
-    chosen: bool
-    warnings: tuple[str, ...]
+    cube_bytes: int | None  # size of the cube, where the outputs' shapes are known beforehand
+    timed: int  # batches of points that were timed; 0 where the price is a recorded one, or none is known
+    chosen: bool  # whether a pilot chooses the models, so that nothing can be timed before it has run
+    warnings: tuple[str, ...]  # what the user should know, the ranges of the models that points leave included
+    # points that are known to fail before anything is solved, by outcome and reason
     foreseen: tuple[Failure, ...] = field(default=())
-    models: tuple[str, ...] = ()
-    design: tuple[str, ...] = ()
-    memory_bytes: int = 0
+    models: tuple[str, ...] = ()  # the models of the points, with the errors known for them
+    design: tuple[str, ...] = ()  # what the user should know of the design
+    memory_bytes: int = 0  # memory that the points take while the study runs, their results left out
+    # size of cube and costs before compression; None where that of the cube is not known
     written_bytes: int | None = None
 
     @property
@@ -187,7 +157,7 @@ def _foreseen(study: Study, points: Points, able: NDArray[np.bool_]) -> Iterator
             yield outcome, reason
 
 
-def _recorded_prices(study: Study, points: Points, able: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _recorded_prices(study: Study, points: Points, able: NDArray[np.bool_]) -> FloatArray:
     """Recorded CPU seconds of points spread over the design; none where a point has no recorded price."""
     rows = np.flatnonzero(able)
     rows = rows[np.unique(np.linspace(0, rows.size - 1, _PRICED).astype(int))]

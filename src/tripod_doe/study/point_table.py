@@ -12,8 +12,6 @@ from tripod_doe.quantities import count_of, duration, number, with_unit
 from tripod_doe.simulator import Values
 from tripod_doe.study.simulate import SimulatedPoint
 
-__all__ = ["point_table"]
-
 _NOTHING = 1e-9  # part of the largest amplitude below which an amplitude is rounding, and has no phase
 _NO_PHASE = "-"
 

@@ -16,8 +16,6 @@ from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.model_records import ModelRecords
 
-__all__ = ["cost_attributes", "cube_attributes"]
-
 _PACKAGES = ("tripod-doe", "numpy", "scipy", "numba", "xarray", "netCDF4", "dask", "SALib", "pydoe")
 
 

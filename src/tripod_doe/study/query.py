@@ -15,29 +15,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.arrays import CubeArrays, Variable, cube_arrays
 from tripod_doe.study.expressions import Expression
 from tripod_doe.study.results import opened_cube
-from tripod_doe.study.selection import Chosen, Selection, labels_told, parse_selection, selections, taken
+from tripod_doe.study.selection import Chosen, Selection, labels_told, selections, taken
 from tripod_doe.study.slabs import box, slabs
 
 if TYPE_CHECKING:  # the command line answers without xarray
     import xarray as xr
-
-__all__ = [
-    "Selection",
-    "answer_format",
-    "cell_count",
-    "narrowed",
-    "parse_selection",
-    "query",
-    "records",
-    "records_text",
-    "selections",
-    "unmet",
-]
 
 _SLAB_CELLS = 4_000_000  # cells of a variable that are looked at together
 
@@ -131,25 +119,15 @@ def unmet(cube: CubeArrays, select: Mapping[str, Chosen] | Sequence[Selection | 
 
 @dataclass(frozen=True)
 class _Choice:
-    """Cells of a cube: a variable, what is shown beside it, and the rows along each dimension.
+    """Cells of a cube: a variable, what is shown beside it, and the rows along each dimension."""
 
-    Attributes
-    ----------
-    cube
-        The whole cube.
-    variable
-        What is asked for.
-    variables, coordinates
-        What is shown: the variable and the outcome, and the coordinates along the dimensions of the variable.
-    rows
-        Positions that a selection leaves, by dimension; all where a dimension is not named.
-    """
-
-    cube: CubeArrays
-    variable: str
+    cube: CubeArrays  # the whole cube
+    variable: str  # what is asked for
+    # variables, coordinates: what is shown: the variable and the outcome, and the coordinates along the dimensions of
+    # the variable
     variables: Mapping[str, Variable]
     coordinates: Mapping[str, Variable]
-    rows: Mapping[str, NDArray[np.int64]]
+    rows: Mapping[str, IntArray]  # positions that a selection leaves, by dimension; all where a dimension is not named
 
     @property
     def target(self) -> Variable:
@@ -203,7 +181,7 @@ class _Choice:
         return expression({name: self.column(name) for name in {self.variable, *expression.used}})
 
 
-def _positions(count: int, place: tuple[slice, ...]) -> NDArray[np.int64]:
+def _positions(count: int, place: tuple[slice, ...]) -> IntArray:
     return np.arange(*place[0].indices(count))
 
 
@@ -220,7 +198,7 @@ def _choose(
     along = {name: other for name, other in cube.variables.items() if set(other.dims) <= dims}
     shown = {name: along[name] for name in (variable, "outcome") if name in along}
     coordinates = {name: labels for name, labels in cube.coordinates.items() if set(labels.dims) <= dims}
-    rows: dict[str, NDArray[np.int64]] = {}
+    rows: dict[str, IntArray] = {}
     for selection in selections(select):
         if selection.name not in coordinates:
             known = near_match(selection.name, coordinates)

@@ -22,8 +22,6 @@ if TYPE_CHECKING:  # a query reads cubes without xarray
     from tripod_doe.study.stored_results import StoredResults
     from tripod_doe.study.study_points import StudyPoints
 
-__all__ = ["cube_files", "cube_so_far", "is_shown", "open_cube", "opened_cube", "unshown_state", "write_cube_so_far"]
-
 _READ_AT_ONCE = 100_000_000  # bytes of a cube that is read whole
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import (
     WORK,
@@ -28,17 +29,6 @@ from tripod_doe.simulator import (
     is_set,
 )
 
-__all__ = [
-    "NO_RETRIES",
-    "SMALLER_STEP",
-    "Change",
-    "RetryPlan",
-    "changed_parameters",
-    "check_retries",
-    "simulate_with_retries",
-    "untried",
-]
-
 SMALLER_STEP = "smaller-step"
 """The change that halves the step or the tolerance that is in force: the one that is given, or that a run settled."""
 
@@ -49,15 +39,9 @@ _NEVER_RETRIED = (Outcome.FINISHED, Outcome.NOT_APPLICABLE)
 
 @dataclass(frozen=True)
 class Change:
-    """One change of the parameters of a point that failed.
+    """One change of the parameters of a point that failed."""
 
-    Attributes
-    ----------
-    values
-        Parameters to set; empty for a smaller step.
-    """
-
-    values: Mapping[str, Value]
+    values: Mapping[str, Value]  # parameters to set; empty for a smaller step
 
     @property
     def label(self) -> str:
@@ -71,18 +55,10 @@ class Change:
 
 @dataclass(frozen=True)
 class RetryPlan:
-    """The changes of a study, and which outcomes they are tried on.
+    """The changes of a study, and which outcomes they are tried on."""
 
-    Attributes
-    ----------
-    changes
-        In the order in which they are tried.
-    accepted
-        Outcomes that a point may end with, without a retry.
-    """
-
-    changes: tuple[Change, ...] = ()
-    accepted: frozenset[int] = frozenset(_NEVER_RETRIED)
+    changes: tuple[Change, ...] = ()  # in the order in which they are tried
+    accepted: frozenset[int] = frozenset(_NEVER_RETRIED)  # outcomes that a point may end with, without a retry
 
 
 NO_RETRIES = RetryPlan()
@@ -291,7 +267,7 @@ class _History:
         values = {name: column[row : row + 1].tolist()[0] for name, column in self._points.items()}
         return {name: value for name, value in values.items() if is_set(value)}
 
-    def next_attempt(self, change: Change) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
+    def next_attempt(self, change: Change) -> tuple[IntArray, dict[str, NDArray[Any]]]:
         """Rows that a change is tried on, and all their parameters with it; a change that gives the same is no try."""
         rows = []
         for row in np.flatnonzero(self._waiting).tolist():
@@ -307,7 +283,7 @@ class _History:
         }
         return np.array(rows, np.int64), columns
 
-    def record(self, change: Change, rows: NDArray[np.int64], again: BlockResult) -> None:
+    def record(self, change: Change, rows: IntArray, again: BlockResult) -> None:
         """Take over the points that finished in an attempt, tell of the others, and count the work of all."""
         before = self._block.take(rows)
         helped = again.outcome == Outcome.FINISHED
@@ -334,10 +310,15 @@ class _History:
             for name in names:
                 used[name].append(full[name])
         columns = {name: self._simulator.parameters[name].column(values) for name, values in used.items()}
-        retries = Retries(self._attempt, self._first.outcome, list(self._first.detail), {
-            name: np.array(["" if value is None else value for value in column], dtype=str)
-            if column.dtype == object
-            else column.astype(float)
-            for name, column in columns.items()
-        })  # fmt: skip
+        retries = Retries(
+            self._attempt,
+            self._first.outcome,
+            list(self._first.detail),
+            {
+                name: np.array(["" if value is None else value for value in column], dtype=str)
+                if column.dtype == object
+                else column.astype(float)
+                for name, column in columns.items()
+            },
+        )
         return replace(self._block, retries=retries)

@@ -11,8 +11,6 @@ from typing import Any
 from tripod_doe.study.archive import BLOCK_COLUMNS, is_whole, write_archive
 from tripod_doe.study.journal import journal_path, unreadable
 
-__all__ = ["salvage"]
-
 _ROW_BYTES = 500  # no block is stored in less
 _ALL = ", ".join(BLOCK_COLUMNS)
 

@@ -11,8 +11,6 @@ from tripod_doe.errors import InputError, TripodDoeError, near_match
 from tripod_doe.simulator import Simulator
 from tripod_doe.study.function import FunctionSimulator
 
-__all__ = ["SCENES", "load_simulator", "modules_of_scenes"]
-
 SCENES = {
     "joint": "tripod_doe.joint.simulator:simulator",
     "needle-between-plates": "tripod_doe.mechanics.scenes.needle_between_plates:simulator",

@@ -11,8 +11,6 @@ from tripod_doe.study.accuracy import AUTO
 from tripod_doe.study.file import TABLES, StudyFile
 from tripod_doe.study.scenes import SCENES, load_simulator
 
-__all__ = ["brief_schema", "study_schema"]
-
 
 def study_schema(scene: str = "joint") -> dict[str, Any]:
     """JSON Schema of study files of a scene: every table and key, and every parameter with unit, range and source."""

@@ -16,8 +16,6 @@ from pathlib import Path
 
 from tripod_doe.study.block_record import MARK, PREAMBLE, record_number, record_size
 
-__all__ = ["Segment", "StoredSegment", "segments_in"]
-
 _ENDING = ".blocks"
 _WINDOW = 1 << 20  # bytes in which the next record is looked for behind damage
 
@@ -74,24 +72,13 @@ class Segment:
 
 @dataclass
 class StoredSegment:
-    """A segment as it is on the disk, also while its process appends to it.
+    """A segment as it is on the disk, also while its process appends to it."""
 
-    Attributes
-    ----------
-    path
-        The file.
-    length
-        Bytes of it that count: those that were there when it was looked at, or when its process was found to be gone.
-    lost
-        Records that are missing between others; known when all records have been read.
-    end
-        End of the last whole record; known when all records have been read.
-    """
-
-    path: Path
+    path: Path  # the file
+    # bytes of it that count: those that were there when it was looked at, or when its process was found to be gone
     length: int
-    lost: int = 0
-    end: int = 0
+    lost: int = 0  # records that are missing between others; known when all records have been read
+    end: int = 0  # end of the last whole record; known when all records have been read
 
     def __post_init__(self) -> None:
         self._file = os.open(self.path, os.O_RDONLY)  # it can be read even when its journal was gathered meanwhile

@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.quantities import level
 from tripod_doe.study.arrays import Variable
-
-__all__ = ["Chosen", "Selection", "labels_told", "parse_selection", "selections", "taken"]
 
 _MATCH = 1e-9
 _STRETCH = 4_000_000  # labels that are looked at together
@@ -91,9 +90,7 @@ def _word(text: str) -> float | str:
         return text
 
 
-def taken(
-    labels: Variable, left: NDArray[np.int64] | None, count: int, selection: Selection, nearest: bool
-) -> NDArray[np.int64]:
+def taken(labels: Variable, left: IntArray | None, count: int, selection: Selection, nearest: bool) -> IntArray:
     """Positions whose labels a selection takes; of many labels a stretch at a time is in memory.
 
     Parameters
@@ -118,7 +115,7 @@ def taken(
     return np.concatenate([own[_matching(values, selection)] for own, values in stretches()])
 
 
-def _around(selection: Selection, count: int) -> NDArray[np.int64]:
+def _around(selection: Selection, count: int) -> IntArray:
     """Positions near the numbers that a selection names: where labels are positions, no others can meet it."""
     wanted = [value for value in selection.values if not isinstance(value, str)]
     ends = zip(wanted, wanted, strict=True) if selection.values else [(selection.low, selection.high)]
@@ -129,9 +126,7 @@ def _around(selection: Selection, count: int) -> NDArray[np.int64]:
     return np.unique(np.concatenate(near))
 
 
-def _stretches(
-    labels: Variable, left: NDArray[np.int64] | None, count: int
-) -> Iterator[tuple[NDArray[np.int64], NDArray[Any]]]:
+def _stretches(labels: Variable, left: IntArray | None, count: int) -> Iterator[tuple[IntArray, NDArray[Any]]]:
     """Positions with their labels, so many that they fit into memory at a time; at least one stretch, maybe empty."""
     size = count if left is None else left.size
     for start in range(0, max(size, 1), _STRETCH):
@@ -140,7 +135,7 @@ def _stretches(
         yield own, labels.values if own.size == count else labels.at({labels.dims[0]: own})
 
 
-def _nearest(wanted: float | str, stretches: Iterator[tuple[NDArray[np.int64], NDArray[Any]]]) -> float | str:
+def _nearest(wanted: float | str, stretches: Iterator[tuple[IntArray, NDArray[Any]]]) -> float | str:
     """The first of the labels that are nearest to a number; of texts what is wanted."""
     best, least = wanted, math.inf
     for _, values in stretches:

@@ -27,43 +27,25 @@ from tripod_doe.study.task import Task, run_task
 if TYPE_CHECKING:  # the command line answers without xarray
     import xarray as xr
 
-__all__ = ["SimulatedPoint", "simulate", "simulate_point", "usual_price"]
-
-
 _NOT_SIMULATED = (Outcome.OUT_OF_RANGE, Outcome.JAMMED, Outcome.NOT_APPLICABLE)
 """Outcomes of points at which no model gives an answer whose error could be told."""
 
 
 @dataclass(frozen=True)
 class SimulatedPoint:
-    """One point with its answer.
+    """One point with its answer."""
 
-    Attributes
-    ----------
-    simulator
-        What simulated it.
-    parameters
-        All values that were used.
-    outputs
-        Every output of the model but those on request; missing where the point did not finish.
-    coordinates
-        Labels along the dimensions of the outputs.
-    outcome, detail
-        How the point ended, and the reason for failure or a note.
-    cost
-        CPU and wall seconds without compilation, steps, force evaluations.
-    model_notes
-        The model with the error that is known for such points, and the ranges of the model that the point leaves; none
-        where no model can run the point.
-    """
-
-    simulator: Simulator
-    parameters: Mapping[str, Value]
+    simulator: Simulator  # what simulated it
+    parameters: Mapping[str, Value]  # all values that were used
+    # every output of the model but those on request; missing where the point did not finish
     outputs: Mapping[str, Values]
-    coordinates: Mapping[str, NDArray[Any]]
+    coordinates: Mapping[str, NDArray[Any]]  # labels along the dimensions of the outputs
+    # outcome, detail: how the point ended, and the reason for failure or a note
     outcome: Outcome
     detail: str
-    cost: Mapping[str, float]
+    cost: Mapping[str, float]  # CPU and wall seconds without compilation, steps, force evaluations
+    # the model with the error that is known for such points, and the ranges of the model that the point leaves; none
+    # where no model can run the point
     model_notes: tuple[str, ...] = ()
 
     def record(self) -> dict[str, Any]:

@@ -9,8 +9,6 @@ from pathlib import Path
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import size
 
-__all__ = ["POINT_BYTES", "refuse_too_many_points", "refuse_too_much_memory"]
-
 POINT_BYTES = 40
 """Fingerprint, order, constraint and stored result of a point."""
 

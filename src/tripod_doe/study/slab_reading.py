@@ -9,14 +9,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import IntArray
 from tripod_doe.study.slabs import Slab, box, slabs
-
-__all__ = ["all_finite", "any_finite", "largest_magnitude", "read_positions"]
 
 _SLAB_BYTES = 32_000_000
 
 
-def read_positions(variable: xr.Variable, positions: Mapping[str, NDArray[np.int64]]) -> NDArray[Any]:
+def read_positions(variable: xr.Variable, positions: Mapping[str, IntArray]) -> NDArray[Any]:
     """Values at ascending positions along some dimensions: a file gives stretches faster than single positions."""
     if not positions.keys() & set(variable.dims):
         return np.asarray(variable.values)

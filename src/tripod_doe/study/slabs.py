@@ -12,24 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Slab", "box", "slabs"]
-
 
 @dataclass(frozen=True)
 class Slab:
-    """Consecutive points of a cube.
+    """Consecutive points of a cube."""
 
-    Attributes
-    ----------
-    start, stop
-        Its points, in the order of the design.
-    place
-        The same as slices along the dimensions of the cube.
-    """
-
+    # start, stop: its points, in the order of the design
     start: int
     stop: int
-    place: tuple[slice, ...]
+    place: tuple[slice, ...]  # the same as slices along the dimensions of the cube
 
     @property
     def count(self) -> int:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import IntArray
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points, point_keys
@@ -21,22 +22,15 @@ from tripod_doe.study.task import Task, make_task
 if TYPE_CHECKING:  # for its name only
     import xarray as xr
 
-__all__ = ["StudyPoints"]
-
 _CHUNK = 100_000  # points whose settings are held at once
 _SLAB_BYTES, _END_BYTES = 32_000_000, 100  # of the ends that are looked at together, and of one of them
 
 
 @dataclass(frozen=True)
 class StudyPoints:
-    """A study and its points.
+    """A study and its points."""
 
-    Attributes
-    ----------
-    study, points
-        The study and all points of its design.
-    """
-
+    # study, points: the study and all points of its design
     study: Study
     points: Points
 
@@ -72,19 +66,19 @@ class StudyPoints:
             known &= bool(inside.all())
         return there, known
 
-    def without(self, done: Iterable[NDArray[np.void]]) -> NDArray[np.int64]:
+    def without(self, done: Iterable[NDArray[np.void]]) -> IntArray:
         """Indices of the points to compute, each different one once, without those whose fingerprints are done."""
         return self.undone(self.done(done)[0])
 
-    def undone(self, done: NDArray[np.bool_]) -> NDArray[np.int64]:
+    def undone(self, done: NDArray[np.bool_]) -> IntArray:
         """Indices of the points to compute, each different one once, without those that are done, shape (point,)."""
         return np.flatnonzero(self.to_compute & ~done)
 
-    def columns(self, chosen: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
+    def columns(self, chosen: IntArray) -> dict[str, NDArray[Any]]:
         """All parameters of some points, each of shape (len(chosen),)."""
         return self.study.simulator.columns(self.study.base, self.points.at(chosen), chosen.size)
 
-    def of_each_kind(self, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
+    def of_each_kind(self, chosen: IntArray) -> IntArray:
         """Of some points one for each combination of words (models, methods), which is all that a compiler looks at."""
         found: dict[tuple[Any, ...], int] = {}
         for start in range(0, chosen.size, _CHUNK):
@@ -96,7 +90,7 @@ class StudyPoints:
                 found.setdefault(kind, row)
         return np.array(list(found.values()), np.int64)
 
-    def task(self, chosen: NDArray[np.int64]) -> Task:
+    def task(self, chosen: IntArray) -> Task:
         """The task that simulates some points."""
         return make_task(self.study, self.points, chosen)
 

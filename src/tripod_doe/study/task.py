@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import BlockResult, Demands, Simulator, Value
 from tripod_doe.study.retry import NO_RETRIES, RetryPlan, simulate_with_retries
@@ -17,8 +17,6 @@ from tripod_doe.study.scenes import load_simulator
 if TYPE_CHECKING:  # for their names only: a single point needs no designs
     from tripod_doe.study.definition import Study
     from tripod_doe.study.designs import Points
-
-__all__ = ["Task", "make_task", "matching_simulator", "run_task"]
 
 
 @dataclass(frozen=True)
@@ -63,7 +61,7 @@ def run_task(task: Task) -> tuple[BlockResult, float, float]:
     return simulate_with_retries(simulator, points, task.keep, task.retry)
 
 
-def make_task(study: Study, points: Points, chosen: NDArray[np.int64]) -> Task:
+def make_task(study: Study, points: Points, chosen: IntArray) -> Task:
     """The task that simulates the chosen points."""
     table = study.file.study
     return Task(

@@ -6,11 +6,15 @@ from pathlib import Path
 
 from tripod_doe.errors import InputError
 
-__all__ = ["TEMPLATES", "write_template"]
-
 TEMPLATES = (
-    "grid", "sensitivity", "contribution", "response-surface", "tolerance", "what-if", "multifidelity",
-)  # fmt: skip
+    "grid",
+    "sensitivity",
+    "contribution",
+    "response-surface",
+    "tolerance",
+    "what-if",
+    "multifidelity",
+)
 """Kinds of studies to start from."""
 
 

@@ -12,8 +12,6 @@ from xarray.core import indexing
 
 from tripod_doe.study.netcdf import TEXT_TABLE
 
-__all__ = ["with_texts"]
-
 
 class _Texts(BackendArray):
     """Texts that are looked up when they are used."""

@@ -6,13 +6,9 @@ import queue
 import threading
 import time
 
-import numpy as np
-from numpy.typing import NDArray
-
+from tripod_doe.array_types import IntArray
 from tripod_doe.study.executor import Answer, AtWork, Lost
 from tripod_doe.study.task import Task, run_task
-
-__all__ = ["ThisProcess"]
 
 NAME = "main process"
 """Stands for the worker of points that were computed here."""
@@ -34,7 +30,7 @@ class ThisProcess:
 
     def __init__(self, patience: float | None = None) -> None:
         self._patience = patience
-        self._block: NDArray[np.int64] | None = None
+        self._block: IntArray | None = None
         self._taken = 0.0
         self._tasks: queue.SimpleQueue[Task | None] = queue.SimpleQueue()
         self._finished: queue.SimpleQueue[Answer | Lost | Exception] = queue.SimpleQueue()
@@ -45,12 +41,12 @@ class ThisProcess:
         """Blocks at work."""
         return int(self._block is not None)
 
-    def submit(self, block: NDArray[np.int64], task: Task) -> None:
+    def submit(self, block: IntArray, task: Task) -> None:
         """Take a block to run."""
         self._block, self._taken = block, time.perf_counter()
         self._tasks.put(task)
 
-    def next_finished(self) -> tuple[NDArray[np.int64], Answer | Lost | AtWork]:
+    def next_finished(self) -> tuple[IntArray, Answer | Lost | AtWork]:
         """Wait for the block at work, or as long as there is patience, and raise what its simulator raised."""
         assert self._block is not None
         block = self._block

@@ -15,8 +15,6 @@ from tripod_doe.study.definition import Study, parse_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.task import make_task, run_task
 
-__all__ = ["time_points", "timings"]
-
 _SAMPLES = 12
 _BATCH_SECONDS = 0.2
 _TIMES = 3  # that all points of a small study are timed

@@ -16,28 +16,17 @@ from pathlib import Path
 
 from tripod_doe.errors import InputError
 
-__all__ = ["UserCode", "check_imported", "placed", "read_user_code"]
-
 _OURS = "tripod_doe"
 
 
 @dataclass(frozen=True)
 class UserCode:
-    """Sources of a function.
+    """Sources of a function."""
 
-    Attributes
-    ----------
-    module
-        Where the function is imported from.
-    files
-        Sources of this module and of all others that it imports from the study's folder, by their paths below it.
-    digest
-        Of the module and these files.
-    """
-
-    module: str
+    module: str  # where the function is imported from
+    # sources of this module and of all others that it imports from the study's folder, by their paths below it
     files: Mapping[str, bytes]
-    digest: str
+    digest: str  # of the module and these files
 
 
 def read_user_code(function: str, folder: Path) -> UserCode:

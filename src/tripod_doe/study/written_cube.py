@@ -18,8 +18,6 @@ from tripod_doe.study.slabs import Slab, box, slabs
 from tripod_doe.study.stored_results import StoredResults
 from tripod_doe.study.study_points import StudyPoints
 
-__all__ = ["write_cube"]
-
 _SLAB_BYTES = 32_000_000
 _OTHER_BYTES = 200  # of a point besides its outputs: costs, outcome, factors, and what is made of them
 

@@ -9,8 +9,6 @@ from pathlib import Path
 from tripod_doe.errors import InputError, StorageError, option
 from tripod_doe.study.results import open_cube
 
-__all__ = ["export_zarr", "refuse_without_zarr"]
-
 
 def refuse_without_zarr() -> None:
     """Refuse the export where it is not installed.

@@ -17,8 +17,6 @@ from tripod_doe.study.definition import Study
 from tripod_doe.study.file import said_of
 from tripod_doe.study.netcdf import stamp_history, write_dataset
 
-__all__ = ["check_analyses", "checked_settings", "run_analyses", "settings_of"]
-
 
 def _reads(analysis: Analysis, study: Study) -> bool:
     """Whether an analysis can read the design of a study, or a part of a product."""

@@ -37,28 +37,16 @@ from tripod_doe.workflow.file import AnalysisStep, FigureStep, ReportStep, Study
 from tripod_doe.workflow.run import run_on
 from tripod_doe.workflow.steps_file import write_steps
 
-__all__ = ["WorkflowSummary", "run_workflow"]
-
 _MARKS = {"study": "cube.nc", "figure": "figures.json", "report": "index.html"}
 
 
 @dataclass(frozen=True)
 class WorkflowSummary:
-    """Results of a workflow.
+    """Results of a workflow."""
 
-    Attributes
-    ----------
-    directory
-        Result directory.
-    page
-        Page of the workflow.
-    steps
-        State of every step, each after those that it needs.
-    """
-
-    directory: Path
-    page: Path
-    steps: tuple[StepView, ...]
+    directory: Path  # result directory
+    page: Path  # page of the workflow
+    steps: tuple[StepView, ...]  # state of every step, each after those that it needs
 
     @property
     def good(self) -> bool:

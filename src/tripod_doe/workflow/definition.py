@@ -33,33 +33,18 @@ from tripod_doe.workflow.file import (
     parse_workflow,
 )
 
-__all__ = ["Step", "Workflow", "fed_study", "load_workflow"]
-
 
 @dataclass(frozen=True)
 class Step:
-    """One checked step.
+    """One checked step."""
 
-    Attributes
-    ----------
-    name
-        Its name in the file, and that of its directory.
-    table
-        Its table.
-    hash
-        Of all that decides its result: its text, that of its study and its points, the kernels or the code of its
-        analysis or figure, the files it reads, and the hashes of its inputs (16 hex digits).
-    study
-        The study of a study step, with its overrides; None for others.
-    settings
-        Checked settings of an analysis; None for others.
-    """
-
-    name: str
-    table: StepTable
+    name: str  # its name in the file, and that of its directory
+    table: StepTable  # its table
+    # of all that decides its result: its text, that of its study and its points, the kernels or the code of its
+    # analysis or figure, the files it reads, and the hashes of its inputs (16 hex digits)
     hash: str
-    study: Study | None = None
-    settings: BaseModel | None = None
+    study: Study | None = None  # the study of a study step, with its overrides; None for others
+    settings: BaseModel | None = None  # checked settings of an analysis; None for others
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -75,26 +60,15 @@ class Step:
 
 @dataclass(frozen=True)
 class Workflow:
-    """A checked workflow.
+    """A checked workflow."""
 
-    Attributes
-    ----------
-    file
-        The parsed file.
-    steps
-        Steps by name, each after all that it needs.
-    text, origin, folder
-        The file as written, its path for messages, and its folder.
-    quick
-        Whether the overrides of [quick] are in force.
-    """
-
-    file: WorkflowFile
-    steps: Mapping[str, Step]
+    file: WorkflowFile  # the parsed file
+    steps: Mapping[str, Step]  # steps by name, each after all that it needs
+    # text, origin, folder: the file as written, its path for messages, and its folder
     text: str
     origin: str
     folder: Path
-    quick: bool
+    quick: bool  # whether the overrides of [quick] are in force
 
     def needed_for(self, name: str) -> list[str]:
         """A step and all that it needs, in order.

@@ -12,20 +12,6 @@ from tripod_doe.report.analyses import ANALYSES
 from tripod_doe.report.figures.registry import FIGURES
 from tripod_doe.study.file import FactorTable, Scalar, complaints, parse_toml
 
-__all__ = [
-    "AnalysisStep",
-    "FigureStep",
-    "Overrides",
-    "ReportStep",
-    "StepTable",
-    "StudyStep",
-    "WorkflowFile",
-    "analysis_name",
-    "parse_step",
-    "parse_workflow",
-    "workflow_schema",
-]
-
 
 class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -71,8 +57,11 @@ class FigureStep(_Table):
 
     kind: Literal["figure"] = Field(description="kind of the step")
     figure: str = Field(description="name of the figure")
-    title: str = Field("", description="heading on a report page; claims of the figures that it names, as in "
-                       "'Figs. 10 and 15', then stand beside it; the step's name if omitted")  # fmt: skip
+    title: str = Field(
+        "",
+        description="heading on a report page; claims of the figures that it names, as in "
+        "'Figs. 10 and 15', then stand beside it; the step's name if omitted",
+    )
     inputs: list[str] = Field(min_length=1, description="steps whose cubes it shows")
 
 
@@ -145,9 +134,7 @@ def parse_step(origin: str, name: str, table: dict[str, Any]) -> StepTable:
         checked = model.model_validate(table)
     except ValidationError as error:
         lines = complaints(error, lambda path: FactorTable.model_fields if path else model.model_fields)
-        raise InputError(
-            "\n".join(f"{origin}: {line.replace('the file', where, 1)}" for line in lines)
-        ) from error  # fmt: skip
+        raise InputError("\n".join(f"{origin}: {line.replace('the file', where, 1)}" for line in lines)) from error
     assert isinstance(checked, StudyStep | AnalysisStep | FigureStep | ReportStep)
     for allowed, given, key in _names(checked):
         if given not in allowed:

@@ -12,20 +12,12 @@ from tripod_doe.study.definition import Study
 from tripod_doe.study.plan import RECORDED, Plan, plan
 from tripod_doe.workflow.definition import load_workflow
 
-__all__ = ["WorkflowPlan", "plan_workflow"]
-
 
 @dataclass(frozen=True)
 class WorkflowPlan:
-    """Counts and prices of the studies of a workflow.
+    """Counts and prices of the studies of a workflow."""
 
-    Attributes
-    ----------
-    steps
-        Plan of each study step, by its name; the other steps compute no points.
-    """
-
-    steps: Mapping[str, Plan]
+    steps: Mapping[str, Plan]  # plan of each study step, by its name; the other steps compute no points
 
     @property
     def cpu_hours(self) -> tuple[float, float, float] | None:

@@ -12,8 +12,6 @@ from tqdm import tqdm
 
 from tripod_doe.quantities import count_of, duration
 
-__all__ = ["Progress"]
-
 _BAR = "{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}, {rate_fmt}{postfix}]"  # tqdm's own without its time left
 _FIRST_LINE = 30.0  # seconds after which a log gets a first line; shorter runs print only their end
 _LONGEST_GAP = 600.0  # seconds between two lines, to which the gaps grow
@@ -63,8 +61,12 @@ class Progress:
         passed = now - self._started
         if self._logged and passed >= self._next_line and self._done < self._total:
             share = f"{100 * self._done / self._total:.0f} %"
-            print(f"{self._done:,} of {count_of(self._total, 'point')} ({share}) after {duration(passed)}"
-                  f"{self._left(now)}", file=sys.stderr, flush=True)  # fmt: skip
+            print(
+                f"{self._done:,} of {count_of(self._total, 'point')} ({share}) after {duration(passed)}"
+                f"{self._left(now)}",
+                file=sys.stderr,
+                flush=True,
+            )
             self._next_line = passed + min(passed, _LONGEST_GAP)
 
     def _left(self, now: float) -> str:

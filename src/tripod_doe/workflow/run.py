@@ -8,9 +8,6 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from tripod_doe.analysis.model_choice.pilot_results import pilot_results
 from tripod_doe.analysis.model_choice.study_choice import make_choice
 from tripod_doe.analysis.multifidelity.study_split import (
@@ -20,6 +17,7 @@ from tripod_doe.analysis.multifidelity.study_split import (
     told_split,
     with_samples_so_far,
 )
+from tripod_doe.array_types import IntArray
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.report.analyses import findings_of
 from tripod_doe.report.findings import find
@@ -37,48 +35,24 @@ from tripod_doe.workflow.analyses import check_analyses, run_analyses
 from tripod_doe.workflow.progress import Progress
 from tripod_doe.workflow.work import work_of
 
-__all__ = ["RunSummary", "run", "run_on"]
-
 
 @dataclass(frozen=True)
 class RunSummary:
-    """Results of a run: where they are, counts of points, failures and findings.
+    """Results of a run: where they are, counts of points, failures and findings."""
 
-    Attributes
-    ----------
-    directory
-        Where cube, costs, analyses and report are.
-    computed, reused
-        Points that ran now, and that were there before, those of a pilot included.
-    seconds
-        Wall time in which blocks of points were at work: neither compilation nor the start of workers.
-    failures
-        Points whose outcome was neither finished nor expected, by outcome and reason, the most frequent first.
-    retried
-        Whether the study names changes that were tried at points that failed.
-    analyses
-        By name, why an analysis could not be made; empty where it was.
-    answers
-        Sentences with numbers, from the analyses that the study asks for.
-    findings
-        Sentences with numbers, from the cube.
-    model_notes
-        The models with the errors known for them, and the ranges of theirs that points leave.
-    complete
-        Whether every point has been run.
-    """
-
-    directory: Path
+    directory: Path  # where cube, costs, analyses and report are
+    # computed, reused: points that ran now, and that were there before, those of a pilot included
     computed: int
     reused: int
-    seconds: float
+    seconds: float  # wall time in which blocks of points were at work: neither compilation nor the start of workers
+    # points whose outcome was neither finished nor expected, by outcome and reason, the most frequent first
     failures: Sequence[Failure]
-    retried: bool
-    analyses: dict[str, str]
-    answers: Sequence[str]
-    findings: Sequence[str]
-    model_notes: Sequence[str]
-    complete: bool
+    retried: bool  # whether the study names changes that were tried at points that failed
+    analyses: dict[str, str]  # by name, why an analysis could not be made; empty where it was
+    answers: Sequence[str]  # sentences with numbers, from the analyses that the study asks for
+    findings: Sequence[str]  # sentences with numbers, from the cube
+    model_notes: Sequence[str]  # the models with the errors known for them, and the ranges of theirs that points leave
+    complete: bool  # whether every point has been run
 
     @property
     def failed(self) -> dict[str, int]:
@@ -246,7 +220,7 @@ def _split_samples(
 
 def _compute(
     asked: StudyPoints,
-    missing: NDArray[np.int64],
+    missing: IntArray,
     directory: ResultDirectory,
     execution: Execution,
     fail_fast: bool,

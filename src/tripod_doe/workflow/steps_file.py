@@ -9,8 +9,6 @@ from typing import Any
 
 from tripod_doe.atomic_files import replace_text
 
-__all__ = ["STEPS", "write_steps"]
-
 STEPS = "steps.json"
 """File of a workflow's directory: a list with name, state, seconds and detail of each step that ended or is at work."""
 

@@ -6,16 +6,14 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import IntArray
 from tripod_doe.study.study_points import StudyPoints
-
-__all__ = ["work_of"]
 
 _LOOKED_AT = 10_000  # points, each of which stands for those up to the next one
 
 
-def work_of(asked: StudyPoints, missing: NDArray[np.int64]) -> Callable[[int], float]:
+def work_of(asked: StudyPoints, missing: IntArray) -> Callable[[int], float]:
     """How much work the first so many of some points are.
 
     Prices are those of the design, of several models at once, or recorded ones; where none are known, or all points are

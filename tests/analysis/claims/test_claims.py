@@ -118,8 +118,9 @@ def test_a_value_within_its_numerical_error_of_the_limit_says_so():
 def test_points_are_found_by_what_they_are():
     """The reference point lies in both cubes; that with the tighter tolerance is taken, other models never."""
     rows = [skewed(2)]
-    loose, tight = (points(rows, third, 0.2, relative_tolerance=tolerance)
-                    for third, tolerance in ((14.0, 2e-3), (14.4, 5e-4)))  # fmt: skip
+    loose, tight = (
+        points(rows, third, 0.2, relative_tolerance=tolerance) for third, tolerance in ((14.0, 2e-3), (14.4, 5e-4))
+    )
     other = points(rows, 99.0, 0.2, model="rollers", relative_tolerance=1e-5)
     evidence = Evidence({"a": tight, "b": loose, "c": other, "analysis": other.assign_attrs(analysis_kind="morris")})
     found = evidence.joint(model="needles", **skewed(2))

@@ -16,10 +16,19 @@ from tripod_doe.report.claims.verdicts import claims_of_figures
         ("Fig. 8(b): loci", {"2.3.3, Fig. 8(b)"}),
         ("Figs. 16 and 17: local orders", {"3.4, Fig. 16", "3.4, Fig. 16(a)", "3.4, Fig. 16(c)", "3.4, Fig. 17"}),
         ("Figs. 11, 13: skew", {"3.2, Fig. 11", "3.2, Fig. 10; 3.3, Fig. 13", "3.3, Fig. 13"}),
-        ("Figs. 16 to 18", {"3.4, Fig. 16", "3.4, Fig. 16(a)", "3.4, Fig. 16(c)", "3.4, Fig. 17", "3.4, Fig. 18 case 3",
-                            "3.4, Fig. 18 case 4"}),
+        (
+            "Figs. 16 to 18",
+            {
+                "3.4, Fig. 16",
+                "3.4, Fig. 16(a)",
+                "3.4, Fig. 16(c)",
+                "3.4, Fig. 17",
+                "3.4, Fig. 18 case 3",
+                "3.4, Fig. 18 case 4",
+            },
+        ),
     ],
-)  # fmt: skip
+)
 def test_the_claims_of_a_figure_are_those_whose_place_names_it(title, places):
     table = claims_of_figures(check_claims({}, ClaimsSettings()), title)
     assert table is not None

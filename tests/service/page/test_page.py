@@ -234,8 +234,16 @@ def test_a_measurement_is_laid_over_a_point(served, page, coast):
 def test_every_page_fits_a_narrow_window_and_speaks_to_every_reader(served, page, coast, sampled, shares):
     """axe looks for contrast, names of controls, order of headings and the like; in the dark for contrast."""
     page.set_viewport_size({"width": 400, "height": 800})
-    for path in ("/", "/new", f"/runs/{coast}?point=3", f"/runs/{sampled}?kind=matrix&beside=kind%3Dpoints",
-                 f"/runs/{shares}/analyses", f"/runs/{coast}/failed", "/compare", "/runs/none"):  # fmt: skip
+    for path in (
+        "/",
+        "/new",
+        f"/runs/{coast}?point=3",
+        f"/runs/{sampled}?kind=matrix&beside=kind%3Dpoints",
+        f"/runs/{shares}/analyses",
+        f"/runs/{coast}/failed",
+        "/compare",
+        "/runs/none",
+    ):
         page.emulate_media(color_scheme="light")
         page.goto(served.address + path)
         if "point=" in path:
@@ -287,8 +295,10 @@ def test_a_point_under_the_pointer_is_marked_in_all_views(served, page, sampled)
 
 def inked(page, canvas):
     """Whether anything is drawn on a canvas."""
-    return page.evaluate(f"(c => c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some(Boolean))"
-                         f"(document.querySelector('{canvas}'))")  # fmt: skip
+    return page.evaluate(
+        f"(c => c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some(Boolean))"
+        f"(document.querySelector('{canvas}'))"
+    )
 
 
 def test_a_frame_in_the_scatter_matrix_narrows_points_down_and_a_mark_leads_to_its_point(served, page, sampled):
@@ -302,9 +312,11 @@ def test_a_frame_in_the_scatter_matrix_narrows_points_down_and_a_mark_leads_to_i
     page.mouse.up()
     kept = re.match(r"(\d+) of 40 points within the mark", page.locator("#figure-note").inner_text())
     assert 15 < int(kept[1]) < 25  # half of an even sample
-    x, y = page.evaluate("(s => { const at = (k, v) => (v - s.axes[k].low) / (s.axes[k].high - s.axes[k].low);"
-                         " return [at(0, s.axes[0].values[7]), at(1, s.axes[1].values[7])]; })"
-                         "(document.getElementById('figure').points)")  # fmt: skip
+    x, y = page.evaluate(
+        "(s => { const at = (k, v) => (v - s.axes[k].low) / (s.axes[k].high - s.axes[k].low);"
+        " return [at(0, s.axes[0].values[7]), at(1, s.axes[1].values[7])]; })"
+        "(document.getElementById('figure').points)"
+    )
     height = page.evaluate("document.getElementById('figure').points.up") - 10
     page.mouse.click(left + 4 + x * (wide - 18), top + height - 4 - y * (height - 8))
     page.locator("#point").get_by_role("heading", name="Point 7").wait_for()
@@ -337,8 +349,10 @@ def test_the_difference_of_two_models_is_that_of_their_numbers(served, page, run
     change(page, lambda: page.get_by_label("Subtract the values").select_option("model=equilibrium"))
     assert "less that at model equilibrium" in page.locator("#seen-title").inner_text()
     drawn = unpack(traces(page)[0]["z"])
-    asked = {(row["model"], row["torque_n_m"], row["joint_angle_deg"]): row["thrust_amplitude"] for row in served.ask(
-        "GET", f"/api/v1/runs/{rungs}/query?variable=thrust_amplitude&select=order=3")}  # fmt: skip
+    asked = {
+        (row["model"], row["torque_n_m"], row["joint_angle_deg"]): row["thrust_amplitude"]
+        for row in served.ask("GET", f"/api/v1/runs/{rungs}/query?variable=thrust_amplitude&select=order=3")
+    }
     wanted = [asked["kinetostatic", t, a] - asked["equilibrium", t, a] for t in (-40, 60) for a in (3, 8, 16)]
     assert drawn == pytest.approx(wanted, abs=1e-12)
     page.locator("#numbers summary").click()

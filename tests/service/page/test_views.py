@@ -49,8 +49,13 @@ values = [-0.03, 0.02]
 [keep]
 outputs = ["thrust", "thrust_amplitude"]
 """
-LIST = GRID.replace("Small", "List") .replace("values = [2, 7, 13]", "low = 2\nhigh = 13").replace("values = [-40, 90]", "low = -40\nhigh = 90").replace(
-    "values = [-0.03, 0.02]", "low = 0.0\nhigh = 0.02") + '[design]\nkind = "latin-hypercube"\nsamples = 9\n'  # fmt: skip
+LIST = (
+    GRID.replace("Small", "List")
+    .replace("values = [2, 7, 13]", "low = 2\nhigh = 13")
+    .replace("values = [-40, 90]", "low = -40\nhigh = 90")
+    .replace("values = [-0.03, 0.02]", "low = 0.0\nhigh = 0.02")
+    + '[design]\nkind = "latin-hypercube"\nsamples = 9\n'
+)
 
 
 @pytest.fixture(scope="module")
@@ -130,8 +135,12 @@ def test_what_a_condition_leaves_out_is_blank_and_no_failure(folders):
 
 def test_colours_span_the_whole_design(folders):
     cube = td.open_cube(folders["grid"])
-    limits = [draw(cube, view_of(cube, f"kind=map&x=joint_angle_deg&by=bearing_radial_clearance_mm&select=torque_n_m={torque}"))["data"][0]
-              for torque in (-40, 90)]  # fmt: skip
+    limits = [
+        draw(
+            cube, view_of(cube, f"kind=map&x=joint_angle_deg&by=bearing_radial_clearance_mm&select=torque_n_m={torque}")
+        )["data"][0]
+        for torque in (-40, 90)
+    ]
     third = cube["thrust_amplitude"].sel(order=3)
     assert {(cells["zmin"], cells["zmax"]) for cells in limits} == {(float(third.min()), float(third.max()))}
 
@@ -270,17 +279,32 @@ def analysed(dims, coords, **attrs):
     return xr.Dataset({"number": (dims, np.arange(np.prod(sizes), dtype=float).reshape(sizes))}, coords, attrs)
 
 
-@pytest.mark.parametrize(("result", "cell", "view"), [
-    (analysed(["factor", "order"], {"factor": ["torque_n_m", "joint_angle_deg"], "order": [0, 3]}), 1,
-     {"x": "torque_n_m", "select": ("order=3",)}),
-    (analysed(["term", "order"], {"term": ["torque_n_m:joint_angle_deg"], "order": [6]}), 0,
-     {"x": "torque_n_m", "by": "joint_angle_deg", "select": ("order=6",)}),
-    (analysed(["joint_angle_deg", "pair"], {"joint_angle_deg": [2, 13], "pair": ["torque_n_m + bearing_radial_clearance_mm"]}), 1,
-     {"x": "torque_n_m", "by": "bearing_radial_clearance_mm", "select": ("joint_angle_deg=13",)}),
-    (analysed(["probability"], {"probability": [0.05, 0.95]}), 1, {"where": "thrust_amplitude >= 1"}),
-    (analysed(["share"], {"share": [0.005, 0.5]}), 0, {"where": "thrust_amplitude <= 0"}),
-    (analysed(["output"], {"output": ["thrust"]}), 0, {"variable": "thrust"}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("result", "cell", "view"),
+    [
+        (
+            analysed(["factor", "order"], {"factor": ["torque_n_m", "joint_angle_deg"], "order": [0, 3]}),
+            1,
+            {"x": "torque_n_m", "select": ("order=3",)},
+        ),
+        (
+            analysed(["term", "order"], {"term": ["torque_n_m:joint_angle_deg"], "order": [6]}),
+            0,
+            {"x": "torque_n_m", "by": "joint_angle_deg", "select": ("order=6",)},
+        ),
+        (
+            analysed(
+                ["joint_angle_deg", "pair"],
+                {"joint_angle_deg": [2, 13], "pair": ["torque_n_m + bearing_radial_clearance_mm"]},
+            ),
+            1,
+            {"x": "torque_n_m", "by": "bearing_radial_clearance_mm", "select": ("joint_angle_deg=13",)},
+        ),
+        (analysed(["probability"], {"probability": [0.05, 0.95]}), 1, {"where": "thrust_amplitude >= 1"}),
+        (analysed(["share"], {"share": [0.005, 0.5]}), 0, {"where": "thrust_amplitude <= 0"}),
+        (analysed(["output"], {"output": ["thrust"]}), 0, {"variable": "thrust"}),
+    ],
+)
 def test_behind_a_number_are_the_points_of_its_factors_at_its_place(folders, result, cell, view):
     found = view_behind(
         numbered(td.open_cube(folders["grid"])), result.assign_attrs(outputs="thrust_amplitude"), "number", cell

@@ -6,15 +6,11 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tripod_doe.analysis.claims.cases import Cases
 from tripod_doe.analysis.claims.evidence import ANY, Evidence, Measured, MissingPointError, Point
+from tripod_doe.array_types import FloatArray
 from tripod_doe.quantities import level, number
-
-__all__ = ["fit_line", "line_over", "pairs_told", "point_of", "ratio", "spread_of"]
-
-FloatArray = NDArray[np.float64]
 
 _PAPER_ANGLES = (4.0, 14.0)
 

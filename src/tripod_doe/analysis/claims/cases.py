@@ -7,22 +7,13 @@ from typing import Any
 
 from tripod_doe.quantities import level
 
-__all__ = ["Cases"]
-
 
 @dataclass(frozen=True)
 class Cases:
-    """The paper's analysis cases for one model; it does not print their skews.
+    """The paper's analysis cases for one model; it does not print their skews."""
 
-    Attributes
-    ----------
-    model
-        Model of the ladder.
-    small, large
-        Skews of case 1 and of cases 2 to 4 in degrees.
-    """
-
-    model: str
+    model: str  # model of the ladder
+    # small, large: skews of case 1 and of cases 2 to 4 in degrees
     small: float
     large: float
 
@@ -36,9 +27,12 @@ class Cases:
         """Initial skews of a case in degrees: 1 and 2 uneven, 3 equal, 4 as 2 reversed, 0 none."""
         small, large = self.small, self.large
         return {
-            0: (0.0, 0.0, 0.0), 1: (small, -small, small), 2: (large, -large, large),
-            3: (large, large, large), 4: (-large, large, -large),
-        }[case]  # fmt: skip
+            0: (0.0, 0.0, 0.0),
+            1: (small, -small, small),
+            2: (large, -large, large),
+            3: (large, large, large),
+            4: (-large, large, -large),
+        }[case]
 
     def wanted(self, case: int) -> dict[str, Any]:
         """Parameter values that identify the points of a case."""

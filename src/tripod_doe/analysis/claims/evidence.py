@@ -15,15 +15,18 @@ from tripod_doe.analysis.kinds import is_study
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, MECHANISMS
 from tripod_doe.simulator import Outcome
 
-__all__ = ["ANY", "Evidence", "Measured", "MissingPointError", "Point"]
-
 ANY = object()
 """Asks for points whatever the value of a parameter."""
 
 _IDENTITY = (
-    "model", "joint_angle_deg", "torque_n_m", "speed_rpm", "groove_sliding_friction",
-    *(f"initial_skew_{k}_deg" for k in (1, 2, 3)), *MECHANISMS,
-)  # fmt: skip
+    "model",
+    "joint_angle_deg",
+    "torque_n_m",
+    "speed_rpm",
+    "groove_sliding_friction",
+    *(f"initial_skew_{k}_deg" for k in (1, 2, 3)),
+    *MECHANISMS,
+)
 _SAME = 1e-9
 
 
@@ -33,37 +36,21 @@ class MissingPointError(Exception):
 
 @dataclass(frozen=True)
 class Measured:
-    """A number from the cubes, the numerical error known of it (NaN where none is), and what else a reader should know.
+    """A number from the cubes, the numerical error known of it (NaN where none is), and what a reader should know."""
 
-    Attributes
-    ----------
-    value, error
-        In the unit of the claim.
-    note
-        Further numbers in words; empty for none.
-    """
-
+    # value, error: in the unit of the claim
     value: float
     error: float = math.nan
-    note: str = ""
+    note: str = ""  # further numbers in words; empty for none
 
 
 @dataclass(frozen=True)
 class Point:
-    """One point of a cube.
+    """One point of a cube."""
 
-    Attributes
-    ----------
-    parameters
-        Factors and base values by name.
-    data
-        Its part of the cube.
-    cube, number
-        Name of its cube, and its number there.
-    """
-
-    parameters: Mapping[str, Any]
-    data: xr.Dataset
+    parameters: Mapping[str, Any]  # factors and base values by name
+    data: xr.Dataset  # its part of the cube
+    # cube, number: name of its cube, and its number there
     cube: str
     number: int
 
@@ -165,8 +152,14 @@ class Evidence:
             if _matches(point, identity):
                 key = tuple(point.value(name) for name in identity)
                 best[key] = min(best.get(key, point), point, key=_worth)
-        where = ", ".join(f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
-                          for name, value in told.items() if value is not ANY) or "the reference values"  # fmt: skip
+        where = (
+            ", ".join(
+                f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
+                for name, value in told.items()
+                if value is not ANY
+            )
+            or "the reference values"
+        )
         for point in best.values():
             self.used.setdefault(point.cube, set()).add(point.number)
         if not best:

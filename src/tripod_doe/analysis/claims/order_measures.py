@@ -11,30 +11,6 @@ from tripod_doe.analysis.claims.cases import Cases
 from tripod_doe.analysis.claims.evidence import Evidence, Measured, MissingPointError, Point
 from tripod_doe.quantities import number
 
-__all__ = [
-    "beat",
-    "equal_skews",
-    "local_first",
-    "local_orders",
-    "needle_sliding",
-    "offset_over_angle",
-    "over_speed",
-    "over_torque",
-    "regular_phases",
-    "same_third",
-    "same_third_over_angle",
-    "second_above_fourth",
-    "second_over_angle",
-    "skews_at_end",
-    "straight_over_angle",
-    "third_dominates",
-    "three_local",
-    "turned_beat",
-    "with_groove_friction",
-    "with_skew",
-    "without_skew",
-]
-
 
 def third_dominates(evidence: Evidence, cases: Cases) -> Measured:
     """Next largest order over the third, the larger of cases 1 and 2."""

@@ -12,8 +12,6 @@ from tripod_doe.analysis.claims.verdicts import VERDICT_FLAGS, ClaimsSettings, V
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.errors import InputError
 
-__all__ = ["ClaimsOverSkewSettings", "claims_over_skew"]
-
 
 class ClaimsOverSkewSettings(BaseModel):
     """Settings of the claims over skew as a step of a workflow."""

@@ -17,8 +17,6 @@ from tripod_doe.joint.parameters import point_values
 from tripod_doe.quantities import level, number
 from tripod_doe.study.cube import SWITCH_ROLE
 
-__all__ = ["degrees_of_freedom", "friction_from_rest", "loci_apart", "locus_straight", "share_of", "skew_stays"]
-
 _DEFINITIONS = {"share_off": "switching off", "share_on": "on alone", "share_shapley": "Shapley value"}
 
 

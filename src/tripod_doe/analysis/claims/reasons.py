@@ -2,16 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = [
-    "FAINT_BEAT",
-    "FAINT_LOCAL",
-    "NOT_EQUAL",
-    "NOT_STRAIGHT",
-    "ROLLING_STAYS",
-    "SKEW_GROWS",
-    "SMALL_SECOND",
-]
-
 FAINT_BEAT = (
     "The second order is proportional to the skew, and the long cylindrical needles of the assumed joint keep a skew "
     "only up to about half a degree: a skewed needle touches the trunnion at its middle and the bore at its ends, and "

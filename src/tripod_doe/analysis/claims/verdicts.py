@@ -17,8 +17,6 @@ from tripod_doe.analysis.claims.evidence import Evidence, Measured, MissingPoint
 from tripod_doe.analysis.claims.rules import RULES, Rule
 from tripod_doe.analysis.kinds import makes_kind
 
-__all__ = ["VERDICT_FLAGS", "ClaimsSettings", "Verdict", "check_claims", "claims_json"]
-
 
 class Verdict(IntEnum):
     """Whether a claim holds; the integer is the CF flag value."""
@@ -85,8 +83,10 @@ def check_claims(cubes: Mapping[str, xr.Dataset], settings: ClaimsSettings) -> x
     evidence, cases = Evidence(cubes), Cases(settings.model, settings.small_skew_deg, settings.large_skew_deg)
     rows = [_decide(rule, evidence, cases) for rule in RULES]
     verdicts = np.array([row.pop("verdict") for row in rows], np.int8)
-    columns = {name: ("claim", np.array([row[name] for row in rows]), {"long_name": meaning})
-               for name, meaning in _VARIABLES.items()}  # fmt: skip
+    columns = {
+        name: ("claim", np.array([row[name] for row in rows]), {"long_name": meaning})
+        for name, meaning in _VARIABLES.items()
+    }
     names = np.array([rule.name for rule in RULES])
     return xr.Dataset(
         columns | {"verdict": ("claim", verdicts, VERDICT_FLAGS)},
@@ -110,13 +110,19 @@ def _decide(rule: Rule, evidence: Evidence, cases: Cases) -> dict[str, Any]:
     ends = {_inside(rule, measured.value + change) for change in (-reach, 0.0, reach)}
     told = [rule.why_not] if verdict is Verdict.DOES_NOT_HOLD and rule.why_not else []
     return {
-        "statement": rule.statement, "place": rule.place, "quantity": rule.quantity, "unit": rule.unit,
-        "value": measured.value, "error": measured.error,
-        "low": math.nan if rule.low is None else rule.low, "high": math.nan if rule.high is None else rule.high,
-        "verdict": verdict, "sure": np.int8(verdict is not Verdict.NOT_DECIDED and len(ends) == 1),
+        "statement": rule.statement,
+        "place": rule.place,
+        "quantity": rule.quantity,
+        "unit": rule.unit,
+        "value": measured.value,
+        "error": measured.error,
+        "low": math.nan if rule.low is None else rule.low,
+        "high": math.nan if rule.high is None else rule.high,
+        "verdict": verdict,
+        "sure": np.int8(verdict is not Verdict.NOT_DECIDED and len(ends) == 1),
         "reason": " ".join([*told, *([measured.note] if measured.note else [])]),
         "points": "; ".join(" ".join(map(str, [name, *sorted(used)])) for name, used in evidence.used.items()),
-    }  # fmt: skip
+    }
 
 
 def _inside(rule: Rule, value: float) -> bool:
@@ -132,13 +138,19 @@ def claims_json(claims: xr.Dataset) -> str:
         low, high, value, error = (_or_none(float(row[key])) for key in ("low", "high", "value", "error"))
         records.append(
             {
-                "claim": str(name), "statement": str(row["statement"].item()), "where": str(row["place"].item()),
-                "quantity": str(row["quantity"].item()), "unit": str(row["unit"].item()),
-                "tolerance": {"low": low, "high": high}, "value": value, "numerical_error": error,
-                "holds": holds[Verdict(int(row["verdict"]))], "beyond_numerical_error": bool(row["sure"]),
+                "claim": str(name),
+                "statement": str(row["statement"].item()),
+                "where": str(row["place"].item()),
+                "quantity": str(row["quantity"].item()),
+                "unit": str(row["unit"].item()),
+                "tolerance": {"low": low, "high": high},
+                "value": value,
+                "numerical_error": error,
+                "holds": holds[Verdict(int(row["verdict"]))],
+                "beyond_numerical_error": bool(row["sure"]),
                 "reason": str(row["reason"].item()),
             }
-        )  # fmt: skip
+        )
     head = {key: str(claims.attrs[key]) for key in ("model", "cases") if key in claims.attrs}
     return json.dumps(head | {"claims": records}, indent=1, ensure_ascii=False)
 

@@ -24,6 +24,7 @@ from tripod_doe.analysis.model_choice.pilot import pilot_points, pilot_study
 from tripod_doe.analysis.model_choice.pilot_errors import PilotErrors, pilot_errors
 from tripod_doe.analysis.model_choice.recorded import CONFIRMING, RecordedChoice
 from tripod_doe.analysis.model_choice.selection import choose
+from tripod_doe.array_types import IntArray
 from tripod_doe.simulator import Candidate
 from tripod_doe.study.accuracy import Accuracy
 from tripod_doe.study.choice import accuracy_of
@@ -31,9 +32,7 @@ from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points
 from tripod_doe.study.results import open_cube
 
-__all__ = ["GrowingPilot", "confirming_sizes", "first_candidates"]
-
-Runs = list[tuple[Candidate, NDArray[np.int64]]]
+Runs = list[tuple[Candidate, IntArray]]
 """Candidates of a pilot, each with the points at which it runs."""
 
 
@@ -64,25 +63,14 @@ def confirming_sizes(study: Study, points: Points, record: RecordedChoice | None
 
 @dataclass(frozen=True)
 class GrowingPilot:
-    """A pilot of a study.
+    """A pilot of a study."""
 
-    Attributes
-    ----------
-    study, points
-        A study with model = "auto".
-    usable
-        Factors of its points that may run, each of shape (point,).
-    directory
-        Where the pilot lies.
-    run
-        Runs what is missing of a pilot in a directory.
-    """
-
+    # study, points: A study with model = "auto"
     study: Study
     points: Points
-    usable: dict[str, NDArray[Any]]
-    directory: Path
-    run: Callable[[Study, Path], object]
+    usable: dict[str, NDArray[Any]]  # factors of its points that may run, each of shape (point,)
+    directory: Path  # where the pilot lies
+    run: Callable[[Study, Path], object]  # runs what is missing of a pilot in a directory
 
     def choose(self, record: RecordedChoice | None) -> xr.Dataset | None:
         """Run as much of the pilot as a choice needs, and choose; None where a study is too small for a pilot.
@@ -128,7 +116,7 @@ class GrowingPilot:
                 break
         return None, runs
 
-    def _select(self, ran: Runs, places: NDArray[np.int64]) -> xr.Dataset:
+    def _select(self, ran: Runs, places: IntArray) -> xr.Dataset:
         """Run the whole pilot, extend it as long as that could pay, and select by its errors alone."""
         accuracy = accuracy_of(self.study)
         cheap = [each for each, _ in ran if not each.full and each != accuracy.candidates[0]]
@@ -141,7 +129,7 @@ class GrowingPilot:
                 return choice
             runs.append((between, places))
 
-    def _full_runs(self, ran: Runs, places: NDArray[np.int64]) -> Runs:
+    def _full_runs(self, ran: Runs, places: IntArray) -> Runs:
         """What full candidates ran, and at the other places the one that ran at most, of equals the finest."""
         full = [each for each in ran if each[0].full]
         sizes = [sum(at.size for other, at in full if other == each) for each, _ in full]
@@ -150,7 +138,7 @@ class GrowingPilot:
         new = np.setdiff1d(places, np.concatenate([np.array([], np.int64), *(at for _, at in full)]))
         return [*full, (usual, new)] if new.size else full
 
-    def _as_fine_as_needed(self, runs: Runs, places: NDArray[np.int64]) -> PilotErrors:
+    def _as_fine_as_needed(self, runs: Runs, places: IntArray) -> PilotErrors:
         """Run a pilot, with finer full candidates at those `places` where that needs be; they are added to `runs`."""
         given = self.points.factors.at(places)
         while True:
@@ -164,7 +152,7 @@ class GrowingPilot:
                 return found
             runs.append((finer, unsure))
 
-    def _allowed_places(self, found: PilotErrors) -> NDArray[np.int64]:
+    def _allowed_places(self, found: PilotErrors) -> IntArray:
         """Positions of the pilot's points among those of the study that may run."""
         known = [dict(zip(found.columns, _values(found.columns, row), strict=True)) for row in range(found.count)]
         same = (np.all([self.usable[name] == value for name, value in point.items()], axis=0) for point in known)

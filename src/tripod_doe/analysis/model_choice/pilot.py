@@ -9,17 +9,16 @@ import numpy as np
 import tomlkit
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.simulator import Candidate, Outcome
 from tripod_doe.study.accuracy import Accuracy
 from tripod_doe.study.definition import Study, parse_study
 from tripod_doe.study.designs import Points
 
-__all__ = ["least_points", "normalised", "pilot_points", "pilot_study"]
-
 _POINTS_A_FACTOR = 4
 
 
-def pilot_points(study: Study, points: Points, count: int | None = None) -> NDArray[np.int64]:
+def pilot_points(study: Study, points: Points, count: int | None = None) -> IntArray:
     """Indices of the points at which candidates are compared: the middle of the design, then always the farthest one.
 
     So the edges are included early, and all other points lie between pilot points. Their number, if omitted, is the
@@ -52,7 +51,7 @@ def _wanted(study: Study, factors: Mapping[str, object]) -> int:
     return max(study.accuracy.least_points, _POINTS_A_FACTOR * len(factors) + 1)
 
 
-def normalised(columns: Mapping[str, NDArray[Any]], over: Mapping[str, NDArray[Any]]) -> NDArray[np.float64]:
+def normalised(columns: Mapping[str, NDArray[Any]], over: Mapping[str, NDArray[Any]]) -> FloatArray:
     """Points as places in a unit cube, shape (point, coordinate); a parameter with words has one coordinate per word.
 
     Parameters
@@ -62,7 +61,7 @@ def normalised(columns: Mapping[str, NDArray[Any]], over: Mapping[str, NDArray[A
     over
         Points whose ranges and words span the cube.
     """
-    places: list[NDArray[np.float64]] = []
+    places: list[FloatArray] = []
     for name, column in columns.items():
         if over[name].dtype.kind in "OU":
             words = sorted({str(word) for word in over[name]})
@@ -73,7 +72,7 @@ def normalised(columns: Mapping[str, NDArray[Any]], over: Mapping[str, NDArray[A
     return np.stack(places, axis=1) if places else np.zeros((1, 0))
 
 
-def pilot_study(study: Study, points: Points, runs: Sequence[tuple[Candidate, NDArray[np.int64]]]) -> Study:
+def pilot_study(study: Study, points: Points, runs: Sequence[tuple[Candidate, IntArray]]) -> Study:
     """The pilot: each candidate at some points, by their indices. With more runs it is the same study, grown."""
     accuracy = study.accuracy
     assert accuracy is not None

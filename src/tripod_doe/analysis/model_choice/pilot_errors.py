@@ -17,13 +17,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.analysis.model_choice.pilot import normalised
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Candidate, Demand, Outcome
 from tripod_doe.study.accuracy import Accuracy
-
-__all__ = ["AS_GOOD", "HOPELESS", "PilotErrors", "pilot_errors"]
-
-FloatArray = NDArray[np.float64]
 
 AS_GOOD = 1.1
 """Error over that of the reference up to which a candidate is accepted where neither meets the accuracy."""
@@ -41,30 +38,16 @@ class PilotErrors:
     """Errors and prices of the candidates that a pilot ran. All errors are relative, divided by the allowed ones.
 
     The reference of a point is the finest full candidate that finished there.
-
-    Attributes
-    ----------
-    columns
-        Factors of the pilot points, each of shape (pilot point,).
-    candidates
-        The candidates that it ran, from the cheapest to the finest.
-    differences
-        Of each candidate to the reference, with sign, shape (pilot point, candidate, quantity); NaN where the candidate
-        failed, 0 for candidates finer than the reference, which did not run there.
-    numerical
-        Numerical error of the reference, shape (pilot point, quantity).
-    prices
-        CPU seconds per run of each candidate, shape (candidate,).
-    runs
-        Points at which each candidate ran, shape (candidate,).
     """
 
-    columns: dict[str, NDArray[Any]]
-    candidates: tuple[Candidate, ...]
+    columns: dict[str, NDArray[Any]]  # factors of the pilot points, each of shape (pilot point,)
+    candidates: tuple[Candidate, ...]  # the candidates that it ran, from the cheapest to the finest
+    # of each candidate to the reference, with sign, shape (pilot point, candidate, quantity); NaN where the candidate
+    # failed, 0 for candidates finer than the reference, which did not run there
     differences: FloatArray
-    numerical: FloatArray
-    prices: FloatArray
-    runs: NDArray[np.int64]
+    numerical: FloatArray  # numerical error of the reference, shape (pilot point, quantity)
+    prices: FloatArray  # CPU seconds per run of each candidate, shape (candidate,)
+    runs: IntArray  # points at which each candidate ran, shape (candidate,)
 
     @property
     def count(self) -> int:
@@ -149,12 +132,12 @@ def pilot_errors(pilot: xr.Dataset, names: list[str], accuracy: Accuracy) -> Pil
     )
 
 
-def _usable(pilot: xr.Dataset, table: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _usable(pilot: xr.Dataset, table: IntArray) -> NDArray[np.bool_]:
     """Whether a candidate finished at a point, shape (pilot point, candidate)."""
     return np.asarray((table >= 0) & (pilot["outcome"].values.reshape(-1)[table] == Outcome.FINISHED))
 
 
-def _references(pilot: xr.Dataset, table: NDArray[np.int64], candidates: tuple[Candidate, ...]) -> NDArray[np.int64]:
+def _references(pilot: xr.Dataset, table: IntArray, candidates: tuple[Candidate, ...]) -> IntArray:
     """Position of the finest full candidate (the last, if none is) that finished at each point, -1 where none did."""
     judges = np.array([candidate.full for candidate in candidates])
     judges[-1] = True
@@ -180,7 +163,7 @@ def _equal(column: NDArray[Any], value: object) -> NDArray[np.bool_]:
 
 
 def _errors(
-    pilot: xr.Dataset, demand: Demand, table: NDArray[np.int64], reference: NDArray[np.int64], floor: float
+    pilot: xr.Dataset, demand: Demand, table: IntArray, reference: IntArray, floor: float
 ) -> tuple[FloatArray, FloatArray]:
     """Differences to the reference, shape (pilot point, candidate), NaN where a run failed, and numerical errors."""
     values, largest = _cells(pilot, demand.output, demand)
@@ -211,7 +194,7 @@ def _cells(pilot: xr.Dataset, name: str, demand: Demand) -> tuple[FloatArray, Fl
     return rows[:, labels.index(demand.label)], np.abs(rows[:, rotating]).max(axis=1)
 
 
-def _prices(pilot: xr.Dataset, table: NDArray[np.int64], candidates: tuple[Candidate, ...]) -> FloatArray:
+def _prices(pilot: xr.Dataset, table: IntArray, candidates: tuple[Candidate, ...]) -> FloatArray:
     """Counted force evaluations, averaged over the pilot, times the recorded seconds per evaluation."""
     if "force_evaluations" not in pilot:
         return np.array([candidate.price for candidate in candidates])

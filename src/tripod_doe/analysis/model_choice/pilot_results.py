@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import IntArray
 from tripod_doe.simulator import Outcome
-from tripod_doe.study.journal import PILOT, FinishedBlock, Journal, journal_path
+from tripod_doe.study.block_record import FinishedBlock
+from tripod_doe.study.journal import PILOT, Journal, journal_path
 from tripod_doe.study.retry import untried
 from tripod_doe.study.study_points import StudyPoints
-
-__all__ = ["finished_in_pilot", "pilot_results"]
 
 
 def finished_in_pilot(directory: Path) -> NDArray[np.void]:
@@ -32,7 +32,7 @@ def finished_in_pilot(directory: Path) -> NDArray[np.void]:
     return np.concatenate([np.array([], "V16"), *keys])
 
 
-def pilot_results(asked: StudyPoints, missing: NDArray[np.int64], directory: Path) -> Iterator[FinishedBlock]:
+def pilot_results(asked: StudyPoints, missing: IntArray, directory: Path) -> Iterator[FinishedBlock]:
     """Those of a study's missing points that its pilot finished, as blocks of the study.
 
     Parameters

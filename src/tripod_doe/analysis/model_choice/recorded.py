@@ -25,14 +25,11 @@ from numpy.typing import NDArray
 
 from tripod_doe.analysis.model_choice.pilot_errors import HOPELESS, PilotErrors
 from tripod_doe.analysis.model_choice.selection import labelled
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.simulator import Candidate, Demands
 from tripod_doe.study.choice import accuracy_of
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points
-
-__all__ = ["CONFIRMING", "RecordedChoice", "choice_by_record"]
-
-FloatArray = NDArray[np.float64]
 
 CONFIRMING = 4
 """Points of the smallest pilot that confirms a record: it would be confirmed by a chance of 6 % if every other point
@@ -41,31 +38,17 @@ missed the accuracy."""
 
 @dataclass(frozen=True)
 class RecordedChoice:
-    """What the errors on record say that each point should run with.
+    """What the errors on record say that each point should run with."""
 
-    Attributes
-    ----------
-    candidates
-        All candidates, as the study's accuracy has them.
-    number
-        Number of each point's candidate among them, shape (point,).
-    cheap
-        Whether it is chosen by its recorded errors, not as the full model, shape (point,).
-    share
-        Share of the similar points at which its error is within the allowed one, shape (point,); 1 with the full model.
-    error
-        Root mean square of its errors at the similar points, over the allowed one, shape (point, quantity); NaN with
-        the full model.
-    similar
-        Number of similar points that each one is compared with.
-    """
-
-    candidates: tuple[Candidate, ...]
-    number: NDArray[np.int64]
-    cheap: NDArray[np.bool_]
+    candidates: tuple[Candidate, ...]  # all candidates, as the study's accuracy has them
+    number: IntArray  # number of each point's candidate among them, shape (point,)
+    cheap: NDArray[np.bool_]  # whether it is chosen by its recorded errors, not as the full model, shape (point,)
+    # share of the similar points at which its error is within the allowed one, shape (point,); 1 with the full model
     share: FloatArray
+    # root mean square of its errors at the similar points, over the allowed one, shape (point, quantity); NaN with the
+    # full model
     error: FloatArray
-    similar: int
+    similar: int  # number of similar points that each one is compared with
 
     @property
     def chosen(self) -> list[Candidate]:
@@ -78,7 +61,7 @@ class RecordedChoice:
         share = (recorded + hits + 1) / (self.similar + known + 2)
         return float(1 - self.cheap.mean() * (1 - share))
 
-    def hits(self, found: PilotErrors, at: NDArray[np.int64]) -> tuple[int, int]:
+    def hits(self, found: PilotErrors, at: IntArray) -> tuple[int, int]:
         """At how many pilot points the cheap candidate is within the accuracy, of those at which that is known.
 
         Parameters
@@ -88,10 +71,12 @@ class RecordedChoice:
         at
             Positions of its points among those of the study.
         """
-        column = np.array([
-            found.candidates.index(self.candidates[number]) if cheap else -1
-            for number, cheap in zip(self.number[at], self.cheap[at], strict=True)
-        ])  # fmt: skip
+        column = np.array(
+            [
+                found.candidates.index(self.candidates[number]) if cheap else -1
+                for number, cheap in zip(self.number[at], self.cheap[at], strict=True)
+            ]
+        )
         rows = np.flatnonzero((column >= 0) & found.known)
         return int(found.accepted[rows, column[rows]].sum()), rows.size
 
@@ -113,15 +98,23 @@ class RecordedChoice:
         """
         full = [at for at, candidate in enumerate(found.candidates) if candidate.full]
         usual = next((at for at in full[::-1] if 2 * found.runs[at] >= found.count), full[0])
-        numbers = np.array([
-            found.candidates.index(self.candidates[number]) if cheap else usual
-            for number, cheap in zip(self.number, self.cheap, strict=True)
-        ])  # fmt: skip
+        numbers = np.array(
+            [
+                found.candidates.index(self.candidates[number]) if cheap else usual
+                for number, cheap in zip(self.number, self.cheap, strict=True)
+            ]
+        )
         error = np.where(self.cheap[:, None], self.error, found.numerical.max(axis=0))
-        return labelled(found, columns, accuracy_of(study), numbers, error).assign_attrs({
-            "limit": 1.0, "misses": 0, "recorded_share": share, "price_study_s": float(found.prices[numbers].sum()),
-            "price_pilot_s": found.price, "price_reference_s": float(found.prices[-1] * numbers.size),
-        })  # fmt: skip
+        return labelled(found, columns, accuracy_of(study), numbers, error).assign_attrs(
+            {
+                "limit": 1.0,
+                "misses": 0,
+                "recorded_share": share,
+                "price_study_s": float(found.prices[numbers].sum()),
+                "price_pilot_s": found.price,
+                "price_reference_s": float(found.prices[-1] * numbers.size),
+            }
+        )
 
 
 def choice_by_record(study: Study, points: Points) -> RecordedChoice | None:
@@ -153,6 +146,10 @@ def choice_by_record(study: Study, points: Points) -> RecordedChoice | None:
         return None
     error = np.where(cheap[:, None], np.stack(errors, axis=1)[every, number], np.nan)
     return RecordedChoice(
-        accuracy.candidates, np.where(cheap, number, full), cheap, np.where(cheap, share[every, number], 1.0),
-        error, similar,
-    )  # fmt: skip
+        accuracy.candidates,
+        np.where(cheap, number, full),
+        cheap,
+        np.where(cheap, share[every, number], 1.0),
+        error,
+        similar,
+    )

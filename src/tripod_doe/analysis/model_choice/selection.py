@@ -41,15 +41,12 @@ from pydantic import BaseModel, ConfigDict, Field
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.model_choice.pilot import normalised
 from tripod_doe.analysis.model_choice.pilot_errors import AS_GOOD, HOPELESS, PilotErrors, pilot_errors
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Candidate
 from tripod_doe.study.accuracy import AUTO, Accuracy
 from tripod_doe.study.definition import load_study
 from tripod_doe.study.designs import make_points
-
-__all__ = ["ChooseSettings", "choose", "choose_for_study", "full_candidates", "labelled", "without_pilot"]
-
-FloatArray = NDArray[np.float64]
 
 _LIMITS = np.linspace(1.0, 0.0, 101)
 
@@ -90,10 +87,15 @@ def choose(found: PilotErrors, columns: Mapping[str, NDArray[Any]], accuracy: Ac
     every = np.arange(candidate.size)
     choice = labelled(found, columns, accuracy, candidate, expected[every, candidate])
     study = float(found.prices[candidate].sum())
-    return choice.assign_attrs({
-        "limit": max(limit, 0.0), "misses": misses, "price_study_s": study, "price_pilot_s": found.price,
-        "price_reference_s": float(found.prices[-1] * candidate.size),
-    })  # fmt: skip
+    return choice.assign_attrs(
+        {
+            "limit": max(limit, 0.0),
+            "misses": misses,
+            "price_study_s": study,
+            "price_pilot_s": found.price,
+            "price_reference_s": float(found.prices[-1] * candidate.size),
+        }
+    )
 
 
 @makes_kind("choose")
@@ -144,9 +146,15 @@ def without_pilot(columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr
     )
     choice = labelled(found, columns, accuracy, np.zeros(count, int), np.full((count, len(accuracy.demands)), np.nan))
     price = float(candidates[0].price * count)
-    return choice.assign_attrs({
-        "limit": 0.0, "misses": 0, "price_study_s": price, "price_pilot_s": 0.0, "price_reference_s": price,
-    })  # fmt: skip
+    return choice.assign_attrs(
+        {
+            "limit": 0.0,
+            "misses": 0,
+            "price_study_s": price,
+            "price_pilot_s": 0.0,
+            "price_reference_s": price,
+        }
+    )
 
 
 class _Prediction:
@@ -167,11 +175,14 @@ class _Prediction:
 
     def _differences(self, known: NDArray[np.bool_], places: FloatArray) -> FloatArray:
         """Differences to the reference, interpolated between the known points where each candidate finished."""
-        found = np.stack([
-            _interpolate(self._places[usable], candidate[usable], places)
-            for candidate in np.moveaxis(self._found.differences, 1, 0)
-            for usable in [known & np.isfinite(candidate).all(axis=1)]
-        ], axis=1)  # fmt: skip
+        found = np.stack(
+            [
+                _interpolate(self._places[usable], candidate[usable], places)
+                for candidate in np.moveaxis(self._found.differences, 1, 0)
+                for usable in [known & np.isfinite(candidate).all(axis=1)]
+            ],
+            axis=1,
+        )
         return np.clip(found, -HOPELESS, HOPELESS)
 
     def _errors(self, known: NDArray[np.bool_], places: FloatArray, differences: FloatArray) -> FloatArray:
@@ -224,7 +235,7 @@ def _distances(some: FloatArray, others: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.norm(some[:, None] - others[None], axis=2))
 
 
-def _cheapest(expected: FloatArray, prices: FloatArray, limit: float) -> NDArray[np.int64]:
+def _cheapest(expected: FloatArray, prices: FloatArray, limit: float) -> IntArray:
     """The cheapest candidate whose expected error (point, candidate) is below a limit, or about that of the last."""
     order = np.argsort(prices, kind="stable")
     order = order[: int(np.flatnonzero(order == prices.size - 1)[0]) + 1]  # none dearer than the reference
@@ -239,7 +250,7 @@ def labelled(
     found: PilotErrors,
     columns: Mapping[str, NDArray[Any]],
     accuracy: Accuracy,
-    candidate: NDArray[np.int64],
+    candidate: IntArray,
     error: FloatArray,
 ) -> xr.Dataset:
     """A choice with its labels: `candidate` by number, shape (point,), `error` over the allowed, (point, quantity)."""
@@ -257,12 +268,20 @@ def labelled(
                 error * allowed,
                 {"long_name": "estimated relative error, of the model and numerical", "units": "1"},
             ),
-            "accuracy_met": ("point", met, {
-                "long_name": "whether the estimated error is within the accuracy asked for",
-                "flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "unknown no yes",
-            }),
-            "price": ("candidate_number", found.prices,
-                      {"long_name": "CPU time per run, from counted work", "units": "s"}),
+            "accuracy_met": (
+                "point",
+                met,
+                {
+                    "long_name": "whether the estimated error is within the accuracy asked for",
+                    "flag_values": np.array([-1, 0, 1], np.int8),
+                    "flag_meanings": "unknown no yes",
+                },
+            ),
+            "price": (
+                "candidate_number",
+                found.prices,
+                {"long_name": "CPU time per run, from counted work", "units": "s"},
+            ),
             "points_of_candidate": (
                 "candidate_number",
                 np.bincount(candidate, minlength=len(found.candidates)).astype(np.int32),
@@ -289,7 +308,7 @@ def labelled(
             "floor": accuracy.floor,
             "pilot_unknown": int((~found.known).sum()),
         },
-    )  # fmt: skip
+    )
 
 
 def _text(column: NDArray[Any]) -> NDArray[Any]:

@@ -25,8 +25,6 @@ from tripod_doe.study.designs import Points, make_points, point_keys
 from tripod_doe.study.journal import PILOT
 from tripod_doe.study.netcdf import stamp_history, write_dataset
 
-__all__ = ["describe_choice", "make_choice"]
-
 
 def make_choice(
     study: Study, points: Points, directory: Path, run_pilot: Callable[[Study, Path], object]
@@ -138,12 +136,15 @@ def describe_choice(study: Study, directory: Path | None) -> str:
             )
         by_record = record is not None and bool(confirming_sizes(study, points, record))
         price, usual = duration(_pilot_price(candidates, count)), candidates[-1]
-        return "\n".join([
-            f"pilot        {count} points on {len(candidates)} candidates, CPU time about {price}; may grow"
-            + (": it is to confirm errors that are on record for similar points" if by_record else ""),
-            f"study        CPU time about {duration(points.count * usual.price)} if all points run with {usual.label}",
-            *(f"candidate    {each.label}: CPU time {duration(each.price, 2)} per run" for each in candidates),
-        ])  # fmt: skip
+        return "\n".join(
+            [
+                f"pilot        {count} points on {len(candidates)} candidates, CPU time about {price}; may grow"
+                + (": it is to confirm errors that are on record for similar points" if by_record else ""),
+                f"study        CPU time about {duration(points.count * usual.price)} "
+                f"if all points run with {usual.label}",
+                *(f"candidate    {each.label}: CPU time {duration(each.price, 2)} per run" for each in candidates),
+            ]
+        )
     return "\n".join(_told(choice))
 
 
@@ -164,8 +165,9 @@ def _told(choice: xr.Dataset) -> list[str]:
     for at, label in enumerate(choice["candidate_label"].values):
         row = choice.isel(candidate_number=at)
         found = row["pilot_error"].max("pilot_point")
-        errors = ", ".join(f"{name} {number(float(e), 2)}" for name, e in zip(
-            choice["quantity"].values, found.values, strict=True))  # fmt: skip
+        errors = ", ".join(
+            f"{name} {number(float(e), 2)}" for name, e in zip(choice["quantity"].values, found.values, strict=True)
+        )
         lines.append(
             f"candidate    {label}: {int(row['points_of_candidate']):,} points, CPU time "
             f"{duration(float(row['price']), 2)} per run; largest errors: {errors}"

@@ -6,7 +6,6 @@ from statistics import NormalDist
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from pydantic import Field
 
 from tripod_doe.analysis.kinds import makes_kind
@@ -23,14 +22,12 @@ from tripod_doe.analysis.sensitivity.outputs import (
     stacked,
 )
 from tripod_doe.analysis.sensitivity.settings import SHARES, PointSettings, Probabilities
+from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.file import parse_file
 from tripod_doe.study.slab_reading import any_finite
 
-__all__ = ["MultifidelitySettings", "multifidelity", "outputs_of_all"]
-
-FloatArray = NDArray[np.float64]
 Answers = dict[str, FloatArray]
 
 _CONSTANT = 1e-9  # spread below which an output does not vary, over its largest magnitude
@@ -110,9 +107,11 @@ def _of_output(ladder: Ladder, table: OutputTable, settings: MultifidelitySettin
     """All components of an output; of one that does not vary, the mean."""
     alone = ladder.price / ladder.truth.price
     sizes = {
-        "probability": len(settings.probabilities), "share": len(SHARES), "factor": len(ladder.factors),
+        "probability": len(settings.probabilities),
+        "share": len(SHARES),
+        "factor": len(ladder.factors),
         "model": len(ladder.rungs) + len(ladder.aside),
-    }  # fmt: skip
+    }
     dims, width = _dims(ladder), table.values.shape[1]
     found = {key: np.full((*(sizes[dim] for dim in own), width), np.nan) for key, own in dims.items()}
     for component in range(width):
@@ -161,19 +160,22 @@ def outputs_of_all(cube: xr.Dataset, asked: list[str]) -> list[str]:
 
 
 _MEANINGS = {
-    "mean": "mean", "variance": "variance",
+    "mean": "mean",
+    "variance": "variance",
     "quantile": "value that the output stays below with the probability",
     "distribution": "value that the output stays below with the share as probability",
     "quantile_low": "lower end of the interval of the quantile",
     "quantile_high": "upper end of the interval of the quantile",
-    "S1": "first-order Sobol' index", "ST": "total Sobol' index",
+    "S1": "first-order Sobol' index",
+    "ST": "total Sobol' index",
     "gain": "variance of the mean by the truth alone at the same price, over that of this estimate",
     "variance_gain": "variance of the variance by the truth alone at the same price, over that of this estimate",
     "S1_gain": "variance of S1 by the truth alone at the same price, over that of this estimate",
     "ST_gain": "variance of ST by the truth alone at the same price, over that of this estimate",
     "correlation": "correlation of the model with the truth",
-    "samples": "samples of the model", "price": "CPU seconds of a sample",
-}  # fmt: skip
+    "samples": "samples of the model",
+    "price": "CPU seconds of a sample",
+}
 
 
 @makes_kind("multifidelity")
@@ -215,8 +217,10 @@ def multifidelity(cube: xr.Dataset, settings: MultifidelitySettings | None = Non
         price=("model", np.array([rung.price for rung in models])),
     )
     labels: dict[str, list[object]] = {
-        "probability": [*settings.probabilities], "share": [*SHARES], "factor": [*ladder.factors],
-    }  # fmt: skip
+        "probability": [*settings.probabilities],
+        "share": [*SHARES],
+        "factor": [*ladder.factors],
+    }
     labels["model"] = [rung.model for rung in models]
     result = result.assign_coords({dim: values for dim, values in labels.items() if dim in result.dims})
     names = joint + [name for name in names if name not in joint]
@@ -239,7 +243,13 @@ def _described(
     region = {"failing_region": ladder.region.text} if ladder.region else {}
     answered = {"answered_for": "the rest" if ladder.rest else "all"} if ladder.region else {}
     return result.assign_attrs(
-        **outputs, truth=ladder.truth.model, samples_dropped=ladder.lost, block_size=ladder.block,
-        points_used=used, points_dropped=ladder.lost * ladder.block, confidence_level=settings.confidence,
-        **region, **answered,
-    )  # fmt: skip
+        **outputs,
+        truth=ladder.truth.model,
+        samples_dropped=ladder.lost,
+        block_size=ladder.block,
+        points_used=used,
+        points_dropped=ladder.lost * ladder.block,
+        confidence_level=settings.confidence,
+        **region,
+        **answered,
+    )

@@ -16,35 +16,20 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["FOLDS", "Estimate", "Estimates", "estimate", "folds_of", "moments", "shares_of", "statistics"]
-
-FloatArray = NDArray[np.float64]
+from tripod_doe.array_types import FloatArray, IntArray
 
 FOLDS = 10
 """Parts of the truth's samples, each with coefficients from the others."""
 
 
 class Estimate(NamedTuple):
-    """A number with its uncertainty, and with that of the truth alone.
+    """A number with its uncertainty, and with that of the truth alone."""
 
-    Attributes
-    ----------
-    value
-        The estimate.
-    variance
-        Of the estimate.
-    freedom
-        Degrees of freedom of that variance (Welch and Satterthwaite).
-    alone
-        Variance of the statistic over one sample of the truth: over n samples it would be a part n of it.
-    """
-
-    value: float
-    variance: float
-    freedom: float
-    alone: float
+    value: float  # the estimate
+    variance: float  # of the estimate
+    freedom: float  # degrees of freedom of that variance (Welch and Satterthwaite)
+    alone: float  # variance of the statistic over one sample of the truth: over n samples it would be a part n of it
 
 
 @dataclass(frozen=True)
@@ -57,7 +42,7 @@ class Estimates:
     total: tuple[Estimate, ...]
 
 
-def folds_of(count: int) -> NDArray[np.int64]:
+def folds_of(count: int) -> IntArray:
     """The fold of each sample of the truth; samples are independent, so any division is as good as another."""
     return np.arange(count) % min(FOLDS, count)
 
@@ -124,8 +109,10 @@ def estimate(values: list[FloatArray]) -> Estimates:
     shares, fold = shares_of(counts), folds_of(counts[0])
     known = [each[:, : counts[0]] for each in products]
     ends = [0, *counts]
-    strata = [[each[:, start:stop].mean(axis=1) for start, stop in pairwise(ends) if stop <= count]
-              for each, count in zip(products, counts, strict=True)]  # fmt: skip
+    strata = [
+        [each[:, start:stop].mean(axis=1) for start, stop in pairwise(ends) if stop <= count]
+        for each, count in zip(products, counts, strict=True)
+    ]
     width = statistics(known[0][:, :1], 0.0).shape[0]
     per_sample = 1 if values[0].shape[1] == 1 else 2
     answer, coefficients = np.zeros(width), np.zeros((len(values), width, counts[0]))

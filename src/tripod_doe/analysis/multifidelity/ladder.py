@@ -14,11 +14,10 @@ from tripod_doe.analysis.multifidelity.prices import known_candidates, price_of_
 from tripod_doe.analysis.sensitivity.outputs import OutputTable
 from tripod_doe.analysis.sensitivity.sample import refuse_holes, usable_points
 from tripod_doe.analysis.sensitivity.settings import PointSettings
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.study.designs import FAMILIES, SAMPLE, factor_groups, random_factors
 from tripod_doe.study.file import DesignTable, parse_file
-
-__all__ = ["FEWEST", "Ladder", "Rung", "read_ladder"]
 
 FEWEST = 16
 """Samples of the truth below which intervals do not hold what they say."""
@@ -26,21 +25,11 @@ FEWEST = 16
 
 @dataclass(frozen=True)
 class Rung:
-    """One model with its samples.
+    """One model with its samples."""
 
-    Attributes
-    ----------
-    model
-        Its name.
-    rows
-        Its points in the cube, shape (sample, point of the sample), in the order of the samples.
-    price
-        CPU seconds of a sample; NaN where neither the study says it nor the cube has costs.
-    """
-
-    model: str
-    rows: NDArray[np.int64]
-    price: float
+    model: str  # its name
+    rows: IntArray  # its points in the cube, shape (sample, point of the sample), in the order of the samples
+    price: float  # CPU seconds of a sample; NaN where neither the study says it nor the cube has costs
 
     @property
     def count(self) -> int:
@@ -50,33 +39,15 @@ class Rung:
 
 @dataclass(frozen=True)
 class Ladder:
-    """The truth and the models that have more samples, each with all samples of those before it.
+    """The truth and the models that have more samples, each with all samples of those before it."""
 
-    Attributes
-    ----------
-    design
-        The design of the study.
-    factors
-        Labels of the indices: the factors that are sampled, or their groups.
-    rungs
-        The truth first, then by number of samples.
-    aside
-        Models that got no samples beyond those of the truth.
-    lost
-        Samples that are dropped in all models, since a point of theirs failed in one.
-    region
-        Where most of the failed points lie, if they lie together.
-    rest
-        Whether only the samples outside of that region are used.
-    """
-
-    design: DesignTable
-    factors: tuple[str, ...]
-    rungs: tuple[Rung, ...]
-    aside: tuple[Rung, ...]
-    lost: int
-    region: FailingRegion | None
-    rest: bool
+    design: DesignTable  # the design of the study
+    factors: tuple[str, ...]  # labels of the indices: the factors that are sampled, or their groups
+    rungs: tuple[Rung, ...]  # the truth first, then by number of samples
+    aside: tuple[Rung, ...]  # models that got no samples beyond those of the truth
+    lost: int  # samples that are dropped in all models, since a point of theirs failed in one
+    region: FailingRegion | None  # where most of the failed points lie, if they lie together
+    rest: bool  # whether only the samples outside of that region are used
 
     @property
     def truth(self) -> Rung:
@@ -93,7 +64,7 @@ class Ladder:
         """CPU seconds of all samples, those of models that stand aside included."""
         return sum(rung.count * rung.price for rung in (*self.rungs, *self.aside))
 
-    def values(self, table: OutputTable, component: int) -> list[NDArray[np.float64]]:
+    def values(self, table: OutputTable, component: int) -> list[FloatArray]:
         """One component of an output, read at all points, in each rung, shape (sample, point of the sample) each."""
         return [table.values[rung.rows, component] for rung in self.rungs]
 
@@ -147,14 +118,17 @@ def read_ladder(cube: xr.Dataset, settings: PointSettings, outputs: Sequence[str
         raise InputError(f"only {rungs[0].count} samples of {names[0]} are left; at least {FEWEST} are needed")
     more = [rung for rung in rungs[1:] if rung.count > rungs[0].count]
     return Ladder(
-        design, tuple(groups), (rungs[0], *sorted(more, key=lambda rung: rung.count)),
-        tuple(rung for rung in rungs[1:] if rung not in more), int(lost.sum()), region, rest,
-    )  # fmt: skip
+        design,
+        tuple(groups),
+        (rungs[0], *sorted(more, key=lambda rung: rung.count)),
+        tuple(rung for rung in rungs[1:] if rung not in more),
+        int(lost.sum()),
+        region,
+        rest,
+    )
 
 
-def _rows_of(
-    name: str, models: NDArray[np.str_], numbers: NDArray[np.int64], kept: NDArray[np.bool_], block: int
-) -> NDArray[np.int64]:
+def _rows_of(name: str, models: NDArray[np.str_], numbers: IntArray, kept: NDArray[np.bool_], block: int) -> IntArray:
     """Points of the samples of one model that are kept, shape (sample, point of the sample)."""
     own = np.flatnonzero((models == name) & kept)
     own = own[np.argsort(numbers[own], kind="stable")]

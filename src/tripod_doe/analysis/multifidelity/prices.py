@@ -6,20 +6,18 @@ from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import IntArray
 from tripod_doe.simulator import Candidate
 from tripod_doe.study.file import DesignTable, StudyFile
 from tripod_doe.study.scenes import load_simulator
-
-__all__ = ["known_candidates", "price_of_point"]
 
 _OVERHEAD = 2e-4  # CPU seconds that a point of any model costs besides: its fingerprint, its place in journal and cube
 _DIGITS = 3  # of a price in the study file
 
 
 def price_of_point(
-    cube: xr.Dataset, candidates: Sequence[Candidate], design: DesignTable, model: str, rows: NDArray[np.int64]
+    cube: xr.Dataset, candidates: Sequence[Candidate], design: DesignTable, model: str, rows: IntArray
 ) -> float:
     """CPU seconds of a point: as the study says, else counted work at its recorded price, else measured.
 

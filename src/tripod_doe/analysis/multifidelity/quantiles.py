@@ -14,10 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.analysis.multifidelity.estimates import folds_of, shares_of
-
-__all__ = ["quantiles"]
-
-FloatArray = NDArray[np.float64]
+from tripod_doe.array_types import FloatArray
 
 _LEVELS = 400  # places at which the distribution function is evaluated
 _MOST_NUMBERS = 4_000_000  # of the truth's points times places at once
@@ -93,10 +90,13 @@ def _distribution(values: list[FloatArray], at: FloatArray) -> tuple[FloatArray,
         for k, cheap in enumerate(values[1:], 1)
     }
     beside = {
-        (number, k): [_at_most(offset + slope * values[k][start:stop], at)
-                      for start, stop in pairwise(ends[1:]) if stop <= counts[k]]
+        (number, k): [
+            _at_most(offset + slope * values[k][start:stop], at)
+            for start, stop in pairwise(ends[1:])
+            if stop <= counts[k]
+        ]
         for (number, k), (slope, offset) in lines.items()
-    }  # fmt: skip
+    }
     most = max(_MOST_NUMBERS // values[0].size, 1)
     for start in range(0, at.size, most):
         part = slice(start, start + most)

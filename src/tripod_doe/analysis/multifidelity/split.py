@@ -14,7 +14,6 @@ from itertools import combinations, pairwise
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from tripod_doe.analysis.multifidelity.answers import outputs_of_all
 from tripod_doe.analysis.multifidelity.estimates import moments, statistics
@@ -22,13 +21,10 @@ from tripod_doe.analysis.multifidelity.ladder import Ladder, Rung, read_ladder
 from tripod_doe.analysis.multifidelity.prices import price_of_point
 from tripod_doe.analysis.sensitivity.outputs import OutputTable, read_outputs
 from tripod_doe.analysis.sensitivity.settings import PointSettings
+from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Simulator
 from tripod_doe.study.designs import pilot_samples
-
-__all__ = ["Split", "find_split"]
-
-FloatArray = NDArray[np.float64]
 
 _LEAST_UNEXPLAINED = 1e-3
 """Part of the variance that is taken to be unexplained at least: a pilot cannot show less, and the samples of a cheap
@@ -37,36 +33,16 @@ model would grow without bound."""
 
 @dataclass(frozen=True)
 class Split:
-    """How many samples each model gets, and what that is expected to bring.
+    """How many samples each model gets, and what that is expected to bring."""
 
-    Attributes
-    ----------
-    samples
-        Samples of each model, the truth first.
-    prices
-        CPU seconds of a point with each model.
-    explained
-        Part of the truth's variance that each model explains, averaged over the targets.
-    pilot
-        Samples that all models ran.
-    block
-        Points of a sample.
-    gain
-        Variance of the truth alone at the same price, over that of the split, averaged over the targets.
-    seconds
-        CPU time of all samples.
-    variance
-        Expected variance of a mean, over the variance of the output.
-    """
-
-    samples: Mapping[str, int]
-    prices: Mapping[str, float]
-    explained: Mapping[str, float]
-    pilot: int
-    block: int
-    gain: float
-    seconds: float
-    variance: float
+    samples: Mapping[str, int]  # samples of each model, the truth first
+    prices: Mapping[str, float]  # CPU seconds of a point with each model
+    explained: Mapping[str, float]  # part of the truth's variance that each model explains, averaged over the targets
+    pilot: int  # samples that all models ran
+    block: int  # points of a sample
+    gain: float  # variance of the truth alone at the same price, over that of the split, averaged over the targets
+    seconds: float  # CPU time of all samples
+    variance: float  # expected variance of a mean, over the variance of the output
 
 
 def find_split(pilot: xr.Dataset, simulator: Simulator) -> Split:

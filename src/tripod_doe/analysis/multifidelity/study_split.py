@@ -16,8 +16,6 @@ from tripod_doe.study.designs import SAMPLE, pilot_samples, point_count
 from tripod_doe.study.file import DesignTable
 from tripod_doe.study.results import opened_cube
 
-__all__ = ["describe_split", "needs_split", "split_study", "stored_split", "told_split", "with_samples_so_far"]
-
 
 def needs_split(study: Study) -> bool:
     """Whether a pilot decides how many samples each model of a study gets."""

@@ -19,11 +19,7 @@ from tripod_doe.analysis.sensitivity.outputs import OutputTable
 from tripod_doe.analysis.sensitivity.resampling import half_width, random_halves
 from tripod_doe.analysis.sensitivity.sample import Sample
 from tripod_doe.analysis.sensitivity.settings import SensitivitySettings
-
-__all__ = ["SAMPLED_DESIGNS", "DeltaSettings", "PawnSettings", "borgonovo_delta", "pawn_indices"]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from tripod_doe.array_types import FloatArray, IntArray
 
 _DENSITY_POINTS = 100  # at which densities are compared: SALib's number
 _DELTA_POINTS = 4096  # a density from more points is no better known, and each costs a sum over all
@@ -118,9 +114,15 @@ def _pawn(sample: Sample, table: OutputTable, components: IntArray, settings: Se
     ]
     half = half_width(np.stack(halves), settings.confidence)
     return {
-        "median": whole[0, :-1], "median_conf": half[0], "mean": whole[1, :-1], "mean_conf": half[1],
-        "maximum": whole[2, :-1], "maximum_conf": half[2], "minimum": whole[3, :-1], "chance": whole[0, -1],
-    }  # fmt: skip
+        "median": whole[0, :-1],
+        "median_conf": half[0],
+        "mean": whole[1, :-1],
+        "mean_conf": half[1],
+        "maximum": whole[2, :-1],
+        "maximum_conf": half[2],
+        "minimum": whole[3, :-1],
+        "chance": whole[0, -1],
+    }
 
 
 def _classes(column: FloatArray) -> list[IntArray]:
@@ -180,14 +182,16 @@ PAWN = Method(
     designs=SAMPLED_DESIGNS,
     ranked="median",
     meanings={
-        "median": "PAWN index, median over slices", "mean": "PAWN index, mean over slices",
-        "maximum": "PAWN index, largest of the slices", "minimum": "PAWN index, smallest of the slices",
+        "median": "PAWN index, median over slices",
+        "mean": "PAWN index, mean over slices",
+        "maximum": "PAWN index, largest of the slices",
+        "minimum": "PAWN index, smallest of the slices",
         "chance": "index of a factor that is pure chance",
     },
     dims={"chance": ()},
     threshold="chance",
     independent=False,
-)  # fmt: skip
+)
 
 DELTA = Method(
     _delta,

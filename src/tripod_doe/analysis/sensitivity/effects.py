@@ -29,19 +29,26 @@ from tripod_doe.analysis.sensitivity.outputs import (
 )
 from tripod_doe.analysis.sensitivity.sample import Sample, read_sample
 from tripod_doe.analysis.sensitivity.settings import SensitivitySettings
+from tripod_doe.array_types import FloatArray
 from tripod_doe.study.file import FactorTable
 from tripod_doe.study.flat_points import flat_points
-
-__all__ = ["EFFECT_DESIGNS", "EffectsSettings", "factorial_effects"]
-
-FloatArray = NDArray[np.float64]
 
 _ALIAS = 1e-8  # part of a column's length that the terms before must leave for it to be a term of its own
 _ROUNDING = 1e-12  # part of the variance of an output below which nothing is left
 EFFECT_DESIGNS = (
-    "full-factorial", "fractional-factorial", "plackett-burman", "central-composite", "box-behnken", "grid", "table",
-    "zip", "latin-hypercube", "sobol", "halton", "rbd-fast",
-)  # fmt: skip
+    "full-factorial",
+    "fractional-factorial",
+    "plackett-burman",
+    "central-composite",
+    "box-behnken",
+    "grid",
+    "table",
+    "zip",
+    "latin-hypercube",
+    "sobol",
+    "halton",
+    "rbd-fast",
+)
 """Designs whose points a regression can use."""
 
 
@@ -54,24 +61,12 @@ class EffectsSettings(SensitivitySettings):
 
 @dataclass(frozen=True)
 class Terms:
-    """Terms of a regression and what they cannot be told from.
+    """Terms of a regression and what they cannot be told from."""
 
-    Attributes
-    ----------
-    names
-        Of the terms.
-    columns
-        Their values, shape (point, term).
-    reach
-        Change of a term's value from low to high: 2 for factors and products, 1 for squares and words.
-    aliases
-        By a term that is left out, the terms whose effects hold its own.
-    """
-
-    names: list[str]
-    columns: FloatArray
-    reach: FloatArray
-    aliases: dict[str, list[str]]
+    names: list[str]  # of the terms
+    columns: FloatArray  # their values, shape (point, term)
+    reach: FloatArray  # change of a term's value from low to high: 2 for factors and products, 1 for squares and words
+    aliases: dict[str, list[str]]  # by a term that is left out, the terms whose effects hold its own
 
 
 def _coded(name: str, column: NDArray[np.generic], table: FactorTable) -> list[tuple[str, FloatArray, float]]:
@@ -240,10 +235,14 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
         result[label].attrs.setdefault("long_name", str(label).replace("_", " "))
     region = {"failing_region": sample.region.text} if sample.region else {}
     return result.assign_attrs(
-        **output_attributes(cube, names), aliases=json.dumps(terms.aliases),
-        degrees_of_freedom=sample.rows.size - len(terms.names) - 1, points_used=sample.rows.size,
-        points_dropped=sample.dropped, confidence_level=settings.confidence, **region,
-    )  # fmt: skip
+        **output_attributes(cube, names),
+        aliases=json.dumps(terms.aliases),
+        degrees_of_freedom=sample.rows.size - len(terms.names) - 1,
+        points_used=sample.rows.size,
+        points_dropped=sample.dropped,
+        confidence_level=settings.confidence,
+        **region,
+    )
 
 
 def _of_output(terms: Terms, table: OutputTable, confidence: float) -> xr.Dataset:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.sensitivity.method import Answers, Method, apply
@@ -16,11 +15,8 @@ from tripod_doe.analysis.sensitivity.outputs import OutputTable
 from tripod_doe.analysis.sensitivity.resampling import bootstrap_weights, half_width
 from tripod_doe.analysis.sensitivity.sample import Sample
 from tripod_doe.analysis.sensitivity.settings import SensitivitySettings
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.study.designs import factor_groups
-
-__all__ = ["DgsmSettings", "MorrisSettings", "derivative_measures", "morris_effects"]
-
-FloatArray = NDArray[np.float64]
 
 
 class MorrisSettings(SensitivitySettings):
@@ -35,7 +31,7 @@ class DgsmSettings(SensitivitySettings):
     precision: float = 0.1
 
 
-def _changes(sample: Sample, table: OutputTable, components: NDArray[np.int64]) -> FloatArray:
+def _changes(sample: Sample, table: OutputTable, components: IntArray) -> FloatArray:
     """Values in blocks, shape (block, row, component)."""
     return table.values[:, components].reshape(sample.blocks, sample.block, components.size)
 
@@ -45,9 +41,7 @@ def _wrapped(difference: FloatArray, wraps: bool) -> FloatArray:
     return (difference + 180) % 360 - 180 if wraps else difference
 
 
-def _morris(
-    sample: Sample, table: OutputTable, components: NDArray[np.int64], settings: SensitivitySettings
-) -> Answers:
+def _morris(sample: Sample, table: OutputTable, components: IntArray, settings: SensitivitySettings) -> Answers:
     groups = factor_groups(sample.tables)
     moves = np.diff(sample.unit.reshape(sample.blocks, sample.block, -1), axis=1)
     steps = _wrapped(np.diff(_changes(sample, table, components), axis=1), table.wraps)
@@ -78,7 +72,7 @@ def _drawn_means(values: FloatArray, random: np.random.Generator, resamples: int
     return weights @ values
 
 
-def _dgsm(sample: Sample, table: OutputTable, components: NDArray[np.int64], settings: SensitivitySettings) -> Answers:
+def _dgsm(sample: Sample, table: OutputTable, components: IntArray, settings: SensitivitySettings) -> Answers:
     values = _changes(sample, table, components)
     unit = sample.unit.reshape(sample.blocks, sample.block, -1)
     weights = bootstrap_weights(sample.blocks, settings.resamples, settings.seed)
@@ -107,11 +101,12 @@ MORRIS = Method(
     designs=("morris",),
     ranked="mu_star",
     meanings={
-        "mu": "mean elementary effect", "mu_star": "mean magnitude of the elementary effects",
+        "mu": "mean elementary effect",
+        "mu_star": "mean magnitude of the elementary effects",
         "sigma": "standard deviation of the elementary effects",
     },
     pure=False,
-)  # fmt: skip
+)
 
 DGSM = Method(
     _dgsm,

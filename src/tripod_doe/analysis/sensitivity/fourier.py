@@ -9,7 +9,6 @@ import math
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.sensitivity.distributions import SAMPLED_DESIGNS
@@ -18,11 +17,8 @@ from tripod_doe.analysis.sensitivity.outputs import OutputTable
 from tripod_doe.analysis.sensitivity.resampling import half_width, random_halves
 from tripod_doe.analysis.sensitivity.sample import Sample
 from tripod_doe.analysis.sensitivity.settings import SensitivitySettings
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.study.designs import CURVE_HARMONICS
-
-__all__ = ["FastSettings", "RbdFastSettings", "fast_indices", "rbd_fast_indices"]
-
-FloatArray = NDArray[np.float64]
 
 _RBD_HARMONICS = 10  # of the ordered output that count as the factor's: SALib's number
 
@@ -46,7 +42,7 @@ def _curve_indices(curve: FloatArray) -> tuple[FloatArray, FloatArray]:
         return own / whole, 1 - power[: frequency // 2].sum(axis=0) / whole
 
 
-def _fast(sample: Sample, table: OutputTable, components: NDArray[np.int64], settings: SensitivitySettings) -> Answers:
+def _fast(sample: Sample, table: OutputTable, components: IntArray, settings: SensitivitySettings) -> Answers:
     length, width = sample.block, sample.blocks
     parts = table.parts(components).reshape(-1, width, length, components.size)
     curves = [_curve_indices(parts[:, at]) for at in range(width)]
@@ -58,9 +54,7 @@ def _fast(sample: Sample, table: OutputTable, components: NDArray[np.int64], set
     return answers
 
 
-def _rbd_fast(
-    sample: Sample, table: OutputTable, components: NDArray[np.int64], settings: SensitivitySettings
-) -> Answers:
+def _rbd_fast(sample: Sample, table: OutputTable, components: IntArray, settings: SensitivitySettings) -> Answers:
     parts, count = table.parts(components), sample.rows.size
     orders = [np.argsort(column, kind="quicksort") for column in sample.ranks.T]
     halves = []
@@ -73,7 +67,7 @@ def _rbd_fast(
     return {"S1": index, "S1_conf": half_width(np.stack(halves), settings.confidence)}
 
 
-def _ordered_indices(parts: FloatArray, orders: list[NDArray[np.int64]]) -> FloatArray:
+def _ordered_indices(parts: FloatArray, orders: list[IntArray]) -> FloatArray:
     """First-order indices of the factors by which points are ordered, bias removed (Tissot and Prieur 2012).
 
     The points go up along a factor by every second one and down by the others, so that the output is periodic

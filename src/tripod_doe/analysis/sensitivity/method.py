@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from tripod_doe.analysis.sensitivity.outputs import (
     OutputTable,
@@ -24,12 +23,10 @@ from tripod_doe.analysis.sensitivity.outputs import (
 )
 from tripod_doe.analysis.sensitivity.sample import Sample, read_sample
 from tripod_doe.analysis.sensitivity.settings import SensitivitySettings
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.study.flat_points import flat_points
 
-__all__ = ["CORRELATED", "Answers", "Method", "apply"]
-
-FloatArray = NDArray[np.float64]
 Answers = dict[str, FloatArray]
 """Estimates by the names of variables, the component last."""
 
@@ -43,43 +40,21 @@ _RESOLUTION = ("constant", "not_resolved", "resolved", "below_numerical_error") 
 
 @dataclass(frozen=True)
 class Method:
-    """One way to estimate what the factors do to the outputs.
+    """One way to estimate what the factors do to the outputs."""
 
-    Attributes
-    ----------
-    estimate
-        (points, output, components, settings) -> answers, each of shape (factor, component) unless `dims` says else.
-        The answer named ``size`` is the change of the output that a factor makes, in the output's unit.
-    designs
-        Kinds of designs that it can read.
-    ranked
-        The answer by which factors are ranked.
-    meanings
-        What each answer is, in words.
-    dims
-        Dimensions of an answer before those of the output, where these are not just ``factor``.
-    pure
-        Whether the answers are numbers without unit.
-    nested
-        Whether a part of the points is a smaller design of the same kind.
-    threshold
-        The answer that the ranked one must exceed to be resolved; zero if empty.
-    independent
-        Whether it rests on factors that are not correlated.
-    intervals
-        Whether it knows intervals; without, nothing is said of what is resolved.
-    """
-
-    estimate: Callable[[Sample, OutputTable, NDArray[np.int64], SensitivitySettings], Answers]
-    designs: tuple[str, ...]
-    ranked: str
-    meanings: Mapping[str, str]
+    # (points, output, components, settings) -> answers, each of shape (factor, component) unless `dims` says else. The
+    # answer named ``size`` is the change of the output that a factor makes, in the output's unit.
+    estimate: Callable[[Sample, OutputTable, IntArray, SensitivitySettings], Answers]
+    designs: tuple[str, ...]  # kinds of designs that it can read
+    ranked: str  # the answer by which factors are ranked
+    meanings: Mapping[str, str]  # what each answer is, in words
+    # dimensions of an answer before those of the output, where these are not just ``factor``
     dims: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    pure: bool = True
-    nested: bool = True
-    threshold: str = ""
-    independent: bool = True
-    intervals: bool = True
+    pure: bool = True  # whether the answers are numbers without unit
+    nested: bool = True  # whether a part of the points is a smaller design of the same kind
+    threshold: str = ""  # the answer that the ranked one must exceed to be resolved; zero if empty
+    independent: bool = True  # whether it rests on factors that are not correlated
+    intervals: bool = True  # whether it knows intervals; without, nothing is said of what is resolved
 
 
 def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr.Dataset:
@@ -215,18 +190,24 @@ def _described(
             flags = result[name].fillna(-1).astype(np.int8)
             result[name] = flags.assign_attrs(
                 long_name="whether the effect of a factor is known to differ from zero",
-                flag_values=np.arange(-1, len(_RESOLUTION) - 1, dtype=np.int8), flag_meanings=" ".join(_RESOLUTION),
-            )  # fmt: skip
+                flag_values=np.arange(-1, len(_RESOLUTION) - 1, dtype=np.int8),
+                flag_meanings=" ".join(_RESOLUTION),
+            )
         else:
             result[name].attrs = _attributes(str(name), method)
     region = sample.region.text if sample.region else ""
     told = {"failing_region": region, "answered_for": "the rest" if sample.rest else "all"} if region else {}
     return result.assign_attrs(
-        **outputs, groups_used=sample.blocks,
-        groups_dropped=math.ceil(sample.dropped / sample.block), block_size=sample.block,
-        points_used=sample.rows.size, points_dropped=sample.dropped, confidence_level=settings.confidence,
-        precision=settings.precision, **told,
-    )  # fmt: skip
+        **outputs,
+        groups_used=sample.blocks,
+        groups_dropped=math.ceil(sample.dropped / sample.block),
+        block_size=sample.block,
+        points_used=sample.rows.size,
+        points_dropped=sample.dropped,
+        confidence_level=settings.confidence,
+        precision=settings.precision,
+        **told,
+    )
 
 
 def _attributes(name: str, method: Method) -> dict[str, str]:

@@ -17,24 +17,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.cube import COST_VARIABLES, RECORD_ROLE
 from tripod_doe.study.size import refuse_too_much_memory
 from tripod_doe.study.slab_reading import read_positions
-
-__all__ = [
-    "OutputTable",
-    "answered_in_parts",
-    "chosen_outputs",
-    "is_course",
-    "meaning_of",
-    "output_attributes",
-    "read_outputs",
-    "side_by_side",
-    "stacked",
-]
-
-FloatArray = NDArray[np.float64]
 
 _CONSTANT = 1e-9  # spread below which an output does not vary, over its largest magnitude
 _WAVEFORM = "rotation_deg"
@@ -44,29 +31,14 @@ _MOST_NUMBERS = 10_000_000  # of an output that are read together
 
 @dataclass(frozen=True)
 class OutputTable:
-    """One output, a column for each of its components.
+    """One output, a column for each of its components."""
 
-    Attributes
-    ----------
-    name
-        Of the output.
-    variable
-        As the cube holds it, the points along its first dimension.
-    values
-        Numbers, shape (point, component); phases relative to `centre`.
-    centre
-        Circular mean of phases (deg), else 0, shape (component,).
-    wraps
-        Whether they are phases.
-    error
-        Numerical error that the runs report of each component, in its unit; 0 where none is known. Shape (component,).
-    """
-
-    name: str
-    variable: xr.DataArray
-    values: FloatArray
-    centre: FloatArray
-    wraps: bool
+    name: str  # of the output
+    variable: xr.DataArray  # as the cube holds it, the points along its first dimension
+    values: FloatArray  # numbers, shape (point, component); phases relative to `centre`
+    centre: FloatArray  # circular mean of phases (deg), else 0, shape (component,)
+    wraps: bool  # whether they are phases
+    # numerical error that the runs report of each component, in its unit; 0 where none is known. Shape (component,).
     error: FloatArray
 
     @property
@@ -97,20 +69,20 @@ class OutputTable:
         orders = self.variable["order"].values if self.variable.dims[1:] == ("order",) else ()
         return [self.name, *(f"{self.name}_{order}" for order in orders)]
 
-    def chunks(self) -> Iterator[NDArray[np.int64]]:
+    def chunks(self) -> Iterator[IntArray]:
         """The components that vary, in parts that fit into the memory with their resamples."""
         indices, width = np.flatnonzero(self.varies), max(_CHUNK // self.values.shape[0], 1)
         for start in range(0, indices.size, width):
             yield indices[start : start + width]
 
-    def parts(self, components: NDArray[np.int64]) -> FloatArray:
+    def parts(self, components: IntArray) -> FloatArray:
         """Numbers whose variances add up to that of each component, shape (part, point, component)."""
         values = self.values[:, components]
         if not self.wraps:
             return values[None]
         return np.stack([np.cos(np.radians(values)), np.sin(np.radians(values))])
 
-    def rows(self, chosen: NDArray[np.int64]) -> OutputTable:
+    def rows(self, chosen: IntArray) -> OutputTable:
         """The same output at some points only."""
         return replace(self, variable=self.variable[chosen], values=self.values[chosen])
 
@@ -143,7 +115,7 @@ def chosen_outputs(cube: xr.Dataset, asked: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(asked)) or outputs
 
 
-def read_outputs(cube: xr.Dataset, names: Iterable[str], rows: NDArray[np.int64]) -> Iterator[OutputTable]:
+def read_outputs(cube: xr.Dataset, names: Iterable[str], rows: IntArray) -> Iterator[OutputTable]:
     """Outputs as tables, each read when it is its turn.
 
     Parameters
@@ -170,7 +142,7 @@ def is_course(cube: xr.Dataset, name: str) -> bool:
 
 
 def answered_in_parts(
-    cube: xr.Dataset, name: str, rows: NDArray[np.int64], answer: Callable[[OutputTable], xr.Dataset]
+    cube: xr.Dataset, name: str, rows: IntArray, answer: Callable[[OutputTable], xr.Dataset]
 ) -> xr.Dataset:
     """Answers of one output, part by part along its last dimension, so that a course of many points fits into memory.
 
@@ -197,7 +169,7 @@ def _parts(cube: xr.Dataset, name: str, points: int) -> Iterator[xr.Dataset]:
         yield cube.isel({last: slice(start, start + width)}) if width < length and variable.ndim > 1 else cube
 
 
-def _table(cube: xr.Dataset, name: str, rows: NDArray[np.int64]) -> OutputTable:
+def _table(cube: xr.Dataset, name: str, rows: IntArray) -> OutputTable:
     variable = cube[name].isel(point=rows)
     needed = 2 * 8 * math.prod(variable.shape)  # with a copy
     refuse_too_much_memory(needed, f"{name} of {rows.size:,} points", "name fewer outputs in the analysis")

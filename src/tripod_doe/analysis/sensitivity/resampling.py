@@ -5,13 +5,9 @@ from __future__ import annotations
 from statistics import NormalDist
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.study.size import refuse_too_much_memory
-
-__all__ = ["bootstrap_weights", "half_width", "part_half_width", "part_weights", "random_halves"]
-
-FloatArray = NDArray[np.float64]
 
 _DRAWN = 100_000  # blocks of every resample that are drawn together
 
@@ -36,7 +32,7 @@ def bootstrap_weights(count: int, resamples: int, seed: int) -> FloatArray:
     return weights
 
 
-def part_weights(part: NDArray[np.int64]) -> FloatArray:
+def part_weights(part: IntArray) -> FloatArray:
     """How much each block counts in the estimate of each independent part, shape (part, block)."""
     inside = part == np.unique(part)[:, None]
     weights: FloatArray = inside / inside.sum(axis=1, keepdims=True)
@@ -52,7 +48,7 @@ def part_half_width(estimates: FloatArray, confidence: float) -> FloatArray:
     return width
 
 
-def random_halves(count: int, resamples: int, seed: int) -> list[NDArray[np.int64]]:
+def random_halves(count: int, resamples: int, seed: int) -> list[IntArray]:
     """Random halves of `count` points, ascending, each without repetition.
 
     The scatter of a statistic over halves is its standard error over all points: of a mean, 1/m - 1/n is 1/n for

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.analysis.failing_region import FailingRegion, failing_region
 from tripod_doe.analysis.sensitivity.settings import PointSettings
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import EXCLUDED
@@ -20,44 +21,22 @@ from tripod_doe.study.designs import FAMILIES, factor_groups, unit_sample
 from tripod_doe.study.file import DesignTable, FactorTable, parse_file
 from tripod_doe.study.slab_reading import all_finite
 
-__all__ = ["Sample", "read_sample", "refuse_holes", "usable_points"]
-
-FloatArray = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Sample:
-    """Usable points of a design, in whole blocks.
+    """Usable points of a design, in whole blocks."""
 
-    Attributes
-    ----------
-    design, tables
-        The design of the study and its factors, as the study file describes them.
-    columns
-        Values of the factors at the usable points, shape (point,) each.
-    rows
-        The usable points among those of the cube, shape (point,).
-    block
-        Points of a block; 1 where every point stands alone.
-    dropped
-        Points that are not used.
-    region
-        Where most of the points that failed lie, if they lie together.
-    rest
-        Whether only the points outside of that region are used.
-    whole
-        The sample of which this is a part, and the places of its points there; None where it is no part.
-    """
-
+    # design, tables: the design of the study and its factors, as the study file describes them
     design: DesignTable
     tables: dict[str, FactorTable]
-    columns: dict[str, NDArray[np.generic]]
-    rows: NDArray[np.int64]
-    block: int
-    dropped: int
-    region: FailingRegion | None = None
-    rest: bool = False
-    whole: tuple[Sample, NDArray[np.int64]] | None = None
+    columns: dict[str, NDArray[np.generic]]  # values of the factors at the usable points, shape (point,) each
+    rows: IntArray  # the usable points among those of the cube, shape (point,)
+    block: int  # points of a block; 1 where every point stands alone
+    dropped: int  # points that are not used
+    region: FailingRegion | None = None  # where most of the points that failed lie, if they lie together
+    rest: bool = False  # whether only the points outside of that region are used
+    # the sample of which this is a part, and the places of its points there; None where it is no part
+    whole: tuple[Sample, IntArray] | None = None
 
     @property
     def blocks(self) -> int:
@@ -84,7 +63,7 @@ class Sample:
         columns = (np.unique(column, return_inverse=True)[1] for column in self.columns.values())
         return np.stack([(rankdata(column) - 0.5) / column.size for column in columns], axis=1)
 
-    def take(self, points: NDArray[np.int64]) -> Sample:
+    def take(self, points: IntArray) -> Sample:
         """Some of its points, in whole blocks."""
         columns = {name: column[points] for name, column in self.columns.items()}
         return replace(self, columns=columns, rows=self.rows[points], whole=(self, points))
@@ -126,9 +105,15 @@ def read_sample(cube: xr.Dataset, settings: PointSettings, kinds: Collection[str
         whole &= region.outside(columns).reshape(-1, block).all(axis=1)
     rows = np.flatnonzero(np.repeat(whole, block))
     return Sample(
-        design, tables, {name: column[rows] for name, column in columns.items()}, rows, block,
-        asked * block - rows.size, region, rest,
-    )  # fmt: skip
+        design,
+        tables,
+        {name: column[rows] for name, column in columns.items()},
+        rows,
+        block,
+        asked * block - rows.size,
+        region,
+        rest,
+    )
 
 
 def _inside(cube: xr.Dataset) -> NDArray[np.bool_]:

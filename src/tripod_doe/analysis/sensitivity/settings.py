@@ -6,8 +6,6 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-__all__ = ["SHARES", "PointSettings", "Probabilities", "SensitivitySettings"]
-
 SHARES = [at / 200 for at in range(1, 200)]
 """Probabilities of the quantiles that draw a distribution, besides those asked for."""
 

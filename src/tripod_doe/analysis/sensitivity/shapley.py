@@ -14,7 +14,6 @@ from math import comb
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.sensitivity.method import Answers, Method, apply
@@ -22,11 +21,8 @@ from tripod_doe.analysis.sensitivity.outputs import OutputTable
 from tripod_doe.analysis.sensitivity.resampling import bootstrap_weights, half_width
 from tripod_doe.analysis.sensitivity.sample import Sample
 from tripod_doe.analysis.sensitivity.settings import SensitivitySettings
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
-
-__all__ = ["ShapleySettings", "shapley_effects"]
-
-FloatArray = NDArray[np.float64]
 
 _MOST_FACTORS = 10  # 1022 sets of factors
 _MOST_POINTS = 4096  # more neighbours than these make sets of few factors no better known
@@ -39,7 +35,7 @@ class ShapleySettings(SensitivitySettings):
     """[analysis.NAME] of kind shapley."""
 
 
-def _neighbours(space: FloatArray, count: int) -> NDArray[np.int64]:
+def _neighbours(space: FloatArray, count: int) -> IntArray:
     """The nearest points of each point, itself first, shape (point, neighbour)."""
     from scipy.spatial import cKDTree
 
@@ -98,9 +94,7 @@ def _explained(
     return known, whole
 
 
-def _estimate(
-    sample: Sample, table: OutputTable, components: NDArray[np.int64], settings: SensitivitySettings
-) -> Answers:
+def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings: SensitivitySettings) -> Answers:
     width = len(sample.tables)
     if width > _MOST_FACTORS:
         raise InputError(f"shapley takes at most {_MOST_FACTORS} factors, not {width}")

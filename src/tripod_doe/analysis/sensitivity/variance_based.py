@@ -12,7 +12,6 @@ from itertools import combinations
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from tripod_doe.analysis.kinds import makes_kind
 from tripod_doe.analysis.sensitivity.method import Answers, Method, apply
@@ -20,11 +19,7 @@ from tripod_doe.analysis.sensitivity.outputs import OutputTable
 from tripod_doe.analysis.sensitivity.resampling import bootstrap_weights, half_width, part_half_width, part_weights
 from tripod_doe.analysis.sensitivity.sample import Sample
 from tripod_doe.analysis.sensitivity.settings import SensitivitySettings
-
-__all__ = ["SobolSettings", "sobol_indices"]
-
-FloatArray = NDArray[np.float64]
-
+from tripod_doe.array_types import FloatArray, IntArray
 
 _ENOUGH = 4  # scramblings whose scatter tells their error
 
@@ -33,9 +28,7 @@ class SobolSettings(SensitivitySettings):
     """[analysis.NAME] of kind sobol."""
 
 
-def _estimate(
-    sample: Sample, table: OutputTable, components: NDArray[np.int64], settings: SensitivitySettings
-) -> Answers:
+def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings: SensitivitySettings) -> Answers:
     width, count = len(sample.factors), sample.blocks
     parts = table.parts(components)
     parts = parts - parts.mean(axis=1, keepdims=True)

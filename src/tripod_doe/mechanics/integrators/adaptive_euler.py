@@ -19,8 +19,6 @@ from tripod_doe.mechanics.monitor import EVALUATION_LIMIT, FINISHED, STEP_LIMIT,
 from tripod_doe.mechanics.motion import copy_vectors
 from tripod_doe.mechanics.tables import EVALUATIONS, REJECTED
 
-__all__ = ["integrate"]
-
 _START, _BEFORE, _BASE = range(3)
 """Rows of `Work.stages`."""
 

@@ -17,8 +17,6 @@ from tripod_doe.mechanics.motion import copy_vectors
 from tripod_doe.mechanics.rotations import load_attitude, rotation_vector
 from tripod_doe.mechanics.tables import REJECTED
 
-__all__ = ["integrate"]
-
 _START, _BASE, _OLD_POSITIONS, _OLD_VELOCITIES = range(4)
 """Rows of `Work.stages`."""
 

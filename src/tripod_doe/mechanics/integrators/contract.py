@@ -19,42 +19,23 @@ from functools import cached_property
 from importlib import import_module
 from typing import Any
 
-__all__ = ["Method"]
-
 
 @dataclass(frozen=True)
 class Method:
-    """A time integration method.
+    """A time integration method."""
 
-    Attributes
-    ----------
-    name
-        The value of the parameter ``method``.
-    order
-        Declared order of convergence; for methods that run with step control, that of their fixed-step form.
-    meaning
-        One phrase.
-    loop
-        Where its time loop is: ``module:function`` of this package.
-    controlled
-        Whether it chooses its own steps from `relative_tolerance`; else it takes steps of `step_s`.
-    reach
-        How far its region of stability goes along the negative real and along the imaginary axis: a step beyond the
-        first over the fastest relaxation, or the second over the stiffest mode's angular frequency, is unstable.
-    lagged
-        Whether it solves one linear system a step with the secant slope of friction, which is stable and lags.
-    compiled
-        False for SciPy's methods, whose time loop runs in Python.
-    """
-
-    name: str
-    order: int
-    meaning: str
-    loop: str
+    name: str  # the value of the parameter ``method``
+    order: int  # declared order of convergence; for methods that run with step control, that of their fixed-step form
+    meaning: str  # one phrase
+    loop: str  # where its time loop is: ``module:function`` of this package
+    # whether it chooses its own steps from `relative_tolerance`; else it takes steps of `step_s`
     controlled: bool = False
+    # how far its region of stability goes along the negative real and along the imaginary axis: a step beyond the first
+    # over the fastest relaxation, or the second over the stiffest mode's angular frequency, is unstable
     reach: tuple[float, float] = (math.inf, math.inf)
+    # whether it solves one linear system a step with the secant slope of friction, which is stable and lags
     lagged: bool = False
-    compiled: bool = True
+    compiled: bool = True  # false for SciPy's methods, whose time loop runs in Python
 
     @cached_property
     def integrate(self) -> Callable[..., Any]:

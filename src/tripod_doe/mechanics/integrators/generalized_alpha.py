@@ -15,8 +15,6 @@ from tripod_doe.mechanics.implicit import LEAST_SHARE, Stage, solve_stage
 from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
 from tripod_doe.mechanics.motion import copy_vectors
 
-__all__ = ["integrate"]
-
 _START, _BEFORE, _BASE, _ALGORITHMIC, _TRUE = range(5)
 """Rows of `Work.stages`."""
 

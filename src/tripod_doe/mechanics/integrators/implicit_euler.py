@@ -9,8 +9,6 @@ from tripod_doe.mechanics.lanes import clear
 from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
 from tripod_doe.mechanics.motion import copy_vectors
 
-__all__ = ["integrate"]
-
 _START, _BASE = range(2)
 """Rows of `Work.stages`."""
 

@@ -15,8 +15,6 @@ from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
 from tripod_doe.mechanics.motion import evaluate, linearise
 from tripod_doe.mechanics.rotations import move
 
-__all__ = ["integrate"]
-
 _CHANGE, _AHEAD = range(2)
 """Rows of `Work.stages`."""
 

@@ -8,8 +8,6 @@ from tripod_doe.mechanics.monitor import FINISHED, accept
 from tripod_doe.mechanics.motion import copy_vectors, evaluate, settle
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
 
-__all__ = ["integrate"]
-
 _START, _FIRST, _SHIFT, _SHIFT_SUM, _CHANGE_SUM, _DISPLACEMENT = range(6)
 """Rows of `Work.stages`."""
 

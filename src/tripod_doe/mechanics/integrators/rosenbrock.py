@@ -22,8 +22,6 @@ from tripod_doe.mechanics.motion import accelerate, copy_vectors, evaluate, larg
 from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
 from tripod_doe.mechanics.tables import EVALUATIONS, REJECTED
 
-__all__ = ["integrate"]
-
 _START, _FIRST_VELOCITIES, _FIRST_ACCELERATIONS, _ACCELERATIONS = range(4)
 _SHIFT, _MIXED, _MIXED_SPEED, _RIGHT, _ROWS = range(4, 9)
 _SHIFTS, _SPEEDS = 9, 13

@@ -7,17 +7,13 @@ from typing import Any
 
 import numpy as np
 import scipy.integrate
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.mechanics.compilation import kernel
 from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, Settings, accept
 from tripod_doe.mechanics.motion import evaluate
 from tripod_doe.mechanics.tables import EVALUATIONS, FACTORISATIONS, Tables, Work
 from tripod_doe.one_thread import one_thread
-
-__all__ = ["bdf", "dop853", "lsoda", "radau"]
-
-FloatArray = NDArray[np.float64]
 
 
 class _BudgetSpentError(Exception):
@@ -71,9 +67,16 @@ def _tolerances(tables: Tables, tolerance: float) -> FloatArray:
 
 
 def _integrate(
-    solver: str, tables: Tables, work: Work, positions: FloatArray, velocities: FloatArray, clock: FloatArray,
-    end: float, count: int, settings: Settings,
-) -> int:  # fmt: skip
+    solver: str,
+    tables: Tables,
+    work: Work,
+    positions: FloatArray,
+    velocities: FloatArray,
+    clock: FloatArray,
+    end: float,
+    count: int,
+    settings: Settings,
+) -> int:
     """Advance with SciPy's step control; see `contract`. Its own flag is not trusted: the caller checks the result.
 
     On one thread of linear algebra: on several, LU factors are rounded differently, and results must not depend on
@@ -84,9 +87,15 @@ def _integrate(
 
 
 def _step_to_end(
-    solver: str, tables: Tables, work: Work, positions: FloatArray, velocities: FloatArray, clock: FloatArray,
-    end: float, settings: Settings,
-) -> int:  # fmt: skip
+    solver: str,
+    tables: Tables,
+    work: Work,
+    positions: FloatArray,
+    velocities: FloatArray,
+    clock: FloatArray,
+    end: float,
+    settings: Settings,
+) -> int:
     rates = np.empty(13 * (positions.shape[0] - 1))
 
     def right_hand_side(time: float, y: FloatArray) -> FloatArray:

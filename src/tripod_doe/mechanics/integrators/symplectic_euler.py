@@ -7,8 +7,6 @@ from tripod_doe.mechanics.monitor import FINISHED, accept
 from tripod_doe.mechanics.motion import evaluate, settle
 from tripod_doe.mechanics.rotations import move
 
-__all__ = ["integrate"]
-
 
 @kernel
 def integrate(tables, work, positions, velocities, clock, end, count, settings):

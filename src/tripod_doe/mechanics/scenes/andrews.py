@@ -9,28 +9,36 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.mechanics.scene import GROUND, Body, Revolute, Scene, Spring, Vector
-
-__all__ = ["END", "REFERENCE_ANGLES", "REFERENCE_RATES", "andrews", "angles", "rates"]
 
 END = 0.03
 
 REFERENCE_ANGLES = np.array(
     [
-        15.81077119629904, -15.75637105984298, 0.04082224013073101, -0.5347301163226948, 0.5244099658805304,
-        0.5347301163226948, 1.048080741042263,
+        15.81077119629904,
+        -15.75637105984298,
+        0.04082224013073101,
+        -0.5347301163226948,
+        0.5244099658805304,
+        0.5347301163226948,
+        1.048080741042263,
     ]
-)  # fmt: skip
+)
 """beta, Theta, gamma, Phi, delta, Omega, epsilon at 0.03 s."""
 
 REFERENCE_RATES = np.array(
     [
-        1139.920302151208, -1424.379294994111, 11.03291221937134, 19.29337464421385, 0.5735699284790808,
-        -19.29337464421385, 0.3231791658026955,
+        1139.920302151208,
+        -1424.379294994111,
+        11.03291221937134,
+        19.29337464421385,
+        0.5735699284790808,
+        -19.29337464421385,
+        0.3231791658026955,
     ]
-)  # fmt: skip
+)
 """Their rates."""
 
 _MASS = (0.04325, 0.00365, 0.02373, 0.00706, 0.07050, 0.00706, 0.05498)
@@ -51,9 +59,14 @@ _SC, _SD, _TA, _TB, _U, _UA, _UB, _ZF, _ZT, _FA = (
 _A, _B, _C = (-0.06934, -0.00227), (-0.03635, 0.03273), (0.014, 0.072)
 _DRIVE, _SPRING, _FREE_LENGTH = 0.033, 4530.0, 0.07785
 _START = (
-    -0.0617138900142764496358948458001, 0.0, 0.455279819163070380255912382449, 0.222668390165885884674473185609,
-    0.487364979543842550225598953530, -0.222668390165885884674473185609, 1.23054744454982119249735015568,
-)  # fmt: skip
+    -0.0617138900142764496358948458001,
+    0.0,
+    0.455279819163070380255912382449,
+    0.222668390165885884674473185609,
+    0.487364979543842550225598953530,
+    -0.222668390165885884674473185609,
+    1.23054744454982119249735015568,
+)
 
 _COMBINED = np.array(
     [
@@ -69,7 +82,7 @@ _COMBINED = np.array(
 """Rotation of each body as a sum of the relative angles."""
 
 
-def _centres(q: tuple[float, ...]) -> NDArray[np.float64]:
+def _centres(q: tuple[float, ...]) -> FloatArray:
     """Centres of mass of the bodies 1 to 7 at the angles q."""
     beta, theta, gamma, phi, delta, omega, epsilon = q
     sin, cos = math.sin, math.cos
@@ -105,7 +118,7 @@ def andrews() -> Scene:
         [_SD * math.cos(gamma) + _SC * math.sin(gamma), _SD * math.sin(gamma) - _SC * math.cos(gamma)]
     )
 
-    def local(body: int, point: NDArray[np.float64] | tuple[float, float]) -> Vector:
+    def local(body: int, point: FloatArray | tuple[float, float]) -> Vector:
         """A point of the plane in the axes of body 1 to 7; those of the ground are the world's."""
         if body == 0:
             return (float(point[0]), float(point[1]), 0.0)
@@ -118,22 +131,33 @@ def andrews() -> Scene:
 
     bodies = tuple(
         Body(
-            name(i + 1), _MASS[i], (_INERTIA[i],) * 3, position=(centres[i, 0], centres[i, 1], 0.0),
+            name(i + 1),
+            _MASS[i],
+            (_INERTIA[i],) * 3,
+            position=(centres[i, 0], centres[i, 1], 0.0),
             attitude=(math.cos(turns[i] / 2), 0.0, 0.0, math.sin(turns[i] / 2)),
             moment=(0.0, 0.0, _DRIVE if i == 0 else 0.0),
         )
         for i in range(7)
-    )  # fmt: skip
+    )
     places = (
-        (0, 1, (0.0, 0.0)), (1, 2, driven), (2, 3, hub), (2, 4, hub), (2, 6, hub), (0, 3, _B), (4, 5, joint_45),
-        (0, 5, _A), (6, 7, joint_67), (0, 7, _A),
-    )  # fmt: skip
+        (0, 1, (0.0, 0.0)),
+        (1, 2, driven),
+        (2, 3, hub),
+        (2, 4, hub),
+        (2, 6, hub),
+        (0, 3, _B),
+        (4, 5, joint_45),
+        (0, 5, _A),
+        (6, 7, joint_67),
+        (0, 7, _A),
+    )
     joints = tuple(Revolute(name(a), name(b), local(a, place), local(b, place)) for a, b, place in places)
     spring = Spring(GROUND, "K3", _SPRING, _FREE_LENGTH, local(0, _C), local(3, hook))
     return Scene(bodies, springs=(spring,), constraints=joints, length_scale=0.01, speed_scale=10.0, rotation_scale=1e3)
 
 
-def angles(positions: NDArray[np.float64], near: NDArray[np.float64]) -> NDArray[np.float64]:
+def angles(positions: FloatArray, near: FloatArray) -> FloatArray:
     """Relative angles of the test set from positions of the bodies; full turns as in `near`."""
     turns = 2 * np.arctan2(positions[1:, 6], positions[1:, 3])
     wanted = _COMBINED @ near
@@ -141,6 +165,6 @@ def angles(positions: NDArray[np.float64], near: NDArray[np.float64]) -> NDArray
     return np.linalg.solve(_COMBINED, turns)
 
 
-def rates(velocities: NDArray[np.float64]) -> NDArray[np.float64]:
+def rates(velocities: FloatArray) -> FloatArray:
     """Rates of the relative angles."""
     return np.linalg.solve(_COMBINED, velocities[1:, 5])

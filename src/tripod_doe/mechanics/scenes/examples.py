@@ -17,9 +17,7 @@ from tripod_doe.mechanics.scene import (
     SphereRow,
     Spring,
     Vector,
-)  # fmt: skip
-
-__all__ = ["dropped_ball", "four_bars", "free_body", "pendulum", "rolling_sphere", "smooth_groove"]
+)
 
 _GRAVITY = (0.0, -9.81, 0.0)
 
@@ -40,9 +38,15 @@ def four_bars(loops: int = 2) -> Scene:
     bodies, joints = [], []
     for i in range(loops + 1):
         bodies.append(
-            Body(f"crank {i}", 1.0, inertia, position=(i, 0.5, 0.0), velocity=(0.5, 0.0, 0.0),
-                 angular_velocity=(0.0, 0.0, -1.0))
-        )  # fmt: skip
+            Body(
+                f"crank {i}",
+                1.0,
+                inertia,
+                position=(i, 0.5, 0.0),
+                velocity=(0.5, 0.0, 0.0),
+                angular_velocity=(0.0, 0.0, -1.0),
+            )
+        )
         joints.append(Revolute(GROUND, f"crank {i}", point_a=(i, 0.0, 0.0), point_b=(0.0, -0.5, 0.0)))
     for i in range(loops):
         bodies.append(Body(f"coupler {i}", 1.0, inertia, position=(i + 0.5, 1.0, 0.0), velocity=(1.0, 0.0, 0.0)))
@@ -87,9 +91,14 @@ def dropped_ball(height: float = 0.05, stiffness: float = 1e6) -> tuple[Scene, f
 def smooth_groove() -> Scene:
     """A ball that stays in contact with a groove while it rolls, slides and swings, tied to another body."""
     ball = Body(
-        "ball", 1e-3, (0.1, 0.12, 0.14), position=(0.0, 0.03, -0.138), velocity=(20.0, 10.0, 0.0),
-        angular_velocity=(3.0, 1.0, 2.0), force=(0.0, 0.0, -100.0),
-    )  # fmt: skip
+        "ball",
+        1e-3,
+        (0.1, 0.12, 0.14),
+        position=(0.0, 0.03, -0.138),
+        velocity=(20.0, 10.0, 0.0),
+        angular_velocity=(3.0, 1.0, 2.0),
+        force=(0.0, 0.0, -100.0),
+    )
     other = Body("other", 5e-4, (0.03, 0.05, 0.04), position=(12.0, 1.0, 2.0), angular_velocity=(50.0, 20.0, 80.0))
     friction = Friction(0.05, 25.0, 0.002, 16.0, 1.0, 0.002, 1.0)
     groove = SphereRow("ball", Cylinder(GROUND, 16.137, concave=True), 16.0, 1e5, damping=1e-3, friction=friction)

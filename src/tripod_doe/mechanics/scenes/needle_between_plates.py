@@ -27,8 +27,6 @@ from tripod_doe.mechanics.run import Run, run
 from tripod_doe.mechanics.scenes.simulator import PLACES, PROGRESS, RUN_OUTPUTS, SceneSimulator, numerics_parameters
 from tripod_doe.simulator import Methods, Output, Parameter, by_name
 
-__all__ = ["NeedleBetweenPlates", "build", "closed_form", "simulator", "transition_velocity"]
-
 _PLATE_MASS = 1e-4
 """Mass of the loaded plate (0.1 kg, assumed): it moves only across its plane, and only while the load settles."""
 
@@ -49,40 +47,152 @@ _NUMERICS: Methods = {
 """Methods, the default first, each with its default step or tolerance."""
 
 _PARAMETERS = [
-    Parameter("friction_a", 0.03, "1", "mu_sA", "sliding friction coefficient on plate A, the fixed one",
-              "assumed", low=0, high=1, group="friction"),
-    Parameter("friction_b", 0.02, "1", "mu_sB", "sliding friction coefficient on plate B, the moving one",
-              "assumed", low=0, high=1, group="friction"),
-    Parameter("transition_ratio", 0.25, "1", "v_st/v_max", "transition velocity over half the plate's speed along the "
-              "needle", "paper 3.1", low=0, high=10, low_open=True, group="friction"),
-    Parameter("plate_speed_mm_s", 100.0, "mm s-1", "V", "speed of plate B", "assumed", low=-1e5, high=1e5,
-              group="operating point"),
-    Parameter("reversing_frequency_hz", 0.0, "Hz", "f", "frequency at which plate B moves to and fro, V its largest "
-              "speed; 0 for a constant speed", "assumed", low=0, high=1e4, group="operating point"),
-    Parameter("load_n", 200.0, "N", "P", "load on plate B", "assumed", low=0, high=1e5, low_open=True,
-              group="operating point"),
-    Parameter("skew_deg", 2.0, "degree", "phi", "skew of the needle, counterclockwise seen from plate B",
-              "paper Fig. 8", low=-45, high=45, group="operating point"),
-    Parameter("duration_s", 0.1, "s", "T", "duration", "assumed", low=0, high=100, low_open=True,
-              group="operating point"),
-    Parameter("needle_diameter_mm", 2.0, "mm", "d_n", "needle diameter", "assumed", low=0.2, high=10,
-              group="geometry"),
-    Parameter("needle_length_mm", 10.0, "mm", "l", "length of the needle's line contact", "assumed", low=0.5, high=80,
-              group="geometry"),
-    Parameter("spheres_per_needle", 7, "1", "N_s", "spheres that stand for a needle", "paper 3.1", low=1, high=51,
-              kind="integer", group="geometry"),
-    Parameter("needle_crown_um", 0.0, "um", "", "crown of the needle: drop of its profile at the ends", "assumed",
-              low=0, high=100, group="geometry"),
-    Parameter("density_kg_m3", 7850.0, "kg m-3", "", "density of the needle", "steel", low=100, high=25000,
-              group="material"),
-    Parameter("contact_damping_s_per_mm", 0.001, "s mm-1", "", "Hunt-Crossley factor on the penetration rate",
-              "assumed", low=0, high=1, group="material"),
-    Parameter("contact_stiffness_factor", 1.0, "1", "", "factor on every contact stiffness",
-              "numerics: for stability studies", low=1e-4, high=1e4, group="stability studies"),
-    Parameter("needle_mass_factor", 1.0, "1", "", "factor on the needle's mass and inertia",
-              "numerics: for stability studies", low=1e-4, high=1e4, group="stability studies"),
+    Parameter(
+        "friction_a",
+        0.03,
+        "1",
+        "mu_sA",
+        "sliding friction coefficient on plate A, the fixed one",
+        "assumed",
+        low=0,
+        high=1,
+        group="friction",
+    ),
+    Parameter(
+        "friction_b",
+        0.02,
+        "1",
+        "mu_sB",
+        "sliding friction coefficient on plate B, the moving one",
+        "assumed",
+        low=0,
+        high=1,
+        group="friction",
+    ),
+    Parameter(
+        "transition_ratio",
+        0.25,
+        "1",
+        "v_st/v_max",
+        "transition velocity over half the plate's speed along the needle",
+        "paper 3.1",
+        low=0,
+        high=10,
+        low_open=True,
+        group="friction",
+    ),
+    Parameter(
+        "plate_speed_mm_s",
+        100.0,
+        "mm s-1",
+        "V",
+        "speed of plate B",
+        "assumed",
+        low=-1e5,
+        high=1e5,
+        group="operating point",
+    ),
+    Parameter(
+        "reversing_frequency_hz",
+        0.0,
+        "Hz",
+        "f",
+        "frequency at which plate B moves to and fro, V its largest speed; 0 for a constant speed",
+        "assumed",
+        low=0,
+        high=1e4,
+        group="operating point",
+    ),
+    Parameter(
+        "load_n", 200.0, "N", "P", "load on plate B", "assumed", low=0, high=1e5, low_open=True, group="operating point"
+    ),
+    Parameter(
+        "skew_deg",
+        2.0,
+        "degree",
+        "phi",
+        "skew of the needle, counterclockwise seen from plate B",
+        "paper Fig. 8",
+        low=-45,
+        high=45,
+        group="operating point",
+    ),
+    Parameter(
+        "duration_s", 0.1, "s", "T", "duration", "assumed", low=0, high=100, low_open=True, group="operating point"
+    ),
+    Parameter("needle_diameter_mm", 2.0, "mm", "d_n", "needle diameter", "assumed", low=0.2, high=10, group="geometry"),
+    Parameter(
+        "needle_length_mm",
+        10.0,
+        "mm",
+        "l",
+        "length of the needle's line contact",
+        "assumed",
+        low=0.5,
+        high=80,
+        group="geometry",
+    ),
+    Parameter(
+        "spheres_per_needle",
+        7,
+        "1",
+        "N_s",
+        "spheres that stand for a needle",
+        "paper 3.1",
+        low=1,
+        high=51,
+        kind="integer",
+        group="geometry",
+    ),
+    Parameter(
+        "needle_crown_um",
+        0.0,
+        "um",
+        "",
+        "crown of the needle: drop of its profile at the ends",
+        "assumed",
+        low=0,
+        high=100,
+        group="geometry",
+    ),
+    Parameter(
+        "density_kg_m3", 7850.0, "kg m-3", "", "density of the needle", "steel", low=100, high=25000, group="material"
+    ),
+    Parameter(
+        "contact_damping_s_per_mm",
+        0.001,
+        "s mm-1",
+        "",
+        "Hunt-Crossley factor on the penetration rate",
+        "assumed",
+        low=0,
+        high=1,
+        group="material",
+    ),
+    Parameter(
+        "contact_stiffness_factor",
+        1.0,
+        "1",
+        "",
+        "factor on every contact stiffness",
+        "numerics: for stability studies",
+        low=1e-4,
+        high=1e4,
+        group="stability studies",
+    ),
+    Parameter(
+        "needle_mass_factor",
+        1.0,
+        "1",
+        "",
+        "factor on the needle's mass and inertia",
+        "numerics: for stability studies",
+        low=1e-4,
+        high=1e4,
+        group="stability studies",
+    ),
     *numerics_parameters(_NUMERICS, 200_000_000),
-]  # fmt: skip
+]
 
 _OUTPUTS = [
     Output("axial_drift_mm", "mm", "y", "drift of the needle across the plate's velocity, in its plane"),
@@ -130,24 +240,41 @@ def build(values: Mapping[str, float]) -> parts.Scene:
     rolling = (math.cos(skew) * speed * math.cos(skew) / 2, math.sin(skew) * speed * math.cos(skew) / 2, 0.0)
     turning = speed * math.cos(skew) / 2 / radius
     needle = parts.Body(
-        "needle", mass, (across, mass * radius**2 / 2, across), position=(0.0, 0.0, radius - depth),
-        attitude=(math.cos(skew / 2), 0.0, 0.0, math.sin(skew / 2)), velocity=rolling,
+        "needle",
+        mass,
+        (across, mass * radius**2 / 2, across),
+        position=(0.0, 0.0, radius - depth),
+        attitude=(math.cos(skew / 2), 0.0, 0.0, math.sin(skew / 2)),
+        velocity=rolling,
         angular_velocity=(-math.sin(skew) * turning, math.cos(skew) * turning, 0.0),
-    )  # fmt: skip
+    )
     reversing = 2 * math.pi * values["reversing_frequency_hz"]
     plate = parts.Body(
-        "plate B", _PLATE_MASS, (1.0, 1.0, 1.0), position=(0.0, 0.0, 2 * (radius - depth)), velocity=(speed, 0.0, 0.0),
-        force=(0.0, 0.0, -values["load_n"]), locked=(not reversing, True, False, True, True, True),
-    )  # fmt: skip
+        "plate B",
+        _PLATE_MASS,
+        (1.0, 1.0, 1.0),
+        position=(0.0, 0.0, 2 * (radius - depth)),
+        velocity=(speed, 0.0, 0.0),
+        force=(0.0, 0.0, -values["load_n"]),
+        locked=(not reversing, True, False, True, True, True),
+    )
     guides = _crank(speed, reversing) if reversing else ((), ())
     v_st = transition_velocity(values)
 
     def row(surface: parts.Plane, friction: float) -> parts.SphereRow:
         return parts.SphereRow(
-            "needle", surface, radius, stiffness, exponent=10 / 9, axis=(0.0, 1.0, 0.0), count=count, length=length,
-            crown=values["needle_crown_um"] / 1e3, damping=values["contact_damping_s_per_mm"],
+            "needle",
+            surface,
+            radius,
+            stiffness,
+            exponent=10 / 9,
+            axis=(0.0, 1.0, 0.0),
+            count=count,
+            length=length,
+            crown=values["needle_crown_um"] / 1e3,
+            damping=values["contact_damping_s_per_mm"],
             friction=parts.Friction(sliding=friction, sliding_transition=v_st),
-        )  # fmt: skip
+        )
 
     slip = max(abs(speed * math.sin(skew)) / 2, 1e-3 * abs(speed), 1e-3)
     return parts.Scene(

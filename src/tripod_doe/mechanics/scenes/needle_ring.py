@@ -10,8 +10,6 @@ import math
 
 from tripod_doe.mechanics.scene import GROUND, Body, Cylinder, Friction, Plane, Scene, SphereRow, Vector
 
-__all__ = ["needle_ring", "pitch_radius"]
-
 _AXIS: Vector = (0.0, 0.0, 1.0)
 _RADIUS, _LENGTH, _SPHERES = 1.0, 10.0, 7
 _STIFFNESS = 8.15e4 * _LENGTH ** (8 / 9) / _SPHERES  # Table 1
@@ -28,10 +26,13 @@ def _needle(i: int, needles: int, pitch: float, orbit: float) -> Body:
     across = mass * (_RADIUS**2 / 4 + _LENGTH**2 / 12)
     cosine, sine = math.cos(2 * math.pi * i / needles), math.sin(2 * math.pi * i / needles)
     return Body(
-        f"needle {i}", mass, (across, across, mass * _RADIUS**2 / 2), position=(pitch * cosine, pitch * sine, 0.0),
+        f"needle {i}",
+        mass,
+        (across, across, mass * _RADIUS**2 / 2),
+        position=(pitch * cosine, pitch * sine, 0.0),
         velocity=(-orbit * pitch * sine, orbit * pitch * cosine, 0.0),
         angular_velocity=(0.0, 0.0, orbit * pitch / _RADIUS),
-    )  # fmt: skip
+    )
 
 
 def _contacts(i: int, needles: int, trunnion: float, bore: float, friction: Friction) -> list[SphereRow]:
@@ -43,17 +44,33 @@ def _contacts(i: int, needles: int, trunnion: float, bore: float, friction: Fric
         Cylinder(after, _RADIUS, axis=_AXIS),
     )
     rows = [
-        SphereRow(name, surface, _RADIUS, _STIFFNESS, axis=_AXIS, count=_SPHERES, length=_LENGTH,
-                  friction=friction, exponent=10 / 9, damping=1e-3)
+        SphereRow(
+            name,
+            surface,
+            _RADIUS,
+            _STIFFNESS,
+            axis=_AXIS,
+            count=_SPHERES,
+            length=_LENGTH,
+            friction=friction,
+            exponent=10 / 9,
+            damping=1e-3,
+        )
         for surface in surfaces
-    ]  # fmt: skip
+    ]
     ends = [
         SphereRow(
-            name, Plane(GROUND, (0.0, 0.0, side * (_LENGTH / 2 + 0.1)), (0.0, 0.0, -side)), 0.0, _STIFFNESS,
-            centre=(0.0, 0.0, side * _LENGTH / 2), friction=friction, exponent=10 / 9, damping=1e-3,
+            name,
+            Plane(GROUND, (0.0, 0.0, side * (_LENGTH / 2 + 0.1)), (0.0, 0.0, -side)),
+            0.0,
+            _STIFFNESS,
+            centre=(0.0, 0.0, side * _LENGTH / 2),
+            friction=friction,
+            exponent=10 / 9,
+            damping=1e-3,
         )
         for side in (-1.0, 1.0)
-    ]  # fmt: skip
+    ]
     return rows + ends
 
 
@@ -82,12 +99,19 @@ def needle_ring(
     roller_mass = 7.85e-9 * math.pi * ((bore + 6.0) ** 2 - bore**2) * _LENGTH
     inertia = roller_mass * (bore + 3.0) ** 2
     roller = Body(
-        "roller", roller_mass, (0.6 * inertia, 0.6 * inertia, inertia), angular_velocity=(0.0, 0.0, speed),
-        force=(load, 0.0, 0.0), locked=(False, False, True, True, True, True),
-    )  # fmt: skip
+        "roller",
+        roller_mass,
+        (0.6 * inertia, 0.6 * inertia, inertia),
+        angular_velocity=(0.0, 0.0, speed),
+        force=(load, 0.0, 0.0),
+        locked=(False, False, True, True, True, True),
+    )
     bodies = [roller, *(_needle(i, needles, pitch, orbit) for i in range(needles))]
     contacts = [contact for i in range(needles) for contact in _contacts(i, needles, trunnion, bore, friction)]
     return Scene(
-        tuple(bodies), contacts=tuple(contacts), length_scale=0.1, speed_scale=abs(speed) * pitch + 1.0,
+        tuple(bodies),
+        contacts=tuple(contacts),
+        length_scale=0.1,
+        speed_scale=abs(speed) * pitch + 1.0,
         rotation_scale=abs(speed) + 1.0,
-    )  # fmt: skip
+    )

@@ -22,8 +22,6 @@ from tripod_doe.mechanics.run import Run, run
 from tripod_doe.mechanics.scenes.simulator import RUN_OUTPUTS, SceneSimulator, numerics_parameters
 from tripod_doe.simulator import Methods, Output, Parameter, by_name
 
-__all__ = ["RollerInGroove", "build", "closed_form", "simulator"]
-
 _MASS, _INERTIA = 7e-5, 1e-2
 """Mass (0.07 kg) and moment of inertia of the roller, assumed: they matter only while the load settles."""
 
@@ -44,30 +42,125 @@ _NUMERICS: Methods = {
 """Methods, the default first, each with its default step or tolerance."""
 
 _PARAMETERS = [
-    Parameter("tilt_deg", 10.0, "degree", "beta", "tilt of the roller's axis from the perpendicular to the groove",
-              "assumed", low=-80, high=80, group="operating point"),
-    Parameter("axial_speed_mm_s", 233.0, "mm s-1", "v_z", "speed of the roller along the groove",
-              "assumed: peak at the joint's reference point", low=-1e5, high=1e5, group="operating point"),
-    Parameter("load_n", 800.0, "N", "N", "load of the roller on the groove", "assumed", low=0, high=1e6,
-              low_open=True, group="operating point"),
-    Parameter("duration_s", 0.02, "s", "T", "duration; the force is that at its end", "assumed", low=0, high=10,
-              low_open=True, group="operating point"),
-    Parameter("friction", 0.05, "1", "mu_s", "sliding friction coefficient", "paper 3.1", low=0, high=1,
-              group="friction"),
-    Parameter("transition_ratio", 0.25, "1", "v_st/v_max", "transition velocity over the steady slip", "paper 3.1",
-              low=0, high=10, low_open=True, group="friction"),
-    Parameter("roller_radius_mm", 16.0, "mm", "R_s", "radius of the spherical roller", "assumed", low=3, high=80,
-              group="geometry"),
-    Parameter("groove_radius_ratio", 1.0086, "1", "R_g/R_s", "groove radius over roller radius", "paper 2.3.1", low=1,
-              high=2, low_open=True, group="geometry"),
-    Parameter("contact_stiffness_n_mm15", 2.938e6, "N mm-1.5", "C", "contact stiffness of Eq. 2 with m = 3/2",
-              "paper Table 1 at the reference geometry", low=1, high=1e9, group="material"),
-    Parameter("contact_damping_s_per_mm", 0.001, "s mm-1", "", "Hunt-Crossley factor on the penetration rate",
-              "assumed", low=0, high=1, group="material"),
-    Parameter("contact_stiffness_factor", 1.0, "1", "", "factor on the contact stiffness",
-              "numerics: for stability studies", low=1e-4, high=1e4, group="stability studies"),
+    Parameter(
+        "tilt_deg",
+        10.0,
+        "degree",
+        "beta",
+        "tilt of the roller's axis from the perpendicular to the groove",
+        "assumed",
+        low=-80,
+        high=80,
+        group="operating point",
+    ),
+    Parameter(
+        "axial_speed_mm_s",
+        233.0,
+        "mm s-1",
+        "v_z",
+        "speed of the roller along the groove",
+        "assumed: peak at the joint's reference point",
+        low=-1e5,
+        high=1e5,
+        group="operating point",
+    ),
+    Parameter(
+        "load_n",
+        800.0,
+        "N",
+        "N",
+        "load of the roller on the groove",
+        "assumed",
+        low=0,
+        high=1e6,
+        low_open=True,
+        group="operating point",
+    ),
+    Parameter(
+        "duration_s",
+        0.02,
+        "s",
+        "T",
+        "duration; the force is that at its end",
+        "assumed",
+        low=0,
+        high=10,
+        low_open=True,
+        group="operating point",
+    ),
+    Parameter(
+        "friction", 0.05, "1", "mu_s", "sliding friction coefficient", "paper 3.1", low=0, high=1, group="friction"
+    ),
+    Parameter(
+        "transition_ratio",
+        0.25,
+        "1",
+        "v_st/v_max",
+        "transition velocity over the steady slip",
+        "paper 3.1",
+        low=0,
+        high=10,
+        low_open=True,
+        group="friction",
+    ),
+    Parameter(
+        "roller_radius_mm",
+        16.0,
+        "mm",
+        "R_s",
+        "radius of the spherical roller",
+        "assumed",
+        low=3,
+        high=80,
+        group="geometry",
+    ),
+    Parameter(
+        "groove_radius_ratio",
+        1.0086,
+        "1",
+        "R_g/R_s",
+        "groove radius over roller radius",
+        "paper 2.3.1",
+        low=1,
+        high=2,
+        low_open=True,
+        group="geometry",
+    ),
+    Parameter(
+        "contact_stiffness_n_mm15",
+        2.938e6,
+        "N mm-1.5",
+        "C",
+        "contact stiffness of Eq. 2 with m = 3/2",
+        "paper Table 1 at the reference geometry",
+        low=1,
+        high=1e9,
+        group="material",
+    ),
+    Parameter(
+        "contact_damping_s_per_mm",
+        0.001,
+        "s mm-1",
+        "",
+        "Hunt-Crossley factor on the penetration rate",
+        "assumed",
+        low=0,
+        high=1,
+        group="material",
+    ),
+    Parameter(
+        "contact_stiffness_factor",
+        1.0,
+        "1",
+        "",
+        "factor on the contact stiffness",
+        "numerics: for stability studies",
+        low=1e-4,
+        high=1e4,
+        group="stability studies",
+    ),
     *numerics_parameters(_NUMERICS, 50_000_000),
-]  # fmt: skip
+]
 
 _OUTPUTS = [
     Output("axial_force_n", "N", "F", "magnitude of the axial force on the groove"),
@@ -99,21 +192,33 @@ def build(values: Mapping[str, float]) -> parts.Scene:
     depth = (values["load_n"] / stiffness) ** (2 / 3)
     groove_radius = radius * values["groove_radius_ratio"]
     roller = parts.Body(
-        "roller", _MASS, (_INERTIA,) * 3, position=(0.0, 0.0, radius - groove_radius - depth),
+        "roller",
+        _MASS,
+        (_INERTIA,) * 3,
+        position=(0.0, 0.0, radius - groove_radius - depth),
         velocity=(speed * groove[0], speed * groove[1], 0.0),
-        angular_velocity=(0.0, speed / radius, 0.0), force=(0.0, 0.0, -values["load_n"]),
+        angular_velocity=(0.0, speed / radius, 0.0),
+        force=(0.0, 0.0, -values["load_n"]),
         locked=(True, True, False, True, False, True),
-    )  # fmt: skip
+    )
     contact = parts.SphereRow(
-        "roller", parts.Cylinder(parts.GROUND, groove_radius, axis=groove, concave=True), radius,
-        stiffness, exponent=1.5, damping=values["contact_damping_s_per_mm"],
+        "roller",
+        parts.Cylinder(parts.GROUND, groove_radius, axis=groove, concave=True),
+        radius,
+        stiffness,
+        exponent=1.5,
+        damping=values["contact_damping_s_per_mm"],
         friction=parts.Friction(values["friction"], max(values["transition_ratio"] * slip, 1e-3)),
-    )  # fmt: skip
+    )
     scale = max(slip, 1e-3 * abs(speed), 1e-3)
     return parts.Scene(
-        (roller,), contacts=(contact,), length_scale=max(scale * values["duration_s"], 0.01), speed_scale=scale,
-        rotation_scale=scale / radius, time_scale=values["duration_s"],
-    )  # fmt: skip
+        (roller,),
+        contacts=(contact,),
+        length_scale=max(scale * values["duration_s"], 0.01),
+        speed_scale=scale,
+        rotation_scale=scale / radius,
+        time_scale=values["duration_s"],
+    )
 
 
 class RollerInGroove(SceneSimulator):

@@ -31,8 +31,6 @@ from tripod_doe.simulator import (
     is_set,
 )
 
-__all__ = ["PLACES", "PROGRESS", "RUN_OUTPUTS", "SceneSimulator", "numerics_parameters"]
-
 PLACES = np.linspace(0.0, 1.0, 101)
 """Parts of the duration at which paths are sampled."""
 
@@ -54,29 +52,70 @@ _NUMERICS = "numerics"
 def numerics_parameters(methods: Methods, evaluation_budget: int) -> tuple[Parameter, ...]:
     """Parameters of the time integration, with the scene's default method, its first one, and its default budget."""
     return (
-        Parameter("method", next(iter(methods)), "1", "", "time integration method", "numerics", kind="choice",
-                  choices=tuple(METHODS), group=_NUMERICS),
-        Parameter("relative_tolerance", None, "1", "", "relative tolerance of a method with step control; by "
-                  "default the method's own", "numerics", low=1e-13, high=0.1, group=_NUMERICS),
-        Parameter("step_s", None, "s", "h", "time step of a method without step control; by default the method's own",
-                  "numerics", low=1e-10, high=1.0, group=_NUMERICS),
-        Parameter("evaluation_budget", evaluation_budget, "1", "", "largest number of force evaluations of a run",
-                  "numerics", low=1, high=1e12, kind="integer", group=_NUMERICS),
-        Parameter("replicate", 0, "1", "", "number of the repetition; has no effect on results", "numerics",
-                  low=0, high=1e6, kind="integer", group=_NUMERICS),
-    )  # fmt: skip
+        Parameter(
+            "method",
+            next(iter(methods)),
+            "1",
+            "",
+            "time integration method",
+            "numerics",
+            kind="choice",
+            choices=tuple(METHODS),
+            group=_NUMERICS,
+        ),
+        Parameter(
+            "relative_tolerance",
+            None,
+            "1",
+            "",
+            "relative tolerance of a method with step control; by default the method's own",
+            "numerics",
+            low=1e-13,
+            high=0.1,
+            group=_NUMERICS,
+        ),
+        Parameter(
+            "step_s",
+            None,
+            "s",
+            "h",
+            "time step of a method without step control; by default the method's own",
+            "numerics",
+            low=1e-10,
+            high=1.0,
+            group=_NUMERICS,
+        ),
+        Parameter(
+            "evaluation_budget",
+            evaluation_budget,
+            "1",
+            "",
+            "largest number of force evaluations of a run",
+            "numerics",
+            low=1,
+            high=1e12,
+            kind="integer",
+            group=_NUMERICS,
+        ),
+        Parameter(
+            "replicate",
+            0,
+            "1",
+            "",
+            "number of the repetition; has no effect on results",
+            "numerics",
+            low=0,
+            high=1e6,
+            kind="integer",
+            group=_NUMERICS,
+        ),
+    )
 
 
 class SceneSimulator(Simulator):
-    """A scene of mechanics as a simulator of studies: one model, one run per point.
+    """A scene of mechanics as a simulator of studies: one model, one run per point."""
 
-    Attributes
-    ----------
-    numerics
-        Methods, the default first, with the default step or tolerance of each.
-    """
-
-    numerics: Methods
+    numerics: Methods  # methods, the default first, with the default step or tolerance of each
     source_hash = source_hashes().results
 
     @abstractmethod

@@ -9,8 +9,6 @@ from tripod_doe.analysis.claims.verdicts import Verdict
 from tripod_doe.quantities import level
 from tripod_doe.report.claims.verdicts import claim_limits, claim_value
 
-__all__ = ["find_over_skew", "over_skew_table"]
-
 _WORDS = {Verdict.HOLDS: "yes", Verdict.DOES_NOT_HOLD: "no", Verdict.NOT_DECIDED: "not decided"}
 
 
@@ -27,8 +25,10 @@ def find_over_skew(claims: xr.Dataset) -> list[str]:
         if holds.all() or not holds.any():
             groups[bool(holds.all())].append(what)
         else:
-            sentences.append(f"Depends on the skew: {what}. It holds at {_listed(skews[known][holds])} deg; "
-                             f"{row['quantity'].item()}: {_course(row, known)}.")  # fmt: skip
+            sentences.append(
+                f"Depends on the skew: {what}. It holds at {_listed(skews[known][holds])} deg; "
+                f"{row['quantity'].item()}: {_course(row, known)}."
+            )
     ends = f"{level(skews.min())} to {level(skews.max())} deg"
     decided = bool((claims["verdict"].values != Verdict.NOT_DECIDED).all())
     first = (

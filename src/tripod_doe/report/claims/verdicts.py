@@ -13,8 +13,6 @@ from tripod_doe.analysis.claims.verdicts import Verdict
 from tripod_doe.quantities import level, number, with_unit
 from tripod_doe.report.responses import unit_text
 
-__all__ = ["claim_limits", "claim_table", "claim_value", "claims_of_figures", "figures_of_claims", "find_in_claims"]
-
 _HEADS = ["Claim", "Holds", "Value", "Holds if", "In the paper", "Quantity"]
 _FIGURES = re.compile(r"\bFigs?\. (\d+(?:\([a-z]\))?(?:(?:,| and|, and| to) \d+(?:\([a-z]\))?)*)")
 
@@ -53,10 +51,14 @@ def claim_table(claims: xr.Dataset) -> tuple[list[str], list[list[str]]]:
         near = "" if row["sure"].item() or verdict is Verdict.NOT_DECIDED else ", but within the numerical error"
         rows.append(
             [
-                row["statement"].item(), words[verdict] + near, claim_value(row), claim_limits(row),
-                row["place"].item(), row["quantity"].item(),
+                row["statement"].item(),
+                words[verdict] + near,
+                claim_value(row),
+                claim_limits(row),
+                row["place"].item(),
+                row["quantity"].item(),
             ]
-        )  # fmt: skip
+        )
     return list(_HEADS), rows
 
 

@@ -14,8 +14,6 @@ from tripod_doe.report.figures.chart import INK, MUTED, Chart, drawing
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes
 
-__all__ = ["StepView", "chain_chart", "step_time"]
-
 _GROUNDS = {
     "finished": "#cfe6d8",
     "reused": "#e6edf5",
@@ -28,32 +26,18 @@ _WIDTH, _HEIGHT, _ACROSS, _DOWN = 1.7, 0.62, 2.25, 0.9  # inches: of a box, and 
 
 @dataclass(frozen=True)
 class StepView:
-    """A step as the diagram and the table of a page show it.
+    """A step as the diagram and the table of a page show it."""
 
-    Attributes
-    ----------
-    name, kind
-        Its name, and what it is.
-    inputs
-        Names of the steps that it needs.
-    state
-        ``finished`` (run now), ``reused`` (finished before), ``failed``, ``blocked`` (needs one that failed) or
-        ``not selected``.
-    seconds
-        Wall time in s of the run that finished it; None if it did not finish.
-    detail
-        Reason of a failure, or the kind of its result.
-    link
-        Its report or files, relative to the page; empty if there are none.
-    """
-
+    # name, kind: its name, and what it is
     name: str
     kind: str
-    inputs: tuple[str, ...]
+    inputs: tuple[str, ...]  # names of the steps that it needs
+    # ``finished`` (run now), ``reused`` (finished before), ``failed``, ``blocked`` (needs one that failed) or ``not
+    # selected``
     state: str
-    seconds: float | None = None
-    detail: str = ""
-    link: str = ""
+    seconds: float | None = None  # wall time in s of the run that finished it; None if it did not finish
+    detail: str = ""  # reason of a failure, or the kind of its result
+    link: str = ""  # its report or files, relative to the page; empty if there are none
 
 
 def step_time(step: StepView) -> str:
@@ -134,9 +118,12 @@ def _corner(place: tuple[int, int]) -> tuple[float, float]:
 def _draw_arrow(axes: Axes, start: tuple[int, int], end: tuple[int, int]) -> None:
     (x0, y0), (x1, y1) = _corner(start), _corner(end)
     axes.annotate(
-        "", (x1 - 0.04, y1 + _HEIGHT / 2), (x0 + _WIDTH + 0.04, y0 + _HEIGHT / 2),
-        arrowprops={"arrowstyle": "-|>", "color": MUTED, "lw": 1.1, "shrinkA": 0, "shrinkB": 0}, zorder=0.5,
-    )  # fmt: skip
+        "",
+        (x1 - 0.04, y1 + _HEIGHT / 2),
+        (x0 + _WIDTH + 0.04, y0 + _HEIGHT / 2),
+        arrowprops={"arrowstyle": "-|>", "color": MUTED, "lw": 1.1, "shrinkA": 0, "shrinkB": 0},
+        zorder=0.5,
+    )
 
 
 def _draw_box(axes: Axes, step: StepView, place: tuple[int, int]) -> None:
@@ -146,10 +133,16 @@ def _draw_box(axes: Axes, step: StepView, place: tuple[int, int]) -> None:
     dashed = "--" if step.state in ("blocked", "not selected") else "-"
     axes.add_patch(
         FancyBboxPatch(
-            (x, y), _WIDTH, _HEIGHT, boxstyle="round,pad=0,rounding_size=0.07", facecolor=_GROUNDS[step.state],
-            edgecolor=INK, lw=0.9, ls=dashed,
+            (x, y),
+            _WIDTH,
+            _HEIGHT,
+            boxstyle="round,pad=0,rounding_size=0.07",
+            facecolor=_GROUNDS[step.state],
+            edgecolor=INK,
+            lw=0.9,
+            ls=dashed,
         )
-    )  # fmt: skip
+    )
     name = step.name if len(step.name) <= 22 else step.name[:21] + "\N{HORIZONTAL ELLIPSIS}"
     axes.text(x + 0.09, y + 0.42, name, fontsize=8.5, fontweight="bold", color=INK, va="center")
     told = " · ".join(part for part in (step.kind, step.state, step_time(step)) if part)

@@ -21,11 +21,6 @@ if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = [
-    "COLOURS", "HATCHES", "INK", "LINES", "MARKERS", "MUTED", "ON_DARK", "ON_LIGHT", "VARIABLES", "WIDE", "Chart",
-    "drawing", "factor_ticks", "legend_above", "panels",
-]  # fmt: skip
-
 INK, MUTED = "#1d2733", "#5c6875"
 ON_LIGHT, ON_DARK = "#1b2430", "#fdfefe"
 """Ink on cells whose shade tells a number: it stays as it is when a page turns dark."""
@@ -35,13 +30,30 @@ MARKERS = ("o", "s", "^", "D", "v", "P")
 HATCHES = ("", "////", "....", "xxxx")
 
 VARIABLES = {
-    INK: "ink", "#000000": "ink", MUTED: "muted", "#ffffff": "paper", "#8b96a3": "axis", "#e3e8ee": "grid",
+    INK: "ink",
+    "#000000": "ink",
+    MUTED: "muted",
+    "#ffffff": "paper",
+    "#8b96a3": "axis",
+    "#e3e8ee": "grid",
     **{colour: f"series-{which + 1}" for which, colour in enumerate(COLOURS)},
-    "#b9d0e8": "tint-1", "#f6d9c9": "tint-2", "#cfe6d8": "tint-3", "#cfdeee": "band", "#6f9cc6": "band-edge",
-    "#eef3f8": "band-faint", "#f2c14e": "highlight", "#9cc3e6": "cell-best", "#d6e6f5": "cell-good",
-    "#f2c9ae": "cell-poor", "#e58a5c": "cell-wrong", "#cfd4da": "cell-refused", "#e3e6ea": "cell-empty",
-    "#e6edf5": "state-reused", "#f6c9bd": "state-failed", "#fff4e0": "state-blocked",
-}  # fmt: skip
+    "#b9d0e8": "tint-1",
+    "#f6d9c9": "tint-2",
+    "#cfe6d8": "tint-3",
+    "#cfdeee": "band",
+    "#6f9cc6": "band-edge",
+    "#eef3f8": "band-faint",
+    "#f2c14e": "highlight",
+    "#9cc3e6": "cell-best",
+    "#d6e6f5": "cell-good",
+    "#f2c9ae": "cell-poor",
+    "#e58a5c": "cell-wrong",
+    "#cfd4da": "cell-refused",
+    "#e3e6ea": "cell-empty",
+    "#e6edf5": "state-reused",
+    "#f6c9bd": "state-failed",
+    "#fff4e0": "state-blocked",
+}
 """Colours of the charts as variables of the page's style sheet, which has a light and a dark value for each."""
 
 WIDE = 6.0
@@ -92,27 +104,13 @@ _STYLE: dict[Any, Any] = {
 
 @dataclass(frozen=True)
 class Chart:
-    """One figure of a report.
+    """One figure of a report."""
 
-    Attributes
-    ----------
-    name
-        File name of its numbers, without ending; unique in a page, since its SVG identifiers hang on it.
-    title
-        What is shown, in a few words; a page writes it above the figure.
-    caption
-        What is shown and how to read it, in a sentence or two.
-    figure
-        Drawn in the common style.
-    data
-        The numbers that were drawn.
-    """
-
-    name: str
-    title: str
-    caption: str
-    figure: Figure
-    data: pd.DataFrame
+    name: str  # file name of its numbers, without ending; unique in a page, since its SVG identifiers hang on it
+    title: str  # what is shown, in a few words; a page writes it above the figure
+    caption: str  # what is shown and how to read it, in a sentence or two
+    figure: Figure  # drawn in the common style
+    data: pd.DataFrame  # the numbers that were drawn
 
     @property
     def wide(self) -> bool:
@@ -230,8 +228,15 @@ def legend_above(axes: Axes, columns: int, title: str | None = None) -> None:
     assert figure is not None
     for fewer in range(columns, 0, -1):
         legend = axes.legend(
-            loc="lower left", bbox_to_anchor=(0, 1.0), ncols=fewer, title=title, alignment="left", borderaxespad=0.3,
-            handlelength=2.6, columnspacing=1.2, title_fontsize=8,
-        )  # fmt: skip
+            loc="lower left",
+            bbox_to_anchor=(0, 1.0),
+            ncols=fewer,
+            title=title,
+            alignment="left",
+            borderaxespad=0.3,
+            handlelength=2.6,
+            columnspacing=1.2,
+            title_fontsize=8,
+        )
         if legend.get_window_extent().width <= _LEGEND_SHARE * figure.bbox.width:
             break

@@ -12,8 +12,6 @@ from tripod_doe.analysis.claims.verdicts import Verdict
 from tripod_doe.report.figures.chart import COLOURS, INK, MUTED, Chart, drawing
 from tripod_doe.report.responses import spoken
 
-__all__ = ["claims_chart"]
-
 _BARS = {Verdict.HOLDS: COLOURS[0], Verdict.DOES_NOT_HOLD: COLOURS[1]}
 
 
@@ -30,8 +28,13 @@ def claims_chart(claims: xr.Dataset) -> Chart:
     verdicts = [Verdict(int(code)) for code in claims["verdict"].values]
     numbers = zip(*(claims[name].values.tolist() for name in ("value", "low", "high")), strict=True)
     margin = np.array([_margin(*row) for row in numbers])
-    data = pd.DataFrame({"claim": claims["claim"].values, "verdict": [verdict.label for verdict in verdicts],
-                         "margin_percent": 100 * margin})  # fmt: skip
+    data = pd.DataFrame(
+        {
+            "claim": claims["claim"].values,
+            "verdict": [verdict.label for verdict in verdicts],
+            "margin_percent": 100 * margin,
+        }
+    )
     rows = np.arange(len(data))[::-1]
     with drawing(5.8, 0.75 + 0.165 * len(data)) as (figure, axes):
         for row, verdict, size in zip(rows, verdicts, np.clip(100 * margin, -100, 100), strict=True):

@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.report.figures.chart import COLOURS, INK, LINES, MARKERS, Chart, drawing, legend_above
 from tripod_doe.report.responses import ORDINALS
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes
-
-__all__ = ["comparison_charts"]
 
 _RUN_UP = 0.05  # change of speed over its mean from which a record is a run-up
 _MOST_POINTS = 60  # revolutions that are drawn one by one; more are averaged in classes of speed
@@ -54,9 +52,7 @@ def _waveform(comparison: xr.Dataset) -> Chart:
 
 
 def _envelope(comparison: xr.Dataset) -> Chart:
-    data = _columns(
-        comparison, "rotation_deg", "measured_envelope", "measured_envelope_uncertainty", "model_envelope"
-    )  # fmt: skip
+    data = _columns(comparison, "rotation_deg", "measured_envelope", "measured_envelope_uncertainty", "model_envelope")
     with drawing(4.7, 3.1) as (figure, axes):
         _band(axes, data, "measured_envelope", "measured_envelope_uncertainty", "measured")
         axes.plot(data["rotation_deg"], data["model_envelope"], color=_MODEL, lw=1.8, label="model")
@@ -89,19 +85,30 @@ def _over_rotation(axes: Axes, label: str) -> None:
 
 def _orders(comparison: xr.Dataset) -> Chart:
     data = _columns(
-        comparison, "order", "measured_amplitude", "measured_amplitude_uncertainty", "model_amplitude",
-        "amplitude_difference", "phase_difference_deg", "phase_difference_uncertainty_deg",
-    )  # fmt: skip
+        comparison,
+        "order",
+        "measured_amplitude",
+        "measured_amplitude_uncertainty",
+        "model_amplitude",
+        "amplitude_difference",
+        "phase_difference_deg",
+        "phase_difference_uncertainty_deg",
+    )
     with drawing(4.7, 3.1) as (figure, axes):
         at, width = data["order"], 0.38
         axes.bar(at + width / 2, data["model_amplitude"], width, color="#b9d0e8", edgecolor=_MODEL, label="model")
         axes.bar(
             at - width / 2, data["measured_amplitude"], width, color="#f6d9c9", edgecolor=_MEASURED, label="measured"
-        )  # fmt: skip
+        )
         axes.errorbar(
-            at - width / 2, data["measured_amplitude"], data["measured_amplitude_uncertainty"], fmt="none",
-            ecolor=INK, elinewidth=1.2, capsize=2.5,
-        )  # fmt: skip
+            at - width / 2,
+            data["measured_amplitude"],
+            data["measured_amplitude_uncertainty"],
+            fmt="none",
+            ecolor=INK,
+            elinewidth=1.2,
+            capsize=2.5,
+        )
         axes.grid(axis="x", visible=False)
         axes.set_ylim(bottom=0)
         axes.set_xticks(at)
@@ -115,7 +122,7 @@ def _orders(comparison: xr.Dataset) -> Chart:
     return Chart("orders", "Rotating orders", caption, figure, data)
 
 
-def _run_up(comparison: xr.Dataset, speed: NDArray[np.float64]) -> Chart:
+def _run_up(comparison: xr.Dataset, speed: FloatArray) -> Chart:
     """The largest orders of each revolution over its speed; those of the model as horizontal lines."""
     mean = comparison["thrust_amplitude"].mean("revolution").values.copy()
     mean[0] = 0
@@ -128,9 +135,15 @@ def _run_up(comparison: xr.Dataset, speed: NDArray[np.float64]) -> Chart:
     with drawing(4.7, 3.1) as (figure, axes):
         for which, order in enumerate(shown):
             axes.plot(
-                data["speed_rpm"], data[f"amplitude_n_order_{order}"], MARKERS[which], color=COLOURS[which], ms=3.5,
-                ls="-", lw=0.8, label=ORDINALS[order],
-            )  # fmt: skip
+                data["speed_rpm"],
+                data[f"amplitude_n_order_{order}"],
+                MARKERS[which],
+                color=COLOURS[which],
+                ms=3.5,
+                ls="-",
+                lw=0.8,
+                label=ORDINALS[order],
+            )
             _model_over_speed(axes, comparison.sel(order=order), COLOURS[which])
         axes.set_ylim(bottom=0)
         axes.set_xlabel("speed (rpm)")
@@ -151,7 +164,7 @@ def _model_over_speed(axes: Axes, of_order: xr.Dataset, colour: str) -> None:
     axes.plot(sorted_by_speed["speed_rpm"], sorted_by_speed["model_amplitude_at_speed"], **dashed)
 
 
-def _classes(speed: NDArray[np.float64]) -> list[NDArray[np.int64]]:
+def _classes(speed: FloatArray) -> list[IntArray]:
     """Orders over speed: of each revolution if there are few, else means over classes of equal width."""
     if speed.size <= _MOST_POINTS:
         return list(np.argsort(speed, kind="stable")[:, None])

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.quantities import count_of, levels_apart
 from tripod_doe.report.contributions import DEFINITIONS, Contribution, contributions, percent
 from tripod_doe.report.figures.chart import COLOURS, INK, MUTED, Chart, drawing, legend_above, panels
@@ -19,9 +19,6 @@ if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
 
-__all__ = ["contribution_charts", "contribution_figures"]
-
-FloatArray = NDArray[np.float64]
 
 _READABLE = 0.06  # part of the axis that a segment needs to hold its number
 _HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "")
@@ -96,9 +93,15 @@ def _draw_spread(axes: Axes, row: int, known: FloatArray, low: float, high: floa
     usual = _usual(known)
     axes.plot([usual.min(), usual.max()], [row, row], color=INK, lw=0.9, label="usual range" if first else None)
     axes.barh(
-        row, upper - lower, 0.5, left=lower, color="#b9d0e8", edgecolor=COLOURS[0], lw=0.8,
+        row,
+        upper - lower,
+        0.5,
+        left=lower,
+        color="#b9d0e8",
+        edgecolor=COLOURS[0],
+        lw=0.8,
         label="quartiles" if first else None,
-    )  # fmt: skip
+    )
     axes.plot([middle] * 2, [row - 0.3, row + 0.3], color=COLOURS[1], lw=2, label="median" if first else None)
     for edge, marker, beyond in ((low, "<", known < low), (high, ">", known > high)):
         if beyond.any():
@@ -119,7 +122,7 @@ def _beyond(part: Contribution, low: float, high: float) -> str:
     )
 
 
-def _places(axis: Axis, levels: pd.Index[Any]) -> NDArray[np.float64]:
+def _places(axis: Axis, levels: pd.Index[Any]) -> FloatArray:
     """Where the cells of a map stand: few levels side by side under their values, many as far apart as they are."""
     if len(levels) > _MOST_CELLS:
         return levels.to_numpy(float)
@@ -195,15 +198,28 @@ def _draw(axes: Axes, bars: dict[str, FloatArray], mechanisms: list[str]) -> Non
         side = (width > 0).astype(int)
         left = ends[side, np.arange(len(bars))]
         axes.barh(
-            rows, width, 0.62, left=left, color=COLOURS[which % len(COLOURS)], hatch=_HATCHES[which % len(_HATCHES)],
-            edgecolor="white", lw=0.6, label=mechanism,
-        )  # fmt: skip
+            rows,
+            width,
+            0.62,
+            left=left,
+            color=COLOURS[which % len(COLOURS)],
+            hatch=_HATCHES[which % len(_HATCHES)],
+            edgecolor="white",
+            lw=0.6,
+            label=mechanism,
+        )
         for row, start, size in zip(rows, left, width, strict=True):
             if abs(size) > _READABLE * (high - low):
                 axes.text(
-                    start + size / 2, row, f"{size:.3g}", ha="center", va="center", fontsize=7.5, color=INK,
+                    start + size / 2,
+                    row,
+                    f"{size:.3g}",
+                    ha="center",
+                    va="center",
+                    fontsize=7.5,
+                    color=INK,
                     bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none"},
-                )  # fmt: skip
+                )
         ends[side, np.arange(len(bars))] += width
     axes.plot(shares.sum(axis=1), rows, "D", color=INK, mfc="white", ms=5, zorder=4, label="sum")
     for row, bar in zip(rows, shares, strict=True):

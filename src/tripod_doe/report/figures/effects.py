@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.quantities import level, levels_apart, number, with_unit
 from tripod_doe.report.figures.chart import (
     COLOURS,
@@ -40,9 +40,6 @@ if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes
     from matplotlib.colors import Colormap
 
-__all__ = ["ResponseCharts", "effect_charts"]
-
-FloatArray = NDArray[np.float64]
 
 _MOST_LINES = 5
 _MOST_CELLS = (18, 8)  # rows and columns of a map whose cells still hold a readable number
@@ -117,9 +114,14 @@ def _line_chart(response: Response, cube: xr.Dataset, factor: str, others: list[
             label = with_unit(text, factor_unit(cube, second)) if second else response.label
             columns[f"{response.key}[{second}={text}]" if second else response.key] = column
             axes.plot(
-                levels, column, ls=LINES[which % len(LINES)], marker=MARKERS[which % len(MARKERS)],
-                color=COLOURS[which % len(COLOURS)], mfc="white" if which % 2 else None, label=label,
-            )  # fmt: skip
+                levels,
+                column,
+                ls=LINES[which % len(LINES)],
+                marker=MARKERS[which % len(MARKERS)],
+                color=COLOURS[which % len(COLOURS)],
+                mfc="white" if which % 2 else None,
+                label=label,
+            )
         factor_ticks(axes, levels)
         axes.set_xlabel(axis_label(cube, factor))
         axes.set_ylabel(response.axis)
@@ -199,17 +201,27 @@ def _draw_cells(
 ) -> None:
     low, high = shades
     axes.imshow(
-        np.ma.masked_invalid(values), cmap=_shades(), vmin=low, vmax=high, aspect="auto", origin="lower",
+        np.ma.masked_invalid(values),
+        cmap=_shades(),
+        vmin=low,
+        vmax=high,
+        aspect="auto",
+        origin="lower",
         interpolation="nearest",
-    )  # fmt: skip
+    )
     for row, column in np.ndindex(*values.shape):
         value = values[row, column]
         if np.isfinite(value):
             dark = (value - low) > 0.55 * (high - low)
             axes.text(
-                column, row, _cell_text(float(value)), ha="center", va="center", fontsize=7.5,
+                column,
+                row,
+                _cell_text(float(value)),
+                ha="center",
+                va="center",
+                fontsize=7.5,
                 color=ON_DARK if dark else ON_LIGHT,
-            )  # fmt: skip
+            )
     axes.set_xticks(range(across.size), [level(float(v)) for v in across])
     axes.set_yticks(range(up.size), [level(float(v)) for v in up])
     axes.grid(visible=False)
@@ -270,10 +282,13 @@ def _band_chart(
         axes.set_ylabel(response.axis.replace(" of the thrust force", ""))
     data = pd.DataFrame(
         {
-            factor: effect.level, f"{response.key}_mean": effect.mean, f"{response.key}_lower_quartile": effect.lower,
-            f"{response.key}_upper_quartile": effect.upper, "points": effect.count,
+            factor: effect.level,
+            f"{response.key}_mean": effect.mean,
+            f"{response.key}_lower_quartile": effect.lower,
+            f"{response.key}_upper_quartile": effect.upper,
+            "points": effect.count,
         }
-    )  # fmt: skip
+    )
     label = f"{_capital(response)} against {factor_label(cube, factor)}: "
     if "varied" in cube.coords:
         caption = label + "all other factors at their base values."

@@ -12,8 +12,6 @@ from tripod_doe.analysis.kinds import of_kind
 from tripod_doe.report.factorial_effects import effect_parts, term_text
 from tripod_doe.report.figures.chart import COLOURS, INK, MUTED, Chart, drawing
 
-__all__ = ["factorial_effect_charts"]
-
 _MOST_BARS = 12
 
 

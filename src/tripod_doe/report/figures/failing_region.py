@@ -11,8 +11,6 @@ from tripod_doe.report.failing_region import failing_region_of
 from tripod_doe.report.figures.chart import COLOURS, MUTED, Chart, drawing, legend_above
 from tripod_doe.report.responses import asked, axis_label, finished, waiting
 
-__all__ = ["failing_region_chart"]
-
 
 def failing_region_chart(cube: xr.Dataset) -> Chart | None:
     """Failed and finished points over the factors of the region that fails; None where there is no such region."""

@@ -11,8 +11,6 @@ from tripod_doe.analysis.sensitivity import RANKED
 from tripod_doe.report.figures.chart import COLOURS, LINES, MARKERS, Chart, drawing, legend_above
 from tripod_doe.report.responses import spoken
 
-__all__ = ["convergence_chart", "rotation_charts"]
-
 _SHOWN = 6  # factors that a picture can tell apart
 
 
@@ -44,9 +42,16 @@ def convergence_chart(key: str, name: str, what: str, part: xr.Dataset, kind: st
             half = part[f"{over}_conf"].isel(factor=int(at)).values
             shift = 2.0 ** (0.06 * (rank - len(order) / 2))  # beside each other, not on top
             axes.errorbar(
-                counts * shift, values, yerr=half, color=COLOURS[rank], marker=MARKERS[rank], ls=LINES[rank],
-                elinewidth=1, capsize=2.5, label=spoken(factor),
-            )  # fmt: skip
+                counts * shift,
+                values,
+                yerr=half,
+                color=COLOURS[rank],
+                marker=MARKERS[rank],
+                ls=LINES[rank],
+                elinewidth=1,
+                capsize=2.5,
+                label=spoken(factor),
+            )
             rows += [(factor, n, v, h) for n, v, h in zip(counts, values, half, strict=True)]
         axes.set_xscale("log", base=2)
         axes.set_xticks(counts, [f"{count:,}" for count in counts])

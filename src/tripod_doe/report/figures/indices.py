@@ -16,8 +16,6 @@ from tripod_doe.report.figures.index_courses import convergence_chart, rotation_
 from tripod_doe.report.responses import spoken, unit_text
 from tripod_doe.report.sensitivity import sensitivity_parts
 
-__all__ = ["index_charts", "indices_of_study"]
-
 _SEEN, _UNSEEN = "#b9d0e8", "#e3e6ea"  # cells of interactions above and within their intervals
 
 
@@ -77,9 +75,14 @@ def _sobol_chart(key: str, name: str, what: str, part: xr.Dataset, level: float)
             for row, value, half in zip(rows, data[index], data[f"{index}_conf"], strict=True):
                 text = f"{value:.2f}".replace("-0.00", "0.00")
                 axes.annotate(
-                    text, (max(value, 0) + np.nan_to_num(half), row + offset), (4, 0), textcoords="offset points",
-                    va="center", fontsize=7.5, color=MUTED,
-                )  # fmt: skip
+                    text,
+                    (max(value, 0) + np.nan_to_num(half), row + offset),
+                    (4, 0),
+                    textcoords="offset points",
+                    va="center",
+                    fontsize=7.5,
+                    color=MUTED,
+                )
         axes.set_yticks(rows, [spoken(str(factor)) for factor in data["factor"]])
         first, total = data["S1_conf"].fillna(0), data["ST_conf"].fillna(0)
         low, high = float((data["S1"] - first).min()), float((data["ST"] + total).max())
@@ -100,9 +103,12 @@ def _sobol_chart(key: str, name: str, what: str, part: xr.Dataset, level: float)
 
 
 _INDEX_NAMES = {
-    "rbd-fast": "first-order Sobol' index (RBD-FAST)", "pawn": "PAWN index", "delta": "Borgonovo's delta",
-    "dgsm": "upper bound of the total Sobol' index", "shapley": "Shapley effect (part of the variance)",
-}  # fmt: skip
+    "rbd-fast": "first-order Sobol' index (RBD-FAST)",
+    "pawn": "PAWN index",
+    "delta": "Borgonovo's delta",
+    "dgsm": "upper bound of the total Sobol' index",
+    "shapley": "Shapley effect (part of the variance)",
+}
 
 
 def _index_chart(key: str, name: str, what: str, part: xr.Dataset, level: float, kind: str) -> Chart:
@@ -134,8 +140,10 @@ def _interaction_charts(key: str, name: str, what: str, part: xr.Dataset, level:
     factors = [str(factor) for factor in part["factor"].values]
     s2, half = (part[index].transpose("factor", "factor_2").values for index in ("S2", "S2_conf"))
     pairs = [(row, column) for row in range(len(factors)) for column in range(row) if np.isfinite(s2[column, row])]
-    data = pd.DataFrame([(factors[b], factors[a], s2[b, a], half[b, a]) for a, b in pairs],
-                        columns=["factor", "factor_2", "S2", "S2_conf"])  # fmt: skip
+    data = pd.DataFrame(
+        [(factors[b], factors[a], s2[b, a], half[b, a]) for a, b in pairs],
+        columns=["factor", "factor_2", "S2", "S2_conf"],
+    )
     side = len(factors) - 1
     with drawing(2.0 + 0.62 * side, 1.4 + 0.42 * side) as (figure, axes):
         for (row, column), value, error in zip(pairs, data["S2"], data["S2_conf"], strict=True):
@@ -164,16 +172,29 @@ def _morris_chart(key: str, name: str, what: str, part: xr.Dataset, level: float
         top = 1.15 * max(float((data["mu_star"] + data["mu_star_conf"]).max()), float(data["sigma"].max()))
         axes.plot([0, top], [0, top], ":", color=MUTED, lw=1)
         axes.annotate(
-            "σ = μ*", (0.94 * top, 0.94 * top), (-6, -2), textcoords="offset points", ha="right", va="bottom",
-            fontsize=7.5, color=MUTED,
-        )  # fmt: skip
+            "σ = μ*",
+            (0.94 * top, 0.94 * top),
+            (-6, -2),
+            textcoords="offset points",
+            ha="right",
+            va="bottom",
+            fontsize=7.5,
+            color=MUTED,
+        )
         for which, factor in enumerate(data["factor"]):
             row = data.iloc[which]
             axes.errorbar(
-                [row["mu_star"]], [row["sigma"]], xerr=[row["mu_star_conf"]], ls="none", ms=6, elinewidth=1,
-                capsize=2.5, color=COLOURS[which % len(COLOURS)], marker=MARKERS[which % len(MARKERS)],
+                [row["mu_star"]],
+                [row["sigma"]],
+                xerr=[row["mu_star_conf"]],
+                ls="none",
+                ms=6,
+                elinewidth=1,
+                capsize=2.5,
+                color=COLOURS[which % len(COLOURS)],
+                marker=MARKERS[which % len(MARKERS)],
                 label=spoken(str(factor)),
-            )  # fmt: skip
+            )
         axes.set_xlim(-0.02 * top, top)
         axes.set_ylim(-0.02 * top, top)
         axes.set_xlabel(f"mean elementary effect μ* ({unit})")

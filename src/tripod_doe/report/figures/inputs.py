@@ -9,8 +9,6 @@ import xarray as xr
 from tripod_doe.errors import InputError
 from tripod_doe.report.figures.chart import Chart
 
-__all__ = ["Figure", "of_one", "one_chart"]
-
 Figure = Callable[[Mapping[str, xr.Dataset]], list[Chart]]
 """Cubes and analysis results by the names of their steps -> charts."""
 

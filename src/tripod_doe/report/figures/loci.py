@@ -9,8 +9,6 @@ import xarray as xr
 from tripod_doe.report.figures.chart import COLOURS, LINES, Chart, drawing, legend_above
 from tripod_doe.report.responses import finished, point_text
 
-__all__ = ["locus_chart"]
-
 _MOST = 6
 
 

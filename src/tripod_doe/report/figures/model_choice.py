@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy.typing import NDArray
 
 from tripod_doe.report.figures.chart import COLOURS, INK, MARKERS, Chart, legend_above, panels
 from tripod_doe.report.model_choice import chosen_models, estimated_errors, is_chosen
@@ -17,9 +15,6 @@ if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["model_choice_chart"]
-
-FloatArray = NDArray[np.float64]
 
 _ERRORS = "estimated error over the allowed one (%)"
 
@@ -67,8 +62,12 @@ def _over_two(data: pd.DataFrame, across: str, up: str) -> Figure:
         _draw_models(models, data, data.iloc[:, 1])
         known = data[data["estimated_error_percent_of_allowed"].notna()]
         shades = errors.scatter(
-            known.iloc[:, 0], known.iloc[:, 1], c=known["estimated_error_percent_of_allowed"], s=14, cmap="cividis_r",
-        )  # fmt: skip
+            known.iloc[:, 0],
+            known.iloc[:, 1],
+            c=known["estimated_error_percent_of_allowed"],
+            s=14,
+            cmap="cividis_r",
+        )
         if len(known):
             figure.colorbar(shades, ax=errors, label=_ERRORS)
         models.set_ylabel(up)
@@ -80,7 +79,11 @@ def _over_two(data: pd.DataFrame, across: str, up: str) -> Figure:
 def _draw_models(axes: Axes, data: pd.DataFrame, heights: pd.Series[float]) -> None:
     for which, (model, rows) in enumerate(data.groupby("model", sort=False)):
         axes.scatter(
-            rows.iloc[:, 0], heights[rows.index], marker=MARKERS[which % len(MARKERS)], s=14,
-            color=COLOURS[which % len(COLOURS)], label=f"{model} ({len(rows):,})",
-        )  # fmt: skip
+            rows.iloc[:, 0],
+            heights[rows.index],
+            marker=MARKERS[which % len(MARKERS)],
+            s=14,
+            color=COLOURS[which % len(COLOURS)],
+            label=f"{model} ({len(rows):,})",
+        )
     legend_above(axes, 2)

@@ -15,8 +15,6 @@ from tripod_doe.report.main_outputs import OutputPart
 from tripod_doe.report.multifidelity import multifidelity_parts
 from tripod_doe.report.responses import spoken
 
-__all__ = ["multifidelity_charts"]
-
 
 def multifidelity_charts(analyses: Mapping[str, xr.Dataset]) -> list[Chart]:
     """Quantiles of each main output, and the squared errors over those of the truth alone."""

@@ -11,8 +11,6 @@ from tripod_doe.report.figures.chart import INK, Chart, drawing
 from tripod_doe.report.responses import axis_label, factor_names, numeric_factors, responses, spoken
 from tripod_doe.simulator import Outcome
 
-__all__ = ["outcome_charts"]
-
 _COLOURS = {Outcome.FINISHED: "#d6e6f5", Outcome.INACCURATE: "#f2c9ae", Outcome.OUT_OF_RANGE: "#e3e6ea"}
 _FAILED = "#8b96a3"
 

@@ -16,17 +16,6 @@ from tripod_doe.report.responses import ORDINALS, factor_label, factor_names, fi
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes
 
-__all__ = [
-    "SKEWS",
-    "first_points",
-    "friction_law_chart",
-    "local_order_charts",
-    "order_angle_chart",
-    "point_label",
-    "spectrum_of_all",
-    "waveforms_of_all",
-]
-
 _MOST = 6
 _FLOOR = 1e-4  # bars of a spectrum end at this part of the largest one
 _QUARTER = 0.25  # transition velocity over the largest sliding velocity, paper 3.1
@@ -78,8 +67,14 @@ def waveforms_of_all(cube: xr.Dataset) -> list[Chart]:
             data[f"groove_{groove}_thrust_n"] = point["groove_thrust"].sel(groove=groove).values
         with drawing(3.5, 3.1) as (figure, axes):
             for groove in (1, 2, 3):
-                axes.plot(angle, data[f"groove_{groove}_thrust_n"], LINES[groove], color=COLOURS[groove], lw=0.9,
-                          label=f"groove {groove}")  # fmt: skip
+                axes.plot(
+                    angle,
+                    data[f"groove_{groove}_thrust_n"],
+                    LINES[groove],
+                    color=COLOURS[groove],
+                    lw=0.9,
+                    label=f"groove {groove}",
+                )
             axes.plot(angle, data["thrust_n"], color=INK, lw=2, label="sum")
             axes.plot(angle, envelope, color=COLOURS[0], lw=0.9, label="envelope")
             axes.set_ylim(-top, top)
@@ -127,7 +122,7 @@ def _local_chart(cube: xr.Dataset, point: xr.Dataset, order: int, rank: int) -> 
             local = part.sel(groove=groove)
             wave = _order_wave(
                 local["groove_thrust_amplitude"].values, local["groove_thrust_phase_deg"].values, (order,), angle
-            )  # fmt: skip
+            )
             data[f"groove_{groove}_n"] = wave.real
             axes.plot(angle, wave.real, LINES[groove], color=COLOURS[groove], lw=1.1, label=f"groove {groove}")
         whole = _order_wave(part["thrust_amplitude"].values, part["thrust_phase_deg"].values, (order,), angle)
@@ -150,10 +145,15 @@ def spectrum_of_all(cube: xr.Dataset) -> Chart | None:
         for rank, point in enumerate(points):
             data[f"amplitude_n_{rank + 1}"] = point["thrust_amplitude"].values
             axes.bar(
-                orders + (rank - (len(points) - 1) / 2) * width, point["thrust_amplitude"], width,
-                label=point_label(cube, point), color=COLOURS[rank], hatch=HATCHES[rank % len(HATCHES)],
-                edgecolor="white", lw=0.4,
-            )  # fmt: skip
+                orders + (rank - (len(points) - 1) / 2) * width,
+                point["thrust_amplitude"],
+                width,
+                label=point_label(cube, point),
+                color=COLOURS[rank],
+                hatch=HATCHES[rank % len(HATCHES)],
+                edgecolor="white",
+                lw=0.4,
+            )
         largest = float(data.iloc[:, 1:].to_numpy().max())
         axes.set_yscale("log")
         axes.set_ylim(_FLOOR * largest, 2 * largest)
@@ -218,11 +218,18 @@ def order_angle_chart(cube: xr.Dataset) -> Chart | None:
             for order in (3, 2):
                 effective = part["thrust_rms"].sel(order=order).values
                 axes.plot(
-                    part["joint_angle_deg"], effective, ls=LINES[which], marker=MARKERS[which], mfc="white",
-                    color=COLOURS[3 - order], label=f"{ORDINALS[order]}, {label}",
-                )  # fmt: skip
-                rows += [(angle, label, order, value)
-                         for angle, value in zip(part["joint_angle_deg"].values, effective, strict=True)]  # fmt: skip
+                    part["joint_angle_deg"],
+                    effective,
+                    ls=LINES[which],
+                    marker=MARKERS[which],
+                    mfc="white",
+                    color=COLOURS[3 - order],
+                    label=f"{ORDINALS[order]}, {label}",
+                )
+                rows += [
+                    (angle, label, order, value)
+                    for angle, value in zip(part["joint_angle_deg"].values, effective, strict=True)
+                ]
         axes.set_yscale("log")  # the orders differ by a hundred
         axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
         axes.set_xlabel(with_unit("joint angle", "(deg)"))

@@ -18,8 +18,6 @@ from tripod_doe.report.figures.paper import (
 from tripod_doe.report.figures.skews import findings_over_skew_charts, kept_skew_charts, skew_chart
 from tripod_doe.report.figures.waveforms import spectrum_chart, waveform_charts
 
-__all__ = ["FIGURES"]
-
 _OF_STUDIES: dict[str, Figure] = {
     "waveforms": of_one(waveform_charts),
     "spectrum": one_chart(spectrum_chart),

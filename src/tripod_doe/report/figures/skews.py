@@ -19,8 +19,6 @@ from tripod_doe.report.responses import axis_label, factor_text, finished, numer
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes
 
-__all__ = ["findings_over_skew_charts", "kept_skew_charts", "skew_chart"]
-
 _KEPT = float(next(rule.high for rule in RULES if rule.name == "skew_stays") or 0)
 _SEEN = float(next(rule.low for rule in RULES if rule.name == "beat_visible") or 0)
 _MOST_NAMED = 4
@@ -40,8 +38,16 @@ def skew_chart(cube: xr.Dataset) -> Chart | None:
             start = np.array([float(point[name]) for name in SKEWS])
             for k in range(3):
                 x = at + 0.26 * (k - 1)
-                axes.bar(x, mean[k], 0.22, color="#b9d0e8", edgecolor=COLOURS[0], hatch=HATCHES[k], lw=0.8,
-                         label=f"trunnion {k + 1}" if at == 0 else None)  # fmt: skip
+                axes.bar(
+                    x,
+                    mean[k],
+                    0.22,
+                    color="#b9d0e8",
+                    edgecolor=COLOURS[0],
+                    hatch=HATCHES[k],
+                    lw=0.8,
+                    label=f"trunnion {k + 1}" if at == 0 else None,
+                )
                 axes.vlines(x, least[k], most[k], color=INK, lw=1.2)
                 axes.plot(x, start[k], MARKERS[3], color=COLOURS[1], label="initial" if at == k == 0 else None)
                 rows.append((at + 1, k + 1, start[k], mean[k], least[k], most[k]))
@@ -107,8 +113,10 @@ def kept_skew_charts(cube: xr.Dataset) -> list[Chart]:
     along = max(others, key=lambda name: table[name].nunique())
     rest = [name for name in others if name != along]
     kept = table.groupby(others)["change_percent"].max() <= _KEPT
-    names = [_bearing(cube, table[others].drop_duplicates().set_index(others, drop=False).loc[key])
-             for key in kept[kept].index]  # fmt: skip
+    names = [
+        _bearing(cube, table[others].drop_duplicates().set_index(others, drop=False).loc[key])
+        for key in kept[kept].index
+    ]
     always = f" Bearings that keep every initial skew: {'; '.join(names) or 'none'}."
     charts = []
     for rank, (_, part) in enumerate(table.groupby("initial_deg")):
@@ -152,10 +160,14 @@ def _kept_chart(
             colour, dash = (*ranks, 0, 0)[:2]
             line = part[(part[rest] == list(key)).all(axis=1)].sort_values(along)
             axes.plot(
-                line[along], line[column], ls=LINES[dash % len(LINES)], marker=MARKERS[dash % len(MARKERS)],
-                color=COLOURS[colour % len(COLOURS)], mfc="white",
+                line[along],
+                line[column],
+                ls=LINES[dash % len(LINES)],
+                marker=MARKERS[dash % len(MARKERS)],
+                color=COLOURS[colour % len(COLOURS)],
+                mfc="white",
                 label=", ".join(level(value) for value in key),
-            )  # fmt: skip
+            )
         if column == "mean_deg":
             start = float(part["initial_deg"].iloc[0])
             axes.axhspan(start * (1 - _KEPT / 100), start * (1 + _KEPT / 100), color="#eef3f8", lw=0)
@@ -201,16 +213,36 @@ def findings_over_skew_charts(cube: xr.Dataset) -> list[Chart]:
 
 def _amplitudes(axes: Axes, which: int, name: str, line: pd.DataFrame) -> None:
     for order, colour in (("third", COLOURS[0]), ("second", COLOURS[1])):
-        axes.plot(line["initial_deg"], line[f"{order}_n"], ls=LINES[which], marker=MARKERS[which], mfc="white",
-                  color=colour, label=f"{order} order, {name}")  # fmt: skip
+        axes.plot(
+            line["initial_deg"],
+            line[f"{order}_n"],
+            ls=LINES[which],
+            marker=MARKERS[which],
+            mfc="white",
+            color=colour,
+            label=f"{order} order, {name}",
+        )
     axes.set_ylabel("amplitude of the thrust force (N)")
 
 
 def _skews(axes: Axes, which: int, name: str, line: pd.DataFrame) -> None:
-    axes.plot(line["initial_deg"], line["mean_deg"].abs(), ls=LINES[which], marker=MARKERS[which], mfc="white",
-              color=COLOURS[which], label=name)  # fmt: skip
-    axes.plot(line["initial_deg"], line["initial_deg"], ls=LINES[3], color=INK, lw=1,
-              label="no change" if which == 0 else None)  # fmt: skip
+    axes.plot(
+        line["initial_deg"],
+        line["mean_deg"].abs(),
+        ls=LINES[which],
+        marker=MARKERS[which],
+        mfc="white",
+        color=COLOURS[which],
+        label=name,
+    )
+    axes.plot(
+        line["initial_deg"],
+        line["initial_deg"],
+        ls=LINES[3],
+        color=INK,
+        lw=1,
+        label="no change" if which == 0 else None,
+    )
     axes.set_ylabel("skew in the last revolution (deg)")
 
 

@@ -15,11 +15,12 @@ from tripod_doe.simulator import Outcome
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes
 
-__all__ = ["model_error_charts", "speed_accuracy_charts"]
-
 _CROSSES = {
-    Outcome.DIVERGED: "x", Outcome.INACCURATE: "X", Outcome.STEP_LIMIT: "+", Outcome.EVALUATION_LIMIT: "1",
-}  # fmt: skip
+    Outcome.DIVERGED: "x",
+    Outcome.INACCURATE: "X",
+    Outcome.STEP_LIMIT: "+",
+    Outcome.EVALUATION_LIMIT: "1",
+}
 _OTHER = "*"
 _X_LABEL = "CPU seconds per simulated second (-)"
 
@@ -68,13 +69,18 @@ def _error_chart(data: xr.Dataset) -> Chart:
         f"the left. Reference: {data['reference'].item()}; its own error is {floor:.2g} %. Crosses at the top: failed "
         "runs, with their price per second simulated until the failure. Dotted: error at which prices are compared."
     )
-    table = pd.DataFrame({
-        "method": data["run_method"].values, data["setting_kind"].values[0] or "setting": data["setting"].values,
-        "cpu_per_second": price, "error_percent": 100 * data["numerical_error"].values,
-        "steps": data["steps"].values, "force_evaluations": data["force_evaluations"].values,
-        "solves": data["solves"].values,
-        "outcome": [Outcome(int(kind)).label for kind in data["outcome"].values],
-    })  # fmt: skip
+    table = pd.DataFrame(
+        {
+            "method": data["run_method"].values,
+            data["setting_kind"].values[0] or "setting": data["setting"].values,
+            "cpu_per_second": price,
+            "error_percent": 100 * data["numerical_error"].values,
+            "steps": data["steps"].values,
+            "force_evaluations": data["force_evaluations"].values,
+            "solves": data["solves"].values,
+            "outcome": [Outcome(int(kind)).label for kind in data["outcome"].values],
+        }
+    )
     title = f"{data['quantity_meaning'].item()[:1].upper()}{data['quantity_meaning'].item()[1:]}: error over price"
     return Chart(f"{case.replace(' ', '-')}-{name}", title, caption, figure, table)
 
@@ -90,9 +96,15 @@ def _frame(axes: Axes, title: str, label: str) -> None:
 def _legend(axes: Axes) -> None:
     """Three narrow columns above the axes: a dozen methods and the signs of failures need them."""
     axes.legend(
-        loc="lower left", bbox_to_anchor=(-0.12, 1.0), ncols=3, fontsize=7, handlelength=2.2, columnspacing=1.0,
-        alignment="left", borderaxespad=0.3,
-    )  # fmt: skip
+        loc="lower left",
+        bbox_to_anchor=(-0.12, 1.0),
+        ncols=3,
+        fontsize=7,
+        handlelength=2.2,
+        columnspacing=1.0,
+        alignment="left",
+        borderaxespad=0.3,
+    )
 
 
 def _style(method: str) -> tuple[str, str, str]:
@@ -105,9 +117,7 @@ def _style(method: str) -> tuple[str, str, str]:
 def _line(axes: Axes, method: str, price: np.ndarray, error: np.ndarray) -> None:
     colour, marker, line = _style(method)
     second = list(METHODS).index(method) >= len(COLOURS) if method in METHODS else False
-    axes.plot(
-        price, error, line, marker=marker, color=colour, mfc="white" if second else colour, lw=1.1, label=method
-    )  # fmt: skip
+    axes.plot(price, error, line, marker=marker, color=colour, mfc="white" if second else colour, lw=1.1, label=method)
 
 
 def _crosses(axes: Axes, kind: Outcome, methods: np.ndarray, price: np.ndarray, top: float) -> None:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy.typing import NDArray
 
 from tripod_doe.analysis.stability import RunKind
+from tripod_doe.array_types import IntArray
 from tripod_doe.quantities import level, with_unit
 from tripod_doe.report.figures.chart import COLOURS, INK, Chart, panels
 from tripod_doe.report.responses import spoken, unit_text
@@ -17,8 +17,6 @@ from tripod_doe.simulator import Outcome
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes
-
-__all__ = ["map_of", "maps", "stability_charts"]
 
 _COLUMNS = 3
 _EXACT, _GOOD, _REFUSED, _DIVERGED, _WRONG, _UNKNOWN = range(6)
@@ -69,8 +67,10 @@ def _chart(borders: xr.Dataset, factor: str) -> Chart:
         figure.supylabel("tolerance" if borders.attrs["numerics"] != "step_s" else "step (s)", fontsize=8.5)
         shown = np.unique(classes)
         handles = [Patch(fc=c, hatch=h, ec=INK, lw=0.4, label=t) for k, (c, h, t) in _CLASSES.items() if k in shown]
-        lines = [Line2D([], [], color=INK, lw=2, label="measured limit"),
-                 Line2D([], [], color=COLOURS[3], ls="--", marker="D", ms=4, label="predicted limit")]  # fmt: skip
+        lines = [
+            Line2D([], [], color=INK, lw=2, label="measured limit"),
+            Line2D([], [], color=COLOURS[3], ls="--", marker="D", ms=4, label="predicted limit"),
+        ]
         figure.legend(
             handles=handles + lines, loc="outside upper left", ncols=min(3, columns + 1), frameon=False, fontsize=8
         )
@@ -94,7 +94,7 @@ def _bracketed(unit: object) -> str:
     return f"({text})" if text else ""
 
 
-def _classes(part: xr.Dataset) -> NDArray[np.int64]:
+def _classes(part: xr.Dataset) -> IntArray:
     """Class of every run, shape (method, case, numerics); -1 where there is none."""
     kind, error = part["run_kind"].values, part["error"].values
     classes = np.full(kind.shape, -1)
@@ -107,7 +107,7 @@ def _classes(part: xr.Dataset) -> NDArray[np.int64]:
     return classes
 
 
-def _draw(panel: Axes, part: xr.Dataset, classes: NDArray[np.int64]) -> None:
+def _draw(panel: Axes, part: xr.Dataset, classes: IntArray) -> None:
     """The runs of one method as cells, and its borders."""
     up = np.log10(part["numerics"].values)
     middle = (up[1:] + up[:-1]) / 2

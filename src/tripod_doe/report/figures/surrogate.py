@@ -12,8 +12,6 @@ from tripod_doe.report.figures.chart import COLOURS, LINES, Chart, drawing, lege
 from tripod_doe.report.responses import spoken
 from tripod_doe.report.what_if import WhatIfPage, what_if_pages
 
-__all__ = ["surrogate_charts"]
-
 _SHOWN = 6  # factors that a picture can tell apart
 
 

@@ -14,8 +14,6 @@ from tripod_doe.report.figures.chart import COLOURS, INK, MUTED, Chart, drawing,
 from tripod_doe.report.responses import spoken
 from tripod_doe.report.tolerance import tolerance_parts
 
-__all__ = ["quantile_chart", "tolerance_charts"]
-
 
 def tolerance_charts(analyses: Mapping[str, xr.Dataset]) -> list[Chart]:
     """Two charts for each tolerance analysis and main output: quantiles with the limit, and gains."""
@@ -39,9 +37,15 @@ def quantile_chart(key: str, name: str, what: str, part: xr.Dataset, unit: str, 
     with drawing(5.0, 2.8) as (figure, axes):
         axes.plot(data["quantile"], 100 * data["probability"], color=COLOURS[0], label="stays below")
         axes.errorbar(
-            asked["quantile"], 100 * asked["probability"], xerr=[below.fillna(0), above.fillna(0)], fmt="o",
-            color=COLOURS[0], ecolor=INK, elinewidth=1.1, capsize=2.5,
-        )  # fmt: skip
+            asked["quantile"],
+            100 * asked["probability"],
+            xerr=[below.fillna(0), above.fillna(0)],
+            fmt="o",
+            color=COLOURS[0],
+            ecolor=INK,
+            elinewidth=1.1,
+            capsize=2.5,
+        )
         if limited:
             axes.axvline(float(part["limit"]), color=COLOURS[1], ls="--", label="limit")
         axes.set_xlabel(f"{what.removeprefix('the ')}{f' ({unit})' if unit else ''}")
@@ -70,9 +74,14 @@ def _gain_chart(key: str, name: str, what: str, part: xr.Dataset) -> Chart:
     with drawing(5.0, 1.0 + 0.3 * max(len(data), 1)) as (figure, axes):
         axes.barh(rows, 100 * data["gain_of_halving"], 0.6, color="#b9d0e8", edgecolor=COLOURS[0], lw=0.8)
         axes.errorbar(
-            100 * data["gain_of_halving"], rows, xerr=100 * data["gain_of_halving_conf"], fmt="none", ecolor=INK,
-            elinewidth=1.1, capsize=2.5,
-        )  # fmt: skip
+            100 * data["gain_of_halving"],
+            rows,
+            xerr=100 * data["gain_of_halving_conf"],
+            fmt="none",
+            ecolor=INK,
+            elinewidth=1.1,
+            capsize=2.5,
+        )
         axes.set_yticks(rows, [spoken(str(factor)) for factor in data["factor"]])
         axes.axvline(0, color=MUTED, lw=0.8)
         axes.grid(axis="y", visible=False)

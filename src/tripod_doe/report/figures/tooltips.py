@@ -17,8 +17,6 @@ if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-__all__ = ["add_tooltips", "mark_points"]
-
 _MOST = 400  # points and bars of a figure above which its page would only grow
 _MARK = "tips"
 

@@ -8,16 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.quantities import number
 from tripod_doe.report.figures.chart import COLOURS, HATCHES, INK, LINES, Chart, drawing, legend_above
 from tripod_doe.report.responses import ORDINALS, finished, point_text
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes
-
-__all__ = ["Chosen", "chosen_points", "spectrum_chart", "waveform_charts"]
 
 _FLOOR = 1e-4  # bars of a spectrum end at this part of the largest one
 _TINTS = ("#0b5394", "#f6d9c9", "#cfe6d8")
@@ -26,21 +24,11 @@ _FEW = 3  # up to this many finished points are all shown
 
 @dataclass(frozen=True)
 class Chosen:
-    """A point that is shown in full.
+    """A point that is shown in full."""
 
-    Attributes
-    ----------
-    title
-        Why it was chosen, for instance ``largest third order``.
-    text
-        Its factors in words.
-    data
-        Its part of the cube.
-    """
-
-    title: str
-    text: str
-    data: xr.Dataset
+    title: str  # why it was chosen, for instance ``largest third order``
+    text: str  # its factors in words
+    data: xr.Dataset  # its part of the cube
 
 
 def chosen_points(cube: xr.Dataset) -> list[Chosen]:
@@ -141,9 +129,9 @@ def spectrum_chart(cube: xr.Dataset) -> Chart | None:
 
 def _draw_spectrum(
     axes: Axes,
-    order: NDArray[np.int64],
-    bars: dict[str, NDArray[np.float64]],
-    spread: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
+    order: IntArray,
+    bars: dict[str, FloatArray],
+    spread: tuple[FloatArray, FloatArray] | None,
     largest: float,
 ) -> None:
     width = 0.8 / len(bars)

@@ -19,8 +19,6 @@ from tripod_doe.study.definition import parse_study
 from tripod_doe.study.plan import plan
 from tripod_doe.study.simulate import simulate
 
-__all__ = ["contribution_study", "price_of_point", "simulated"]
-
 _FACTOR = "replicate"  # of every scene, and without effect
 _OF_STUDY = re.compile(r"^point: \[[\w.]+\]: ")  # where a complaint stands in the study that is made for the price
 

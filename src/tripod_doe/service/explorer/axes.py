@@ -13,8 +13,6 @@ from tripod_doe.service.explorer.view import OF_POINTS, View
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import COST_VARIABLES, RECORD_ROLE
 
-__all__ = ["Axis", "Choice", "choices", "coordinate_axes", "design_of", "full_view", "variable_axes"]
-
 _MANY_LEVELS = 8  # of both factors, from which a map says more than lines
 _PREFERRED = ("thrust_amplitude", "axial_drift_mm", "axial_force_n")
 _DENSE = 40  # values of an output's dimension above which it is a curve
@@ -25,32 +23,18 @@ _FIRST = {"order": 3, "statistic": "mean"}
 
 @dataclass(frozen=True)
 class Axis:
-    """A coordinate that a view can lie along, or stand still at.
+    """A coordinate that a view can lie along, or stand still at."""
 
-    Attributes
-    ----------
-    name, label
-        Its name in the cube and for people.
-    dim
-        Its dimension: its own name, or ``point`` in a list of points.
-    texts
-        Its values as selections take them; empty where it is a sampled factor.
-    low, high
-        Its ends, of a number.
-    of_design
-        Whether it is a factor of the study, and not a dimension of an output.
-    numeric
-        Whether its values are numbers.
-    """
-
+    # name, label: its name in the cube and for people
     name: str
     label: str
-    dim: str
-    texts: tuple[str, ...]
+    dim: str  # its dimension: its own name, or ``point`` in a list of points
+    texts: tuple[str, ...]  # its values as selections take them; empty where it is a sampled factor
+    # low, high: its ends, of a number
     low: float | None
     high: float | None
-    of_design: bool
-    numeric: bool
+    of_design: bool  # whether it is a factor of the study, and not a dimension of an output
+    numeric: bool  # whether its values are numbers
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,6 @@ from tripod_doe.errors import InputError
 from tripod_doe.service.explorer.axes import choices, coordinate_axes
 from tripod_doe.service.explorer.view import View
 
-__all__ = ["cell_coordinates", "cube_behind", "points_of_claim", "view_behind"]
-
 _JOINED = re.compile(r" \+ |:")  # of pairs of mechanisms and of interactions
 
 
@@ -33,8 +31,11 @@ def cell_coordinates(result: xr.Dataset, variable: str, cell: int) -> dict[str, 
         raise InputError(f"cell = {cell}: {variable} has cells 0 to {array.size - 1}")
     at = dict(zip(array.dims, (int(place) for place in np.unravel_index(cell, array.shape)), strict=True))
     inside = set(array.dims)
-    return {str(name): labels.isel({dim: at[dim] for dim in labels.dims}).item()
-            for name, labels in result.coords.items() if set(labels.dims) <= inside}  # fmt: skip
+    return {
+        str(name): labels.isel({dim: at[dim] for dim in labels.dims}).item()
+        for name, labels in result.coords.items()
+        if set(labels.dims) <= inside
+    }
 
 
 def view_behind(cube: xr.Dataset, result: xr.Dataset, variable: str, cell: int) -> View:
@@ -58,8 +59,11 @@ def view_behind(cube: xr.Dataset, result: xr.Dataset, variable: str, cell: int) 
     at, axes = cell_coordinates(result, variable, cell), coordinate_axes(cube)
     named = [name for value in at.values() if isinstance(value, str) for name in _JOINED.split(value) if name in axes]
     named = list(dict.fromkeys(named))
-    select = tuple(f"{name}={_text(value)}" for name, value in (at | _of_run(result, at)).items()
-                   if name in axes and name not in named)  # fmt: skip
+    select = tuple(
+        f"{name}={_text(value)}"
+        for name, value in (at | _of_run(result, at)).items()
+        if name in axes and name not in named
+    )
     output = _output(cube, result, at)
     view = View(output, select=select)
     if (share := at.get("probability", at.get("share"))) is not None:

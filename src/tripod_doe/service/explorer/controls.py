@@ -12,8 +12,6 @@ from tripod_doe.service.explorer.axes import design_of, variable_axes
 from tripod_doe.service.explorer.figures.parts import label_of
 from tripod_doe.service.explorer.view import OF_POINTS, View
 
-__all__ = ["controls", "view_title"]
-
 
 def controls(cube: xr.Dataset, view: View) -> dict[str, Any]:
     """The controls of a view that is filled in.
@@ -40,12 +38,18 @@ def controls(cube: xr.Dataset, view: View) -> dict[str, Any]:
         "kinds": kinds,
         "below": [asdict(axis) for axis in (factors if view.kind == "points" else own)] if view.x else [],
         "beside": [asdict(axis) for axis in (factors if view.kind == "points" else beside)],
-        "still": [(asdict(axis), values.get(axis.name, "")) for axis in axes
-                  if axis.name == axis.dim not in shown and not (listed and axis in ranges)],
-        "levels": [(asdict(axis), [text for text in axis.texts if text != values.get(axis.name)]) for axis in axes
-                   if axis.of_design and axis.name == axis.dim not in shown and len(axis.texts) > 1 and not listed],
+        "still": [
+            (asdict(axis), values.get(axis.name, ""))
+            for axis in axes
+            if axis.name == axis.dim not in shown and not (listed and axis in ranges)
+        ],
+        "levels": [
+            (asdict(axis), [text for text in axis.texts if text != values.get(axis.name)])
+            for axis in axes
+            if axis.of_design and axis.name == axis.dim not in shown and len(axis.texts) > 1 and not listed
+        ],
         "ranges": [(asdict(axis), *_ends(values.get(axis.name, ""))) for axis in ranges],
-    }  # fmt: skip
+    }
 
 
 def _ends(wanted: str) -> tuple[str, str]:

@@ -15,8 +15,6 @@ from tripod_doe.service.explorer.axes import design_of
 from tripod_doe.service.explorer.figures.parts import shown
 from tripod_doe.service.explorer.view import View
 
-__all__ = ["point_values", "query_command", "query_python", "simulate_command", "study_of", "study_of_view"]
-
 _MOST_ROWS = 500
 
 

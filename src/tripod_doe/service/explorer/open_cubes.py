@@ -13,8 +13,6 @@ from tripod_doe.errors import CubeError
 from tripod_doe.study.netcdf import lazy_dataset, reading
 from tripod_doe.study.results import cube_files, cube_so_far, unshown_state
 
-__all__ = ["opened"]
-
 _SMALL = 64_000_000  # bytes
 _MOST = 4
 _kept: OrderedDict[tuple[object, ...], xr.Dataset] = OrderedDict()

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
-__all__ = ["point_numbers"]
-
 
 class _Numbers(BackendArray):
     """Positions of the cells of an array in their order."""

@@ -35,8 +35,6 @@ from tripod_doe.study.arrays import cube_arrays
 from tripod_doe.study.query import records
 from tripod_doe.study.scenes import SCENES, load_simulator
 
-__all__ = ["explore", "extremes", "failures", "figure", "numbers", "parameters", "point"]
-
 Items = Sequence[Sequence[str]]
 """A view as its address says it: names and texts."""
 
@@ -177,9 +175,11 @@ def extremes(path: str, order: int) -> tuple[Any, bytes]:
         unit = unit_text(str(found.attrs.get("units", "1")))
         return {
             "label": label_of(found),
-            **{end: {"text": with_unit(number(float(flat[at])), unit), "number": int(numbers[at])}
-               for end, at in (("least", least), ("largest", largest))},
-        }, b""  # fmt: skip
+            **{
+                end: {"text": with_unit(number(float(flat[at])), unit), "number": int(numbers[at])}
+                for end, at in (("least", least), ("largest", largest))
+            },
+        }, b""
 
 
 def point(path: str, number_of_point: int) -> tuple[Any, bytes]:
@@ -191,8 +191,11 @@ def point(path: str, number_of_point: int) -> tuple[Any, bytes]:
 def _point(cube: xr.Dataset, number_of_point: int) -> dict[str, Any]:
     found = point_of(cube, number_of_point)
     factors = factor_names(cube)
-    scalars = [name for name in found.data_vars if found[name].dtype.kind in "fiu" and not found[name].dims
-               and "flag_values" not in found[name].attrs]  # fmt: skip
+    scalars = [
+        name
+        for name in found.data_vars
+        if found[name].dtype.kind in "fiu" and not found[name].dims and "flag_values" not in found[name].attrs
+    ]
     reason = str(blank_reasons(found.expand_dims("point"))[0])
     scene, settings = str(study_of(cube).get("study", {}).get("scene", "joint")), point_values(cube, found)
     return {
@@ -203,13 +206,19 @@ def _point(cube: xr.Dataset, number_of_point: int) -> dict[str, Any]:
         "factors": [{"label": label_of(cube[name]), "name": name, "value": _told(found[name])} for name in factors],
         "outcome": Outcome(int(found["outcome"])).label,
         "reason": reason,
-        "scalars": [{"label": label_of(found[name]), "value": _told(found[name]),
-                     "meaning": str(found[name].attrs.get("long_name", ""))}
-                    for name in scalars if np.isfinite(found[name].item())],
+        "scalars": [
+            {
+                "label": label_of(found[name]),
+                "value": _told(found[name]),
+                "meaning": str(found[name].attrs.get("long_name", "")),
+            }
+            for name in scalars
+            if np.isfinite(found[name].item())
+        ],
         "parameters": settings,
         "command": simulate_command(cube, found),
         "figures": point_figures(found) if not reason else {},
-    }  # fmt: skip
+    }
 
 
 def parameters(scene: str) -> tuple[Any, bytes]:

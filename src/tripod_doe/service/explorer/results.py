@@ -19,8 +19,6 @@ from tripod_doe.service.explorer.figures.parts import label_of
 from tripod_doe.service.explorer.open_cubes import opened
 from tripod_doe.study.netcdf import read_dataset
 
-__all__ = ["behind", "results"]
-
 _MOST_ROWS = 200
 _BESIDE = ("_conf", "_low", "_high", "_error", "_flag")  # endings of what is told beside a number, or not at all
 _OF_METHOD = ("samples", "resolved", "samples_needed")  # about the method of the analysis, not about the joint
@@ -94,8 +92,11 @@ def _label(coordinate: xr.DataArray) -> str:
 
 def _number(result: xr.Dataset, name: str, at: Mapping[str, int]) -> str:
     """A number with what is known of its error; a dash where there is none."""
-    found = {ending: float(result[name + ending].isel({dim: at[str(dim)] for dim in result[name + ending].dims}))
-             for ending in ("_conf", "_error", "_low", "_high") if name + ending in result}  # fmt: skip
+    found = {
+        ending: float(result[name + ending].isel({dim: at[str(dim)] for dim in result[name + ending].dims}))
+        for ending in ("_conf", "_error", "_low", "_high")
+        if name + ending in result
+    }
     value = float(result[name].isel(at))
     if not np.isfinite(value):
         return "\N{EN DASH}"

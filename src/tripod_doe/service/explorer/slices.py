@@ -21,8 +21,6 @@ from tripod_doe.service.explorer.view import View
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.query import narrowed, query
 
-__all__ = ["colour_range", "draw", "numbered", "parallel_axes", "point_of", "seen", "shown_cells"]
-
 
 def numbered(cube: xr.Dataset, variable: str = "") -> xr.Dataset:
     """A cube with the number of each point as a coordinate, by which a mark in a figure leads to its point.
@@ -112,8 +110,12 @@ def _note(data: xr.Dataset) -> str:
     parts = []
     if failed.any():
         kinds, counts = np.unique(codes[failed], return_counts=True)
-        told = listed([f"{count:,} {Outcome(int(kind)).label.replace('_', ' ')}"
-                       for kind, count in zip(kinds, counts, strict=True)])  # fmt: skip
+        told = listed(
+            [
+                f"{count:,} {Outcome(int(kind)).label.replace('_', ' ')}"
+                for kind, count in zip(kinds, counts, strict=True)
+            ]
+        )
         parts.append(f"{int(failed.sum()):,} of {count_of(codes.size, 'point')} failed: {told}.")
     if waiting:
         parts.append(f"{waiting:,} of {count_of(codes.size, 'point')} not computed.")

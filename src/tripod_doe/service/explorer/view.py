@@ -8,8 +8,6 @@ from urllib.parse import urlencode
 
 from tripod_doe.errors import InputError, near_match
 
-__all__ = ["KINDS", "OF_POINTS", "View"]
-
 KINDS = ("lines", "map", "points", "matrix", "parallel")
 """Kinds of views: lines over a dimension, colours over two, one mark per point, marks over all pairs of axes, one line
 per point over many axes."""
@@ -22,40 +20,19 @@ _WORDS = ("variable", "kind", "x", "by", "where", "analysis", "minus")
 
 @dataclass(frozen=True)
 class View:
-    """What a person looks at; empty means that the cube decides.
+    """What a person looks at; empty means that the cube decides."""
 
-    Attributes
-    ----------
-    variable
-        Name of the variable.
-    kind
-        One of `KINDS`.
-    x
-        Dimension or factor along the bottom.
-    by
-        Dimension of the lines, the other axis of a map, or the colour of points.
-    select
-        Values of the other dimensions and ranges of factors, as ``--select`` takes them.
-    where
-        Condition on the cells, as ``--where`` takes it.
-    low, high
-        Fixed range of the colours.
-    analysis
-        Name of the analysis whose result is shown in place of the cube.
-    minus
-        What is subtracted: the values of another run, by its id, or those of this cube at ``name=value``.
-    """
-
-    variable: str = ""
-    kind: str = ""
-    x: str = ""
-    by: str = ""
-    select: tuple[str, ...] = ()
-    where: str = ""
+    variable: str = ""  # name of the variable
+    kind: str = ""  # one of `KINDS`
+    x: str = ""  # dimension or factor along the bottom
+    by: str = ""  # dimension of the lines, the other axis of a map, or the colour of points
+    select: tuple[str, ...] = ()  # values of the other dimensions and ranges of factors, as ``--select`` takes them
+    where: str = ""  # condition on the cells, as ``--where`` takes it
+    # low, high: fixed range of the colours
     low: float | None = None
     high: float | None = None
-    analysis: str = ""
-    minus: str = ""
+    analysis: str = ""  # name of the analysis whose result is shown in place of the cube
+    minus: str = ""  # what is subtracted: the values of another run, by its id, or those of this cube at ``name=value``
 
     @classmethod
     def from_items(cls, items: Iterable[tuple[str, str]]) -> View:

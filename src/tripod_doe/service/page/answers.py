@@ -9,23 +9,6 @@ from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.service import Service
 from tripod_doe.service.uploads import main_file
 
-__all__ = [
-    "behind",
-    "changed_text",
-    "contribution_study",
-    "explore",
-    "failures",
-    "figure",
-    "lay_over",
-    "numbers",
-    "parameters",
-    "point",
-    "price_of_point",
-    "results",
-    "study_form",
-    "submitted",
-]
-
 Items = Sequence[tuple[str, str]]
 
 

@@ -12,8 +12,6 @@ from starlette.responses import Response
 
 from tripod_doe.service.problems import RefusedError
 
-__all__ = ["router", "stamp"]
-
 router = APIRouter(include_in_schema=False)
 
 _TYPES = {"js": "text/javascript; charset=utf-8", "css": "text/css; charset=utf-8", "svg": "image/svg+xml"}

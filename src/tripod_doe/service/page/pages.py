@@ -16,8 +16,6 @@ from tripod_doe.service.page.assets import stamp
 from tripod_doe.service.runs import Run
 from tripod_doe.service.settings import Settings
 
-__all__ = ["POLICY", "part", "show"]
-
 _EMPTY_STYLE = "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='"
 POLICY = (
     "default-src 'none'; script-src 'self'; connect-src 'self'; img-src 'self' data: blob:; "
@@ -35,9 +33,13 @@ _PAGES = (("/", "Runs"), ("/new", "New study"), ("/compare", "Measurement"))
 @cache
 def _templates() -> Environment:
     environment = Environment(
-        loader=PackageLoader("tripod_doe.service.page"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True, bytecode_cache=compiled_templates(),
-    )  # fmt: skip
+        loader=PackageLoader("tripod_doe.service.page"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        bytecode_cache=compiled_templates(),
+    )
     words = {
         "duration": duration,
         "level": level,

@@ -19,8 +19,6 @@ from tripod_doe.service.routes.access import AnyService
 from tripod_doe.service.runs import Run
 from tripod_doe.service.service import Service
 
-__all__ = ["router"]
-
 router = APIRouter(include_in_schema=False)
 
 _KINDS = (("lines", "Lines"), ("map", "Map"), ("points", "Points"), ("matrix", "Matrix"), ("parallel", "Parallel axes"))
@@ -41,8 +39,9 @@ Order = Annotated[int, Query(ge=0, le=12, description="order of the thrust whose
 def runs(service: AnyService, order: Order = 3) -> HTMLResponse:
     """The list of runs."""
     runs = service.runs.all()
-    return show("runs.html", service.settings, here="/", runs=runs, order=order,
-                extremes=service.extremes.known(runs, order))  # fmt: skip
+    return show(
+        "runs.html", service.settings, here="/", runs=runs, order=order, extremes=service.extremes.known(runs, order)
+    )
 
 
 @router.get("/parts/runs")
@@ -77,9 +76,15 @@ def explorer(run_id: str, request: Request, service: AnyService) -> HTMLResponse
     chosen = request.query_params.get("step") or next(iter(begun or steps), None)
     found, trouble = _explored(service, run, request, chosen)
     return _run_page(
-        "explore.html", service, run, "Explore", steps=steps, chosen_step=chosen, trouble=trouble,
+        "explore.html",
+        service,
+        run,
+        "Explore",
+        steps=steps,
+        chosen_step=chosen,
+        trouble=trouble,
         **_control_values(service, run, found),
-    )  # fmt: skip
+    )
 
 
 @router.get("/runs/{run_id}/view")
@@ -232,6 +237,7 @@ def _explored(service: Service, run: Run, request: Request, step: str | None) ->
 
 def _control_values(service: Service, run: Run, found: dict[str, Any] | None) -> dict[str, Any]:
     kinds = [kind for kind in _KINDS if found and kind[0] in found["kinds"]]
-    others = [other for other in service.runs.all() if other.id != run.id and other.kind == "study"
-              and other.counts.finished]  # fmt: skip
+    others = [
+        other for other in service.runs.all() if other.id != run.id and other.kind == "study" and other.counts.finished
+    ]
     return {"explored": found, "kinds": kinds, "others": others if found and found["points"] else []}

@@ -9,8 +9,6 @@ from tripod_doe.service.page.pages import show
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.settings import Settings
 
-__all__ = ["is_page", "trouble_page"]
-
 _OF_PROGRAMS = ("/api/", "/assets/", "/parts/")
 
 

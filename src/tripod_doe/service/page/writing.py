@@ -12,8 +12,6 @@ from tripod_doe.service.page import answers
 from tripod_doe.service.page.pages import part, show
 from tripod_doe.service.routes.access import WritingService
 
-__all__ = ["router"]
-
 router = APIRouter(include_in_schema=False)
 
 
@@ -48,8 +46,16 @@ def new(
         upload = service.upload_of(origin) if origin else gallery_upload(study or "template-grid")
     text = str(upload["study" if "study" in upload else "workflow"])
     form = answers.study_form(service, text) if "study" in upload else None
-    return show("new.html", service.settings, here="/new", text=text, form=form, files=upload["files"],
-                gallery=gallery(), chosen=study or origin or contributions)  # fmt: skip
+    return show(
+        "new.html",
+        service.settings,
+        here="/new",
+        text=text,
+        form=form,
+        files=upload["files"],
+        gallery=gallery(),
+        chosen=study or origin or contributions,
+    )
 
 
 @router.post("/parts/form")

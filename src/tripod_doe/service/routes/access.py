@@ -10,8 +10,6 @@ from tripod_doe.service.forms import Errors
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.service import Service
 
-__all__ = ["CHANGES", "REFUSALS", "AnyService", "WritingService", "errors_at", "gives"]
-
 
 def errors_at(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """Statuses with a list of errors, for the description of a route."""

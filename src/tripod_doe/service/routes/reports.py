@@ -9,8 +9,6 @@ from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.report_keys import report_key
 from tripod_doe.service.routes.access import REFUSALS, AnyService, errors_at, gives
 
-__all__ = ["router"]
-
 router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404))
 
 _POLICY = (

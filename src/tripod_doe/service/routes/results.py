@@ -16,8 +16,6 @@ from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.routes.access import CHANGES, REFUSALS, AnyService, errors_at, gives
 from tripod_doe.study.results import is_shown
 
-__all__ = ["router"]
-
 router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404, 409))
 
 _TYPES = {"json": "application/json", "csv": "text/csv; charset=utf-8", "netcdf": "application/x-netcdf"}

@@ -14,8 +14,6 @@ from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.processes import run_log
 from tripod_doe.service.routes.access import CHANGES, REFUSALS, AnyService, WritingService, errors_at, gives
 
-__all__ = ["router"]
-
 router = APIRouter(responses=REFUSALS)
 
 _HEARTBEAT = 15.0  # seconds of silence on a stream
@@ -68,8 +66,12 @@ async def show_run(run_id: str, service: AnyService) -> Response:
     return Response(service.runs.events.latest(run_id), media_type="application/json")
 
 
-@router.get("/runs/{run_id}/events", response_class=EventSourceResponse, responses=errors_at(404),
-            dependencies=[Depends(_is_run), Depends(_may_watch)])  # fmt: skip
+@router.get(
+    "/runs/{run_id}/events",
+    response_class=EventSourceResponse,
+    responses=errors_at(404),
+    dependencies=[Depends(_is_run), Depends(_may_watch)],
+)
 async def watch_run(
     run_id: str, service: AnyService, last_event_id: LastEventId = None
 ) -> AsyncIterator[ServerSentEvent]:

@@ -11,8 +11,6 @@ from tripod_doe.service.forms import Health, PlanRequest
 from tripod_doe.service.problems import RefusedError, problems_of
 from tripod_doe.service.routes.access import CHANGES, REFUSALS, AnyService
 
-__all__ = ["router"]
-
 router = APIRouter(responses=REFUSALS)
 
 

@@ -10,8 +10,6 @@ from starlette.responses import Response
 from tripod_doe.service.page import answers
 from tripod_doe.service.routes.access import REFUSALS, AnyService, errors_at
 
-__all__ = ["router"]
-
 router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404, 409))
 
 

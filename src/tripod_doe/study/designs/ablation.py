@@ -7,8 +7,6 @@ import itertools
 from tripod_doe.errors import InputError
 from tripod_doe.study.designs.request import Family, Made, Request, column_of, held
 
-__all__ = ["ABLATION"]
-
 _MOST_SWITCHES = 16  # of which all combinations can still be meant
 
 

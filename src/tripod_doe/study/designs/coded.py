@@ -12,16 +12,12 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition import Factor
 from tripod_doe.study.designs.columns import Column
 from tripod_doe.study.designs.request import Family, Made, Request, column_of, held
-
-__all__ = ["CODED", "aliases"]
-
-FloatArray = NDArray[np.float64]
 
 _NUMERALS = {3: "III", 4: "IV", 5: "V", 6: "VI", 7: "VII", 8: "VIII"}
 _DEFAULT_RESOLUTION = 4  # main effects apart from the interactions of two factors

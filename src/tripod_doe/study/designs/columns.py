@@ -10,8 +10,6 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["NO_COLUMNS", "ChosenColumns", "Column", "Columns", "CrossedColumns", "HeldColumns", "Rows", "row_numbers"]
-
 Column = NDArray[Any]
 """Values of one factor or label, shape (point,)."""
 
@@ -38,15 +36,9 @@ class Columns(Protocol):
 
 @dataclass(frozen=True)
 class HeldColumns:
-    """Columns in memory.
+    """Columns in memory."""
 
-    Attributes
-    ----------
-    columns
-        The columns, each of shape (count,).
-    """
-
-    columns: Mapping[str, Column]
+    columns: Mapping[str, Column]  # the columns, each of shape (count,)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -69,18 +61,10 @@ NO_COLUMNS = HeldColumns({})
 
 @dataclass(frozen=True)
 class CrossedColumns:
-    """Every row of the first part with every row of the next one, of which the last changes fastest.
+    """Every row of the first part with every row of the next one, of which the last changes fastest."""
 
-    Attributes
-    ----------
-    parts
-        The parts; no name stands in two of them.
-    names
-        Names of all their columns, in the order in which they are given.
-    """
-
-    parts: Sequence[Columns]
-    names: tuple[str, ...]
+    parts: Sequence[Columns]  # the parts; no name stands in two of them
+    names: tuple[str, ...]  # names of all their columns, in the order in which they are given
 
     @property
     def count(self) -> int:
@@ -98,18 +82,10 @@ class CrossedColumns:
 
 @dataclass(frozen=True)
 class ChosenColumns:
-    """Some rows of columns.
+    """Some rows of columns."""
 
-    Attributes
-    ----------
-    whole
-        The columns.
-    rows
-        The rows, which count from 0 here.
-    """
-
-    whole: Columns
-    rows: NDArray[np.integer[Any]]
+    whole: Columns  # the columns
+    rows: NDArray[np.integer[Any]]  # the rows, which count from 0 here
 
     @property
     def names(self) -> tuple[str, ...]:

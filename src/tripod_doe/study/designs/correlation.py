@@ -9,13 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 
-__all__ = ["correlated", "correlation_matrix"]
-
-FloatArray = NDArray[np.float64]
 Correlation = Sequence[Sequence[str | float]] | Mapping[str, Mapping[str, float]]
 
 _INSIDE = 1e-12  # keeps the ends of the unit interval off the infinite tails

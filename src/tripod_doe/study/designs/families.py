@@ -21,8 +21,6 @@ from tripod_doe.study.designs.request import Family, Made, Request
 from tripod_doe.study.designs.sampled import SAMPLED
 from tripod_doe.study.file import DesignTable
 
-__all__ = ["FAMILIES", "checked_request", "count_part", "make_part"]
-
 
 def _part(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> Request:
     """What one design is asked for: the factors that it names, or all."""

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs.columns import Column
 from tripod_doe.study.designs.points import Points
-
-__all__ = ["point_keys"]
 
 _CHUNK = 10_000  # points whose parameters are held at once
 
@@ -30,7 +29,7 @@ def point_keys(study: Study, points: Points) -> NDArray[np.void]:
     start = _digest_of_names(study, names)
     start.update(_numbers(fixed, names[:shared], 1).tobytes())
 
-    def fingerprint(row: NDArray[np.float64]) -> bytes:
+    def fingerprint(row: FloatArray) -> bytes:
         digest = start.copy()
         digest.update(row)
         done: bytes = digest.digest()
@@ -52,7 +51,7 @@ def _digest_of_names(study: Study, names: Sequence[str]) -> Any:
     return hashlib.blake2b("\n".join(named).encode(), digest_size=16)
 
 
-def _numbers(columns: Mapping[str, Column], names: Sequence[str], count: int) -> NDArray[np.float64]:
+def _numbers(columns: Mapping[str, Column], names: Sequence[str], count: int) -> FloatArray:
     """Some parameters of some points as numbers, shape (point, name); words by their digests."""
     matrix = np.empty((count, len(names)))
     for position, name in enumerate(names):

@@ -15,8 +15,6 @@ from tripod_doe.study.designs.columns import Column, CrossedColumns, HeldColumns
 from tripod_doe.study.designs.request import Family, Made, Request, axis_levels, column_of, held, levels_of
 from tripod_doe.study.file import DesignTable
 
-__all__ = ["LISTED", "crossed", "grid_levels"]
-
 
 def _grid(request: Request) -> Made:
     """All combinations of the levels."""

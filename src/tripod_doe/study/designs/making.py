@@ -19,8 +19,6 @@ from tripod_doe.study.expressions import Expression
 from tripod_doe.study.file import DesignTable
 from tripod_doe.study.size import POINT_BYTES, refuse_too_many_points
 
-__all__ = ["make_points", "point_bytes", "point_count"]
-
 _CHUNK = 1_000_000
 """Points whose factors are held at once to check constraints."""
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tripod_doe.study.designs.sequences import FloatArray, Indices
-
-__all__ = ["CurveSample", "DifferenceSample"]
+from tripod_doe.array_types import FloatArray
+from tripod_doe.study.designs.sequences import Indices
 
 _SKIPPED, _STEP = 1024, 0.01  # SALib's: points at the beginning of its sequence, and the part by which a value is moved
 

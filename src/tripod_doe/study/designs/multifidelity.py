@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Value
 from tripod_doe.study.definition import Factor
@@ -21,8 +21,6 @@ from tripod_doe.study.designs.request import Family, Made, Request, column_of, f
 from tripod_doe.study.designs.sampled import SampledColumns, correlated_bytes, refuse_tails
 from tripod_doe.study.designs.sequences import HeldSample, RandomSample, SaltelliSample, UnitSample
 from tripod_doe.study.file import DesignTable, FactorTable
-
-__all__ = ["MULTIFIDELITY", "SAMPLE", "pilot_samples", "random_factors", "split_of"]
 
 SAMPLE = "sample"
 """Label of the points: the sample that each belongs to, the same in all models."""
@@ -78,28 +76,18 @@ def split_of(table: DesignTable, models: tuple[Value, ...]) -> dict[Value, int]:
 
 @dataclass(frozen=True)
 class _Rungs:
-    """The models one after the other, the truth first, each with its first samples.
+    """The models one after the other, the truth first, each with its first samples."""
 
-    Attributes
-    ----------
-    models
-        The models.
-    ends
-        Where the points of each end, shape (model,).
-    length
-        Points of a sample.
-    """
-
-    models: Column
-    ends: NDArray[np.int64]
-    length: int
+    models: Column  # the models
+    ends: IntArray  # where the points of each end, shape (model,)
+    length: int  # points of a sample
 
     @property
     def count(self) -> int:
         """Number of points."""
         return int(self.ends[-1])
 
-    def at(self, rows: Rows) -> tuple[Column, NDArray[np.int64]]:
+    def at(self, rows: Rows) -> tuple[Column, IntArray]:
         """The model of some points, and their places among the points of its samples."""
         numbers = row_numbers(rows, self.count)
         rungs = np.searchsorted(self.ends, numbers, side="right")

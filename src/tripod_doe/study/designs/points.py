@@ -11,49 +11,29 @@ from numpy.typing import NDArray
 
 from tripod_doe.study.designs.columns import NO_COLUMNS, Column, Columns, HeldColumns, Rows
 
-__all__ = ["Points"]
-
 
 @dataclass(frozen=True)
 class Points:
-    """All points of a study.
+    """All points of a study."""
 
-    Attributes
-    ----------
-    factors
-        Values of the factors at all points.
-    shape
-        Lengths of the cube's dimensions: one a factor for a grid, else the number of points.
-    dims
-        Names of these dimensions.
-    allowed
-        Whether a point meets the constraints, shape (point,); only a grid keeps cells that do not.
-    levels
-        Of a grid the values of the factors along each dimension; none for a list of points.
-    labels
-        Further coordinates along ``point``, for instance which row of a sub-design a point belongs to.
-    notes
-        What the user should know of the design, for instance which effects it cannot tell apart.
-    chosen
-        Values of parameters that a pilot chose, each of shape (point,): not factors, but what a point runs with.
-    error_estimate, accuracy_met
-        Estimated relative errors of such a choice by quantity, and whether they meet the accuracy that was asked for
-        (1, 0, or -1 where nobody knows), each of shape (point,).
-    has_excluded
-        Whether a constraint leaves out any point of the whole design.
-    """
-
-    factors: Columns
-    shape: tuple[int, ...]
-    dims: tuple[str, ...]
+    factors: Columns  # values of the factors at all points
+    shape: tuple[int, ...]  # lengths of the cube's dimensions: one a factor for a grid, else the number of points
+    dims: tuple[str, ...]  # names of these dimensions
+    # whether a point meets the constraints, shape (point,); only a grid keeps cells that do not
     allowed: NDArray[np.bool_]
+    # of a grid the values of the factors along each dimension; none for a list of points
     levels: Mapping[str, Column] = field(default_factory=dict)
+    # further coordinates along ``point``, for instance which row of a sub-design a point belongs to
     labels: Columns = NO_COLUMNS
+    # what the user should know of the design, for instance which effects it cannot tell apart
     notes: tuple[str, ...] = ()
+    # values of parameters that a pilot chose, each of shape (point,): not factors, but what a point runs with
     chosen: dict[str, Column] = field(default_factory=dict)
+    # error_estimate, accuracy_met: estimated relative errors of such a choice by quantity, and whether they meet the
+    # accuracy that was asked for (1, 0, or -1 where nobody knows), each of shape (point,)
     error_estimate: dict[str, Column] = field(default_factory=dict)
     accuracy_met: Column | None = None
-    has_excluded: bool = False
+    has_excluded: bool = False  # whether a constraint leaves out any point of the whole design
 
     @property
     def count(self) -> int:

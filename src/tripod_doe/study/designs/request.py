@@ -13,26 +13,14 @@ from tripod_doe.study.definition import Factor, Study
 from tripod_doe.study.designs.columns import NO_COLUMNS, Column, Columns, HeldColumns
 from tripod_doe.study.file import DesignTable, FactorTable
 
-__all__ = ["Family", "Made", "Request", "axis_levels", "column_of", "factor_groups", "held", "levels_of"]
-
 
 @dataclass(frozen=True)
 class Request:
-    """One design of a study, or one part of a product.
+    """One design of a study, or one part of a product."""
 
-    Attributes
-    ----------
-    study
-        The study.
-    table
-        Its table [design], or [design.NAME] of a part.
-    factors
-        The factors that this design varies, in file order.
-    """
-
-    study: Study
-    table: DesignTable
-    factors: Mapping[str, Factor]
+    study: Study  # the study
+    table: DesignTable  # its table [design], or [design.NAME] of a part
+    factors: Mapping[str, Factor]  # the factors that this design varies, in file order
 
     @property
     def tables(self) -> dict[str, FactorTable]:
@@ -42,21 +30,11 @@ class Request:
 
 @dataclass(frozen=True)
 class Made:
-    """The points of one design.
+    """The points of one design."""
 
-    Attributes
-    ----------
-    columns
-        Values of its factors.
-    labels
-        Further coordinates of its points.
-    notes
-        What the user should know of it.
-    """
-
-    columns: Columns
-    labels: Columns = NO_COLUMNS
-    notes: tuple[str, ...] = ()
+    columns: Columns  # values of its factors
+    labels: Columns = NO_COLUMNS  # further coordinates of its points
+    notes: tuple[str, ...] = ()  # what the user should know of it
 
 
 def held(
@@ -79,31 +57,17 @@ def _listed(table: DesignTable) -> int:
 
 @dataclass(frozen=True)
 class Family:
-    """One kind of design.
+    """One kind of design."""
 
-    Attributes
-    ----------
-    make
-        Makes the points of a request, always the same ones.
-    count
-        How many these are, from counts alone; 0 where only making them tells.
-    block
-        (table, number of factors or groups) -> how many points in a row an analysis needs together. A constraint cannot
-        leave out one of them, and where one of them failed, the others are of no use.
-    uncorrelated
-        Why its factors cannot be correlated; empty where they can.
-    grouped
-        Whether factors can be varied in groups.
-    value_bytes
-        Bytes of memory that a value of a factor takes while the points are made; 0 where they are made when they are
-        asked for.
-    """
-
-    make: Callable[[Request], Made]
-    count: Callable[[Request], int]
+    make: Callable[[Request], Made]  # makes the points of a request, always the same ones
+    count: Callable[[Request], int]  # how many these are, from counts alone; 0 where only making them tells
+    # (table, number of factors or groups) -> how many points in a row an analysis needs together. A constraint cannot
+    # leave out one of them, and where one of them failed, the others are of no use.
     block: Callable[[DesignTable, int], int] = _alone
-    uncorrelated: str = "it does not sample distributions"
-    grouped: bool = False
+    uncorrelated: str = "it does not sample distributions"  # why its factors cannot be correlated; empty where they can
+    grouped: bool = False  # whether factors can be varied in groups
+    # bytes of memory that a value of a factor takes while the points are made; 0 where they are made when they are
+    # asked for
     value_bytes: Callable[[DesignTable], int] = _listed
 
 

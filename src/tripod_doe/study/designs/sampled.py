@@ -14,32 +14,16 @@ from typing import Any
 
 import numpy as np
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition import Factor
 from tripod_doe.study.designs.columns import Column, Columns, Rows, row_numbers
 from tripod_doe.study.designs.correlation import correlated, correlation_matrix
 from tripod_doe.study.designs.method_samples import CurveSample, DifferenceSample
 from tripod_doe.study.designs.request import Family, Made, Request, factor_groups, held
-from tripod_doe.study.designs.sequences import (
-    FloatArray,
-    HaltonSample,
-    HeldSample,
-    SaltelliSample,
-    SobolSample,
-    UnitSample,
-)
+from tripod_doe.study.designs.sequences import HaltonSample, HeldSample, SaltelliSample, SobolSample, UnitSample
 from tripod_doe.study.distributions import is_unbounded, quantile
 from tripod_doe.study.file import DesignTable, FactorTable
-
-__all__ = [
-    "CURVE_HARMONICS",
-    "SAMPLED",
-    "SampledColumns",
-    "correlated_bytes",
-    "refuse_tails",
-    "salib_problem",
-    "unit_sample",
-]
 
 Sampler = Callable[[DesignTable, Mapping[str, FactorTable]], UnitSample]
 
@@ -171,18 +155,10 @@ def unit_sample(table: DesignTable, tables: Mapping[str, FactorTable]) -> UnitSa
 
 @dataclass(frozen=True)
 class SampledColumns:
-    """Factors with the distributions of theirs that points on the unit cube stand for.
+    """Factors with the distributions of theirs that points on the unit cube stand for."""
 
-    Attributes
-    ----------
-    sample
-        The points on the unit cube.
-    factors
-        The factors by name.
-    """
-
-    sample: UnitSample
-    factors: Mapping[str, Factor]
+    sample: UnitSample  # the points on the unit cube
+    factors: Mapping[str, Factor]  # the factors by name
 
     @property
     def names(self) -> tuple[str, ...]:

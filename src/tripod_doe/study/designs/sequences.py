@@ -10,20 +10,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 
-__all__ = [
-    "FloatArray",
-    "HaltonSample",
-    "HeldSample",
-    "Indices",
-    "RandomSample",
-    "SaltelliSample",
-    "SobolSample",
-    "UnitSample",
-]
-
-FloatArray = NDArray[np.float64]
 Indices = NDArray[np.integer[Any]]
 
 _BITS = 30  # of the numbers of SciPy's Sobol' sequences
@@ -46,15 +35,9 @@ class UnitSample(Protocol):
 
 @dataclass(frozen=True)
 class HeldSample:
-    """Points in memory.
+    """Points in memory."""
 
-    Attributes
-    ----------
-    points
-        The points, shape (point, factor).
-    """
-
-    points: FloatArray
+    points: FloatArray  # the points, shape (point, factor)
 
     @property
     def count(self) -> int:
@@ -185,18 +168,11 @@ def _by_stretches(rows: Indices, width: int, stretch: Callable[[int, int], Float
 
 @dataclass(frozen=True)
 class SaltelliSample:
-    """Saltelli's blocks (2002) as SALib orders them: sample A, A with some factors of B, B with some of A, sample B.
+    """Saltelli's blocks (2002) as SALib orders them: sample A, A with some factors of B, B with some of A, sample B."""
 
-    Attributes
-    ----------
-    pairs
-        Sequences whose points are those of A and B side by side, shape (row, 2 factor); blocks take them by turns.
-    from_b
-        Which factors each point of a block has from B, shape (point of a block, factor).
-    """
-
+    # sequences whose points are those of A and B side by side, shape (row, 2 factor); blocks take them by turns
     pairs: Sequence[UnitSample]
-    from_b: NDArray[np.bool_]
+    from_b: NDArray[np.bool_]  # which factors each point of a block has from B, shape (point of a block, factor)
 
     @property
     def count(self) -> int:

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.service.explorer.figures.parts import (
     FAILED_COLOUR,
     SEQUENTIAL,
@@ -24,8 +25,6 @@ from tripod_doe.service.explorer.figures.parts import (
     point_numbers,
     shown,
 )
-
-__all__ = ["heat_map"]
 
 _MOST_CROSSES = 2000
 _MOST_NAMED = 4000  # cells above which names in tooltips would outweigh the numbers
@@ -55,11 +54,16 @@ def heat_map(data: xr.Dataset, x: str, y: str, limits: tuple[float, float] | Non
     places = {name: _places(data[name]) for name in (x, y)}
     cells: dict[str, Any] = {
         "type": "heatmap",
-        "x": packed(edges(*places[x])), "y": packed(edges(*places[y])), "z": packed(variable.values.astype(float)),
-        "zmin": low, "zmax": high, "colorscale": _scale(low, high), "hoverongaps": False,
+        "x": packed(edges(*places[x])),
+        "y": packed(edges(*places[y])),
+        "z": packed(variable.values.astype(float)),
+        "zmin": low,
+        "zmax": high,
+        "colorscale": _scale(low, high),
+        "hoverongaps": False,
         "colorbar": colour_bar(label_of(variable)),
         "hovertemplate": "%{x:.4~g}, %{y:.4~g}: <b>%{z:.4~g}</b><extra></extra>",
-    }  # fmt: skip
+    }
     if variable.size <= _MOST_NAMED:
         cells |= {"hovertemplate": "%{text}: <b>%{z:.4~g}</b><extra></extra>", "text": _names(data, x, y)}
     traces = [cells]
@@ -80,12 +84,17 @@ def _scale(low: float, high: float) -> list[list[Any]] | str:
     """Shades from dark to light, or two colours from zero where the numbers have both signs."""
     if low < 0 < high:
         middle = -low / (high - low)
-        return [[0, "#2166ac"], [middle / 2, "#8ab8d8"], [middle, "#e8e8e6"],
-                [(1 + middle) / 2, "#e3a587"], [1, "#b2402b"]]  # fmt: skip
+        return [
+            [0, "#2166ac"],
+            [middle / 2, "#8ab8d8"],
+            [middle, "#e8e8e6"],
+            [(1 + middle) / 2, "#e3a587"],
+            [1, "#b2402b"],
+        ]
     return [list(stop) for stop in SEQUENTIAL]
 
 
-def _places(coordinate: xr.DataArray) -> tuple[NDArray[np.float64], bool]:
+def _places(coordinate: xr.DataArray) -> tuple[FloatArray, bool]:
     """Places of the levels along an axis, and whether it is logarithmic; words and unordered numbers are counted."""
     values = coordinate.values
     if not _is_ordered(values):
@@ -116,7 +125,7 @@ def _word(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _blanks(data: xr.Dataset, x: tuple[NDArray[np.float64], bool], y: tuple[NDArray[np.float64], bool]) -> list[Any]:
+def _blanks(data: xr.Dataset, x: tuple[FloatArray, bool], y: tuple[FloatArray, bool]) -> list[Any]:
     """Hatching and a mark with the reason for each cell without a number."""
     reasons, failed, numbers = blank_reasons(data), is_failed(data).values, point_numbers(data)
     left, bottom = edges(*x), edges(*y)
@@ -130,19 +139,43 @@ def _blanks(data: xr.Dataset, x: tuple[NDArray[np.float64], bool], y: tuple[NDAr
         heights = corners.copy()
         corners[:, :5] = left[np.stack([across, across + 1, across + 1, across, across], 1)]
         heights[:, :5] = bottom[np.stack([up, up, up + 1, up + 1, up], 1)]
-        traces.append({
-            "type": "scatter", "mode": "lines", "x": packed(corners.ravel()), "y": packed(heights.ravel()),
-            "fill": "toself", "line": {"width": 0, "color": colour}, "hoverinfo": "skip", "showlegend": False,
-            "fillpattern": {"shape": shape, "fgcolor": colour, "bgcolor": "rgba(0,0,0,0)", "size": 6, "solidity": 0.25},
-            "fillcolor": colour,
-        })  # fmt: skip
+        traces.append(
+            {
+                "type": "scatter",
+                "mode": "lines",
+                "x": packed(corners.ravel()),
+                "y": packed(heights.ravel()),
+                "fill": "toself",
+                "line": {"width": 0, "color": colour},
+                "hoverinfo": "skip",
+                "showlegend": False,
+                "fillpattern": {
+                    "shape": shape,
+                    "fgcolor": colour,
+                    "bgcolor": "rgba(0,0,0,0)",
+                    "size": 6,
+                    "solidity": 0.25,
+                },
+                "fillcolor": colour,
+            }
+        )
         few = slice(None, _MOST_CROSSES)
-        traces.append({
-            "type": "scatter", "mode": "markers", "showlegend": False,
-            "x": packed(x[0][across][few]), "y": packed(y[0][up][few]),
-            "text": reasons[rows].tolist()[few], "customdata": packed(numbers[rows][few]),
-            "marker": {"symbol": "x-thin" if shape == "/" else "circle-open", "size": 5 if up.size > 200 else 8,
-                       "color": colour, "line": {"width": 1.5, "color": colour}},
-            "hovertemplate": "%{text}<extra></extra>",
-        })  # fmt: skip
+        traces.append(
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "showlegend": False,
+                "x": packed(x[0][across][few]),
+                "y": packed(y[0][up][few]),
+                "text": reasons[rows].tolist()[few],
+                "customdata": packed(numbers[rows][few]),
+                "marker": {
+                    "symbol": "x-thin" if shape == "/" else "circle-open",
+                    "size": 5 if up.size > 200 else 8,
+                    "color": colour,
+                    "line": {"width": 1.5, "color": colour},
+                },
+                "hovertemplate": "%{text}<extra></extra>",
+            }
+        )
     return traces

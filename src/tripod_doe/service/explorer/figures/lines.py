@@ -24,8 +24,6 @@ from tripod_doe.service.explorer.figures.parts import (
     shown,
 )
 
-__all__ = ["lines"]
-
 _NAMED = 8  # lines that a legend can tell apart; more are shaded by their number
 _MARKED = 60  # points of a line above which it is drawn without markers
 _MOST = 200
@@ -113,12 +111,21 @@ def _marks(rows: list[xr.Dataset], x: str, names: list[str]) -> list[dict[str, A
             + (f"<br>and {n - 1} more" if n > 1 else "")
             for line, place, n in zip(first.tolist(), at.tolist(), count.tolist(), strict=True)
         ]
-        found.append({
-            "type": "scatter", "mode": "markers", "yaxis": "y2", "showlegend": False, "cliponaxis": False,
-            "x": packed(rows[0][x].values[at]), "y": [0.02] * at.size, "text": texts,
-            "customdata": packed(numbers[first, at]), "hovertemplate": "%{x}: %{text}<extra></extra>",
-            "marker": {"symbol": symbol, "size": 9, "color": colour, "line": {"width": 2, "color": colour}},
-        })  # fmt: skip
+        found.append(
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "yaxis": "y2",
+                "showlegend": False,
+                "cliponaxis": False,
+                "x": packed(rows[0][x].values[at]),
+                "y": [0.02] * at.size,
+                "text": texts,
+                "customdata": packed(numbers[first, at]),
+                "hovertemplate": "%{x}: %{text}<extra></extra>",
+                "marker": {"symbol": symbol, "size": 9, "color": colour, "line": {"width": 2, "color": colour}},
+            }
+        )
     return found
 
 
@@ -135,10 +142,18 @@ def _scale(coordinate: xr.DataArray) -> dict[str, Any]:
     values = coordinate.values.astype(float)[:_MOST]
     colours = ramp(9)
     return {
-        "type": "scatter", "mode": "markers", "x": [None], "y": [None], "showlegend": False, "hoverinfo": "skip",
+        "type": "scatter",
+        "mode": "markers",
+        "x": [None],
+        "y": [None],
+        "showlegend": False,
+        "hoverinfo": "skip",
         "marker": {
-            "color": [float(values.min())], "cmin": float(values.min()), "cmax": float(values.max()), "showscale": True,
+            "color": [float(values.min())],
+            "cmin": float(values.min()),
+            "cmax": float(values.max()),
+            "showscale": True,
             "colorscale": [[at / 8, colour] for at, colour in enumerate(colours)],
             "colorbar": colour_bar(label_of(coordinate)),
         },
-    }  # fmt: skip
+    }

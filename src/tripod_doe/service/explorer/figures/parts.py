@@ -9,14 +9,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.quantities import level, with_unit
 from tripod_doe.report.responses import spoken, unit_text
 from tripod_doe.simulator import OUTCOME_MEANINGS, Outcome
-
-__all__ = [
-    "FAILED_COLOUR", "NUMBER", "SEQUENTIAL", "WAITING_COLOUR", "Figure", "axis", "blank_reasons", "colour_bar", "edges",
-    "is_failed", "is_numbered", "label_of", "level_texts", "packed", "point_numbers", "ramp", "shown", "with_brackets",
-]  # fmt: skip
 
 Figure = dict[str, Any]
 """A figure as Plotly takes it: ``{"data": [...], "layout": {...}}``."""
@@ -28,8 +24,13 @@ FAILED_COLOUR, WAITING_COLOUR = "#b5532a", "#8b96a3"
 """Readable on light and on dark paper."""
 
 SEQUENTIAL = (
-    (0.0, "#1f3b73"), (0.2, "#26648e"), (0.4, "#2a9187"), (0.6, "#6bb56b"), (0.8, "#c9c94f"), (1.0, "#fbe183"),
-)  # fmt: skip
+    (0.0, "#1f3b73"),
+    (0.2, "#26648e"),
+    (0.4, "#2a9187"),
+    (0.6, "#6bb56b"),
+    (0.8, "#c9c94f"),
+    (1.0, "#fbe183"),
+)
 """Colour scale of heat maps: darker is less, also for readers who do not see colours."""
 
 _LEAST_RATIO = 8.0  # levels that grow evenly by factors and span more than this are drawn on a logarithmic axis
@@ -87,7 +88,7 @@ def colour_bar(label: str) -> dict[str, Any]:
     return {"title": {"text": label, "side": "right", "font": {"size": 12.5}}, "thickness": 12, "outlinewidth": 0}
 
 
-def edges(values: NDArray[np.float64], logarithmic: bool) -> NDArray[np.float64]:
+def edges(values: FloatArray, logarithmic: bool) -> FloatArray:
     """Limits of the cells around levels, shape (levels + 1,): midway between neighbours."""
     places = np.log(values) if logarithmic else values
     if places.size == 1:

@@ -9,8 +9,6 @@ import xarray as xr
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.parts import Figure, axis, label_of, packed
 
-__all__ = ["bars", "point_figures"]
-
 _SHARED = 4  # curves that one pair of axes takes
 
 
@@ -63,9 +61,12 @@ def bars(data: xr.Dataset, x: str, series: str | None = None) -> Figure:
             else f"{series} {row[series].item()}"
         )
         trace: dict[str, Any] = {
-            "type": "bar", "name": name, "x": packed(data[x].values), "y": packed(drawn.values.astype(float)),
+            "type": "bar",
+            "name": name,
+            "x": packed(data[x].values),
+            "y": packed(drawn.values.astype(float)),
             "hovertemplate": f"{x} %{{x}}: <b>%{{y:.4~g}}</b><extra>{name}</extra>",
-        }  # fmt: skip
+        }
         if f"{variable.name}_error" in row:
             error = packed(row[f"{variable.name}_error"].values)
             trace["error_y"] = {"type": "data", "array": error, "thickness": 1, "width": 3}
@@ -75,7 +76,9 @@ def bars(data: xr.Dataset, x: str, series: str | None = None) -> Figure:
     return {
         "data": traces,
         "layout": {
-            "xaxis": axis(data[x]) | ticks, "yaxis": {"title": {"text": label_of(variable)}, "automargin": True},
-            "barmode": "group", "showlegend": len(traces) > 1,
+            "xaxis": axis(data[x]) | ticks,
+            "yaxis": {"title": {"text": label_of(variable)}, "automargin": True},
+            "barmode": "group",
+            "showlegend": len(traces) > 1,
         },
-    }  # fmt: skip
+    }

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.service.explorer.figures.parts import (
     FAILED_COLOUR,
     SEQUENTIAL,
@@ -22,8 +23,6 @@ from tripod_doe.service.explorer.figures.parts import (
     point_numbers,
     shown,
 )
-
-__all__ = ["scatter"]
 
 _MOST = 4000  # points that a browser draws at once without delay, and a reader tells apart
 _CELLS = 60
@@ -67,9 +66,14 @@ def scatter(data: xr.Dataset, x: str, colour: str | None = None) -> Figure:
         marker |= _colours(values, label_of(data[colour]))
         told += f"<br>{label_of(data[colour])} %{{text}}"
     trace = {
-        "type": "scatter", "mode": "markers", "x": packed(places[known]), "y": packed(heights[known]),
-        "customdata": packed(numbers[known]), "marker": marker, "hovertemplate": told + "<extra></extra>",
-    }  # fmt: skip
+        "type": "scatter",
+        "mode": "markers",
+        "x": packed(places[known]),
+        "y": packed(heights[known]),
+        "customdata": packed(numbers[known]),
+        "marker": marker,
+        "hovertemplate": told + "<extra></extra>",
+    }
     if colour:
         trace["text"] = [f"{value:.6g}" if isinstance(value, float) else str(value) for value in values.tolist()]
     return {"data": [trace, *_crosses(data, places)], "layout": layout}
@@ -81,22 +85,28 @@ def _colours(values: NDArray[Any], label: str) -> dict[str, Any]:
         ticks = {"tickvals": list(range(known.size)), "ticktext": known.tolist()}
         return _colours(which.astype(float), label) | {"colorbar": colour_bar(label) | ticks}
     return {
-        "color": packed(values.astype(float)), "colorscale": [list(stop) for stop in SEQUENTIAL],
-        "colorbar": colour_bar(label), "line": {"width": 0.5, "color": "#8b96a3"},
-    }  # fmt: skip
+        "color": packed(values.astype(float)),
+        "colorscale": [list(stop) for stop in SEQUENTIAL],
+        "colorbar": colour_bar(label),
+        "line": {"width": 0.5, "color": "#8b96a3"},
+    }
 
 
-def _density(places: NDArray[np.float64], heights: NDArray[np.float64]) -> dict[str, Any]:
+def _density(places: FloatArray, heights: FloatArray) -> dict[str, Any]:
     counts, right, top = np.histogram2d(places, heights, bins=_CELLS)
     shade = np.where(counts > 0, np.log10(np.maximum(counts, 1)), np.nan).T
     powers = {"tickvals": [0, 1, 2, 3, 4, 5], "ticktext": ["1", "10", "100", "1k", "10k", "100k"]}
     return {
-        "type": "heatmap", "x": packed(right), "y": packed(top), "z": packed(shade),
+        "type": "heatmap",
+        "x": packed(right),
+        "y": packed(top),
+        "z": packed(shade),
         "text": counts.T.astype(int).tolist(),
-        "colorscale": [list(stop) for stop in SEQUENTIAL], "hoverongaps": False,
+        "colorscale": [list(stop) for stop in SEQUENTIAL],
+        "hoverongaps": False,
         "hovertemplate": "%{text} points near %{x:.4~g}, %{y:.4~g}<extra></extra>",
         "colorbar": colour_bar("points") | powers,
-    }  # fmt: skip
+    }
 
 
 def _crosses(data: xr.Dataset, places: NDArray[Any]) -> list[dict[str, Any]]:
@@ -106,10 +116,22 @@ def _crosses(data: xr.Dataset, places: NDArray[Any]) -> list[dict[str, Any]]:
     failed = is_failed(data).values.ravel()
     if not failed.any():
         return []
-    return [{
-        "type": "scatter", "mode": "markers", "yaxis": "y2", "cliponaxis": False, "x": packed(places[failed][:_MOST]),
-        "y": [0.02] * min(int(failed.sum()), _MOST), "text": blank_reasons(data).ravel()[failed].tolist()[:_MOST],
-        "customdata": packed(point_numbers(data).ravel()[failed][:_MOST]),
-        "hovertemplate": "%{x}: %{text}<extra></extra>",
-        "marker": {"symbol": "x-thin", "size": 8, "color": FAILED_COLOUR, "line": {"width": 2, "color": FAILED_COLOUR}},
-    }]  # fmt: skip
+    return [
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "yaxis": "y2",
+            "cliponaxis": False,
+            "x": packed(places[failed][:_MOST]),
+            "y": [0.02] * min(int(failed.sum()), _MOST),
+            "text": blank_reasons(data).ravel()[failed].tolist()[:_MOST],
+            "customdata": packed(point_numbers(data).ravel()[failed][:_MOST]),
+            "hovertemplate": "%{x}: %{text}<extra></extra>",
+            "marker": {
+                "symbol": "x-thin",
+                "size": 8,
+                "color": FAILED_COLOUR,
+                "line": {"width": 2, "color": FAILED_COLOUR},
+            },
+        }
+    ]
