@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
 from tripod_doe.study.netcdf import TEXT_TABLE, are_point_numbers, reading
+from tripod_doe.study.netcdf_lock import NETCDF_LOCK
 from tripod_doe.study.results import cube_files, cube_so_far, is_shown
 
 if TYPE_CHECKING:
@@ -114,19 +115,22 @@ def opened_arrays(path: str | Path) -> Iterator[CubeArrays]:
     variables: dict[str, Variable] = {}
     stored: list[netCDF4.Dataset] = []
     try:
-        for file in cube_files(Path(path)):
-            with reading(file):
-                stored.append(netCDF4.Dataset(file))
-                labels = _coordinate_names(stored[-1])
-                sizes |= {name: dimension.size for name, dimension in stored[-1].dimensions.items()}
-            tables = {_text_table(array) for array in stored[-1].variables.values()}
-            for name in stored[-1].variables:
-                if name not in tables:
-                    (coordinates if name in labels else variables)[name] = _stored_variable(stored[-1], name, file)
-        yield CubeArrays(sizes, coordinates, variables, _notes(stored[0].__dict__))
+        with NETCDF_LOCK:
+            for file in cube_files(Path(path)):
+                with reading(file):
+                    stored.append(netCDF4.Dataset(file))
+                    labels = _coordinate_names(stored[-1])
+                    sizes |= {name: dimension.size for name, dimension in stored[-1].dimensions.items()}
+                tables = {_text_table(array) for array in stored[-1].variables.values()}
+                for name in stored[-1].variables:
+                    if name not in tables:
+                        (coordinates if name in labels else variables)[name] = _stored_variable(stored[-1], name, file)
+            notes = _notes(stored[0].__dict__)
+        yield CubeArrays(sizes, coordinates, variables, notes)
     finally:
-        for dataset in stored:
-            dataset.close()
+        with NETCDF_LOCK:
+            for dataset in stored:
+                dataset.close()
 
 
 def _notes(attributes: Mapping[str, Any]) -> tuple[str, ...]:
@@ -150,12 +154,12 @@ def _stored_variable(stored: netCDF4.Dataset, name: str, file: Path) -> Variable
     table = _text_table(array)
 
     def read(place: tuple[slice, ...]) -> NDArray[Any]:
-        array.set_auto_mask(False)  # what is missing in a cube is NaN, or a flag of its own
-        with reading(file):
+        with NETCDF_LOCK, reading(file):
+            array.set_auto_mask(False)  # what is missing in a cube is NaN, or a flag of its own
             values = np.asarray(array[place or ...])
             if table:
                 return np.asarray(stored.variables[table][...].astype(object)[values])
-        is_switch = "dtype" in array.ncattrs() and array.getncattr("dtype") == "bool"  # xarray's way: netCDF has none
+            is_switch = "dtype" in array.ncattrs() and array.getncattr("dtype") == "bool"  # as xarray: netCDF has none
         return values.astype(bool) if is_switch else values
 
     def numbers(place: tuple[slice, ...]) -> NDArray[Any]:

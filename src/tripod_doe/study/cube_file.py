@@ -18,10 +18,10 @@ import pandas
 import xarray as xr
 from numpy.typing import NDArray
 from xarray.backends import NetCDF4DataStore
-from xarray.backends.netCDF4_ import NETCDF4_PYTHON_LOCK
 
 from tripod_doe.study.designs import Points
 from tripod_doe.study.netcdf import TEXT_TABLE, opened_store
+from tripod_doe.study.netcdf_lock import NETCDF_LOCK
 from tripod_doe.study.slabs import Slab, box
 
 _CHUNK_BYTES = 2_000_000
@@ -88,7 +88,8 @@ class CubeFile:
             )
             for name, table in self._texts.items()
         }
-        xr.Dataset(tables, attrs=attributes).dump_to_store(self._store)
+        with NETCDF_LOCK:
+            xr.Dataset(tables, attrs=attributes).dump_to_store(self._store)
 
     def _coded(self, name: Any, variable: xr.Variable) -> xr.Variable:
         """A variable without texts along the points."""
@@ -118,18 +119,19 @@ class CubeFile:
             encoding[name] = self._encoding(variable, name in part.coords)
         coords = xr.Coordinates({**self._levels, **{name: variables[name] for name in part.coords}}, indexes={})
         added = xr.Dataset({name: variables[name] for name in new if name not in coords}, coords)
-        added.dump_to_store(self._store, encoding={name: encoding.get(name, {}) for name in added.variables})
+        with NETCDF_LOCK:
+            added.dump_to_store(self._store, encoding={name: encoding.get(name, {}) for name in added.variables})
+            for name in new:
+                self._store.ds.variables[name].set_var_chunk_cache(size=_CHUNK_BYTES)  # slabs are whole chunks
         for name in new:
-            self._store.ds.variables[name].set_var_chunk_cache(size=_CHUNK_BYTES)  # slabs are whole chunks
             self._missing[name] = _missing(coded[name])
             if not isinstance(self._missing[name], float):
                 for earlier in self._written:
                     self._put(name, earlier, self._missing[name])
 
     def _put(self, name: Any, slab: Slab, values: NDArray[Any] | float) -> None:
-        variable = self._store.ds.variables[name]  # to get it takes the same lock
-        with NETCDF4_PYTHON_LOCK:  # the library is not made for several threads
-            variable[slab.place] = values
+        with NETCDF_LOCK:
+            self._store.ds.variables[name][slab.place] = values
 
     def _encoding(self, variable: xr.Variable, is_coordinate: bool) -> dict[str, Any]:
         """How a variable is stored: its chunks, and compressed where a part of its values says that this pays."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from tripod_doe.atomic_files import replace_file
 from tripod_doe.errors import CubeError, option
+from tripod_doe.study.netcdf_lock import NETCDF_LOCK
 
 if TYPE_CHECKING:  # a query reads cubes without xarray
     import xarray as xr
@@ -44,7 +45,7 @@ def write_dataset(dataset: xr.Dataset, path: Path) -> None:
     """
     floats = [name for name, variable in dataset.variables.items() if variable.dtype.kind == "f"]
     encoding = {name: {"_FillValue": np.nan if name in dataset.data_vars else None} for name in floats}
-    with opened_store(path) as store:
+    with NETCDF_LOCK, opened_store(path) as store:
         dataset.dump_to_store(store, encoding=encoding)
 
 
@@ -52,23 +53,26 @@ def write_dataset(dataset: xr.Dataset, path: Path) -> None:
 def opened_store(path: Path) -> Iterator[NetCDF4DataStore]:
     """Give a store for a netCDF file to write, which takes the place of an older one at the end of the block.
 
+    The lock around netCDF4 is to be held while something is written to it, by the thread that writes.
+
     Raises
     ------
     StorageError
         If it cannot be written; the old file stays.
     """
     from xarray.backends import NetCDF4DataStore
-    from xarray.backends.netCDF4_ import NETCDF4_PYTHON_LOCK
 
     with replace_file(path) as fresh:
         # as `to_netcdf` does, which would import dask.distributed to ask which lock it needs
-        store = NetCDF4DataStore.open(  # type: ignore[no-untyped-call]
-            fresh, mode="w", format="NETCDF4", lock=NETCDF4_PYTHON_LOCK
-        )
+        with NETCDF_LOCK:
+            store = NetCDF4DataStore.open(  # type: ignore[no-untyped-call]
+                fresh, mode="w", format="NETCDF4", lock=NETCDF_LOCK
+            )
         try:
             yield store
         finally:
-            store.close()
+            with NETCDF_LOCK:
+                store.close()
 
 
 @contextmanager
@@ -149,9 +153,16 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
     from tripod_doe.study.text_tables import with_texts
 
     with reading(path):
-        stored = xr.open_dataset(
-            path, engine="netcdf4", decode_timedelta=False, chunks=chunks, cache=False, create_default_indexes=False
-        )
+        with NETCDF_LOCK:  # not while values are read: Dask's threads, which take it for each, would wait for this one
+            stored = xr.open_dataset(
+                path,
+                engine="netcdf4",
+                decode_timedelta=False,
+                chunks=chunks,
+                cache=False,
+                create_default_indexes=False,
+                lock=NETCDF_LOCK,
+            )
         read = with_texts(stored)
         for dim in stored.dims:
             if dim not in stored.coords or (dim == "point" and not by_number):
