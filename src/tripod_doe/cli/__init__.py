@@ -1,6 +1,6 @@
-"""The command line: `main` runs it; the commands stand in `studies`, `answers` and `starting`.
+"""The command line: one module per command, the parser that they share, and `main`, which runs them.
 
-The imports of a command stand in its function: each loads only what it needs.
+A module imports what its command needs when it is called, so that each command loads only that.
 """
 
 from tripod_doe.cli.main import main

@@ -13,12 +13,24 @@ import traceback
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-from tripod_doe.cli import answers, serving, starting, studies
+from tripod_doe.cli import compare, completion, init, plan, query, report, run, schema, serve, simulate, workflow
 from tripod_doe.cli.parser import DONE, INTERNAL, WRONG_INPUT, Parser
 from tripod_doe.errors import InputError, TripodDoeError, speaking_of_options
 from tripod_doe.interrupts import INTERRUPTED, check_interrupt, leave_interrupted, take_interrupts
 
-COMMANDS = {**studies.COMMANDS, **answers.COMMANDS, **serving.COMMANDS, **starting.COMMANDS}
+COMMANDS = {
+    "run": run.COMMAND,
+    "plan": plan.COMMAND,
+    "report": report.COMMAND,
+    "workflow": workflow.COMMAND,
+    "query": query.COMMAND,
+    "simulate": simulate.COMMAND,
+    "compare": compare.COMMAND,
+    "serve": serve.COMMAND,
+    "init": init.COMMAND,
+    "schema": schema.COMMAND,
+    "completion": completion.COMMAND,
+}
 """All commands by the word that calls them, in the order of the help."""
 
 
@@ -94,5 +106,5 @@ def build_parser(arguments: Sequence[str]) -> Parser:
     for name, command in COMMANDS.items():
         own = parsers.add_parser(name, help=command.help, description=command.help)
         command.add_arguments(own, arguments)
-        own.set_defaults(command=command.run, parser=own)
+        own.set_defaults(command=command.run, parser=own, build_parser=build_parser)
     return root

@@ -1,4 +1,4 @@
-"""The command that serves: serve."""
+"""Serve runs, cubes and reports in a browser and over HTTP."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from tripod_doe.cli.parser import DONE, Command, Parser
 
 
-def _add_serve(parser: Parser, arguments: Sequence[str]) -> None:
+def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument(
         "--folder",
         metavar="DIR",
@@ -36,7 +36,7 @@ def _add_serve(parser: Parser, arguments: Sequence[str]) -> None:
     )
 
 
-def _serve(options: argparse.Namespace) -> int:
+def _run(options: argparse.Namespace) -> int:
     from tripod_doe.service.server import serve
     from tripod_doe.service.settings import Settings, read_token
 
@@ -47,4 +47,4 @@ def _serve(options: argparse.Namespace) -> int:
     return DONE
 
 
-COMMANDS = {"serve": Command("show and run studies in a browser and over HTTP", _add_serve, _serve)}
+COMMAND = Command("show and run studies in a browser and over HTTP", _add_arguments, _run)

@@ -1,0 +1,77 @@
+"""Count points, time and bytes of a study or a workflow before anything runs."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from tripod_doe.cli.parser import DONE, Command, Parser
+from tripod_doe.errors import InputError, option
+from tripod_doe.quantities import duration
+
+_SILENT_POINTS = 200_000
+"""Points up to which a plan needs no word while it is made."""
+_CHECK_SECONDS = 25e-6
+"""Time that a plan takes per point of the joint (Intel Xeon, idle)."""
+
+
+def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
+    parser.add_argument("file", metavar="FILE.toml", type=Path, help="study file or workflow file")
+    parser.add_argument("--no-timing", action="store_true", help="count points and bytes only, without timing")
+    parser.add_argument(
+        "--out",
+        metavar="DIR",
+        type=Path,
+        help='result directory with models that a pilot chose (model = "auto"), or with a split, to show them',
+    )
+    parser.add_argument("--quick", action="store_true", help="for a workflow: plan the smaller studies of [quick]")
+    parser.add_argument("--workers", metavar="N", type=int, default=2, help="worker processes to plan for (default 2)")
+
+
+def _run(options: argparse.Namespace) -> int:
+    from tripod_doe.study.file import is_workflow
+
+    return (_plan_workflow if is_workflow(options.file) else _plan_study)(options)
+
+
+def _plan_study(options: argparse.Namespace) -> int:
+    from tripod_doe.study.definition import load_study
+    from tripod_doe.study.designs import point_count
+    from tripod_doe.study.plan import plan
+
+    if options.quick:
+        raise InputError(f"{option('quick')}: {options.file} is a study; only workflows have a [quick]")
+    study = load_study(options.file)
+    if study.file.analysis:
+        from tripod_doe.workflow.analyses import check_analyses
+
+        check_analyses(study)
+    if (count := point_count(study)) > _SILENT_POINTS:
+        print(f"checking {count:,} points: about {duration(count * _CHECK_SECONDS)}", file=sys.stderr)
+    print(plan(study, timing=not options.no_timing).describe(max(options.workers, 1)))
+    if study.accuracy:
+        from tripod_doe.analysis.model_choice.study_choice import describe_choice
+
+        print(describe_choice(study, options.out))
+    if study.file.design.kind == "multifidelity":
+        from tripod_doe.analysis.multifidelity.study_split import describe_split
+
+        for line in describe_split(study, options.out):
+            print(line)
+    return DONE
+
+
+def _plan_workflow(options: argparse.Namespace) -> int:
+    from tripod_doe.workflow.plan import plan_workflow
+
+    if options.out:
+        raise InputError(
+            f"{option('out')}: {options.file} is a workflow, and only a study has models chosen by a pilot"
+        )
+    print(plan_workflow(options.file, options.quick, not options.no_timing).describe(max(options.workers, 1)))
+    return DONE
+
+
+COMMAND = Command("estimate points, time and size of a study or a workflow; writes nothing", _add_arguments, _run)

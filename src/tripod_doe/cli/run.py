@@ -1,0 +1,83 @@
+"""Run a study, or go on with one that was interrupted."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from tripod_doe.cli.parser import DONE, SOME_FAILED, Command, Parser, add_execution, add_out, add_study
+from tripod_doe.quantities import count_of, duration, pace
+
+
+def _seconds(text: str) -> float:
+    """A time such as ``90``, ``30s``, ``10min`` or ``2h``."""
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(s|min|h|d)?", text)
+    if match is None:
+        raise argparse.ArgumentTypeError(f"{text!r}: write a time such as 90, 30s, 10min or 2h")
+    return float(match[1]) * {None: 1, "s": 1, "min": 60, "h": 3600, "d": 86400}[match[2]]
+
+
+def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
+    add_study(parser)
+    add_out(parser)
+    add_execution(parser, "worker processes")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="address of a running Dask scheduler to use")
+    parser.add_argument(
+        "--scheduler-file", metavar="FILE", type=Path, help="file of that scheduler, in place of its address"
+    )
+    parser.add_argument(
+        "--wait",
+        metavar="TIME",
+        type=_seconds,
+        help="how long to wait for a scheduler: 30s, 2h (default 1min for a lost one)",
+    )
+    parser.add_argument(
+        "--take-over", action="store_true", help="take the place of a dead process that still holds the directory"
+    )
+    parser.add_argument("--fail-fast", action="store_true", help="stop at the first point that fails unexpectedly")
+    parser.add_argument("--export", choices=("zarr",), help="write the cube in this form, too, as DIR/cube.zarr")
+
+
+def _run(options: argparse.Namespace) -> int:
+    from tripod_doe.study.failures import failure_lines
+    from tripod_doe.workflow.run import run  # Dask and plotting are slow to import
+
+    if options.export:
+        from tripod_doe.study.zarr_store import export_zarr, refuse_without_zarr
+
+        refuse_without_zarr()
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    summary = run(
+        options.study,
+        options.out,
+        options.workers,
+        options.scheduler,
+        options.retry_failed,
+        options.fail_fast,
+        oversubscribe=options.oversubscribe,
+        scheduler_file=options.scheduler_file,
+        wait=options.wait,
+        take_over=options.take_over,
+    )
+    for sentence in [*summary.answers, *summary.findings, *summary.model_notes]:
+        print(sentence, file=sys.stderr)
+    for name, reason in summary.analyses.items():
+        if reason:
+            print(f"analysis {name} failed: {reason}", file=sys.stderr)
+    for line in failure_lines(summary.failures, summary.retried):
+        print(line, file=sys.stderr)
+    seconds, count = summary.seconds, summary.computed
+    rate = f" in {duration(seconds)} ({pace(count, seconds)})" if count else ""
+    print(f"{count_of(count, 'point')} computed{rate}, {summary.reused:,} reused", file=sys.stderr)
+    print(f"cube    {summary.directory / 'cube.nc'}", file=sys.stderr)
+    if options.export:
+        print(f"zarr    {export_zarr(summary.directory)}", file=sys.stderr)
+    print(f"report  {summary.directory / 'report' / 'index.html'}", file=sys.stderr)
+    return DONE if summary.good else SOME_FAILED
+
+
+COMMAND = Command("run a study, or the points of it that are missing", _add_arguments, _run)

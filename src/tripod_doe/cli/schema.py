@@ -1,0 +1,33 @@
+"""Print the schema of study or workflow files."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+
+from tripod_doe.cli.parser import DONE, Command, Parser
+from tripod_doe.errors import InputError
+
+
+def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
+    parser.add_argument("kind", choices=("study", "workflow"), help="kind of file")
+    parser.add_argument("--scene", default="joint", metavar="S", help="scene whose parameters are listed")
+    parser.add_argument("--brief", action="store_true", help="one readable line per key, parameter and output")
+
+
+def _run(options: argparse.Namespace) -> int:
+    if options.kind == "workflow":
+        from tripod_doe.workflow.file import workflow_schema
+
+        if options.brief:
+            raise InputError("--brief: only for study files")
+        print(json.dumps(workflow_schema(), indent=1))
+        return DONE
+    from tripod_doe.study.schema import brief_schema, study_schema
+
+    print(brief_schema(options.scene) if options.brief else json.dumps(study_schema(options.scene), indent=1))
+    return DONE
+
+
+COMMAND = Command("print the schema of study or workflow files", _add_arguments, _run)

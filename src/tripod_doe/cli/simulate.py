@@ -1,0 +1,86 @@
+"""Simulate one point; the parameters of the scene are flags."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from tripod_doe.cli.parser import DONE, SOME_FAILED, Command, Parser, add_format
+from tripod_doe.errors import InputError
+from tripod_doe.quantities import duration
+
+if TYPE_CHECKING:
+    from tripod_doe.simulator import Parameter, Simulator
+
+_LONG = 1.0  # CPU seconds of a point from which on its price is told before it is simulated
+
+
+def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
+    """The parameters of the scene are flags; they are added only where `simulate` is called, as they take imports."""
+    scene = parser.add_argument("--scene", default="joint", metavar="S")
+    scene.help = "what to simulate (default joint)"
+    add_format(parser)
+    if "simulate" in arguments[:1]:
+        from tripod_doe.study.scenes import SCENES, load_simulator
+
+        scene.help = f"what to simulate: {', '.join(SCENES)} (default joint)"
+        _add_parameters(parser, load_simulator(_scene_named_in(arguments)))
+
+
+def _scene_named_in(arguments: Sequence[str]) -> str:
+    """The scene decides which flags exist, so it is looked for before they are parsed."""
+    finder = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    finder.add_argument("--scene", default="joint")
+    return str(finder.parse_known_args(list(arguments))[0].scene)
+
+
+def _add_parameters(parser: argparse.ArgumentParser, simulator: Simulator) -> None:
+    groups: dict[str, Any] = {}
+    for parameter in simulator.parameters.values():
+        group = groups.setdefault(parameter.group, parser.add_argument_group(parameter.group))
+        text = f"{parameter.meaning} ({parameter.unit_text + '; ' if parameter.unit_text else ''}{parameter.range_text}"
+        text += f"; default {parameter.default}" if parameter.default is not None else ""
+        group.add_argument(
+            "--" + parameter.name.replace("_", "-"),
+            dest=parameter.name,
+            metavar=parameter.symbol or "VALUE",
+            help=text.replace("%", "%%") + f"; {parameter.source})",
+        )
+
+
+def _parameter_value(parameter: Parameter, text: str) -> Any:
+    if parameter.kind == "choice":
+        return text
+    try:
+        return float(text)
+    except ValueError as error:
+        raise InputError(
+            f"--{parameter.name.replace('_', '-')} {text!r}: expected a number ({parameter.range_text})"
+        ) from error
+
+
+def _run(options: argparse.Namespace) -> int:
+    from tripod_doe.simulator import Outcome
+    from tripod_doe.study.point_table import point_table
+    from tripod_doe.study.scenes import load_simulator
+    from tripod_doe.study.simulate import simulate_point, usual_price
+
+    simulator = load_simulator(options.scene)
+    given = {
+        name: _parameter_value(parameter, getattr(options, name))
+        for name, parameter in simulator.parameters.items()
+        if getattr(options, name) is not None
+    }
+    price = usual_price(options.scene, **given)
+    if price is not None and price >= _LONG:
+        usual = f"about {duration(price, 2)} of CPU time for a usual point, up to twenty times as much for others"
+        print(f"simulating: {usual}", file=sys.stderr)
+    point = simulate_point(options.scene, **given)
+    print(json.dumps(point.record(), allow_nan=False) if options.format == "json" else point_table(point))
+    return DONE if point.outcome is Outcome.FINISHED else SOME_FAILED
+
+
+COMMAND = Command("simulate one point", _add_arguments, _run)
