@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 import tripod_doe as td
-from tripod_doe.report.page import write_report
+from tripod_doe.pages.study import write_report
 from tripod_doe.simulator import BlockResult, Outcome, Values
 from tripod_doe.study.arrays import opened_arrays
 from tripod_doe.study.definition import Study, load_study

@@ -14,8 +14,8 @@ import math
 import numpy as np
 from scipy.special import stdtrit
 
-from tripod_doe.analysis.multifidelity.estimates import Estimate, estimate
-from tripod_doe.analysis.multifidelity.quantiles import quantiles
+from tripod_doe.analyses.multifidelity.estimates import Estimate, estimate
+from tripod_doe.analyses.multifidelity.quantiles import quantiles
 
 _PARTS = {"1": 0.5 * (1 + 0.1 * np.pi**4 / 5) ** 2, "2": 49 / 8, "13": 8 * 0.01 * np.pi**8 / 225}
 VARIANCE = sum(_PARTS.values())

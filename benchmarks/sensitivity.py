@@ -22,7 +22,8 @@ from SALib.analyze import pawn as salib_pawn
 from SALib.analyze import rbd_fast as salib_rbd_fast
 from SALib.analyze import sobol as salib_sobol
 
-from tripod_doe.analysis import sensitivity as s
+from tripod_doe.analyses import sensitivity as s
+from tripod_doe.analyses.factorial_effects.factorial_effects import EffectsSettings, factorial_effects
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.designs import unit_sample
 from tripod_doe.study.file import parse_file
@@ -127,7 +128,7 @@ def beside_salib(names: list[str]) -> None:
             lambda x, y: salib_delta.analyze(PROBLEM, x, y, num_resamples=20, seed=1),
         ),
         "shapley": ('kind = "latin-hypercube"\nsamples = 100000', s.shapley_effects, s.ShapleySettings(**once), None),
-        "effects": ('kind = "rbd-fast"\nsamples = 100000', s.factorial_effects, s.EffectsSettings(**once), None),
+        "effects": ('kind = "rbd-fast"\nsamples = 100000', factorial_effects, EffectsSettings(**once), None),
     }
     for name in names or cases:
         design, analyse, settings, theirs = cases[name]

@@ -2,7 +2,7 @@
 
     python benchmarks/sentences.py [--designs 100]
 
-The tests check three designs of each kind (`tests/report/test_findings_hold.py`); this checks as many as wanted, and ends
+The tests check three designs of each kind (`tests/analyses/test_findings_hold.py`); this checks as many as wanted, and ends
 at the first sentence that is not true.
 """
 

@@ -21,9 +21,11 @@ gc.disable()  # until all tests are collected: a million objects are made and ha
 # plain modules beside the tests (equal_cubes.py, joint/reference.py) are imported by name
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parent / "joint"))
-sys.path.insert(0, str(Path(__file__).parent / "analysis"))
+sys.path.insert(0, str(Path(__file__).parent / "analyses"))
 sys.path.insert(0, str(Path(__file__).parent / "workflow"))
 sys.path.insert(0, str(Path(__file__).parent / "service"))
+sys.path.append(str(Path(__file__).parents[1] / "docs"))  # what makes parts of the documentation
+pytest_plugins = ["study_cubes"]
 
 
 MODELS_OF_PROCESS = {
@@ -108,7 +110,7 @@ def write_study(tmp_path):
 @pytest.fixture
 def charts_not_drawn(monkeypatch):
     """Pages whose charts are empty: drawing takes most of the time of a small study; tests of pages draw them."""
-    from tripod_doe.report.figures.chart import Chart
+    from tripod_doe.report.charts.chart import Chart
 
     monkeypatch.setattr(Chart, "svg", lambda chart: f"<svg><title>{chart.title}</title></svg>")
 

@@ -12,14 +12,14 @@ import pandas as pd
 import pytest
 
 import tripod_doe as td
+from tripod_doe.analyses.figures import FIGURES
+from tripod_doe.analyses.main_effects.charts import effect_charts
+from tripod_doe.analyses.registry import ANALYSES
 from tripod_doe.cli.main import build_parser
 from tripod_doe.joint.model_error import COMPARED, RECORDED
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.simulator import simulator as joint
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.report.analyses import ANALYSES
-from tripod_doe.report.figures import effect_charts
-from tripod_doe.report.figures.registry import FIGURES
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.file import DesignKind
 from tripod_doe.study.scenes import SCENES, load_simulator

@@ -14,14 +14,14 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tripod_doe.analysis.compared_point import model_point
-    from tripod_doe.analysis.comparison import compare
-    from tripod_doe.analysis.contribution import contribution_shares
-    from tripod_doe.analysis.measurement import read_measurement
-    from tripod_doe.analysis.sensitivity import morris_effects, sobol_indices
+    from tripod_doe.analyses.comparison.comparison import compare
+    from tripod_doe.analyses.comparison.measurement import read_measurement
+    from tripod_doe.analyses.comparison.model_point import model_point
+    from tripod_doe.analyses.contribution.contribution import contribution_shares
+    from tripod_doe.analyses.findings import find
+    from tripod_doe.analyses.sensitivity import morris_effects, sobol_indices
     from tripod_doe.errors import CubeError, InputError, StorageError, TripodDoeError
-    from tripod_doe.report.findings import find
-    from tripod_doe.report.page import write_report
+    from tripod_doe.pages.study import write_report
     from tripod_doe.simulator import Outcome, Output, Parameter
     from tripod_doe.study.definition import Study, load_study
     from tripod_doe.study.plan import Plan, plan
@@ -44,24 +44,24 @@ _HOME = {
     "StorageError": "errors",
     "Study": "study.definition",
     "TripodDoeError": "errors",
-    "compare": "analysis.comparison",
-    "contribution_shares": "analysis.contribution",
-    "find": "report.findings",
+    "compare": "analyses.comparison.comparison",
+    "contribution_shares": "analyses.contribution.contribution",
+    "find": "analyses.findings",
     "load_study": "study.definition",
-    "model_point": "analysis.compared_point",
-    "morris_effects": "analysis.sensitivity",
+    "model_point": "analyses.comparison.model_point",
+    "morris_effects": "analyses.sensitivity",
     "open_cube": "study.results",
     "plan": "study.plan",
     "query": "study.query",
-    "read_measurement": "analysis.measurement",
+    "read_measurement": "analyses.comparison.measurement",
     "run": "workflow.run",
     "run_workflow": "workflow.chain",
     "simulate": "study.simulate",
-    "sobol_indices": "analysis.sensitivity",
+    "sobol_indices": "analyses.sensitivity",
     "study_schema": "study.schema",
     "WorkflowSummary": "workflow.chain",
     "workflow_schema": "workflow.file",
-    "write_report": "report.page",
+    "write_report": "pages.study",
 }
 
 __all__ = [

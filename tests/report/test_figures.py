@@ -8,12 +8,13 @@ import pandas as pd
 import pytest
 import xarray as xr
 
+from tripod_doe.analyses.main_effects.charts import effect_charts
+from tripod_doe.analyses.sensitivity.charts import index_charts
+from tripod_doe.analyses.tolerance.charts import quantile_chart
+from tripod_doe.pages.workflow import step_page, write_charts
 from tripod_doe.report import templates
-from tripod_doe.report.chain import step_page, write_charts
-from tripod_doe.report.figures import effect_charts, index_charts, spectrum_chart, waveform_charts
-from tripod_doe.report.figures.chart import Chart, drawing, factor_ticks, legend_above
-from tripod_doe.report.figures.tolerance import quantile_chart
-from tripod_doe.report.figures.waveforms import chosen_points
+from tripod_doe.report.charts.chart import Chart, drawing, factor_ticks, legend_above
+from tripod_doe.report.charts.waveforms import chosen_points, spectrum_chart, waveform_charts
 from tripod_doe.study.cube import RESPONSE_ROLE
 
 

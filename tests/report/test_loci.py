@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tripod_doe as td
-from tripod_doe.report.figures import locus_chart
+from tripod_doe.report.charts.loci import locus_chart
 
 
 @pytest.fixture(scope="module")

@@ -18,9 +18,9 @@ from pydantic import BaseModel
 
 import tripod_doe as td
 from started import Process
-from tripod_doe.analysis.kinds import makes_kind
+from tripod_doe.analyses.kinds import makes_kind
+from tripod_doe.analyses.registry import ANALYSES, Analysis
 from tripod_doe.cli import main
-from tripod_doe.report.analyses import ANALYSES, Analysis
 from tripod_doe.study import results
 from tripod_doe.workflow.definition import load_workflow
 

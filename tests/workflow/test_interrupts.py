@@ -109,7 +109,7 @@ def go_on(folder: Path, name: str) -> None:
             "tripod_doe.study.journal Journal.commit 5",
             18 + 40,
         ),  # in the pilot: nine points on two candidates
-        ("chain", 0, "tripod_doe.analysis.model_choice.selection choose 1", 24 + 40),
+        ("chain", 0, "tripod_doe.analyses.model_choice.selection choose 1", 24 + 40),
     ],
 )
 def test_an_interrupt_that_python_drops_is_obeyed_all_the_same(folder, name, workers, dropped_in, most):

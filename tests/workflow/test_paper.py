@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import tripod_doe as td
-from tripod_doe.analysis.claims.rules import RULES
+from tripod_doe.analyses.claims.rules import RULES
 from tripod_doe.workflow.definition import load_workflow
 
 ROOT = Path(__file__).parents[2]

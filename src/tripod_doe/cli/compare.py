@@ -53,12 +53,12 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.analysis.compared_point import model_point
-    from tripod_doe.analysis.comparison import compare, parse_speeds
-    from tripod_doe.analysis.measurement import read_measurement
-    from tripod_doe.analysis.record_file import parse_column
-    from tripod_doe.report.comparison import comparison_json, comparison_text
-    from tripod_doe.report.comparison_page import write_comparison
+    from tripod_doe.analyses.comparison.comparison import compare, parse_speeds
+    from tripod_doe.analyses.comparison.measurement import read_measurement
+    from tripod_doe.analyses.comparison.model_point import model_point
+    from tripod_doe.analyses.comparison.page import write_comparison
+    from tripod_doe.analyses.comparison.record_file import parse_column
+    from tripod_doe.analyses.comparison.sentences import comparison_json, comparison_text
     from tripod_doe.study.results import opened_cube
 
     if options.reference_angle is not None and not math.isfinite(options.reference_angle):

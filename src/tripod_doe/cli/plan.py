@@ -52,11 +52,11 @@ def _plan_study(options: argparse.Namespace) -> int:
         print(f"checking {count:,} points: about {duration(count * _CHECK_SECONDS)}", file=sys.stderr)
     print(plan(study, timing=not options.no_timing).describe(max(options.workers, 1)))
     if study.accuracy:
-        from tripod_doe.analysis.model_choice.study_choice import describe_choice
+        from tripod_doe.analyses.model_choice.study_choice import describe_choice
 
         print(describe_choice(study, options.out))
     if study.file.design.kind == "multifidelity":
-        from tripod_doe.analysis.multifidelity.study_split import describe_split
+        from tripod_doe.analyses.multifidelity.study_split import describe_split
 
         for line in describe_split(study, options.out):
             print(line)

@@ -14,7 +14,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.report.page import write_report
+    from tripod_doe.pages.study import write_report
 
     print(write_report(options.directory))
     return DONE

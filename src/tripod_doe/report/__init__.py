@@ -1,1 +1,1 @@
-"""Reports: sentences, figures and pages, all made from cubes."""
+"""What all pages share: responses of a cube, tables, charts and templates. Pages themselves are in `pages`."""

@@ -10,7 +10,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from tripod_doe.quantities import number, size
-from tripod_doe.report.figures import Chart
+from tripod_doe.report.charts.chart import Chart
 from tripod_doe.report.template_cache import compiled_templates
 
 _MOST_BYTES = 10_000_000

@@ -11,7 +11,7 @@
   function doubles(text) { return new Float64Array(bytes(text)); }
   function singles(text) { return new Float32Array(bytes(text)); }
 
-  // The surrogate: inputs -> components, as analysis/what_if.py has it.
+  // The surrogate: inputs -> components, as analyses/surrogate/what_if.py has it.
   function Surrogate(told) {
     var width = told.inputs.length, count = told.components, powers = new Int8Array(bytes(told.exponents));
     var coefficients = doubles(told.coefficients), learnt = doubles(told.learnt), weights = doubles(told.weights);

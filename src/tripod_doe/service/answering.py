@@ -114,8 +114,8 @@ def compare(path: str, measurement: str, settings: dict[str, Any]) -> Answer:
 
 def choice(folder: str, path: str) -> Answer:
     """Lines on the choice of model of a study with model = "auto", or on the split of a multifidelity study."""
-    from tripod_doe.analysis.model_choice.study_choice import describe_choice
-    from tripod_doe.analysis.multifidelity.study_split import describe_split
+    from tripod_doe.analyses.model_choice.study_choice import describe_choice
+    from tripod_doe.analyses.multifidelity.study_split import describe_split
     from tripod_doe.study.definition import load_study
 
     study = load_study(Path(folder) / STUDY)
@@ -136,7 +136,7 @@ def extend(folder: str, path: str, texts: dict[str, str], limits: dict[str, Any]
 
 
 def _refuse_changes(folder: Path, path: Path) -> None:
-    from tripod_doe.analysis.multifidelity.study_split import needs_split, with_samples_so_far
+    from tripod_doe.analyses.multifidelity.study_split import needs_split, with_samples_so_far
     from tripod_doe.study.definition import parse_study
     from tripod_doe.study.designs import make_points
     from tripod_doe.study.directory import ResultDirectory

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from tripod_doe.analysis.kinds import kind_of
-from tripod_doe.report.analyses import findings_of, table_of
+from tripod_doe.analyses.kinds import kind_of
+from tripod_doe.analyses.registry import findings_of, table_of
 
 
 def describe_cube(cube: xr.Dataset) -> dict[str, Any]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from tripod_doe.analysis.model_choice.study_choice import describe_choice
-from tripod_doe.analysis.multifidelity.study_split import describe_split
+from tripod_doe.analyses.model_choice.study_choice import describe_choice
+from tripod_doe.analyses.multifidelity.study_split import describe_split
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import TooLargeError
 from tripod_doe.service.uploads import STUDY

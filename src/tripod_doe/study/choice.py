@@ -1,6 +1,6 @@
 """The choice of model of a study with model = "auto", as its result directory holds it: `choice.nc`.
 
-Made by `tripod_doe.analysis.model_choice`; whoever reads the results of the study needs only what is here.
+Made by `tripod_doe.analyses.model_choice`; whoever reads the results of the study needs only what is here.
 """
 
 from __future__ import annotations

@@ -9,9 +9,9 @@ from typing import Any
 import xarray as xr
 from pydantic import BaseModel, ValidationError
 
-from tripod_doe.analysis.sensitivity.method import CORRELATED
+from tripod_doe.analyses.registry import ANALYSES, Analysis
+from tripod_doe.analyses.sensitivity.method import CORRELATED
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.report.analyses import ANALYSES, Analysis
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.definition import Study
 from tripod_doe.study.file import said_of

@@ -19,14 +19,14 @@ from pathlib import Path
 import dask
 import xarray as xr
 
+from tripod_doe.analyses.figures import FIGURES
+from tripod_doe.analyses.registry import ANALYSES
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.interrupts import check_interrupt
+from tripod_doe.pages.workflow import chain_page, step_page, write_charts
+from tripod_doe.pages.workflow_chart import StepView
 from tripod_doe.quantities import duration
-from tripod_doe.report.analyses import ANALYSES
-from tripod_doe.report.chain import chain_page, step_page, write_charts
-from tripod_doe.report.figures.chain import StepView
-from tripod_doe.report.figures.registry import FIGURES
 from tripod_doe.study.directory import make_directory
 from tripod_doe.study.execution import Execution
 from tripod_doe.study.failures import failure_lines

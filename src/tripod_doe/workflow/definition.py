@@ -14,8 +14,8 @@ import xarray as xr
 from pydantic import BaseModel
 
 import tripod_doe
+from tripod_doe.analyses.registry import ANALYSES
 from tripod_doe.errors import InputError, near_match, option
-from tripod_doe.report.analyses import ANALYSES
 from tripod_doe.study.definition import Study, parse_study
 from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.file import read_text

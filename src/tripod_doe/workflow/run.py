@@ -8,20 +8,20 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from tripod_doe.analysis.model_choice.pilot_results import pilot_results
-from tripod_doe.analysis.model_choice.study_choice import make_choice
-from tripod_doe.analysis.multifidelity.study_split import (
+from tripod_doe.analyses.findings import find
+from tripod_doe.analyses.model_choice.pilot_results import pilot_results
+from tripod_doe.analyses.model_choice.study_choice import make_choice
+from tripod_doe.analyses.multifidelity.study_split import (
     needs_split,
     split_study,
     stored_split,
     told_split,
     with_samples_so_far,
 )
+from tripod_doe.analyses.registry import findings_of
 from tripod_doe.array_types import IntArray
 from tripod_doe.interrupts import check_interrupt
-from tripod_doe.report.analyses import findings_of
-from tripod_doe.report.findings import find
-from tripod_doe.report.page import read_analyses, write_report
+from tripod_doe.pages.study import read_analyses, write_report
 from tripod_doe.study.choice import chosen_keys, chosen_points
 from tripod_doe.study.definition import Study, load_study
 from tripod_doe.study.designs import make_points

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tripod_doe as td
-from tripod_doe.report.what_if import what_if_pages
+from tripod_doe.analyses.surrogate.what_if_page import what_if_pages
 from tripod_doe.study.netcdf import read_dataset
 
 STUDY = """

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from tripod_doe.analysis.kinds import kind_of
+from tripod_doe.analyses.kinds import kind_of
+from tripod_doe.analyses.registry import findings_of, table_of
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import number, with_unit
-from tripod_doe.report.analyses import findings_of, table_of
 from tripod_doe.report.responses import spoken, unit_text
 from tripod_doe.service.explorer.behind import cell_coordinates, cube_behind, points_of_claim, view_behind
 from tripod_doe.service.explorer.figures.parts import label_of

@@ -1,0 +1,188 @@
+"""Points of any number of cubes, found by what they are and not by where they lie: the evidence for claims."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analyses.kinds import is_study
+from tripod_doe.joint.parameters import JOINT_PARAMETERS, MECHANISMS
+from tripod_doe.simulator import Outcome
+
+ANY = object()
+"""Asks for points whatever the value of a parameter."""
+
+_IDENTITY = (
+    "model",
+    "joint_angle_deg",
+    "torque_n_m",
+    "speed_rpm",
+    "groove_sliding_friction",
+    *(f"initial_skew_{k}_deg" for k in (1, 2, 3)),
+    *MECHANISMS,
+)
+_SAME = 1e-9
+
+
+class MissingPointError(Exception):
+    """A claim lacks the points that would decide it."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A number from the cubes, the numerical error known of it (NaN where none is), and what a reader should know."""
+
+    # value, error: in the unit of the claim
+    value: float
+    error: float = math.nan
+    note: str = ""  # further numbers in words; empty for none
+
+
+@dataclass(frozen=True)
+class Point:
+    """One point of a cube."""
+
+    parameters: Mapping[str, Any]  # factors and base values by name
+    data: xr.Dataset  # its part of the cube
+    # cube, number: name of its cube, and its number there
+    cube: str
+    number: int
+
+    @property
+    def outcome(self) -> Outcome:
+        """How it ended."""
+        return Outcome(int(self.data["outcome"]))
+
+    def value(self, name: str) -> Any:
+        """A parameter of it, the default where the study does not tell."""
+        known = JOINT_PARAMETERS.get(name)
+        return self.parameters.get(name, known.default if known else None)
+
+    def output(self, name: str) -> xr.DataArray:
+        """An output of it.
+
+        Raises
+        ------
+        MissingPointError
+            If the cube does not keep it.
+        """
+        if name not in self.data or bool(self.data[name].isnull().all()):
+            raise MissingPointError(f"the cube has no {name}")
+        return self.data[name]
+
+    def amplitude(self, order: int) -> Measured:
+        """Amplitude of an order of the thrust, with the larger of its numerical error and its scatter."""
+        errors = [
+            float(self.data[name].sel(order=order))
+            for name in ("thrust_amplitude_error", "thrust_amplitude_scatter")
+            if name in self.data
+        ]
+        known = [error for error in errors if math.isfinite(error)]
+        return Measured(float(self.output("thrust_amplitude").sel(order=order)), max(known, default=math.nan))
+
+    def phase_deg(self, order: int) -> float:
+        """Phase of an order of the thrust."""
+        return float(self.output("thrust_phase_deg").sel(order=order))
+
+    def at_grooves(self, order: int) -> np.ndarray[Any, np.dtype[np.complex128]]:
+        """Complex amplitudes of an order in the three grooves."""
+        size = self.output("groove_thrust_amplitude").sel(order=order).values
+        turn = np.exp(1j * np.radians(self.output("groove_thrust_phase_deg").sel(order=order).values))
+        return np.asarray(size * turn, np.complex128)
+
+
+def _matches(point: Point, wanted: Mapping[str, Any]) -> bool:
+    for name, value in wanted.items():
+        own = point.value(name)
+        if value is ANY:
+            continue
+        if isinstance(value, str) or own is None or isinstance(own, str):
+            if own != value:
+                return False
+        elif abs(own - value) > _SAME * max(1.0, abs(value)):
+            return False
+    return True
+
+
+class Evidence:
+    """All points of some cubes.
+
+    Parameters
+    ----------
+    cubes
+        Cubes of studies by any name; results of analyses are passed over.
+
+    Attributes
+    ----------
+    used
+        Numbers of the points that were given since it was emptied, by the names of their cubes.
+    """
+
+    def __init__(self, cubes: Mapping[str, xr.Dataset]) -> None:
+        self.cubes = {name: cube for name, cube in cubes.items() if is_study(cube)}
+        self.used: dict[str, set[int]] = {}
+        self._points = [point for name, cube in self.cubes.items() for point in _points_of(name, cube)]
+
+    def joint(self, **wanted: Any) -> list[Point]:
+        """Points of the joint at the reference point but for what is named; `ANY` leaves a parameter open.
+
+        Of points that differ in numerics only the one with the smallest tolerance is given.
+
+        Raises
+        ------
+        MissingPointError
+            If there is none, or one of them did not finish: a claim is not decided by those that did.
+        """
+        identity = {name: JOINT_PARAMETERS[name].default for name in _IDENTITY} | wanted
+        return self._finished(identity, [point for point in self._points if "model" in point.parameters], wanted)
+
+    def scene(self, **wanted: Any) -> list[Point]:
+        """Points of another scene, known by the parameters that only it has; raises as `joint` does."""
+        return self._finished(wanted, [point for point in self._points if set(wanted) <= set(point.parameters)], wanted)
+
+    def _finished(self, identity: Mapping[str, Any], among: list[Point], told: Mapping[str, Any]) -> list[Point]:
+        best: dict[tuple[Any, ...], Point] = {}
+        for point in among:
+            if _matches(point, identity):
+                key = tuple(point.value(name) for name in identity)
+                best[key] = min(best.get(key, point), point, key=_worth)
+        where = (
+            ", ".join(
+                f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
+                for name, value in told.items()
+                if value is not ANY
+            )
+            or "the reference values"
+        )
+        for point in best.values():
+            self.used.setdefault(point.cube, set()).add(point.number)
+        if not best:
+            raise MissingPointError(f"no point with {where} was run")
+        for point in best.values():
+            if point.outcome is not Outcome.FINISHED:
+                raise MissingPointError(f"a point with {where} ended as {point.outcome.label}")
+        return list(best.values())
+
+
+def _worth(point: Point) -> tuple[bool, float]:
+    """Finished points first, then the tighter tolerance."""
+    found = point.data.get("relative_tolerance_used", math.inf)
+    tolerance = float(point.parameters.get("relative_tolerance", found))
+    return point.outcome is not Outcome.FINISHED, math.inf if math.isnan(tolerance) else tolerance
+
+
+def _points_of(name: str, cube: xr.Dataset) -> list[Point]:
+    dims = [str(dim) for dim in cube["outcome"].dims]
+    fixed = json.loads(str(cube.attrs.get("fixed_parameters", "{}")))
+    factors = [str(name) for name in cube.coords if set(cube[name].dims) <= set(dims)]
+    points = []
+    for number, index in enumerate(np.ndindex(*(cube.sizes[dim] for dim in dims))):
+        data = cube.isel({dim: int(at) for dim, at in zip(dims, index, strict=True)})
+        points.append(Point(fixed | {factor: data[factor].item() for factor in factors}, data, name, number))
+    return points

@@ -1,0 +1,114 @@
+"""The claims of the paper in sentences and as a table."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analyses.claims.verdicts import Verdict
+from tripod_doe.quantities import level, number, with_unit
+from tripod_doe.report.responses import unit_text
+
+_HEADS = ["Claim", "Holds", "Value", "Holds if", "In the paper", "Quantity"]
+_FIGURES = re.compile(r"\bFigs?\. (\d+(?:\([a-z]\))?(?:(?:,| and|, and| to) \d+(?:\([a-z]\))?)*)")
+
+
+def find_in_claims(claims: xr.Dataset) -> list[str]:
+    """How many claims hold, then those that do not and those that are not decided, each with its reason."""
+    verdicts = claims["verdict"].values
+    counts = {verdict: int((verdicts == verdict).sum()) for verdict in Verdict}
+    sentences = [
+        f"Of {verdicts.size} claims of the paper {counts[Verdict.HOLDS]} hold with model {claims.attrs['model']}, "
+        f"{counts[Verdict.DOES_NOT_HOLD]} do not, and {counts[Verdict.NOT_DECIDED]} are not decided. Skews: "
+        f"{claims.attrs['cases']}."
+    ]
+    for verdict in (Verdict.DOES_NOT_HOLD, Verdict.NOT_DECIDED):
+        for at in np.flatnonzero(verdicts == verdict):
+            row = claims.isel(claim=int(at))
+            seen = f" ({claim_value(row)}; required: {claim_limits(row)})" if verdict is Verdict.DOES_NOT_HOLD else ""
+            told = row["reason"].item()
+            sentences.append(
+                f"{verdict.label.capitalize()}: {row['statement'].item()}, {row['place'].item()}{seen}. {_start(told)}"
+            )
+    return sentences
+
+
+def _start(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def claim_table(claims: xr.Dataset) -> tuple[list[str], list[list[str]]]:
+    """Heads and one row per claim, in the order of the paper; reasons stand in the sentences and in claims.json."""
+    words = {Verdict.HOLDS: "yes", Verdict.DOES_NOT_HOLD: "no", Verdict.NOT_DECIDED: "not decided"}
+    rows = []
+    for at in range(claims.sizes["claim"]):
+        row = claims.isel(claim=at)
+        verdict = Verdict(int(row["verdict"]))
+        near = "" if row["sure"].item() or verdict is Verdict.NOT_DECIDED else ", but within the numerical error"
+        rows.append(
+            [
+                row["statement"].item(),
+                words[verdict] + near,
+                claim_value(row),
+                claim_limits(row),
+                row["place"].item(),
+                row["quantity"].item(),
+            ]
+        )
+    return list(_HEADS), rows
+
+
+def _figure_numbers(text: str) -> set[int]:
+    """The figures that a text names: "Figs. 10, 15 and 18" or "3.2, Fig. 10; 3.3, Fig. 13"; "16 to 18" are three."""
+    numbers: set[int] = set()
+    for listed in _FIGURES.findall(text):
+        parts = [int(number) for number in re.findall(r"\d+", listed)]
+        numbers |= set(range(parts[0], parts[-1] + 1)) if " to " in listed else set(parts)
+    return numbers
+
+
+def figures_of_claims(claims: xr.Dataset, figures: Mapping[str, str]) -> list[list[tuple[str, str]]]:
+    """Links from each claim to the figures of its place in the paper: (text, address), one list per claim.
+
+    Parameters
+    ----------
+    claims
+        The claims.
+    figures
+        Headings of the figures, such as "Fig. 13: orders", by their addresses.
+    """
+    shown = {number: address for address, title in figures.items() for number in sorted(_figure_numbers(title))}
+    return [
+        [(f"Fig. {number}", shown[number]) for number in sorted(_figure_numbers(str(place))) if number in shown]
+        for place in claims["place"].values
+    ]
+
+
+def claims_of_figures(claims: xr.Dataset, title: str) -> tuple[list[str], list[list[str]]] | None:
+    """The table of those claims that belong to a figure that a title names; None where there are none."""
+    named = _figure_numbers(title)
+    chosen = [at for at, place in enumerate(claims["place"].values) if _figure_numbers(str(place)) & named]
+    return claim_table(claims.isel(claim=chosen)) if chosen else None
+
+
+def claim_value(row: xr.Dataset) -> str:
+    """The number that decides a claim, with its numerical error and unit."""
+    value, error = float(row["value"]), float(row["error"])
+    if not math.isfinite(value):
+        return "unknown"
+    spread = f" +- {number(error, 2)}" if math.isfinite(error) and error > 0 else ""
+    digits = level(value) if abs(value - 1) < 1e-2 else number(value)
+    return with_unit(digits + spread, unit_text(str(row["unit"].item())))
+
+
+def claim_limits(row: xr.Dataset) -> str:
+    """Within which limits a claim holds."""
+    low, high = float(row["low"]), float(row["high"])
+    unit = unit_text(str(row["unit"].item()))
+    if math.isfinite(low) and math.isfinite(high):
+        return with_unit(level(low) if low == high else f"{level(low)} to {level(high)}", unit)
+    return with_unit(f"at least {level(low)}" if math.isfinite(low) else f"at most {level(high)}", unit)

@@ -1,0 +1,303 @@
+"""Comparison of a measured thrust force with a cube: orders, phases, beat, and their uncertainties.
+
+The model is one point of the cube, or its points over speed: then each revolution of a run-up is compared with the
+model at its own speed.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from tripod_doe.analyses.comparison.measurement import Measurement, read_measurement
+from tripod_doe.analyses.comparison.model_point import (
+    common_speeds,
+    complex_orders,
+    model_orders,
+    model_point,
+    model_scatter,
+    model_waveform,
+    orders_at_speeds,
+)
+from tripod_doe.analyses.comparison.order_tracking import CELLS, resample, track_orders
+from tripod_doe.analyses.comparison.plausibility import record_doubts
+from tripod_doe.analyses.kinds import makes_kind
+from tripod_doe.array_types import ComplexArray, FloatArray
+from tripod_doe.errors import InputError, option
+from tripod_doe.joint.orders import ORDERS, amplitude_and_phase
+from tripod_doe.quantities import number
+from tripod_doe.study.model_records import MODEL_ERROR
+
+_BEAT = (2, 3, 4)  # the third order and its neighbours, whose sum beats once a revolution (paper 3.3)
+_DECIMALS = 9  # of an angle in deg; what is smaller is rounding
+_NOTHING = 1e-9  # part of the largest amplitude below which a model's order has no phase
+
+
+class ComparisonSettings(BaseModel):
+    """Settings of a comparison as a step of a workflow."""
+
+    model_config = ConfigDict(extra="forbid")
+    measurement: str = Field(description="CSV file of the measurement, relative to the workflow file")
+    select: list[str] = Field([], description="name=value of each factor, so that one point is left")
+    nearest: bool = Field(False, description="take the nearest value where none matches")
+    pulses_per_revolution: int = Field(1, ge=1, description="rising edges of tacho per revolution")
+    columns: dict[str, str] = Field({}, description="headings of the file by our names of the columns")
+    reference_angle_deg: float | None = Field(None, description="housing's rotation angle at the measurement's zero")
+    speeds_rpm: tuple[float, float] | None = Field(None, description="range of the speeds that are compared")
+    confidence: float = Field(0.95, gt=0, lt=1, description="level of the uncertainties")
+
+
+@makes_kind("comparison")
+def compare_file(cubes: Mapping[str, xr.Dataset], settings: ComparisonSettings, folder: Path) -> xr.Dataset:
+    """Compare a measurement's file with a point of the one cube that is given; see `compare`.
+
+    Raises
+    ------
+    InputError
+        If there is not one cube, or point and measurement cannot be compared.
+    """
+    if len(cubes) != 1:
+        raise InputError(f"a comparison needs one study as its input, it has {len(cubes)}")
+    point = model_point(next(iter(cubes.values())), settings.select, settings.nearest)
+    measurement = read_measurement(folder / settings.measurement, settings.pulses_per_revolution, settings.columns)
+    return compare(measurement, point, settings.reference_angle_deg, settings.speeds_rpm, settings.confidence)
+
+
+def parse_speeds(text: str | None) -> tuple[float, float] | None:
+    """A range of speeds in rpm from ``LOW:HIGH``; None for no text.
+
+    Raises
+    ------
+    InputError
+        If the text has another form.
+    """
+    if text is None:
+        return None
+    try:
+        low, high = (float(end) for end in text.split(":"))
+    except ValueError as error:
+        raise InputError(f"{option('speeds', text)}: write two speeds in rpm, LOW:HIGH") from error
+    return low, high
+
+
+@makes_kind("comparison")
+def compare(
+    measurement: Measurement,
+    point: xr.Dataset,
+    reference_angle_deg: float | None = None,
+    speeds_rpm: tuple[float, float] | None = None,
+    confidence: float = 0.95,
+) -> xr.Dataset:
+    """Compare a measured thrust force with one point of a cube, with the uncertainty of the difference.
+
+    The measured order is the mean of its complex amplitudes C_k over R revolutions. Its uncertainty is t s/sqrt(R)
+    with s their deviation along the mean (amplitude) or across it (phase), and t Student's factor with R - 1 degrees
+    of freedom. A model that is not periodic adds the difference between its last two revolutions,
+    thrust_amplitude_scatter, to the uncertainty of the difference as the root of squares. The beat's envelope is
+    |sum of C_k exp(i k phi)| over the orders 2, 3, 4 (paper 3.3).
+
+    Parameters
+    ----------
+    measurement
+        Thrust force over the rotation angle.
+    point
+        One point of a cube, or points over speed, see `model_point`. Over speed, the model's complex amplitudes are
+        interpolated to the speed of each revolution, and the uncertainty is that of the mean difference.
+    reference_angle_deg
+        Rotation angle phi of the housing (0 with roller 1 between both axes in their plane) at the zero of
+        the measurement. If omitted, the measurement is aligned by the phase of its third order; of the three
+        possible angles, 120 deg apart, the one with the smallest difference over all orders is used. The phases of the
+        other orders are then relative to that of the third.
+    speeds_rpm
+        Only revolutions with a mean speed in this range are compared; the tracked orders keep all.
+    confidence
+        Level of the uncertainties.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over ``order``: measured_amplitude, model_amplitude, amplitude_difference (measured minus model),
+        measured_phase_deg, model_phase_deg, phase_difference_deg, their ``_uncertainty`` and ``agrees`` (1 where the
+        amplitudes differ by no more than the uncertainty). Over ``rotation_deg``: measured_thrust, its deviation
+        measured_thrust_scatter, model_thrust, measured_envelope with its uncertainty, model_envelope. Over
+        ``revolution``: the tracked orders, and over speed model_amplitude_at_speed, NaN outside of the cube's speeds.
+        The attribute ``doubts`` holds sentences on units or pulses that are probably wrong, one per line. Phases of
+        orders that do not differ significantly from zero are NaN.
+
+    Raises
+    ------
+    InputError
+        If the record is too short or has too many gaps, or fewer than two revolutions have such a speed.
+    """
+    from scipy.special import stdtrit  # quantiles of Student's t
+
+    tracked = track_orders(measurement.rotation_deg, measurement.thrust_n, measurement.time_s)
+    at_speed = orders_at_speeds(tracked, point)
+    if at_speed is not None:
+        tracked["model_amplitude_at_speed"] = (
+            ("revolution", "order"),
+            np.abs(at_speed),
+            _attrs("N", "amplitude of the model at the speed of the revolution"),
+        )
+    chosen = _of_speed(tracked, common_speeds(point, speeds_rpm))
+    each = complex_orders(chosen)
+    models = None if at_speed is None else at_speed[np.isin(tracked["revolution"], chosen["revolution"])]
+    model = model_orders(point) if models is None else models.mean(axis=0)
+    shift, alignment = _alignment(each.mean(axis=0), model, reference_angle_deg, measurement.zero)
+    each = each * np.exp(-1j * np.radians(shift) * ORDERS)
+    if models is not None:  # what speed changes is no scatter
+        each = each - models + model
+    factor = float(stdtrit(each.shape[0] - 1, (1 + confidence) / 2)) / np.sqrt(each.shape[0])
+    scatter = model_scatter(point)
+    variables = _order_variables(each, model, scatter, factor)
+    compared = _within(measurement, chosen["revolution"].values)
+    variables |= _angle_variables(measurement.rotation_deg + shift, compared, point, each, model, factor)
+    attrs = _provenance(measurement, point) | {
+        "alignment": alignment,
+        "shift_deg": shift,
+        "confidence_level": confidence,
+        "revolutions_compared": each.shape[0],
+        "doubts": "\n".join(record_doubts(measurement, model)),
+    }
+    rotation = ("rotation_deg", np.arange(CELLS, dtype=float), _attrs("degree", "rotation angle of the housing"))
+    return tracked.assign(variables).assign_coords(rotation_deg=rotation).assign_attrs(attrs)
+
+
+def _provenance(measurement: Measurement, point: xr.Dataset) -> dict[str, Any]:
+    """Attributes that state which measurement was compared with which point."""
+    factors = {str(name): label.item() for name, label in point.coords.items() if label.ndim == 0}
+    values = json.loads(str(point.attrs.get("fixed_parameters", "{}"))) | factors
+    error = float(point[MODEL_ERROR].max()) if MODEL_ERROR in point else math.nan
+    return {
+        "title": "measured thrust force against a model",
+        "measurement": measurement.name or "a measurement",
+        "measurement_hash": measurement.digest or "not recorded",
+        "study": point.attrs.get("title", "a cube"),
+        "study_hash": point.attrs.get("study_hash", "not recorded"),
+        "source": point.attrs.get("source", "not recorded"),
+        "model": str(values.get("model", "not recorded")),
+        "columns": measurement.columns,
+        "lost_samples": measurement.lost_samples,
+        "lost_pulses": measurement.lost_pulses,
+        "point": json.dumps(factors),
+        "point_units": json.dumps(
+            {name: point[name].attrs["units"] for name in factors if "units" in point[name].attrs}
+        ),
+        **({"model_speed_rpm": values["speed_rpm"]} if "speed_rpm" in values else {}),
+        **({"model_error": error} if math.isfinite(error) else {}),
+    }
+
+
+def _of_speed(tracked: xr.Dataset, speeds: tuple[float, float] | None) -> xr.Dataset:
+    if speeds is None:
+        return tracked
+    if "speed_rpm" not in tracked:
+        raise InputError("the speed of the record is not known: add a column time_s to the measurement")
+    speed = tracked["speed_rpm"].values
+    chosen = tracked.isel(revolution=np.flatnonzero((speed >= speeds[0]) & (speed <= speeds[1])))
+    if chosen.sizes["revolution"] < 2:
+        raise InputError(
+            f"speeds from {speeds[0]:g} to {speeds[1]:g} rpm: {chosen.sizes['revolution']} revolutions have such a "
+            f"speed, two are needed; those of the record lie between {number(float(speed.min()), 4)} and "
+            f"{number(float(speed.max()), 4)} rpm"
+        )
+    return chosen
+
+
+def _alignment(measured: ComplexArray, model: ComplexArray, reference: float | None, zero: str) -> tuple[float, str]:
+    """Angle in deg to add to the measurement's, and in words where it comes from."""
+    if reference is not None:
+        return reference, f"given: {zero} is at a rotation angle of {reference:g} deg"
+    if not (abs(measured[3]) > _NOTHING * np.abs(model).max() and abs(model[3])):
+        return 0.0, f"not fitted: no reference angle is given, and {zero} cannot be found without a third order"
+    third = np.degrees(np.angle(measured[3] / model[3])) / 3
+    candidates = [float((third + turn + 180) % 360 - 180) for turn in (0, 120, 240)]
+    residual = [np.abs(measured * np.exp(-1j * np.radians(shift) * ORDERS) - model).sum() for shift in candidates]
+    shift = candidates[int(np.argmin(residual))]
+    return shift, (
+        f"fitted: no reference angle is given, so {zero} was set to {shift:.4g} deg, where the third orders are in "
+        "phase. Of the three such angles, the one with the smallest difference over all orders was used. Phases are "
+        "relative to the third order, and the phase of the third order itself is not a result"
+    )
+
+
+def _order_variables(each: ComplexArray, model: ComplexArray, scatter: FloatArray, factor: float) -> dict[str, Any]:
+    """Amplitudes, phases and differences with their uncertainties, over ``order``."""
+    mean = each.mean(axis=0)
+    amplitude, phase = amplitude_and_phase(mean)
+    direction = np.exp(-1j * np.radians(phase))
+    along, across = (part.std(axis=0, ddof=1) * factor for part in ((each * direction).real, (each * direction).imag))
+    model_amplitude, model_phase = amplitude_and_phase(model)
+    told = (amplitude > np.hypot(along, across)) | (np.maximum(along, across) == 0)
+    told &= amplitude > _NOTHING * amplitude.max()
+    model_told = model_amplitude > _NOTHING * model_amplitude.max()
+    sure, both = np.degrees(np.arctan2(across, amplitude)), np.hypot(along, scatter)
+    _, difference = amplitude_and_phase(mean * np.conj(model))
+    difference = np.round(difference, _DECIMALS) + 0.0
+    difference[~(told & model_told)] = np.nan
+    phase, sure = (np.where(told, np.round(angle, _DECIMALS), np.nan) for angle in (phase, sure))
+    rows = {
+        "measured_amplitude": (amplitude, "N", "amplitude of the measured mean over revolutions"),
+        "measured_amplitude_uncertainty": (along, "N", "its uncertainty from the scatter between revolutions"),
+        "model_amplitude": (model_amplitude, "N", "amplitude of the model"),
+        "amplitude_difference": (amplitude - model_amplitude, "N", "measured minus model amplitude"),
+        "amplitude_difference_uncertainty": (both, "N", "uncertainty of the difference, the model's scatter with it"),
+        "measured_phase_deg": (phase, "degree", "phase of the measured mean over revolutions"),
+        "measured_phase_uncertainty_deg": (sure, "degree", "its uncertainty from the scatter between revolutions"),
+        "model_phase_deg": (np.where(model_told, model_phase, np.nan), "degree", "phase of the model"),
+        "phase_difference_deg": (difference, "degree", "measured minus model phase, -180 to 180"),
+        "phase_difference_uncertainty_deg": (sure, "degree", "uncertainty of the phase difference"),
+        "agrees": (
+            (np.abs(amplitude - model_amplitude) <= both).astype(np.int8),
+            "1",
+            "1 where the amplitudes differ by no more than the uncertainty of the difference",
+        ),
+    }
+    return {name: ("order", values, _attrs(unit, meaning)) for name, (values, unit, meaning) in rows.items()}
+
+
+def _within(measurement: Measurement, revolutions: NDArray[np.int32]) -> FloatArray:
+    """The thrust force of these revolutions of the record, NaN in all others."""
+    turn = np.floor((measurement.rotation_deg - measurement.rotation_deg[0]) / 360).astype(int) + 1
+    return np.where(np.isin(turn, revolutions), measurement.thrust_n, np.nan)
+
+
+def _angle_variables(
+    rotation_deg: FloatArray,
+    thrust_n: FloatArray,
+    point: xr.Dataset,
+    each: ComplexArray,
+    model: ComplexArray,
+    factor: float,
+) -> dict[str, Any]:
+    """Waveforms and envelopes over one revolution."""
+    wave = np.exp(1j * np.radians(np.arange(CELLS))[:, None] * ORDERS)
+    revolutions = resample(rotation_deg, thrust_n)
+    count = np.isfinite(revolutions).sum(axis=0)
+    mean = np.where(count > 0, np.nansum(revolutions, axis=0) / np.maximum(count, 1), np.nan)
+    spread = np.sqrt(np.nansum((revolutions - mean) ** 2, axis=0) / np.maximum(count - 1, 1))
+    beats = each[:, list(_BEAT)] @ wave[:, list(_BEAT)].T
+    beat = beats.mean(axis=0)
+    envelope = np.abs(beat)
+    along = (beats * np.conj(beat) / np.maximum(envelope, 1e-300)).real.std(axis=0, ddof=1)
+    rows = {
+        "measured_thrust": (mean, "measured thrust force, mean over revolutions"),
+        "measured_thrust_scatter": (np.where(count > 1, spread, np.nan), "its standard deviation between revolutions"),
+        "model_thrust": (model_waveform(point, model, wave), "thrust force of the model"),
+        "measured_envelope": (envelope, "envelope of the measured orders 2, 3 and 4"),
+        "measured_envelope_uncertainty": (along * factor, "its uncertainty from the scatter between revolutions"),
+        "model_envelope": (np.abs(wave[:, list(_BEAT)] @ model[list(_BEAT)]), "envelope of the model's orders 2 to 4"),
+    }
+    return {name: ("rotation_deg", values, _attrs("N", meaning)) for name, (values, meaning) in rows.items()}
+
+
+def _attrs(unit: str, meaning: str) -> dict[str, str]:
+    return {"units": unit, "long_name": meaning}

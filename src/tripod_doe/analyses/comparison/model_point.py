@@ -1,0 +1,146 @@
+"""The model's side of a comparison with a measurement: a point of a cube, or its points over speed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analyses.comparison.order_tracking import CELLS
+from tripod_doe.array_types import ComplexArray, FloatArray
+from tripod_doe.errors import InputError, option
+from tripod_doe.joint.orders import ORDERS, complex_amplitudes
+from tripod_doe.simulator import Outcome
+from tripod_doe.study.model_records import MODEL_ERROR
+from tripod_doe.study.query import query
+
+_MODEL_OUTPUTS = ("thrust_amplitude", "thrust_phase_deg", "thrust_amplitude_scatter", "thrust")
+_SPEED = "speed_rpm"
+_SPEED_PLAY = 1e-3  # relative: how far from the speeds of a cube a revolution still counts as at their end
+
+
+def model_point(cube: xr.Dataset, select: Sequence[str] = (), nearest: bool = False) -> xr.Dataset:
+    """The point of a cube that a measurement is compared with, or its points over speed where several are left.
+
+    Parameters
+    ----------
+    cube
+        An open cube.
+    select
+        ``name=value`` for each factor with more than one value; speed_rpm may keep several.
+    nearest
+        Take the nearest value where none matches.
+
+    Returns
+    -------
+    xarray.Dataset
+        thrust_amplitude, thrust_phase_deg and thrust_amplitude_scatter (order), thrust(rotation_deg), as far as the
+        cube has them, over ``speed_rpm`` where several speeds are left; the other factors as scalar coordinates.
+
+    Raises
+    ------
+    InputError
+        If the cube holds no thrust force, the selection leaves none or several points other than over speed, or the
+        point did not finish.
+    """
+    wanted = [name for name in _MODEL_OUTPUTS if name in cube]
+    if "thrust" not in wanted and not {"thrust_amplitude", "thrust_phase_deg"} <= set(wanted):
+        raise InputError(
+            "the cube holds neither thrust nor thrust_amplitude with thrust_phase_deg; add them to [keep] outputs and "
+            "run the study again"
+        )
+    wanted += [name for name in (MODEL_ERROR,) if name in cube]
+    chosen = xr.merge([query(cube, name, select, nearest) for name in wanted], compat="equals", join="exact")
+    design = [str(dim) for dim in chosen["outcome"].dims]
+    counts = {dim: chosen.sizes[dim] for dim in design if chosen.sizes[dim] != 1}
+    if counts.keys() == {_SPEED} and chosen.sizes[_SPEED] > 1:
+        return _over_speed(chosen.squeeze([dim for dim in design if dim != _SPEED])).assign_attrs(cube.attrs)
+    if counts:
+        none = [dim for dim, count in counts.items() if count == 0]
+        told = (
+            f"no point has this {none[0]}; {option('nearest', True)} takes the nearest value"
+            if none
+            else "choose one point: " + " ".join(option("select", f"{dim}={_levels(chosen[dim])}") for dim in counts)
+        )
+        raise InputError(f"the selection leaves {int(np.prod(list(counts.values())))} points; {told}")
+    point = chosen.squeeze(design)
+    if (outcome := Outcome(int(point["outcome"]))) is not Outcome.FINISHED:
+        raise InputError(f"this point of the cube has no thrust force: its outcome is {outcome.label}; choose another")
+    return point.assign_attrs(cube.attrs)
+
+
+def _over_speed(points: xr.Dataset) -> xr.Dataset:
+    """The finished points over speed, by growing speed."""
+    finished = points.isel({_SPEED: np.flatnonzero(points["outcome"].values == Outcome.FINISHED)}).sortby(_SPEED)
+    if finished.sizes[_SPEED] < 2:
+        raise InputError(f"only {finished.sizes[_SPEED]} of {points.sizes[_SPEED]} points over speed finished")
+    return finished
+
+
+def _levels(labels: xr.DataArray) -> str:
+    shown = [f"{value:g}" if isinstance(value, float) else str(value) for value in labels.values[:6].tolist()]
+    return "|".join(shown) + ("|..." if labels.size > 6 else "")
+
+
+def orders_at_speeds(tracked: xr.Dataset, point: xr.Dataset) -> ComplexArray | None:
+    """Complex amplitudes of the model at the speed of every revolution, shape (revolution, order).
+
+    NaN outside of the model's speeds, with the play of `common_speeds`; None for a model of one speed.
+    """
+    if _SPEED not in point.dims:
+        return None
+    if _SPEED not in tracked:
+        raise InputError(
+            "the cube has several speeds and the record none: add a column time_s to the measurement, or choose a "
+            f"speed: {option('select', f'{_SPEED}={_levels(point[_SPEED])}')}"
+        )
+    speeds, known = tracked[_SPEED].values, point[_SPEED].values
+    orders = np.array([model_orders(point.isel({_SPEED: i})) for i in range(known.size)])
+    edges = known[0] * (1 - _SPEED_PLAY), known[-1] * (1 + _SPEED_PLAY)
+    speeds = np.where((speeds < edges[0]) | (speeds > edges[1]), speeds, np.clip(speeds, known[0], known[-1]))
+    parts = [np.interp(speeds, known, part, left=np.nan, right=np.nan) for part in (*orders.real.T, *orders.imag.T)]
+    real, imaginary = np.split(np.array(parts).T, 2, axis=1)
+    return np.asarray(real + 1j * imaginary, np.complex128)
+
+
+def common_speeds(point: xr.Dataset, wanted: tuple[float, float] | None) -> tuple[float, float] | None:
+    """The speeds that are compared: as wanted, and within those of a cube over speed, or a thousandth beyond.
+
+    So much a record at the first speed of the cube may miss it by rounded times.
+    """
+    if _SPEED not in point.dims:
+        return wanted
+    low, high = float(point[_SPEED].min()) * (1 - _SPEED_PLAY), float(point[_SPEED].max()) * (1 + _SPEED_PLAY)
+    return (low, high) if wanted is None else (max(low, wanted[0]), min(high, wanted[1]))
+
+
+def model_scatter(point: xr.Dataset) -> FloatArray:
+    """Difference between the last two revolutions of the model, the mean over speed."""
+    if "thrust_amplitude_scatter" not in point:
+        return np.zeros(ORDERS.size)
+    scatter = point["thrust_amplitude_scatter"]
+    return np.asarray(scatter.mean(_SPEED) if _SPEED in scatter.dims else scatter, float)
+
+
+def complex_orders(orders: xr.Dataset) -> ComplexArray:
+    """Complex amplitudes of orders, from their amplitudes and phases."""
+    amplitude, phase = orders["thrust_amplitude"].values, orders["thrust_phase_deg"].values
+    return np.asarray(amplitude * np.exp(1j * np.radians(phase)), np.complex128)
+
+
+def model_orders(point: xr.Dataset) -> ComplexArray:
+    """Complex amplitudes of the model, shape (order,)."""
+    if "thrust_amplitude" in point and "thrust_phase_deg" in point:
+        return complex_orders(point)
+    orders: ComplexArray = complex_amplitudes(point["thrust"].values.reshape(2, -1)).mean(axis=0)
+    return orders
+
+
+def model_waveform(point: xr.Dataset, model: ComplexArray, wave: ComplexArray) -> FloatArray:
+    """The model's last revolution over 0 .. 359 deg; of a cube without waveforms the sum of its orders."""
+    if "thrust" not in point or _SPEED in point.dims:
+        return np.asarray((wave @ model).real, float)
+    rotation, thrust = point["rotation_deg"].values, point["thrust"].values
+    last = rotation >= 360
+    return np.asarray(np.interp(np.arange(CELLS), rotation[last] - 360, thrust[last], period=360), float)

@@ -1,0 +1,86 @@
+"""What is probably wrong where a record and a model hardly agree: pulses per revolution, units of angle and force.
+
+Such a mistake gives a smooth answer: amplitudes and phases of the wrong orders, or a force of another unit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tripod_doe.analyses.comparison.measurement import Measurement
+from tripod_doe.array_types import ComplexArray, FloatArray
+from tripod_doe.errors import option
+from tripod_doe.quantities import number
+
+_MOST_SAMPLES = 2**18
+_FEWEST_CYCLES = 3  # of an oscillation in the record, below which it may be drift
+_WEAK = 0.3  # part of the strongest oscillation below which the model's strongest order is missing from the record
+_DEAD = 1e-6  # part of the model's strongest order below which a record does not oscillate
+_NEAR = 0.04  # relative: how near a ratio must be to the one that explains it
+_THOUSAND = (300.0, 3000.0)  # a measurement and a model of the same joint differ by less
+
+
+def record_doubts(measurement: Measurement, model: ComplexArray) -> list[str]:
+    """Sentences on what does not fit, none where nothing is noticed.
+
+    Parameters
+    ----------
+    measurement
+        Thrust force over the rotation angle.
+    model
+        Complex amplitudes of the model's orders 0 to 12.
+    """
+    order = 1 + int(np.argmax(np.abs(model[1:])))
+    expected = float(np.abs(model[order]))
+    orders, amplitude = _spectrum(measurement.rotation_deg, measurement.thrust_n)
+    if not expected or not amplitude.size:
+        return []
+    if not amplitude.max() > _DEAD * expected:
+        level = float(np.nanmean(measurement.thrust_n))
+        return [f"Check the force: the record stays at {number(level)} N, as a channel without a signal does."]
+    at = int(np.argmax(amplitude))
+    strongest, width = float(orders[at]), float(orders[0] / _FEWEST_CYCLES)
+    own = amplitude[np.abs(orders - order) <= max(2 * width, _NEAR * order)].max(initial=0.0)
+    doubts = []
+    if own < _WEAK * amplitude[at]:
+        doubts += _angle_doubts(measurement, strongest, order)
+    ratio = float(amplitude[at]) / expected
+    if _THOUSAND[0] < ratio < _THOUSAND[1] or _THOUSAND[0] < 1 / ratio < _THOUSAND[1]:
+        told = "a thousand times" if ratio > 1 else "a thousandth of"
+        unit = "mN" if ratio > 1 else "kN"
+        doubts.append(
+            f"Check the unit of the force: measured amplitudes are about {told} the model's, as if the record were in "
+            f"{unit}; write the unit into the heading, for instance thrust [{unit}]."
+        )
+    return doubts
+
+
+def _angle_doubts(measurement: Measurement, strongest: float, order: int) -> list[str]:
+    """What could make the strongest oscillation of the record the model's strongest order."""
+    start = (
+        f"Check the rotation angle: the record oscillates most {strongest:.3g} times per revolution, the model {order}"
+    )
+    pulses = measurement.pulses_per_revolution
+    if pulses is not None:
+        wanted = pulses * order / strongest
+        if round(wanted) != pulses and round(wanted) >= 1 and abs(wanted / round(wanted) - 1) < _NEAR:
+            return [f"{start} times; with {option('pulses_per_revolution', round(wanted))} they would be the same."]
+        return []
+    for factor, unit in ((180 / np.pi, "rad"), (360.0, "rev")):
+        if abs(strongest / (order * factor) - 1) < _NEAR:
+            return [f"{start} times, as if rotation_deg were in {unit}; write the heading as rotation [{unit}]."]
+    return []
+
+
+def _spectrum(rotation_deg: FloatArray, thrust_n: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Cycles per revolution and amplitudes of the whole record, also between whole orders (Hann window)."""
+    there = np.isfinite(thrust_n)
+    angle, force = rotation_deg[there], thrust_n[there]
+    count = min(angle.size, _MOST_SAMPLES)
+    if count < 2 * _FEWEST_CYCLES or not angle[-1] > angle[0]:
+        return np.array([]), np.array([])
+    even = np.interp(np.linspace(angle[0], angle[-1], count), angle, force)
+    window = np.hanning(count)
+    amplitude = 2 * np.abs(np.fft.rfft((even - even.mean()) * window)) / window.sum()
+    cycles = np.arange(amplitude.size) / ((angle[-1] - angle[0]) / 360)
+    return cycles[_FEWEST_CYCLES:], amplitude[_FEWEST_CYCLES:]

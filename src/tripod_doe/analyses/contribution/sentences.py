@@ -1,0 +1,224 @@
+"""Contribution of the mechanisms in sentences: who makes an amplitude, who opposes it, and what the shares mean."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analyses.contribution.contribution import PAPER_SHARES
+from tripod_doe.analyses.contribution.shares import DEFINITIONS, Contribution, contributions, percent, spread
+from tripod_doe.array_types import FloatArray
+from tripod_doe.report.responses import listed, spoken
+
+_PRINTED = 0.05  # percent that still shows in the one digit after the point
+_AGREE = 4.0  # percentage points within which two shares count as agreeing
+_ALL_OF_IT = 0.5  # percent within which a share by switching off counts as the whole
+_HALF = 1.0  # percentage points within which a Shapley value counts as half of the share by switching off
+_MOST_LOST = 3  # operating points whose missing combinations are named
+_REMOTE = 5.0  # percentage points from the median from which a share at one point is worth a sentence
+
+
+def find_in_contribution(name: str, result: xr.Dataset) -> list[str]:
+    """Sentences on a contribution analysis: the shares of the third and the second order."""
+    return [sentence for part in contributions({name: result}) for sentence in contribution_findings(part)]
+
+
+def contribution_findings(part: Contribution) -> list[str]:
+    """State the shares, who opposes the sum, the most unusual operating point, and what is closest to the paper."""
+    if part.missing:
+        return [f"{_start(part.what)} has no shares: {part.missing} (analysis {part.analysis})."]
+    return [_who_makes_it(part), *_without(part), *_uncertain(part), *_furthest(part), *_nearest_to_paper(part)]
+
+
+def contribution_notes(part: Contribution) -> list[str]:
+    """Notes on the shares: mechanisms on which all of the amplitude depends, and the strongest interaction."""
+    if part.missing:
+        return contribution_findings(part)
+    return _all_passes(part) + _strongest_interaction(part) + _agreement(part) + _lost_combinations(part)
+
+
+def _lost_combinations(part: Contribution) -> list[str]:
+    """Name the combinations without a result and the bounds that are left of Shapley values, at the first points."""
+    places = [at for at, text in enumerate(part.lost) if text]
+    sentences = []
+    for at in places[:_MOST_LOST]:
+        where = f"At {part.labels[at]}, there" if part.labels[at] else "There"
+        names = listed([" + ".join(map(spoken, text.split(" + "))) for text in part.lost[at].split("; ")])
+        sentence = f"{where} is no result with only these mechanisms on: {names}"
+        if part.shapley_bounds is not None and np.isfinite(part.shapley_bounds[0][at]).all():
+            ends = zip(part.mechanisms, *(end[at] for end in part.shapley_bounds), strict=True)
+            values = [f"{spoken(name)} {percent(np.array([low, high]))}" for name, low, high in ends]
+            sentence += (
+                ". Shapley values lie within these bounds if the missing results lie between the smallest and the "
+                f"largest known one: {', '.join(values)}"
+            )
+        sentences.append(f"{sentence}.")
+    if more := len(places) - len(sentences):
+        sentences.append(f"Combinations are missing at {more:,} more operating point{'s' * (more > 1)}.")
+    return sentences
+
+
+def _start(text: str) -> str:
+    return text[0].upper() + text[1:] if text.startswith("the ") else text
+
+
+def _who_makes_it(part: Contribution) -> str:
+    values = part.shares[part.fairest]
+    known = np.isfinite(values).any(axis=0)
+    median = np.where(known, np.nanmedian(np.where(known, values, 0.0), axis=0), np.nan)
+    ranked = [int(at) for at in np.argsort(-np.nan_to_num(median), kind="stable")]
+    told = [f"{spoken(part.mechanisms[at])} {percent(values[:, at])}" for at in ranked if not median[at] < -_PRINTED]
+    against = [
+        f"{spoken(part.mechanisms[at])} with {percent(values[:, at])}" for at in ranked if median[at] < -_PRINTED
+    ]
+    opposed = f"; {listed(against)} oppose{'s' if len(against) == 1 else ''} the sum" if against else ""
+    closure = (
+        f"; the shares by switching off leave a closure of {percent(part.closure)}" if spread(part.closure) else ""
+    )
+    over = f", {part.summarised}" if len(part.labels) > 1 else ""
+    return (
+        f"Of {part.what}{f' ({part.amplitude})' if part.amplitude else ''}, by {DEFINITIONS[part.fairest]}{over}: "
+        f"{', '.join(told)}{opposed}{closure} (analysis {part.analysis})."
+    )
+
+
+def _without(part: Contribution) -> list[str]:
+    """Count the operating points at which nothing is shared out, by the reason."""
+    lost = ~part.shared & ~part.zero
+    reasons = {
+        f"{part.what} is zero within its numerical error, and has no shares": int(part.zero.sum()),
+        f"{part.what} has no shares, since points that they need did not finish": int(lost.sum()),
+    }
+    of = f"{len(part.labels):,} operating points"
+    return [f"At {count:,} of {of} {reason}." for reason, count in reasons.items() if count]
+
+
+def _uncertain(part: Contribution) -> list[str]:
+    """Flag the operating points at which the amplitude is small beside its error."""
+    count = int(part.uncertain.sum())
+    if count == 0:
+        return []
+    if len(part.labels) == 1:
+        return [f"These shares are uncertain: the numerical error of {part.what} is above 5 % of it."]
+    of = f"{count:,} of {len(part.labels):,} operating points"
+    return [f"At {of} the numerical error of {part.what} is above 5 % of it, so that its shares there are uncertain."]
+
+
+def _furthest(part: Contribution) -> list[str]:
+    """The operating point at which a share is furthest from its median, if it is far."""
+    values = part.shares[part.fairest]
+    if not part.many or not np.isfinite(values).any():
+        return []
+    away = np.abs(values - np.nanmedian(np.where(np.isfinite(values).any(axis=0), values, 0.0), axis=0))
+    at, which = np.unravel_index(int(np.nanargmax(away)), away.shape)
+    if not away[at, which] > _REMOTE or not part.labels[at]:
+        return []
+    median = percent(np.nanmedian(values[:, which], keepdims=True))
+    return [
+        f"The share furthest from its median in {part.what} is that of {spoken(part.mechanisms[which])}: "
+        f"{percent(values[at : at + 1, which])} at {part.labels[at]}, with a median of {median}."
+    ]
+
+
+def _nearest_to_paper(part: Contribution) -> list[str]:
+    differences = part.differences()
+    if not differences:
+        return []
+    nearest = min(differences, key=lambda name: differences[name])
+    others = [f"{DEFINITIONS[name]}: {value:.1f}" for name, value in differences.items() if name != nearest]
+    told = f" ({', '.join(others)})" if others else ""
+    at = [label for label, is_there in zip(part.labels, part.like_paper, strict=True) if is_there]
+    where = f", at {'; '.join(at)}," if any(at) else ""
+    printed = ", ".join(f"{spoken(name)} {share:.0f} %" for name, share in PAPER_SHARES.items())
+    return [
+        f"The paper's shares of {part.what} ({printed}) are{where} closest to those by {DEFINITIONS[nearest]}: the "
+        f"largest difference is {differences[nearest]:.1f} percentage points{told}."
+    ]
+
+
+def _all_passes(part: Contribution) -> list[str]:
+    """A note if nothing is left without one mechanism: the consequence for each definition."""
+    whole = np.nan_to_num(np.abs(part.shares["share_off"] - 100), nan=np.inf).max(axis=0) < _ALL_OF_IT
+    needed = np.flatnonzero(whole)
+    names = [spoken(part.mechanisms[at]) for at in needed]
+    if needed.size == 1:
+        left = f"without it, less than {_ALL_OF_IT:g} % is left in the same phase"
+        return [f"All of {part.what} depends on {names[0]}: {left}.{_halves(part, int(needed[0]))}"]
+    if needed.size == 0:
+        return []
+    alone = np.abs(np.nan_to_num(part.shares["share_on"][:, needed], nan=np.inf)).max() < _ALL_OF_IT
+    clauses = [f"switching off any of them leaves less than {_ALL_OF_IT:g} %"]
+    clauses += [f"each alone contributes less than {_ALL_OF_IT:g} %"] * bool(alone)
+    shapley = part.shares.get("share_shapley", np.full_like(part.shares["share_off"], np.nan))[:, needed]
+    if np.isfinite(shapley).all() and np.ptp(shapley, axis=1).max() < _ALL_OF_IT:
+        clauses.append("their Shapley values are equal")
+    return [f"{_start(part.what)} needs {listed(names)} together: {', '.join(clauses)}."]
+
+
+def _halves(part: Contribution, needed: int) -> str:
+    """Why the other mechanisms' Shapley values are half of their shares by switching off, where they are."""
+    if "share_shapley" not in part.shares:
+        return ""
+    others = np.arange(len(part.mechanisms)) != needed
+    gap = np.abs(part.shares["share_shapley"] - part.shares["share_off"] / 2)[:, others]
+    if not np.isfinite(gap).all() or gap.max(initial=0) > _HALF:
+        return ""
+    return (
+        " The Shapley value divides what any other mechanism adds equally between it and that mechanism, so the others "
+        "get about half of their shares by switching off."
+    )
+
+
+def _strongest_interaction(part: Contribution) -> list[str]:
+    if not np.isfinite(part.interaction).any():
+        return []
+    strongest = int(np.nanargmax(np.abs(part.interaction)))
+    pair = " and ".join(spoken(name) for name in part.pairs[strongest].split(" + "))
+    size = float(part.interaction[strongest])
+    if abs(size) < _PRINTED:
+        return [f"No two mechanisms interact in {part.what} (Shapley interaction indices below {_PRINTED:g} %)."]
+    at = f", at {part.labels[strongest]}" if part.labels[strongest] else ""
+    return [
+        f"The strongest interaction in {part.what} is between {pair}: together they contribute {abs(size):.1f} "
+        f"percentage points {'more' if size > 0 else 'less'} than separately (Shapley interaction index{at})."
+    ]
+
+
+def _agreement(part: Contribution) -> list[str]:
+    """State where the direct decomposition agrees with the ablation, and why it may differ."""
+    direct = part.shares.get("share_direct")
+    if direct is None or not np.isfinite(direct).any():
+        return []
+    told = [
+        f"{meaning} {compared}"
+        for name, meaning in DEFINITIONS.items()
+        if name in part.shares and name != "share_direct"
+        if (compared := _compared(part.mechanisms, direct, part.shares[name]))
+    ]
+    rest = percent(100 - direct.sum(axis=1))
+    compared = (
+        f" Within {_AGREE:.0f} percentage points {'; '.join(told)}. They need not agree: with a mechanism off, the "
+        "motion and the directions of the friction forces change; the decomposition keeps the motion with all on."
+    )
+    return [
+        f"Direct decomposition of {part.what}: what each mechanism's force adds at the grooves while all are on. It "
+        f"leaves {rest} to inertia, numerical error and mechanisms that are not switched here."
+        f"{compared if told else ''}"
+    ]
+
+
+def _compared(mechanisms: list[str], direct: FloatArray, values: FloatArray) -> str:
+    """For which mechanisms another definition gives the share by direct decomposition; empty if none is known."""
+    gaps = np.abs(values - direct)
+    known = [at for at in range(len(mechanisms)) if np.isfinite(gaps[:, at]).any()]
+    same = [spoken(mechanisms[at]) for at in known if np.nanmax(gaps[:, at]) <= _AGREE]
+    apart = [
+        f"{spoken(mechanisms[at])} (direct {percent(direct[:, at])}, there {percent(values[:, at])})"
+        for at in known
+        if np.nanmax(gaps[:, at]) > _AGREE
+    ]
+    if not known:
+        return ""
+    if not apart:
+        return "agrees for all" if len(known) == len(mechanisms) else f"agrees for {listed(same)}"
+    return f"agrees for {listed(same) if same else 'none'}, not for {', '.join(apart)}"

@@ -1,0 +1,254 @@
+"""What the mechanisms contribute: shares by every definition as tables and sentences, beside those of the paper."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.analyses.contribution.contribution import PAPER_SHARES
+from tripod_doe.analyses.kinds import of_kind
+from tripod_doe.array_types import FloatArray
+from tripod_doe.joint.parameters import JOINT_PARAMETERS, MECHANISMS
+from tripod_doe.quantities import level, number, with_unit
+from tripod_doe.report.responses import ORDINALS, factor_label, factor_unit, spoken, unit_text
+
+DEFINITIONS = {
+    "share_off": "switching off",
+    "share_on": "on alone",
+    "share_shapley": "Shapley value",
+    "share_direct": "direct decomposition",
+}
+"""Definitions of a share by the variables that hold them."""
+
+_PAPER_POINT = {name: JOINT_PARAMETERS[name].default for name in ("joint_angle_deg", "torque_n_m", "speed_rpm")}
+_UNSURE = 0.05  # error of an amplitude, as a part of it, above which its shares are flagged
+_ZERO = 1  # flag of a share: no amplitude beyond its error
+_MANY = 4  # operating points from which on quartiles say more than the ends
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """The shares of one order, or of one output, at all operating points."""
+
+    # analysis, key: name of the analysis, and of this part of it in file names
+    analysis: str
+    key: str
+    what: str  # what is shared out, in words
+    model: str  # the model of all points; empty where they have none, or several
+    mechanisms: list[str]  # names of the mechanisms
+    points: pd.DataFrame  # factors of the operating points, a row each; without columns where there is one point only
+    units: dict[str, str]  # units of these factors as text
+    labels: list[str]  # the operating points in words
+    # percent by definition, each of shape (operating point, mechanism); NaN where not known
+    shares: dict[str, FloatArray]
+    # closure, none, interaction: percent: 100 less the sum of the shares by switching off, P(none) and the strongest
+    # interaction
+    closure: FloatArray
+    none: FloatArray
+    interaction: FloatArray
+    pairs: list[str]  # the pairs with that interaction
+    amplitude: str  # with all mechanisms on, as text with its unit
+    # at which operating points the amplitude is zero within its error, so that there are no shares
+    zero: NDArray[np.bool_]
+    # at which other operating points the error of the amplitude is so large that shares there say little
+    uncertain: NDArray[np.bool_]
+    paper: FloatArray | None  # the paper's shares of it, for each mechanism; None where it gives none
+    # which operating points are the paper's in joint angle, torque and speed, as far as these vary
+    like_paper: NDArray[np.bool_]
+    missing: str  # why there are no shares at all; empty where there are some
+    lost: list[str]  # at each operating point the combinations without a result; empty where all have one
+    # smallest and largest Shapley value in percent, each of shape (operating point, mechanism); None without any
+    shapley_bounds: tuple[FloatArray, FloatArray] | None
+
+    @property
+    def shared(self) -> NDArray[np.bool_]:
+        """At which operating points some share is known."""
+        known = [np.isfinite(values).any(axis=1) for values in self.shares.values()]
+        return np.asarray(np.any(known, axis=0), bool)
+
+    @property
+    def summarised(self) -> str:
+        """How shares at several operating points are stated."""
+        count = int(self.shared.sum())
+        if self.many:
+            return f"median (and quartiles) over {count:,} operating points"
+        return f"smallest to largest at {count} operating points"
+
+    @property
+    def many(self) -> bool:
+        """Whether there are so many operating points that only their distribution can be stated."""
+        return int(self.shared.sum()) >= _MANY
+
+    @property
+    def fairest(self) -> str:
+        """The definition that sentences and charts of many operating points show."""
+        known = [name for name, values in self.shares.items() if np.isfinite(values[self.shared]).all()]
+        return next((name for name in ("share_shapley", "share_off", "share_on") if name in known), "share_off")
+
+    def differences(self) -> dict[str, float]:
+        """Largest difference from the four printed shares at the paper's operating point, in percentage points."""
+        if self.paper is None:
+            return {}
+        printed = [self.mechanisms.index(name) for name in PAPER_SHARES]
+        there = {name: values[self.like_paper][:, printed] for name, values in self.shares.items()}
+        known = {name: values for name, values in there.items() if np.isfinite(values).all()}
+        return {name: float(np.abs(values - self.paper[printed]).max()) for name, values in known.items()}
+
+
+def contributions(analyses: Mapping[str, xr.Dataset]) -> list[Contribution]:
+    """The third and the second order of every contribution analysis, or its output where that has no orders."""
+    return [
+        _contribution(name, result, order)
+        for name, result in of_kind(analyses, "contribution").items()
+        for order in ((3, 2) if "order" in result.dims else (None,))
+        if order is None or order in result["order"].values
+    ]
+
+
+def _contribution(name: str, result: xr.Dataset, order: int | None) -> Contribution:
+    output, dims = str(result.attrs.get("outputs", "")), str(result.attrs.get("operating_dims", "")).split()
+    points = result.stack(at=dims, create_index=False) if dims else result.expand_dims("at")
+    points = points if order is None else points.sel(order=order)
+    what = output if order is None else f"the {ORDINALS[order]}"
+    for dim in points["share_off"].dims:
+        if dim not in ("at", "mechanism"):  # the first groove stands for all
+            what += f" ({dim} {points[dim].values[0]})" if dim in points.coords else f" ({dim} 1)"
+            points = points.isel({dim: 0})
+    factors = [str(c) for c in points.coords if points[c].dims == ("at",) and "source" in points[c].attrs]
+    mechanisms = [str(each) for each in points["mechanism"].values]
+    amplitude = points["amplitude"].values
+    of_paper = order == 3 and output.startswith("thrust_") and set(mechanisms) == set(MECHANISMS)
+    zero = (points["share_off_flag"] == _ZERO).all("mechanism").values
+    like_paper = np.ones(points.sizes["at"], bool)
+    for factor in set(factors) & set(_PAPER_POINT):
+        like_paper &= points[factor].values == _PAPER_POINT[factor]
+    rest = 100 - sum(PAPER_SHARES.values())
+    nothing = np.full(points.sizes["at"], np.nan)
+
+    def bounds(end: str) -> FloatArray:
+        return np.asarray(points[f"share_shapley_{end}"].transpose("at", "mechanism").values)
+
+    return Contribution(
+        analysis=name,
+        key=name if order is None else f"{name}-order-{order}",
+        what=what,
+        model=str(result.attrs.get("model", "")),
+        mechanisms=mechanisms,
+        points=pd.DataFrame({factor: points[factor].values for factor in factors}, index=range(points.sizes["at"])),
+        units={factor: factor_unit(points, factor) for factor in factors},
+        labels=_labels(points, factors),
+        shares={key: points[key].transpose("at", "mechanism").values for key in DEFINITIONS if key in points},
+        closure=points["closure"].values,
+        none=points["share_none"].values,
+        interaction=points["strongest_interaction"].values if "interaction" in points else nothing,
+        pairs=[str(pair) for pair in points["strongest_pair"].values] if "interaction" in points else [],
+        amplitude=_amplitude(amplitude, unit_text(str(points["amplitude"].attrs.get("units", "1")))),
+        zero=zero,
+        uncertain=~zero & (_error(points) > _UNSURE * amplitude),
+        paper=np.array([PAPER_SHARES.get(each, rest) for each in mechanisms])
+        if of_paper and like_paper.any()
+        else None,
+        like_paper=like_paper,
+        missing=_why_missing(points),
+        lost=[str(text) for text in points["missing_combinations"].values]
+        if "missing_combinations" in points
+        else [""] * points.sizes["at"],
+        shapley_bounds=(bounds("low"), bounds("high")) if "share_shapley_low" in points else None,
+    )
+
+
+def _error(points: xr.Dataset) -> FloatArray:
+    """Numerical error of the amplitude; zero in results of versions that did not record it."""
+    recorded = points["amplitude_error"] if "amplitude_error" in points else xr.zeros_like(points["amplitude"])
+    return np.asarray(recorded.values)
+
+
+def _why_missing(points: xr.Dataset) -> str:
+    if any(bool(points[key].notnull().any()) for key in DEFINITIONS if key in points):
+        return ""
+    zero = bool((points["share_off_flag"] == _ZERO).all())
+    return "its amplitude is zero within its error" if zero else "points that they need did not finish"
+
+
+def _labels(points: xr.Dataset, factors: list[str]) -> list[str]:
+    """Operating points in words, by the factors that vary."""
+    columns = []
+    for name in factors:
+        values = points[name].values.tolist()
+        if len(set(values)) > 1:
+            texts = [level(value) if isinstance(value, int | float) else str(value) for value in values]
+            unit = factor_unit(points, name)
+            columns.append(
+                [with_unit(text, unit) if unit else f"{factor_label(points, name)} {text}" for text in texts]
+            )
+    return [", ".join(parts) for parts in zip(*columns, strict=True)] if columns else [""] * points.sizes["at"]
+
+
+def _amplitude(values: FloatArray, unit: str) -> str:
+    values = values[np.isfinite(values)]
+    if values.size == 0:
+        return ""
+    low, high = number(float(values.min())), number(float(values.max()))
+    return with_unit(low if low == high else f"{low} to {high}", unit)
+
+
+def percent(values: FloatArray) -> str:
+    """Percent of one or of many operating points as text; ``not known`` where there is none."""
+    text = spread(values)
+    return text.replace(" (", " % (") if " (" in text else f"{text} %" if text else "not known"
+
+
+def spread(values: FloatArray) -> str:
+    """Percent as text: one number, the ends of a few, the median and quartiles of many; empty if none is known."""
+    known = values[np.isfinite(values)]
+    if known.size == 0:
+        return ""
+    low, middle, high = (_one_digit(value) for value in np.quantile(known, (0.25, 0.5, 0.75)))
+    if known.size < _MANY:
+        low, middle, high = (_one_digit(value) for value in (known.min(), np.nan, known.max()))
+        return low if low == high else f"{low} to {high}"
+    return middle if low == high else f"{middle} ({low} to {high})"
+
+
+def _one_digit(value: float) -> str:
+    text = f"{value:.1f}"
+    return "0.0" if text == "-0.0" else text
+
+
+def share_rows(part: Contribution) -> tuple[list[str], list[list[str]], list[list[str]]]:
+    """The table of one contribution: heads, one row per mechanism, and rows of sums and remainders.
+
+    Parameters
+    ----------
+    part
+        Shares of one order or output; of several operating points as `spread` says.
+    """
+    heads = ["Mechanism", *(DEFINITIONS[name] for name in part.shares)]
+    rows = [
+        [spoken(mechanism), *(spread(values[:, at]) or "not known" for values in part.shares.values())]
+        for at, mechanism in enumerate(part.mechanisms)
+    ]
+    sums = [values.sum(axis=1) for values in part.shares.values()]
+    below = [
+        ["sum", *(spread(total) or "not known" for total in sums)],
+        ["closure: 100 - sum", *(spread(100 - total) or "not known" for total in sums)],
+        ["all off, P(none)", *([spread(part.none) or "not known"] + [""] * (len(sums) - 1))],
+    ]
+    if part.paper is not None:
+        heads.append("paper, 3.5")
+        for row, mechanism, share in zip(rows, part.mechanisms, part.paper, strict=True):
+            row.append(f"{share:.0f}" if mechanism in PAPER_SHARES else f"{share:.0f} (rest)")
+        differences = part.differences()
+        below.append(
+            [
+                "largest gap to the paper",
+                *(f"{differences[k]:.1f}" if k in differences else "" for k in part.shares),
+            ]
+        )
+        below = [[*row, "100" if row[0] == "sum" else ""] for row in below]
+    return heads, rows, below

@@ -1,0 +1,1 @@
+"""Effects of factors and interactions by regression, for designs of experiments with few levels."""

@@ -1,0 +1,258 @@
+"""Effects of factors and their interactions by regression on coded levels, with the table of an analysis of variance.
+
+A number is coded from -1 at its low to 1 at its high, on a logarithmic scale where it has one; a word by what sets it
+apart from the first. Terms are single factors, products of two (``a:b``), and squares (``a^2``) where a factor has more
+than two levels, each as far as the design tells it from those before.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from pydantic import Field
+
+from tripod_doe.analyses.kinds import makes_kind
+from tripod_doe.analyses.outputs import (
+    OutputTable,
+    answered_in_parts,
+    chosen_outputs,
+    is_course,
+    meaning_of,
+    output_attributes,
+    side_by_side,
+    stacked,
+)
+from tripod_doe.analyses.sample import Sample, read_sample
+from tripod_doe.analyses.settings import SensitivitySettings
+from tripod_doe.array_types import FloatArray
+from tripod_doe.study.file import FactorTable
+from tripod_doe.study.flat_points import flat_points
+
+_ALIAS = 1e-8  # part of a column's length that the terms before must leave for it to be a term of its own
+_ROUNDING = 1e-12  # part of the variance of an output below which nothing is left
+EFFECT_DESIGNS = (
+    "full-factorial",
+    "fractional-factorial",
+    "plackett-burman",
+    "central-composite",
+    "box-behnken",
+    "grid",
+    "table",
+    "zip",
+    "latin-hypercube",
+    "sobol",
+    "halton",
+    "rbd-fast",
+)
+"""Designs whose points a regression can use."""
+
+
+class EffectsSettings(SensitivitySettings):
+    """[analysis.NAME] of kind effects."""
+
+    interactions: bool = Field(True, description="whether products of two factors are terms")
+    squares: bool = Field(True, description="whether squares of factors with more than two levels are terms")
+
+
+@dataclass(frozen=True)
+class Terms:
+    """Terms of a regression and what they cannot be told from."""
+
+    names: list[str]  # of the terms
+    columns: FloatArray  # their values, shape (point, term)
+    reach: FloatArray  # change of a term's value from low to high: 2 for factors and products, 1 for squares and words
+    aliases: dict[str, list[str]]  # by a term that is left out, the terms whose effects hold its own
+
+
+def _coded(name: str, column: NDArray[np.generic], table: FactorTable) -> list[tuple[str, FloatArray, float]]:
+    """Columns of one factor: name, values, and their change from low to high."""
+    if column.dtype.kind not in "fiu":
+        words = list(dict.fromkeys(map(str, table.values or np.unique(column.astype(str)))))
+        if len(words) == 2:
+            return [(name, np.where(column.astype(str) == words[1], 1.0, -1.0), 2.0)]
+        return [(f"{name}={word}", (column.astype(str) == word).astype(float), 1.0) for word in words[1:]]
+    numbers = column.astype(float)
+    given = [float(value) for value in table.values or () if not isinstance(value, str)]
+    low = table.low if table.low is not None else min(given, default=numbers.min())
+    high = table.high if table.high is not None else max(given, default=numbers.max())
+    if table.scale == "log":
+        numbers, low, high = np.log(numbers), np.log(low), np.log(high)
+    return [(name, (2 * numbers - low - high) / (high - low), 2.0)] if high > low else []
+
+
+def _terms(sample: Sample, settings: EffectsSettings) -> Terms:
+    """The terms that the points can tell apart, single factors first."""
+    singles = [
+        [part for part in _coded(name, sample.columns[name], sample.tables[name]) if np.ptp(part[1]) > 0]
+        for name in sample.tables
+    ]
+    candidates = [part for parts in singles for part in parts]
+    if settings.interactions:
+        candidates += [
+            (f"{one[0]}:{other[0]}", one[1] * other[1], 2.0 if one[2] == other[2] == 2 else 1.0)
+            for first, second in combinations(singles, 2)
+            for one in first
+            for other in second
+        ]
+    if settings.squares:
+        numbers = [part for parts in singles for part in parts if np.unique(np.abs(part[1]).round(9)).size > 1]
+        candidates += [(f"{name}^2", values**2, 1.0) for name, values, reach in numbers if reach == 2]
+    return _told_apart(candidates, sample.rows.size)
+
+
+def _told_apart(candidates: list[tuple[str, FloatArray, float]], count: int) -> Terms:
+    names, reach, columns = ["mean"], [1.0], [np.ones(count)]
+    basis = [columns[0] / np.sqrt(count)]
+    aliases: dict[str, list[str]] = {}
+    for name, values, change in candidates:
+        left = values.copy()
+        for _ in range(2):  # Gram-Schmidt twice is enough
+            for known in basis:
+                left -= (known @ left) * known
+        if np.linalg.norm(left) > _ALIAS * np.linalg.norm(values) and len(names) < count:
+            names.append(name)
+            reach.append(change)
+            columns.append(values)
+            basis.append(left / np.linalg.norm(left))
+        else:
+            parts = np.linalg.lstsq(np.stack(columns, axis=1), values)[0]
+            aliases[name] = [names[at] for at in np.flatnonzero(np.abs(parts) > _ALIAS) if at > 0]
+    return Terms(names[1:], np.stack(columns[1:], axis=1), np.array(reach[1:]), aliases)
+
+
+def _pseudo_error(effects: FloatArray) -> FloatArray:
+    """Lenth's (1989) pseudo standard error of the effects of a design without spare points, shape (component,)."""
+    size = np.abs(effects)
+    rough = 1.5 * np.median(size, axis=0)
+    small = np.where(size < 2.5 * rough, size, np.nan)
+    with np.errstate(invalid="ignore"):
+        middle = np.nanmedian(np.where(np.isfinite(small).any(axis=0), small, 0.0), axis=0)
+    error: FloatArray = 1.5 * middle
+    return error
+
+
+def _fit(terms: Terms, values: FloatArray, confidence: float) -> dict[str, FloatArray]:
+    """Effects, intervals and the analysis of variance of all columns at once."""
+    from scipy import stats  # slow to import: every study would wait for it
+
+    count, width = terms.columns.shape
+    matrix = np.concatenate([np.ones((count, 1)), terms.columns], axis=1)
+    q, r = np.linalg.qr(matrix)
+    projected = q.T @ values
+    coefficients = np.linalg.solve(r, projected)
+    spread = ((values - values.mean(axis=0)) ** 2).sum(axis=0)
+    residual = np.maximum(((values - matrix @ coefficients) ** 2).sum(axis=0), 0)
+    residual[residual < _ROUNDING * spread] = 0
+    spare = count - width - 1
+    effects = coefficients[1:] * terms.reach[:, None]
+    if spare > 0:
+        inverse = np.linalg.inv(r)
+        error = np.sqrt((inverse[1:] ** 2).sum(axis=1))[:, None] * np.sqrt(residual / spare) * terms.reach[:, None]
+        freedom: float = spare
+    else:
+        error, freedom = np.broadcast_to(_pseudo_error(effects), effects.shape), width / 3
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = np.where(error > 0, effects / error, np.where(effects == 0, 0, np.inf))
+    unit = np.linalg.inv(r)[1:]
+    sums = coefficients[1:] ** 2 / (unit**2).sum(axis=1)[:, None]  # of each term, given all others
+    return {
+        "effect": effects,
+        "effect_conf": stats.t.ppf(0.5 + confidence / 2, freedom) * error,
+        "p_value": 2 * stats.t.sf(np.abs(ratio), freedom),
+        "coefficient": coefficients[1:],
+        "sum_of_squares": sums,
+        "f_value": ratio**2,
+        "mean": coefficients[0],
+        "residual_sum_of_squares": residual,
+        "r_squared": 1 - residual / np.where(spread > 0, spread, np.nan),
+    }
+
+
+_MEANINGS = {
+    "effect": "change of the output from low to high, of a square from the middle to the ends",
+    "effect_conf": "half width of the interval of the effect",
+    "p_value": "probability of such an effect by the scatter alone",
+    "coefficient": "regression coefficient over coded levels",
+    "sum_of_squares": "sum of squares that the term alone explains",
+    "f_value": "mean square of the term over that of the residual",
+    "mean": "regression at coded levels zero",
+    "residual_sum_of_squares": "sum of squares that no term explains",
+    "r_squared": "share of the sum of squares that the terms explain",
+}
+_PURE = ("p_value", "f_value", "r_squared")
+
+
+@makes_kind("effects")
+def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None) -> xr.Dataset:
+    """Effects of factors, interactions and squares with intervals, and the analysis of variance.
+
+    Intervals and probabilities are those of Student's t with the scatter that the terms leave: of a deterministic model
+    that is its lack of fit. A design without spare points takes Lenth's pseudo standard error.
+
+    Parameters
+    ----------
+    cube
+        Cube of a factorial, response-surface, sampled or listed design.
+    settings
+        Which outputs and terms, and the level of the intervals.
+
+    Returns
+    -------
+    xarray.Dataset
+        effect, effect_conf, p_value, coefficient, sum_of_squares, f_value (term, and the dimensions of the output; with
+        several outputs also along ``output``, those with further dimensions as ``OUTPUT_effect``, see
+        `outputs.side_by_side`); mean, residual_sum_of_squares, r_squared. The attribute ``aliases`` names by JSON the
+        terms that are left out, each with those that hold its effect.
+
+    Raises
+    ------
+    InputError
+        If the cube is of another design, or too few points are left.
+    """
+    settings = settings or EffectsSettings()
+    cube = flat_points(cube)
+    names = chosen_outputs(cube, settings.outputs)
+    sample = read_sample(cube, settings, EFFECT_DESIGNS, names)
+    terms = _terms(sample, settings)
+    names = [name for name in names if not is_course(cube, name) or len(names) == 1]
+    joint = side_by_side(cube, names)
+    names = joint + [name for name in names if name not in joint]
+    parts = {
+        name: answered_in_parts(cube, name, sample.rows, lambda table: _of_output(terms, table, settings.confidence))
+        for name in names
+    }
+    result = stacked(parts, joint)
+    result = result.assign_coords(term=np.array(terms.names, dtype=object))
+    for name in result.data_vars:
+        result[name].attrs = {"long_name": meaning_of(str(name), _MEANINGS)}
+        result[name].attrs |= {"units": "1"} if str(name).endswith(_PURE) else {}
+    for label in result.coords:
+        result[label].attrs.setdefault("long_name", str(label).replace("_", " "))
+    region = {"failing_region": sample.region.text} if sample.region else {}
+    return result.assign_attrs(
+        **output_attributes(cube, names),
+        aliases=json.dumps(terms.aliases),
+        degrees_of_freedom=sample.rows.size - len(terms.names) - 1,
+        points_used=sample.rows.size,
+        points_dropped=sample.dropped,
+        confidence_level=settings.confidence,
+        **region,
+    )
+
+
+def _of_output(terms: Terms, table: OutputTable, confidence: float) -> xr.Dataset:
+    """The fit of one output; NaN for components that do not vary."""
+    found: dict[str, FloatArray] = {}
+    varies = table.varies
+    for components in [*table.chunks()] or [np.array([0])]:  # where none varies, one shows the shapes
+        for key, answer in _fit(terms, table.values[:, components], confidence).items():
+            blank = found.setdefault(key, np.full((*answer.shape[:-1], table.values.shape[1]), np.nan))
+            blank[..., components] = np.where(varies[components], answer, np.nan)
+    return xr.Dataset(
+        {key: table.labelled(answer, ("term",) if answer.ndim == 2 else ()) for key, answer in found.items()}
+    )

@@ -1,0 +1,1 @@
+"""The region of the factors in which points fail."""

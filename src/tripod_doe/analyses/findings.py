@@ -1,0 +1,234 @@
+"""Findings of a study: sentences with numbers from its cube."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analyses.failing_region.sentences import failing_region_of
+from tripod_doe.analyses.main_effects.sentences import effects_on, find_effects, point_columns, unseparated, varies
+from tripod_doe.quantities import digits_apart, level, number, with_unit
+from tripod_doe.report.chosen_models import asked_orders, is_chosen
+from tripod_doe.report.responses import (
+    ERRORS,
+    ORDINALS,
+    Response,
+    asked,
+    design_kind,
+    factor_label,
+    factor_names,
+    factor_text,
+    finished,
+    listed,
+    responses,
+    telling_points,
+    told_points,
+    waiting,
+)
+from tripod_doe.report.subset import shown_part, told_part
+from tripod_doe.simulator import Outcome
+
+_FLAT = 1e-6  # part of the largest value below which a value is zero, and a difference none
+_MOST_GIVEN = 40  # a factor with more values than this is a sampled one
+_MOST_NAMED = 3  # factors by which a point can be named
+
+
+def find(cube: xr.Dataset) -> list[str]:
+    """Sentences on what the cube shows: the dominant order, the effect of every factor, and what did not finish.
+
+    Parameters
+    ----------
+    cube
+        A result cube.
+
+    Returns
+    -------
+    list of str
+        The most important first.
+    """
+    good, total = int(finished(cube).sum()), int(asked(cube).sum())
+    part = shown_part(cube)
+    if good == 0:
+        return _unfinished(cube, part, good, total)
+    sentences, shown = [], telling_points(part)
+    if bool(finished(shown).any()):
+        every_order = "thrust_amplitude" in cube and asked_orders(cube) is None
+        sentences = [_dominant_order(shown)] if every_order else []
+        sentences += _responses(shown) + _missing_effects(shown) + told_part(part)
+        if design_kind(cube) == "multifidelity":
+            sentences.append(f"Ranges of results, effects of factors and figures of both are {told_points(shown)}.")
+    if "attempt" in cube and (changed := int(((cube["attempt"] > 0) & finished(cube)).sum())):
+        sentences.append(f"{changed:,} of {total:,} points finished only after a retry.")
+    if "accuracy_met" in cube:
+        sentences.append(_chosen(cube))
+    unfinished = _unfinished(cube, part, good, total)
+    return (unfinished + sentences if good < total / 2 else sentences + unfinished) + _notes(cube)
+
+
+def _unfinished(cube: xr.Dataset, part: xr.Dataset, good: int, total: int) -> list[str]:
+    """How many points failed, with the reasons and the region (that of a part), and how many are not computed yet."""
+    left = int(waiting(cube).sum())
+    failed, told = total - good - left, []
+    if failed:
+        none = failed == total
+        start = f"None of {total:,} points finished" if none else f"{failed:,} of {total:,} points did not finish"
+        told.append(f"{start}: {_reasons(cube)}.")
+        if region := failing_region_of(part):
+            share = "All" if region.failed == region.all_failed else "Most"
+            told.append(f"{share} of them are close together: points fail {region.text}.")
+    if left:
+        told.append(f"{left:,} of {total:,} points {'is' if left == 1 else 'are'} not computed yet.")
+    return told
+
+
+def _responses(cube: xr.Dataset) -> list[str]:
+    """The range of each response and the effects of the factors on it, then what the design does not separate."""
+    sentences, lost = [], []
+    for response in responses(cube):
+        if told := _range(response, cube):
+            sentences.append(told)
+        if missing := int((finished(cube) & response.values.isnull()).sum()):
+            total = int(finished(cube).sum())
+            sentences.append(f"{_named(response)} has no finite value at {missing:,} of {total:,} finished points.")
+        values = response.values.values[np.isfinite(response.values.values)]
+        if values.size and np.ptp(values) > _FLAT * np.abs(values).max():
+            effects = effects_on(response, cube)
+            sentences.extend(find_effects(response, cube, effects))
+            lost.extend(effects)
+    return sentences + unseparated(cube, lost) + _one_level(cube)
+
+
+def _missing_effects(cube: xr.Dataset) -> list[str]:
+    """State of which factors the effect is not complete, since no model of the study has all of it."""
+    missing = json.loads(str(cube.attrs.get("missing_effects", "{}")))
+    return [
+        f"The effect of {factor_label(cube, factor)} is incomplete: {missing[factor]}."
+        for factor in factor_names(cube)
+        if factor in missing and np.unique(cube[factor].values).size > 1
+    ]
+
+
+def _notes(cube: xr.Dataset) -> list[str]:
+    """What the design cannot tell, and how many finished points have a note, with the first note."""
+    design = [f"The design: {note}." for note in str(cube.attrs.get("design_notes", "")).splitlines()]
+    if "outcome_detail" not in cube:
+        return design
+    details = cube["outcome_detail"].values[finished(cube).values]
+    noted = details[details != ""]
+    told = f"{noted.size:,} points finished with a note (outcome_detail)"
+    return design + ([f"{told}, the first: {noted[0]}."] if noted.size else [])
+
+
+def _chosen(cube: xr.Dataset) -> str:
+    """State at how many points each model was chosen, and how many will probably miss the accuracy."""
+    inside = asked(cube).values
+    told = ""
+    if not is_chosen(cube):
+        count = f"all {int(inside.sum()):,} points run with the full model"
+        return f"The study has too few points for a pilot that could choose its models: {count}."
+    if "model_used" in cube:
+        used = cube["model_used"]
+        words = dict(zip(used.attrs.get("flag_values", ()), used.attrs.get("flag_meanings", "").split(), strict=True))
+        models, counts = np.unique(used.values[inside], return_counts=True)
+        told = ": " + ", ".join(f"{words.get(m, f'{m:g}')} at {n:,}" for m, n in zip(models, counts, strict=True))
+    unmet = int((cube["accuracy_met"].values[inside] == 0).sum())
+    short = f"; {unmet:,} are not expected to meet the accuracy" if unmet else ""
+    return f"The model was chosen for each point{told} of {int(inside.sum()):,} points{short}.{_not_asked(cube)}"
+
+
+def _not_asked(cube: xr.Dataset) -> str:
+    """State that other orders and the waveform are not shown; empty where they are not in the cube."""
+    orders = asked_orders(cube)
+    if orders is None:
+        return ""
+    others = " and the waveform" if "thrust" in cube else ""
+    told = listed([ORDINALS[order] for order in orders])
+    return (
+        f" Accuracy was asked for the {told} only: other orders{others} are not shown, since they come from models of "
+        "different error."
+    )
+
+
+def _reasons(cube: xr.Dataset) -> str:
+    outcome = cube["outcome"].values[asked(cube).values]
+    counts = {kind: int((outcome == kind).sum()) for kind in Outcome if kind not in (Outcome.FINISHED, Outcome.NOT_RUN)}
+    return ", ".join(f"{count:,} {kind.label}" for kind, count in counts.items() if count)
+
+
+def _dominant_order(cube: xr.Dataset) -> str:
+    amplitude = cube["thrust_amplitude"]
+    mean = amplitude.mean([dim for dim in amplitude.dims if dim != "order"]).isel(order=slice(1, None))
+    first, second = (int(mean["order"].values[i]) for i in np.argsort(mean.values)[::-1][:2])
+    if float(mean.sel(order=first)) == 0:
+        return "The thrust force has no rotating order: all amplitudes are zero."
+    over = " on average over the study" if int(finished(cube).sum()) > 1 else ""
+    rotating = amplitude.isel(order=slice(1, None)).fillna(-1)
+    beyond = rotating.max("order") - rotating.sel(order=first)
+    other = int(((beyond > _left_over(cube)) & finished(cube)).sum())
+    told = f"; at {other:,} of {int(finished(cube).sum()):,} points another order is larger" if other else ""
+    return (
+        f"The {ORDINALS[first]} of the thrust force is the largest: {number(float(mean.sel(order=first)))} N{over}; "
+        f"the next is the {ORDINALS[second]} with {number(float(mean.sel(order=second)))} N{told}."
+    )
+
+
+def _left_over(cube: xr.Dataset) -> xr.DataArray:
+    """Up to which difference two orders of a point are alike: their numerical errors, or what is written as zero."""
+    amplitude = cube["thrust_amplitude"]
+    error = _FLAT * float(amplitude.max()) + xr.zeros_like(cube["outcome"], dtype=float)
+    for name in ERRORS:
+        if name in cube:
+            error = error + 2 * cube[name].isel(order=slice(1, None)).max("order").fillna(0.0)
+    return error
+
+
+def _named(response: Response) -> str:
+    """A response at the head of a sentence; a user's variable keeps its name."""
+    return response.label if response.key == response.label else f"The {response.label}"
+
+
+def _range(response: Response, cube: xr.Dataset) -> str:
+    """Where the values of a response lie, with the points of the smallest and the largest; empty without any."""
+    values = response.values.values
+    known = values[np.isfinite(values)]
+    if known.size == 0:
+        return ""
+    low, high, largest = float(known.min()), float(known.max()), float(np.abs(known).max())
+    name = _named(response)
+    if known.size == 1 or high - low <= _FLAT * largest:
+        same = "" if known.size == 1 else " the same at all points:"
+        return f"{name} is{same} {with_unit(number(high), response.unit)}."
+    ends, digits = [], digits_apart(low, high)
+    for value, at in ((low, np.nanargmin(values)), (high, np.nanargmax(values))):
+        text = with_unit(number(0.0 if abs(value) < _FLAT * largest else value, digits), response.unit)
+        ends.append(text + _place(cube, int(at)))
+    return f"{name} lies between {ends[0]} and {ends[1]}."
+
+
+def _place(cube: xr.Dataset, at: int) -> str:
+    """The point with this number in brackets, by its factors that vary; empty where they are too many to read."""
+    columns = point_columns(cube, np.ones(cube["outcome"].shape, bool))
+    varying = {name: column for name, column in columns.items() if varies(column)}
+    if not 0 < len(varying) <= _MOST_NAMED:
+        return ""
+    told = []
+    for name, column in varying.items():
+        value = column[at].item()
+        given = level if np.unique(column).size <= _MOST_GIVEN else number  # a sampled value has too many digits
+        told.append(factor_text(cube, name, value, given))
+    return f" (at {', '.join(told)})"
+
+
+def _one_level(cube: xr.Dataset) -> list[str]:
+    """Factors of which only one level finished, so that nothing is known of their effect."""
+    every = point_columns(cube, np.ones(cube["outcome"].shape, bool))
+    done = point_columns(cube, finished(cube).values)
+    lost = [name for name in every if varies(every[name]) and done[name].size and not varies(done[name])]
+    told = []
+    for name in lost:
+        value = done[name][0].item()
+        told.append(factor_text(cube, name, value))
+    several = "these factors" if len(told) > 1 else "this factor"
+    return [f"Only points with {listed(told)} finished: the effect of {several} is not known."] if told else []

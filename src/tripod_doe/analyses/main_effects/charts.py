@@ -1,0 +1,299 @@
+"""Responses against factors: lines and a map for a grid, mean and quartiles for any other design."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from tripod_doe.array_types import FloatArray
+from tripod_doe.quantities import level, levels_apart, number, with_unit
+from tripod_doe.report.charts.chart import (
+    COLOURS,
+    LINES,
+    MARKERS,
+    ON_DARK,
+    ON_LIGHT,
+    Chart,
+    drawing,
+    factor_ticks,
+    legend_above,
+)
+from tripod_doe.report.responses import (
+    Effect,
+    Response,
+    axis_label,
+    factor_label,
+    factor_names,
+    factor_text,
+    factor_unit,
+    main_effect,
+    numeric_factors,
+    responses,
+)
+
+if TYPE_CHECKING:  # matplotlib is imported when something is drawn
+    from matplotlib.axes import Axes
+    from matplotlib.colors import Colormap
+
+
+_MOST_LINES = 5
+_MOST_CELLS = (18, 8)  # rows and columns of a map whose cells still hold a readable number
+_MOST_MAPS = 4  # levels of a third factor
+_SHADES = ("#f4f7fb", "#9dbfdf", "#3f7fb8", "#0b3f73")  # of a map, from low to high
+
+
+@dataclass(frozen=True)
+class ResponseCharts:
+    """All charts of one response."""
+
+    response: Response
+    charts: list[Chart]
+
+    @property
+    def strongest(self) -> Chart:
+        """The map if there is one, else the chart whose first line rises the most."""
+        first_lines = [chart.data.iloc[:, 1].dropna() for chart in self.charts]
+        rises = [float(line.max() - line.min()) if len(line) else 0.0 for line in first_lines]
+        at = next((k for k, chart in enumerate(self.charts) if "-map" in chart.name), int(np.argmax(rises)))
+        return self.charts[at]
+
+
+def effect_charts(cube: xr.Dataset) -> list[ResponseCharts]:
+    """Charts of each response that varies, over each numeric factor."""
+    found = []
+    for response in responses(cube):
+        if not bool(response.values.notnull().any()):
+            continue
+        grid = cube["outcome"].dims != ("point",)
+        charts = _grid_charts(response, cube) if grid else _point_charts(response, cube)
+        if charts:
+            found.append(ResponseCharts(response, charts))
+    return found
+
+
+def _grid_charts(response: Response, cube: xr.Dataset) -> list[Chart]:
+    factors = [name for name in factor_names(cube) if cube.sizes[name] > 1]
+    numeric = [name for name in numeric_factors(cube) if name in factors]
+    charts = []
+    for name in numeric:
+        others = [other for other in factors if other != name]
+        charts.append(_line_chart(response, cube, name, others))
+    return charts + _maps(response, cube, factors, numeric)
+
+
+def _maps(response: Response, cube: xr.Dataset, factors: list[str], numeric: list[str]) -> list[Chart]:
+    """Maps over the two numeric factors of most levels, one for each level of a third factor with few."""
+    axes = sorted(numeric, key=lambda name: -cube.sizes[name])[:2]
+    others = [name for name in factors if name not in axes]
+    if len(axes) < 2 or cube.sizes[axes[1]] <= 2 or len(others) > 1:
+        return []
+    if not others:
+        return [_map_chart(response, cube, numeric)]
+    third, count = others[0], cube.sizes[others[0]]
+    if count > _MOST_MAPS:
+        return []
+    shown = [name for name in numeric if name in axes]
+    return [_map_chart(response, cube, shown, {third: place}) for place in range(count)]
+
+
+def _line_chart(response: Response, cube: xr.Dataset, factor: str, others: list[str]) -> Chart:
+    """One line per level of the second factor, averaged over any further ones."""
+    second = min(others, key=lambda name: (cube.sizes[name] > _MOST_LINES, others.index(name))) if others else None
+    averaged = [name for name in others if name != second]
+    along = np.argsort(cube[factor].values, kind="stable")
+    levels = cube[factor].values[along]
+    values = response.values.squeeze(drop=True).mean(averaged).transpose(factor, ...).values[along]
+    columns = {factor: levels}
+    with drawing(3.7, 3.0) as (figure, axes):
+        for which, (text, column) in enumerate(_columns(cube, second, values)):
+            label = with_unit(text, factor_unit(cube, second)) if second else response.label
+            columns[f"{response.key}[{second}={text}]" if second else response.key] = column
+            axes.plot(
+                levels,
+                column,
+                ls=LINES[which % len(LINES)],
+                marker=MARKERS[which % len(MARKERS)],
+                color=COLOURS[which % len(COLOURS)],
+                mfc="white" if which % 2 else None,
+                label=label,
+            )
+        factor_ticks(axes, levels)
+        axes.set_xlabel(axis_label(cube, factor))
+        axes.set_ylabel(response.axis)
+        drawn = np.concatenate(list(columns.values())[1:])
+        axes.set_ylim(*_limits(float(np.nanmin(drawn)), float(np.nanmax(drawn))))
+        if second is not None:
+            legend_above(axes, 3, factor_label(cube, second))
+    caption = f"{_capital(response)} against {factor_label(cube, factor)}"
+    caption += f", one line per {factor_label(cube, second)} shown" if second else ""
+    if averaged:
+        some = " (finished points only)" if bool(response.values.isnull().any()) else ""
+        caption += f"; mean over {', '.join(factor_label(cube, name) for name in averaged)}{some}"
+    title = f"{_capital(response)} over {factor_label(cube, factor)}"
+    return Chart(f"{response.key}-{factor}", title, caption + ".", figure, pd.DataFrame(columns))
+
+
+def _columns(cube: xr.Dataset, second: str | None, values: FloatArray) -> Iterator[tuple[str, FloatArray]]:
+    """At most five levels of the second factor at which points finished, with the values there."""
+    if second is None:
+        yield "", values
+        return
+    usable = np.flatnonzero(np.isfinite(values).any(axis=0))
+    chosen = np.unique(np.linspace(0, usable.size - 1, min(usable.size, _MOST_LINES)).round().astype(int))
+    shown = cube[second].values[usable[chosen]]
+    texts = levels_apart(shown) if cube[second].dtype.kind in "fiu" else map(str, shown)
+    yield from zip(texts, values.T[usable[chosen]], strict=True)
+
+
+def _capital(response: Response) -> str:
+    return response.label if response.label == response.key else response.label[0].upper() + response.label[1:]
+
+
+def _map_chart(
+    response: Response, cube: xr.Dataset, factors: list[str], held: Mapping[str, int] | None = None
+) -> Chart:
+    """Numbers in shaded cells, or labelled contours if there are too many cells to read.
+
+    Parameters
+    ----------
+    factors
+        Those of the two axes.
+    held
+        Another factor, and the place of its level; all its maps have the same shades.
+    """
+    held, every = held or {}, response.values.values
+    shades = float(np.nanmin(every)), float(np.nanmax(every))
+    at = "".join(f", {factor_text(cube, name, cube[name].values[place].item())}" for name, place in held.items())
+    response, cube = replace(response, values=response.values.isel(held, drop=True)), cube.isel(held)
+    across, up = sorted(factors, key=lambda name: cube.sizes[name])
+    response = replace(response, values=response.values.sortby([across, up]))
+    cube = cube.sortby([across, up])
+    values = response.values.squeeze(drop=True).transpose(up, across).values
+    rows, columns = values.shape
+    cells = rows <= _MOST_CELLS[0] and columns <= _MOST_CELLS[1]
+    with drawing(3.7, max(3.0, 0.7 + 0.22 * rows) if cells else 3.2) as (figure, axes):
+        if cells:
+            _draw_cells(axes, cube[across].values, cube[up].values, values, shades)
+        else:
+            _draw_contours(axes, cube[across].values, cube[up].values, values)
+        axes.set_xlabel(axis_label(cube, across))
+        axes.set_ylabel(axis_label(cube, up))
+    data = pd.DataFrame(values, columns=[f"{response.key}[{across}={float(v):.8g}]" for v in cube[across].values])
+    data.insert(0, up, cube[up].values)
+    unit = with_unit("", response.unit).strip()
+    caption = (
+        f"{_capital(response)}{f' ({unit})' if unit else ''} over {factor_label(cube, across)} and "
+        f"{factor_label(cube, up)}{'; darker is larger' if cells else ' as labelled contours'}"
+        f"{'; empty cells have no result' if np.isnan(values).any() else ''}{at}."
+    )
+    title = f"{_capital(response)} over {factor_label(cube, across)} and {factor_label(cube, up)}{at}"
+    name = "-".join([f"{response.key}-map", *(str(place + 1) for place in held.values())])
+    return Chart(name, title, caption, figure, data)
+
+
+def _draw_cells(
+    axes: Axes, across: FloatArray, up: FloatArray, values: FloatArray, shades: tuple[float, float]
+) -> None:
+    low, high = shades
+    axes.imshow(
+        np.ma.masked_invalid(values),
+        cmap=_shades(),
+        vmin=low,
+        vmax=high,
+        aspect="auto",
+        origin="lower",
+        interpolation="nearest",
+    )
+    for row, column in np.ndindex(*values.shape):
+        value = values[row, column]
+        if np.isfinite(value):
+            dark = (value - low) > 0.55 * (high - low)
+            axes.text(
+                column,
+                row,
+                _cell_text(float(value)),
+                ha="center",
+                va="center",
+                fontsize=7.5,
+                color=ON_DARK if dark else ON_LIGHT,
+            )
+    axes.set_xticks(range(across.size), [level(float(v)) for v in across])
+    axes.set_yticks(range(up.size), [level(float(v)) for v in up])
+    axes.grid(visible=False)
+    axes.tick_params(length=0)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+
+
+def _cell_text(value: float) -> str:
+    """A number of three digits, so that cells line up, but no power of ten."""
+    return f"{value:#.3g}".rstrip(".") if 1e-3 < abs(value) < 999.5 else number(value, 3)
+
+
+def _shades() -> Colormap:
+    from matplotlib.colors import LinearSegmentedColormap
+
+    return LinearSegmentedColormap.from_list("thrust", _SHADES)
+
+
+def _draw_contours(axes: Axes, across: FloatArray, up: FloatArray, values: FloatArray) -> None:
+    masked = np.ma.masked_invalid(values)
+    if float(masked.max()) > float(masked.min()):
+        axes.contourf(across, up, masked, levels=12, cmap=_shades())
+        lines = axes.contour(across, up, masked, levels=6, colors=ON_LIGHT, linewidths=0.8)
+        axes.clabel(lines, fontsize=7.5)
+
+
+def _point_charts(response: Response, cube: xr.Dataset) -> list[Chart]:
+    """One chart a factor, all on the same vertical scale, so that their effects can be compared by eye."""
+    effects = {name: main_effect(response, cube, name) for name in numeric_factors(cube)}
+    effects = {name: effect for name, effect in effects.items() if effect.mean.size > 1}
+    if not effects:
+        return []
+    low = min(float(np.minimum(e.lower, e.mean).min()) for e in effects.values())
+    high = max(float(np.maximum(e.upper, e.mean).max()) for e in effects.values())
+    return [_band_chart(response, cube, name, effect, _limits(low, high)) for name, effect in effects.items()]
+
+
+def _limits(low: float, high: float) -> tuple[float, float]:
+    """Ends of a vertical axis; it includes zero if little of its length is lost by that."""
+    margin = 0.06 * (high - low) or 0.05 * abs(high) or 1.0
+    return (0.0 if 0 <= low < 0.4 * high else low - margin), high + margin
+
+
+def _band_chart(
+    response: Response, cube: xr.Dataset, factor: str, effect: Effect, limits: tuple[float, float]
+) -> Chart:
+    spread = bool((effect.upper > effect.lower).any())
+    with drawing(3.5, 2.6) as (figure, axes):
+        if spread:
+            axes.fill_between(effect.level, effect.lower, effect.upper, color="#cfdeee", lw=0)
+            for edge in (effect.lower, effect.upper):
+                axes.plot(effect.level, edge, color="#6f9cc6", lw=0.8, ls="--")
+        axes.plot(effect.level, effect.mean, color=COLOURS[0], marker="o")
+        axes.set_ylim(*limits)
+        factor_ticks(axes, effect.level)
+        axes.set_xlabel(axis_label(cube, factor))
+        axes.set_ylabel(response.axis.replace(" of the thrust force", ""))
+    data = pd.DataFrame(
+        {
+            factor: effect.level,
+            f"{response.key}_mean": effect.mean,
+            f"{response.key}_lower_quartile": effect.lower,
+            f"{response.key}_upper_quartile": effect.upper,
+            "points": effect.count,
+        }
+    )
+    label = f"{_capital(response)} against {factor_label(cube, factor)}: "
+    if "varied" in cube.coords:
+        caption = label + "all other factors at their base values."
+    else:
+        groups = "ten classes with equally many points" if effect.sampled else "the points of each value"
+        caption = f"{label}mean{' and quartiles (band)' if spread else ''} of {groups}."
+    title = f"{_capital(response)} over {factor_label(cube, factor)}"
+    return Chart(f"{response.key}-{factor}", title, caption, figure, data)

@@ -1,0 +1,207 @@
+"""What the points of a design let one say of each factor's effect on a response, and where they do not separate it.
+
+A statement on one factor stands on one of three grounds, tried in this order; they are found in the columns of the
+points that finished, whatever the design was called.
+
+1. *All levels at one setting of the others* (grids, one factor at a time, their products): the change is that of the
+   factor, and the mean over such settings compares like with like. Holes are no matter as long as half of the points
+   that can be compared stand at settings without them.
+2. *Steps in one factor alone* (trajectories, Saltelli's pairs, star points, grids with many holes): the sign of each
+   step is a fact; this needs at least half as many steps per factor as a design would have that changes one factor at
+   a time in turn.
+3. *Regression on all factors* (random samples, fractional designs): stands only where the column of the factor is not
+   explained by those of the others, see `additive_fit.separation`, and only as far as its interval allows.
+
+Where none holds, as for lists of points in which factors change together, the design does not separate the factor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.analyses.main_effects.curve_shape import Shape, curve_shapes
+from tripod_doe.analyses.main_effects.one_factor import Comparison, compare_settings, setting_of_others
+from tripod_doe.analyses.main_effects.regression import Fit, Separation, fit_factor, separation
+from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.one_thread import one_thread
+
+Column = NDArray[np.generic]
+
+_MOST_ROWS = 4096  # points of a regression: more make its intervals narrower than anybody needs
+_ROUNDING = 1e-9  # part of the largest value within which two values are the same
+
+
+class Ground(Enum):
+    """On what a statement about a factor stands."""
+
+    CURVES = "all levels at one setting of the others"
+    STEPS = "steps in this factor alone"
+    REGRESSION = "regression on all factors"
+    NOT_SEPARATED = "the design does not separate the factor"
+
+
+@dataclass(frozen=True)
+class FactorEffect:
+    """The effect of one factor on a response."""
+
+    factor: str  # its name
+    numeric: bool  # whether its levels are numbers
+    ground: Ground  # on what the rest stands
+    shape: Shape = Shape.NONE  # course of the mean curve; NONE where there is no curve
+    # level, mean: the curve: levels in ascending order (words in any order), and the mean response over the settings of
+    # the others, or over classes. Empty where there is none.
+    level: Column = field(default_factory=lambda: np.empty(0))
+    mean: FloatArray = field(default_factory=lambda: np.empty(0))
+    error: float = 0.0  # difference up to which two values of the curve count as equal
+    largest: float = np.nan  # largest change at one setting of the others; NaN for a regression
+    # settings, of_settings: settings of the others that were used, and at which there are at least two levels. For
+    # steps: pairs. For a regression: points.
+    settings: int = 0
+    of_settings: int = 0
+    alike: int = 0  # settings at which the course is that of the mean
+    # rising, falling: steps with a rise or a fall beyond the error
+    rising: int = 0
+    falling: int = 0
+    # averaged, held: other factors over which the settings differ, and those that keep one value at all of them
+    # although they vary elsewhere in the design
+    averaged: tuple[str, ...] = ()
+    held: Mapping[str, object] = field(default_factory=dict)
+    fit: Fit | None = None  # the regression, where that is the ground
+    # why the design does not separate the factor
+    separation: Separation = field(default_factory=lambda: Separation(True))
+
+    @property
+    def rise(self) -> float:
+        """Largest less smallest mean; the trend of a regression without classes."""
+        if self.mean.size:
+            return float(np.ptp(self.mean))
+        return max(abs(self.fit.trend.value), abs(self.fit.bend.value)) if self.fit else 0.0
+
+    @property
+    def both_ways(self) -> bool:
+        """Whether some steps in a number rise and others fall."""
+        return self.ground is Ground.STEPS and self.numeric and min(self.rising, self.falling) > 0
+
+
+def factor_effects(columns: Mapping[str, Column], response: FloatArray, error: float = 0.0) -> list[FactorEffect]:
+    """The effect of each factor that varies, on the best ground that the points give.
+
+    Parameters
+    ----------
+    columns
+        Values of the factors at the points that finished, shape (point,) each: numbers or words.
+    response
+        Finite values, shape (point,).
+    error
+        Difference up to which two values are equal within their numerical error; at least rounding is assumed.
+    """
+    levels = {name: np.unique(column, return_inverse=True) for name, column in columns.items()}
+    varying = {name: columns[name] for name, (distinct, _) in levels.items() if distinct.size > 1}
+    if not varying:
+        return []
+    error = max(error, _ROUNDING * float(np.abs(response).max()))
+    codes = np.stack([levels[name][1] for name in varying], axis=1).astype(np.int64)
+    settings = setting_of_others(codes)
+    effects = []
+    for at, name in enumerate(varying):
+        compared = compare_settings(settings[:, at], codes[:, at], response)
+        ground = _ground(compared, settings[:, at], len(varying))
+        if ground is Ground.CURVES:
+            effects.append(_by_curves(name, varying, levels[name][0], compared, settings[:, at], error))
+        elif ground is Ground.STEPS:
+            effects.append(_by_steps(name, varying, compared, settings[:, at], error))
+        else:
+            with one_thread():
+                effects.append(_by_regression(name, varying, response, error))
+    return effects
+
+
+def _ground(compared: Comparison, setting: IntArray, factors: int) -> Ground:
+    """The strongest ground that the points give, see the head of this module."""
+    comparable = int(np.isin(setting, compared.several).sum())
+    if compared.whole.size and 2 * int(np.isin(setting, compared.whole).sum()) >= comparable:
+        return Ground.CURVES
+    enough = 2 * (factors + 1) * compared.steps.size >= setting.size
+    return Ground.STEPS if compared.steps.size and enough else Ground.REGRESSION
+
+
+def _surroundings(
+    name: str, columns: Mapping[str, Column], rows: NDArray[np.bool_]
+) -> tuple[tuple[str, ...], dict[str, object]]:
+    """The other factors that vary over these points, and those that do not, with their value."""
+    distinct = {other: np.unique(column[rows]) for other, column in columns.items() if other != name}
+    averaged = tuple(other for other, values in distinct.items() if values.size > 1)
+    return averaged, {other: values[0].item() for other, values in distinct.items() if values.size == 1}
+
+
+def _by_curves(
+    name: str, columns: Mapping[str, Column], levels: Column, compared: Comparison, setting: IntArray, error: float
+) -> FactorEffect:
+    averaged, held = _surroundings(name, columns, np.isin(setting, compared.whole))
+    mean = compared.curves.mean(axis=0)
+    shape = Shape(int(curve_shapes(mean[None], error)[0]))
+    return FactorEffect(
+        name,
+        columns[name].dtype.kind in "fiu",
+        Ground.CURVES,
+        shape,
+        levels,
+        mean,
+        error,
+        compared.largest,
+        compared.whole.size,
+        compared.several.size,
+        int((curve_shapes(compared.curves, error) == shape).sum()),
+        averaged=averaged,
+        held=held,
+    )
+
+
+def _by_steps(
+    name: str, columns: Mapping[str, Column], compared: Comparison, setting: IntArray, error: float
+) -> FactorEffect:
+    averaged, held = _surroundings(name, columns, np.isin(setting, compared.several))
+    return FactorEffect(
+        name,
+        columns[name].dtype.kind in "fiu",
+        Ground.STEPS,
+        error=error,
+        largest=compared.largest,
+        settings=compared.steps.size,
+        of_settings=compared.steps.size,
+        rising=int((compared.steps > error).sum()),
+        falling=int((compared.steps < -error).sum()),
+        averaged=averaged,
+        held=held,
+    )
+
+
+def _by_regression(name: str, columns: Mapping[str, Column], response: FloatArray, error: float) -> FactorEffect:
+    """Fit where the columns separate the factor; words and single points are left to the other grounds."""
+    rows = np.random.default_rng(0).permutation(response.size)[:_MOST_ROWS]
+    numeric, response = columns[name].dtype.kind in "fiu", response[rows]
+    columns = {other: column[rows] for other, column in columns.items() if np.unique(column[rows]).size > 1}
+    found = separation(columns, name) if name in columns else Separation(False, too_few=True)
+    if not (numeric and found.separated):
+        return FactorEffect(name, numeric, Ground.NOT_SEPARATED, separation=found)
+    fit = fit_factor(columns, name, response, error)
+    error = max(error, fit.error)
+    shape = Shape(int(curve_shapes(fit.mean[None], error)[0])) if fit.mean.size else Shape.NONE
+    return FactorEffect(
+        name,
+        True,
+        Ground.REGRESSION,
+        shape,
+        fit.level,
+        fit.mean,
+        error,
+        settings=response.size,
+        of_settings=response.size,
+        averaged=tuple(other for other in columns if other != name),
+        fit=fit,
+    )

@@ -1,0 +1,123 @@
+"""Sentences on the effect of each factor: only what its points support, see `analyses.main_effects.main_effects`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.analyses.main_effects.curve_shape import Shape
+from tripod_doe.analyses.main_effects.main_effects import FactorEffect, Ground, factor_effects
+from tripod_doe.analyses.main_effects.regression import Separation
+from tripod_doe.analyses.main_effects.wording import EffectTeller, at_head
+from tripod_doe.report.responses import Response, factor_label, factor_names, listed
+
+_MINOR = 0.05  # change over the range of the response below which a factor shares one sentence with others
+
+
+def point_columns(cube: xr.Dataset, rows: NDArray[np.bool_]) -> dict[str, NDArray[np.generic]]:
+    """Values of all factors at chosen points, shape (point,); words, and numbers with open fields, as text."""
+    columns, design = {}, cube["outcome"].sizes
+    for name in factor_names(cube):
+        (own,) = cube[name].dims
+        beside = [size if dimension == own else 1 for dimension, size in design.items()]
+        # without xr.broadcast, which costs 20 times as much
+        values = np.broadcast_to(cube[name].values.reshape(beside), tuple(design.values()))[rows]
+        words = values.dtype.kind not in "fiu" or bool(np.isnan(values.astype(float)).any())
+        columns[name] = values.astype(str) if words else values
+    return columns
+
+
+def varies(column: NDArray[np.generic]) -> bool:
+    """Whether the values of a factor (`point_columns`) are not all the same; to sort them takes ten times as long."""
+    return column.size > 1 and bool((column != column[0]).any())
+
+
+def effects_on(response: Response, cube: xr.Dataset) -> list[FactorEffect]:
+    """The effects of all factors that vary over the points with a number."""
+    rows = np.isfinite(response.values.values)
+    return factor_effects(point_columns(cube, rows), response.values.values[rows].astype(float), response.error)
+
+
+def find_effects(response: Response, cube: xr.Dataset, effects: Sequence[FactorEffect]) -> Iterator[str]:
+    """Yield one sentence per factor that changes the response, then those on several of them.
+
+    Several factors share one sentence where they have no single direction, little effect or none.
+
+    A factor has little effect only where no change at any setting of the others is large: one whose mean is flat while
+    single settings differ is stated with its interactions.
+    """
+    values = response.values.values
+    span = float(np.nanmax(values) - np.nanmin(values))
+    teller = EffectTeller(response, cube, span)
+    told = [effect for effect in effects if effect.ground is not Ground.NOT_SEPARATED]
+    weak = [effect for effect in told if effect.largest <= _MINOR * span]
+    unseen = [effect for effect in told if effect.ground is Ground.REGRESSION and not _is_seen(effect)]
+    strong = [effect for effect in told if effect not in weak and effect not in unseen]
+    mixed = [effect for effect in strong if effect.both_ways]
+    for effect in sorted(strong, key=lambda effect: -effect.rise):
+        if effect not in mixed:
+            yield teller.sentence(effect)
+    if mixed:
+        yield teller.no_direction(mixed)
+    if weak:
+        yield teller.weak(weak)
+    if unseen:
+        yield teller.unseen(unseen)
+
+
+def _is_seen(effect: FactorEffect) -> bool:
+    """Whether a regression shows an effect above its interval: a course over classes, or else a trend."""
+    return effect.shape is not Shape.NONE or (
+        effect.fit is not None and (effect.fit.trend.sure or effect.fit.bend.sure)
+    )
+
+
+def unseparated(cube: xr.Dataset, effects: Iterable[FactorEffect]) -> list[str]:
+    """State which factors the design does not separate, and why."""
+    lost = {effect.factor: effect.separation for effect in effects if effect.ground is Ground.NOT_SEPARATED}
+    groups = _tied_groups(lost)
+    sentences = [_told_together(cube, names, [name for name in names if name in lost]) for names in groups]
+    left = {name: found for name, found in lost.items() if not any(name in group for group in groups)}
+    for name, found in left.items():
+        if found.interaction:
+            product = listed([factor_label(cube, other) for other in found.tied_to])
+            sentences.append(
+                f"This design does not separate the effect of {factor_label(cube, name)} from the interaction of "
+                f"{product}."
+            )
+    reasons = {
+        "there are too few points": [name for name, found in left.items() if found.too_few],
+        "the factors vary mostly together": [
+            name for name, found in left.items() if not (found.separated or found.too_few or found.interaction)
+        ],
+        "no two points differ in one factor alone": [name for name, found in left.items() if found.separated],
+    }
+    for why, names in reasons.items():
+        if names:
+            labels = listed([factor_label(cube, name) for name in names])
+            sentences.append(f"This design does not separate the effect of {labels} from those of the others: {why}.")
+    return sentences
+
+
+def _told_together(cube: xr.Dataset, names: list[str], lost: list[str]) -> str:
+    """Factors that change together; of some of them there may be points that differ in them alone."""
+    if len(lost) == len(names):
+        return f"{at_head(cube, names)} change together in this design, which does not separate their effects."
+    others = listed([factor_label(cube, name) for name in names if name not in lost])
+    labels = listed([factor_label(cube, name) for name in lost])
+    return f"This design does not separate the effect of {labels} from that of {others}: they change together."
+
+
+def _tied_groups(lost: Mapping[str, Separation]) -> list[list[str]]:
+    """Factors that change together, in groups, each named once."""
+    groups: list[list[str]] = []
+    for name, found in lost.items():
+        if found.tied_to and not found.interaction:
+            members = [name, *found.tied_to]
+            joined = [group for group in groups if set(group) & set(members)]
+            groups = [group for group in groups if group not in joined]
+            groups.append(list(dict.fromkeys(each for group in [*joined, members] for each in group)))
+    return groups

@@ -1,0 +1,321 @@
+"""The sentence on the effect of one factor, or of several alike: `effects` says which of them are told."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analyses.main_effects.curve_shape import Shape, extreme_levels, mirror_level
+from tripod_doe.analyses.main_effects.main_effects import FactorEffect, Ground
+from tripod_doe.analyses.main_effects.regression import Estimate
+from tripod_doe.array_types import FloatArray
+from tripod_doe.quantities import count_of, interval, level, number, rounded_up, with_unit
+from tripod_doe.report.responses import Response, factor_label, factor_text, factor_unit, listed
+
+_ROUNDING = 1e-9  # part of the range of a response that is no effect
+_INVISIBLE = 1e-6  # part of the largest value of a response below which a value is written as zero
+_STRAIGHT = 0.98  # R^2 above which a line is a fair summary
+_EXACT = 0.9999  # R^2 above which no difference from it can be seen
+_THROUGH_ZERO = 0.02  # offset of that line over its largest value below which it is a proportion
+_MANIFOLD = 2.0  # a single setting that changes so many times more than the mean is worth a remark
+_MOST_UNSEEN = 8  # factors without a visible effect that a sentence names
+_MOST_HELD = 3  # values of other factors that a sentence can list
+
+
+def at_head(cube: xr.Dataset, names: Sequence[str]) -> str:
+    """Factors at the head of a sentence; an argument of a user's function keeps its spelling."""
+    labels = [factor_label(cube, name) for name in names]
+    return listed([labels[0] if labels[0] == names[0] else _capital(labels[0]), *labels[1:]])
+
+
+def _both_signs(effect: FactorEffect) -> bool:
+    """Whether a factor has negative and positive values: more of it is then not a larger size of it."""
+    return bool(effect.level[0] < 0 < effect.level[-1])
+
+
+def _about_zero(levels: FloatArray, extreme: FloatArray) -> bool:
+    """Whether values of both signs are there, but not zero, and the extreme lies at those next to it."""
+    if 0 in levels or not levels[0] < 0 < levels[-1]:
+        return False
+    return bool(np.isin(extreme, (levels[levels < 0].max(), levels[levels > 0].min())).all())
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+@dataclass(frozen=True)
+class EffectTeller:
+    """Words for the effects on one response."""
+
+    # response, cube: what is stated, and its cube for the names of the factors
+    response: Response
+    cube: xr.Dataset
+    span: float  # largest less smallest value of the response
+
+    @property
+    def name(self) -> str:
+        """The response within a sentence."""
+        return self.response.label if self.response.key == self.response.label else f"the {self.response.label}"
+
+    @property
+    def start(self) -> str:
+        """The response at the head of a sentence; the name of a user's variable keeps its spelling."""
+        return self.name if self.response.key == self.response.label else _capital(self.name)
+
+    def sentence(self, effect: FactorEffect) -> str:
+        """One factor that changes the response."""
+        if effect.ground is Ground.STEPS:
+            return self._steps(effect)
+        if effect.ground is Ground.REGRESSION and effect.shape is Shape.NONE:
+            return self._trend(effect)
+        if not effect.numeric or (effect.level.size == 2 and _both_signs(effect)):
+            return self._words(effect)
+        told = {
+            Shape.NONE: self._flat,
+            Shape.RISING: self._one_way,
+            Shape.FALLING: self._one_way,
+            Shape.VALLEY: self._optimum,
+            Shape.PEAK: self._optimum,
+            Shape.MIXED: self._mixed,
+        }[effect.shape](effect)
+        return f"{told}{self._alike(effect)}."
+
+    def _signed(self, effect: FactorEffect) -> str:
+        """A factor whose value grows or falls: where it is negative, that is not its size, as the torque of coast."""
+        return factor_label(self.cube, effect.factor) + " (with its sign)" * self._is_signed(effect)
+
+    def _is_signed(self, effect: FactorEffect) -> bool:
+        return bool((self.cube[effect.factor].values < 0).any())
+
+    def value(self, value: float) -> str:
+        """A value of the response with its unit; rounding errors are zero."""
+        rounding = _INVISIBLE * float(np.nanmax(np.abs(self.response.values.values)))
+        return with_unit(number(0.0 if abs(value) <= rounding else value), self.response.unit)
+
+    def at(self, effect: FactorEffect, value: object) -> str:
+        """A level of a factor with its unit; a mean of a class is rounded."""
+        if not isinstance(value, int | float):
+            return "none" if value == "nan" else str(value)  # a column with open fields
+        text = number(value) if effect.ground is Ground.REGRESSION else level(value)
+        return with_unit(text, factor_unit(self.cube, effect.factor))
+
+    def where(self, effect: FactorEffect) -> str:
+        """How the other factors are treated, with a comma in front; empty where there are none."""
+        parts = []
+        if effect.averaged:
+            several = len(effect.averaged) > 1
+            over = "the other factors" if several else factor_label(self.cube, effect.averaged[0])
+            parts.append(f"averaged over {over}")
+        if effect.held:
+            parts.append(self._held(effect))
+        if effect.settings < effect.of_settings:
+            parts.append(f"over the {effect.settings:,} of {effect.of_settings:,} settings that have all levels")
+        if effect.ground is Ground.REGRESSION:
+            parts.append(f"means of {effect.mean.size} classes, +- {number(effect.error, 2)}")
+        return "".join(f", {part}" for part in parts)
+
+    def _held(self, effect: FactorEffect) -> str:
+        if "varied" in self.cube.coords:
+            return "others at their base values"
+        if len(effect.held) > _MOST_HELD:
+            return "each other factor at one value"
+        return f"at {listed([factor_text(self.cube, name, held) for name, held in effect.held.items()])}"
+
+    def _alike(self, effect: FactorEffect) -> str:
+        """How single settings of the others differ from the mean over them, with semicolons in front."""
+        other, told = effect.settings - effect.alike, ""
+        if effect.ground is not Ground.CURVES or effect.shape is Shape.NONE:
+            return ""
+        if other and effect.shape is not Shape.MIXED:
+            told = f"; the trend differs at {other:,} of {count_of(effect.settings, 'setting')} of the others"
+        if effect.largest > _MANIFOLD * effect.rise:
+            told += f"; at single settings of the others the change reaches {self.value(effect.largest)}"
+        return told
+
+    def _one_way(self, effect: FactorEffect) -> str:
+        """A rise or a fall: proportional, along a straight line, or by its ends."""
+        levels, curve = effect.level.astype(float), effect.mean
+        label, own = factor_label(self.cube, effect.factor), factor_unit(self.cube, effect.factor)
+        verb = "increases" if effect.shape is Shape.RISING else "decreases"
+        slope, offset = np.polyfit(levels, curve, 1)
+        rest = curve - (slope * levels + offset)
+        straight = 1 - float(rest @ rest) / float(((curve - curve.mean()) ** 2).sum())
+        if straight < _STRAIGHT or levels.size < 3:
+            ends = self._extremes(effect)
+            ends = ends if effect.shape is Shape.RISING else ends[::-1]
+            return f"{self.start} {verb} with {self._signed(effect)}, from {ends[0]} to {ends[1]}{self.where(effect)}"
+        # Without a unit "per 1" is far outside the range of a friction coefficient: say it per 0.01, for instance.
+        step = 1.0 if own else 10.0 ** math.floor(math.log10(float(np.ptp(levels))))
+        written = number if effect.ground is Ground.REGRESSION else level
+        over = with_unit(f"{written(float(levels[0]))} to {written(float(levels[-1]))}", own) + self.where(effect)
+        exact = straight > _EXACT
+        fit = f"R2 > {_EXACT}" if exact else f"R2 = {math.floor(straight * 1e4) / 1e4:.4f}"
+        if abs(offset) <= _THROUGH_ZERO * float(np.abs(curve).max()):
+            per = f"{self.value(slope * step)} per {own or number(step)}"
+            return f"{self.start} is {'' if exact else 'nearly '}proportional to {label}: {per} ({over}; {fit})"
+        per = f"{self.value(abs(slope) * step)} per {own or number(step)}"
+        return f"{self.start} {verb} with {self._signed(effect)} by {per} ({over}; straight line with {fit})"
+
+    def _optimum(self, effect: FactorEffect) -> str:
+        levels, curve = effect.level.astype(float), effect.mean
+        inside = extreme_levels(levels, curve, effect.shape, effect.error)
+        if effect.ground is Ground.CURVES and effect.shape is Shape.VALLEY and _about_zero(levels, inside):
+            return self._from_zero(effect)
+        best, verb = ("largest", "falls") if effect.shape is Shape.PEAK else ("smallest", "grows")
+        extreme = float(curve.max() if effect.shape is Shape.PEAK else curve.min())
+        spot = " to ".join(dict.fromkeys(self.at(effect, end.item()) for end in (inside[0], inside[-1])))
+        label = factor_label(self.cube, effect.factor)
+        head = f"Over {label}, {self.name} is {best}, {self.value(extreme)}, at {spot} and {verb} to both sides"
+        middle = mirror_level(levels, curve, effect.error)
+        if middle is not None:
+            far = f"{self.value(float(curve[[0, -1]].mean()))} at {self.at(effect, levels[0].item())} and "
+            far += self.at(effect, levels[-1].item())
+            return f"{head}, symmetrically: {far}{self.where(effect)}"
+        ends = [f"{self.value(float(curve[at]))} at {self.at(effect, levels[at].item())}" for at in (0, -1)]
+        return f"{head}: {ends[0]}, {ends[1]}{self.where(effect)}"
+
+    def _from_zero(self, effect: FactorEffect) -> str:
+        """A rise with the size of a factor to both signs, without a value at zero: where it is least is not known."""
+        levels, curve, label = effect.level.astype(float), effect.mean, factor_label(self.cube, effect.factor)
+        head = f"Over {label}, {self.name} grows to both sides of zero"
+        if mirror_level(levels, curve, effect.error) is not None:
+            ends = [
+                f"{self.value(float(curve[[at, -1 - at]].mean()))} at {level(levels[at].item())} and "
+                f"{self.at(effect, levels[-1 - at].item())}"
+                for at in (int((levels < 0).sum()) - 1, 0)
+            ]
+            return f"{head}, symmetrically: {', '.join(dict.fromkeys(ends))}{self.where(effect)}"
+        sides = []
+        for rows in (np.flatnonzero(levels < 0)[::-1], np.flatnonzero(levels > 0)):
+            told = [f"{self.value(float(curve[at]))} at {self.at(effect, levels[at].item())}" for at in rows[[0, -1]]]
+            sides.append(" to ".join(dict.fromkeys(told)))
+        return f"{head}: {', and '.join(sides)}{self.where(effect)}"
+
+    def _mixed(self, effect: FactorEffect) -> str:
+        least, most = self._extremes(effect)
+        label = factor_label(self.cube, effect.factor)
+        return f"Over {label}, {self.name} rises and falls between {least} and {most}{self.where(effect)}"
+
+    def _extremes(self, effect: FactorEffect) -> list[str]:
+        """Smallest and largest value of the mean curve, with their levels."""
+        by = "at " if effect.numeric else ""
+        return [
+            f"{self.value(float(effect.mean[at]))} ({by}{self.at(effect, effect.level[at].item())})"
+            for at in (int(np.argmin(effect.mean)), int(np.argmax(effect.mean)))
+        ]
+
+    def _words(self, effect: FactorEffect) -> str:
+        """A factor without an order, such as the model, or with one value of each sign: nothing is known between."""
+        if effect.shape is Shape.NONE:
+            return f"{self._flat(effect)}."
+        least, most = self._extremes(effect)
+        label = factor_label(self.cube, effect.factor)
+        return f"Over {label}, {self.name} lies between {least} and {most}{self.where(effect)}{self._alike(effect)}."
+
+    def _flat(self, effect: FactorEffect) -> str:
+        """No effect in the mean although single settings change: an interaction."""
+        beyond = " beyond its numerical error" * (effect.rise > self._rounding)
+        return (
+            f"The mean of {self.name} does not depend on {factor_label(self.cube, effect.factor)}{beyond} ("
+            f"{self.where(effect).removeprefix(', ')}), but at single settings of the other factors the change reaches "
+            f"{self.value(effect.largest)}"
+        )
+
+    def _steps(self, effect: FactorEffect) -> str:
+        """The signs of the steps in one factor, unless they rise and fall."""
+        label, pairs = factor_label(self.cube, effect.factor), effect.settings
+        alone = f"{'the only pair' if pairs == 1 else f'{pairs:,} pairs'} of points that differ in {label} alone"
+        most = f"by up to {self.value(effect.largest)}"
+        held = f" ({self._held(effect)})" if effect.held else ""
+        if not effect.numeric:
+            return f"In {alone}{held}, {self.name} changes {most}."
+        if effect.rising == effect.falling == 0:
+            return f"In {alone}{held}, {self.name} changes {most}, not beyond its numerical error."
+        verb, moved = ("increases", effect.rising) if effect.rising else ("decreases", effect.falling)
+        every = f"In {'all ' if pairs > 1 else ''}{alone}" if moved == pairs else f"In {moved:,} of {alone}"
+        rest = "" if moved == pairs else ", and does not change beyond its numerical error in the others"
+        return f"{every}{held}, {self.name} {verb} with {self._signed(effect)}, {most}{rest}."
+
+    def no_direction(self, effects: list[FactorEffect]) -> str:
+        """Factors over which some steps rise and others fall: one sentence, the largest change first."""
+        first, *others = sorted(effects, key=lambda effect: -effect.largest)
+        steps = f"with a larger value, it increases in {first.rising:,} and decreases in {first.falling:,} of "
+        steps += f"{first.settings:,} pairs of points that differ in "
+        if not others:
+            held = f" ({self._held(first)})" if first.held else ""
+            over = f"{self._signed(first)}: {steps}{factor_label(self.cube, first.factor)} alone{held}"
+            return f"{self.start} has no single direction over {over}, by up to {self.value(first.largest)}."
+        told = [self._briefly(first, f"{steps}this factor alone", ", by up to ")]
+        told += [self._briefly(each, f"{each.rising:,}, {each.falling:,} of {each.settings:,}") for each in others]
+        return f"{self.start} has no single direction over {listed(told)}."
+
+    def _briefly(self, effect: FactorEffect, steps: str, most: str = "; ") -> str:
+        """A factor with its steps in brackets; those of further factors in the order of the first one's words."""
+        held = f", {self._held(effect)}" if effect.held else ""
+        sign = " with its sign" * self._is_signed(effect)
+        return f"{factor_label(self.cube, effect.factor)}{sign} ({steps}{held}{most}{self.value(effect.largest)})"
+
+    def _trend(self, effect: FactorEffect) -> str:
+        """A trend, a bend or both by regression, where there are not enough points for a course."""
+        assert effect.fit is not None
+        trend, bend = effect.fit.trend, effect.fit.bend
+        label, told = factor_label(self.cube, effect.factor), []
+        if trend.sure:
+            verb = "increases" if trend.value > 0 else "decreases"
+            told.append(f"{verb} with {self._signed(effect)}, by {self._estimate(trend)} over its range")
+        if bend.sure:
+            place = "above" if bend.value > 0 else "below"
+            told.append(f"is curved over {label}: the ends lie {self._estimate(bend)} {place} the middle")
+        return (
+            f"By regression on all factors, {self.name} {', and '.join(told)} (95 % interval, "
+            f"{effect.settings:,} points)."
+        )
+
+    def _estimate(self, estimate: Estimate) -> str:
+        return with_unit(interval(abs(estimate.value), estimate.half), self.response.unit)
+
+    def weak(self, effects: list[FactorEffect]) -> str:
+        """Factors that change the response little, or not at all, at every setting of the others."""
+        head = at_head(self.cube, [effect.factor for effect in effects])
+        largest, several = max(effect.largest for effect in effects), len(effects) > 1
+        if largest <= self._rounding:
+            verb = f"{'have' if several else 'has'} no effect on {self.name}"
+        else:
+            bound = f"{rounded_up(100 * largest / self.span, 1)} % of its range"
+            bound += ", not beyond its numerical error" * (largest <= max(effect.error for effect in effects))
+            verb = f"{'change' if several else 'changes'} {self.name} by at most {bound}"
+        return f"{head} {verb}{self._everywhere(effects)}."
+
+    @property
+    def _rounding(self) -> float:
+        """Up to which change nothing changes."""
+        return _ROUNDING * float(np.nanmax(np.abs(self.response.values.values)))
+
+    def _everywhere(self, effects: list[FactorEffect]) -> str:
+        """For which settings of the other factors that holds."""
+        if "varied" in self.cube.coords:
+            return ", others at their base values"
+        points = int(np.isfinite(self.response.values.values).sum())
+        if all(effect.settings * effect.level.size >= points for effect in effects):  # all settings, without gaps
+            return ", at any setting of the other factors that was computed"
+        return f" between any two points that differ in {'one of them' if len(effects) > 1 else 'it'} alone"
+
+    def unseen(self, effects: list[FactorEffect]) -> str:
+        """Factors whose effect does not stand out of the scatter."""
+        most = max(max(effect.fit.trend.most, effect.fit.bend.most) for effect in effects if effect.fit)
+        labels, points = [factor_label(self.cube, effect.factor) for effect in effects], effects[0].settings
+        if most <= _ROUNDING * self.span:
+            head = at_head(self.cube, [effect.factor for effect in effects])
+            return (
+                f"{head} {'have' if len(effects) > 1 else 'has'} no effect on {self.name} at these {points:,} points."
+            )
+        over = listed(labels) if len(labels) <= _MOST_UNSEEN else f"any of {len(labels)} factors"
+        return (
+            f"No trend or curvature of {self.name} over {over} is resolved by the {points:,} points; those of up to "
+            f"{with_unit(rounded_up(most), self.response.unit)}, and other effects, are not excluded."
+        )

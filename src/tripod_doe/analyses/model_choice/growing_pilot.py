@@ -1,0 +1,182 @@
+"""The pilot of a study with model = "auto", run in stages until what it found suffices for a choice.
+
+Without a record of errors it starts with the cheapest candidate and the full model. A candidate between the two is
+added if it could save more than it costs. Where errors on record suggest a choice (`recorded`), it starts with the
+middle of the design, which tells how fine a full model the accuracy needs, and grows by doubling until the choice is
+confirmed, or cannot be any more; then it goes on as one without a record.
+
+In both, a full model of smaller numerical error is added where that of the full model exceeds the accuracy at more
+points than the confidence allows. Each time the pilot is the same study with more points, so no point runs twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.analyses.model_choice.pilot import pilot_points, pilot_study
+from tripod_doe.analyses.model_choice.pilot_errors import PilotErrors, pilot_errors
+from tripod_doe.analyses.model_choice.recorded import CONFIRMING, RecordedChoice
+from tripod_doe.analyses.model_choice.selection import choose
+from tripod_doe.array_types import IntArray
+from tripod_doe.simulator import Candidate
+from tripod_doe.study.accuracy import Accuracy
+from tripod_doe.study.choice import accuracy_of
+from tripod_doe.study.definition import Study
+from tripod_doe.study.designs import Points
+from tripod_doe.study.results import open_cube
+
+Runs = list[tuple[Candidate, IntArray]]
+"""Candidates of a pilot, each with the points at which it runs."""
+
+
+def first_candidates(accuracy: Accuracy) -> list[Candidate]:
+    """What a pilot without a record starts with: the cheapest candidate and the full model."""
+    return [
+        accuracy.candidates[0],
+        next((candidate for candidate in accuracy.candidates[1:] if candidate.full), accuracy.candidates[-1]),
+    ]
+
+
+def confirming_sizes(study: Study, points: Points, record: RecordedChoice | None) -> list[int]:
+    """Sizes of the pilots that could confirm a choice by record, the first of which only tells how fine it must be.
+
+    Empty where none could: they must be smaller than the pilot without a record, and than half of the study. Empty,
+    too, where the full model would then run at more points than in the pilot without a record, which may find better.
+    """
+    if record is None:
+        return []
+    most = pilot_points(study, points).size or int(points.allowed.sum()) // 2 + 1
+    if CONFIRMING + (~record.cheap).sum() > most:
+        return []
+    sizes, confidence = [1], accuracy_of(study).confidence
+    while max(CONFIRMING, 2 * sizes[-1]) < most:
+        sizes.append(max(CONFIRMING, 2 * sizes[-1]))
+    return sizes if record.expected(sizes[-1], sizes[-1]) >= confidence and len(sizes) > 1 else []
+
+
+@dataclass(frozen=True)
+class GrowingPilot:
+    """A pilot of a study."""
+
+    # study, points: A study with model = "auto"
+    study: Study
+    points: Points
+    usable: dict[str, NDArray[Any]]  # factors of its points that may run, each of shape (point,)
+    directory: Path  # where the pilot lies
+    run: Callable[[Study, Path], object]  # runs what is missing of a pilot in a directory
+
+    def choose(self, record: RecordedChoice | None) -> xr.Dataset | None:
+        """Run as much of the pilot as a choice needs, and choose; None where a study is too small for a pilot.
+
+        Parameters
+        ----------
+        record
+            What errors on record suggest.
+        """
+        places, runs = pilot_points(self.study, self.points), Runs()
+        if record and (sizes := confirming_sizes(self.study, self.points, record)):
+            choice, runs = self._confirm(record, sizes)
+            if choice is not None:
+                return choice
+        return self._select(runs, places) if places.size else None
+
+    def found(self) -> PilotErrors:
+        """What the pilot found, as far as it ran."""
+        return pilot_errors(open_cube(self.directory), list(self.usable), accuracy_of(self.study))
+
+    def confirmed(self, record: RecordedChoice, found: PilotErrors) -> xr.Dataset | None:
+        """The choice by record, where as many points as asked for are expected to be within the accuracy."""
+        hits, known = record.hits(found, self._allowed_places(found))
+        share = record.expected(hits, known)
+        if known < CONFIRMING or share < accuracy_of(self.study).confidence:
+            return None
+        return record.labelled(found, self.usable, self.study, share)
+
+    def _confirm(self, record: RecordedChoice, sizes: list[int]) -> tuple[xr.Dataset | None, Runs]:
+        """Let the pilot grow until it confirms a choice by record, or cannot; with what it ran."""
+        runs = Runs()
+        for size in sizes:
+            places = pilot_points(self.study, self.points, size)
+            runs = [(each, places) for each in record.chosen] + self._full_runs(runs, places)
+            found = self._as_fine_as_needed(runs, places)
+            if size < CONFIRMING:
+                continue
+            if (choice := self.confirmed(record, found)) is not None:
+                return choice, runs
+            hits, known = record.hits(found, self._allowed_places(found))
+            more = sizes[-1] - size
+            if record.expected(hits + more, known + more) < accuracy_of(self.study).confidence:
+                break
+        return None, runs
+
+    def _select(self, ran: Runs, places: IntArray) -> xr.Dataset:
+        """Run the whole pilot, extend it as long as that could pay, and select by its errors alone."""
+        accuracy = accuracy_of(self.study)
+        cheap = [each for each, _ in ran if not each.full and each != accuracy.candidates[0]]
+        runs = [(each, places) for each in (accuracy.candidates[0], *cheap)] + self._full_runs(ran, places)
+        while True:
+            found = self._as_fine_as_needed(runs, places)
+            choice = choose(found, self.usable, accuracy)
+            between = _candidate_between(found, choice, accuracy, [candidate for candidate, _ in runs])
+            if between is None:
+                return choice
+            runs.append((between, places))
+
+    def _full_runs(self, ran: Runs, places: IntArray) -> Runs:
+        """What full candidates ran, and at the other places the one that ran at most, of equals the finest."""
+        full = [each for each in ran if each[0].full]
+        sizes = [sum(at.size for other, at in full if other == each) for each, _ in full]
+        finest_first = [each for each, _ in full[::-1]]
+        usual = finest_first[int(np.argmax(sizes[::-1]))] if full else first_candidates(accuracy_of(self.study))[-1]
+        new = np.setdiff1d(places, np.concatenate([np.array([], np.int64), *(at for _, at in full)]))
+        return [*full, (usual, new)] if new.size else full
+
+    def _as_fine_as_needed(self, runs: Runs, places: IntArray) -> PilotErrors:
+        """Run a pilot, with finer full candidates at those `places` where that needs be; they are added to `runs`."""
+        given = self.points.factors.at(places)
+        while True:
+            self.run(pilot_study(self.study, self.points, runs), self.directory)
+            found = self.found()
+            rows = np.flatnonzero(found.known)
+            sure = {_values(found.columns, int(row)) for row in rows}
+            unsure = np.array([at for row, at in enumerate(places) if _values(given, row) not in sure], np.int64)
+            finer = _finer_candidate(found, accuracy_of(self.study))
+            if finer is None or not unsure.size:
+                return found
+            runs.append((finer, unsure))
+
+    def _allowed_places(self, found: PilotErrors) -> IntArray:
+        """Positions of the pilot's points among those of the study that may run."""
+        known = [dict(zip(found.columns, _values(found.columns, row), strict=True)) for row in range(found.count)]
+        same = (np.all([self.usable[name] == value for name, value in point.items()], axis=0) for point in known)
+        return np.array([np.flatnonzero(each)[0] for each in same])
+
+
+def _finer_candidate(found: PilotErrors, accuracy: Accuracy) -> Candidate | None:
+    """A finer candidate than all that ran; None where those are accurate at enough points, or where there is none."""
+    finer = accuracy.candidates[accuracy.candidates.index(found.candidates[-1]) + 1 :]
+    return finer[0] if finer and 1 - found.known.mean() > 1 - accuracy.confidence else None
+
+
+def _candidate_between(
+    found: PilotErrors, choice: xr.Dataset, accuracy: Accuracy, tried: list[Candidate]
+) -> Candidate | None:
+    """A candidate that the pilot should run besides, since it could save more than it costs; None if there is none."""
+    paid = found.prices[choice["candidate"].values]
+    for candidate in accuracy.candidates[: accuracy.candidates.index(found.candidates[-1])]:
+        saving = float(np.maximum(paid - candidate.price, 0).sum())
+        if candidate not in tried and saving > candidate.price * found.count:
+            return candidate
+    return None
+
+
+def _values(columns: Mapping[str, NDArray[Any]], row: int) -> tuple[Any, ...]:
+    """A point by the values of its factors."""
+    return tuple(column[row : row + 1].tolist()[0] for column in columns.values())

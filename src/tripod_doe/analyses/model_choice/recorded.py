@@ -1,0 +1,155 @@
+"""Choice of the model by errors on record, which a short pilot confirms.
+
+A simulator may have on record, from comparisons made once and for all, what its models miss at points like a given one
+(`Simulator.recorded_errors`). Then every point takes the cheapest candidate that is within the accuracy at as many of
+the similar points as the study asks for, else the one that is within it most often; where that is not even half of
+them, the full model.
+
+The pilot tells whether the record holds for this study. It grows from the middle of the design to its farthest points;
+each of its points counts like one similar point on record, but those at which the full model does not know itself to
+the accuracy, which tell nothing. The share of all points that will be within the accuracy is expected by the rule of
+succession, (within + 1) / (known + 2), of both together: so a miss must be outweighed by further points. Where the
+share that the study asks for is out of reach, or the pilot would be as large as one that needs no record, the record
+does not count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.analyses.model_choice.pilot_errors import HOPELESS, PilotErrors
+from tripod_doe.analyses.model_choice.selection import labelled
+from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.simulator import Candidate, Demands
+from tripod_doe.study.choice import accuracy_of
+from tripod_doe.study.definition import Study
+from tripod_doe.study.designs import Points
+
+CONFIRMING = 4
+"""Points of the smallest pilot that confirms a record: it would be confirmed by a chance of 6 % if every other point
+missed the accuracy."""
+
+
+@dataclass(frozen=True)
+class RecordedChoice:
+    """What the errors on record say that each point should run with."""
+
+    candidates: tuple[Candidate, ...]  # all candidates, as the study's accuracy has them
+    number: IntArray  # number of each point's candidate among them, shape (point,)
+    cheap: NDArray[np.bool_]  # whether it is chosen by its recorded errors, not as the full model, shape (point,)
+    # share of the similar points at which its error is within the allowed one, shape (point,); 1 with the full model
+    share: FloatArray
+    # root mean square of its errors at the similar points, over the allowed one, shape (point, quantity); NaN with the
+    # full model
+    error: FloatArray
+    similar: int  # number of similar points that each one is compared with
+
+    @property
+    def chosen(self) -> list[Candidate]:
+        """The candidates that are chosen by their recorded errors."""
+        return [self.candidates[number] for number in np.unique(self.number[self.cheap])]
+
+    def expected(self, hits: int, known: int) -> float:
+        """Share of all points that will be within the accuracy, after a pilot with so many hits at so many points."""
+        recorded = self.similar * float(self.share[self.cheap].mean())
+        share = (recorded + hits + 1) / (self.similar + known + 2)
+        return float(1 - self.cheap.mean() * (1 - share))
+
+    def hits(self, found: PilotErrors, at: IntArray) -> tuple[int, int]:
+        """At how many pilot points the cheap candidate is within the accuracy, of those at which that is known.
+
+        Parameters
+        ----------
+        found
+            What the pilot found.
+        at
+            Positions of its points among those of the study.
+        """
+        column = np.array(
+            [
+                found.candidates.index(self.candidates[number]) if cheap else -1
+                for number, cheap in zip(self.number[at], self.cheap[at], strict=True)
+            ]
+        )
+        rows = np.flatnonzero((column >= 0) & found.known)
+        return int(found.accepted[rows, column[rows]].sum()), rows.size
+
+    def labelled(
+        self, found: PilotErrors, columns: Mapping[str, NDArray[Any]], study: Study, share: float
+    ) -> xr.Dataset:
+        """The choice, as `selection.choose` gives it.
+
+        Parameters
+        ----------
+        found
+            What the confirming pilot found.
+        columns
+            Factors of the points, each of shape (point,).
+        study
+            The study.
+        share
+            Share of the points expected to be within the accuracy.
+        """
+        full = [at for at, candidate in enumerate(found.candidates) if candidate.full]
+        usual = next((at for at in full[::-1] if 2 * found.runs[at] >= found.count), full[0])
+        numbers = np.array(
+            [
+                found.candidates.index(self.candidates[number]) if cheap else usual
+                for number, cheap in zip(self.number, self.cheap, strict=True)
+            ]
+        )
+        error = np.where(self.cheap[:, None], self.error, found.numerical.max(axis=0))
+        return labelled(found, columns, accuracy_of(study), numbers, error).assign_attrs(
+            {
+                "limit": 1.0,
+                "misses": 0,
+                "recorded_share": share,
+                "price_study_s": float(found.prices[numbers].sum()),
+                "price_pilot_s": found.price,
+                "price_reference_s": float(found.prices[-1] * numbers.size),
+            }
+        )
+
+
+def choice_by_record(study: Study, points: Points) -> RecordedChoice | None:
+    """The candidates that recorded errors suggest for the points that may run; None where none are on record.
+
+    None, too, where no point would run with a cheaper model than the full one.
+    """
+    accuracy, rows = accuracy_of(study), np.flatnonzero(points.allowed)
+    full = next((at for at, candidate in enumerate(accuracy.candidates) if candidate.full), None)
+    if not full:
+        return None
+    demands, given = Demands(accuracy.demands, accuracy.floor), points.at(rows)
+    shares, errors, similar = [], [], 0
+    for candidate in accuracy.candidates[:full]:
+        columns = dict(study.simulator.columns(study.base, given, rows.size))
+        for name, value in candidate.values.items():
+            columns[name] = np.full(rows.size, value, object if isinstance(value, str) else float)
+        found = study.simulator.recorded_errors(columns, demands)
+        if found is None:
+            return None
+        found, similar = np.nan_to_num(found, nan=HOPELESS, posinf=HOPELESS), found.shape[1]
+        shares.append((found.max(axis=2) <= 1).mean(axis=1))
+        errors.append(np.sqrt(np.square(found).mean(axis=1)))
+    share, every = np.stack(shares, axis=1), np.arange(rows.size)
+    enough = share >= accuracy.confidence
+    number = np.where(enough.any(axis=1), enough.argmax(axis=1), share.argmax(axis=1))
+    cheap = share[every, number] >= 0.5
+    if not cheap.any():
+        return None
+    error = np.where(cheap[:, None], np.stack(errors, axis=1)[every, number], np.nan)
+    return RecordedChoice(
+        accuracy.candidates,
+        np.where(cheap, number, full),
+        cheap,
+        np.where(cheap, share[every, number], 1.0),
+        error,
+        similar,
+    )

@@ -1,0 +1,188 @@
+"""The choice of model of a study with model = "auto": pilot, its errors, selection, stored in the result directory.
+
+No point runs twice, neither in the pilot as it grows (`growing_pilot`) nor in the study (`pilot_results`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analyses.model_choice.growing_pilot import GrowingPilot, confirming_sizes, first_candidates
+from tripod_doe.analyses.model_choice.pilot import least_points, pilot_points
+from tripod_doe.analyses.model_choice.pilot_results import finished_in_pilot
+from tripod_doe.analyses.model_choice.recorded import RecordedChoice, choice_by_record
+from tripod_doe.analyses.model_choice.selection import choose, full_candidates, without_pilot
+from tripod_doe.errors import InputError
+from tripod_doe.quantities import duration, number
+from tripod_doe.simulator import Candidate
+from tripod_doe.study.choice import CHOICE, accuracy_of, chosen_points, frozen_choice, key_texts
+from tripod_doe.study.definition import Study
+from tripod_doe.study.designs import Points, make_points, point_keys
+from tripod_doe.study.journal import PILOT
+from tripod_doe.study.netcdf import stamp_history, write_dataset
+
+
+def make_choice(
+    study: Study, points: Points, directory: Path, run_pilot: Callable[[Study, Path], object]
+) -> xr.Dataset:
+    """The choice for all points of a study: the frozen one where there is one, else from a pilot that is run now.
+
+    Parameters
+    ----------
+    study, points
+        A study with model = "auto".
+    directory
+        Its result directory: the pilot lies in pilot/, the choice in choice.nc.
+    run_pilot
+        Runs what is missing of a pilot in a directory.
+
+    Raises
+    ------
+    InputError
+        If the choice costs more than the budget, or is frozen for another accuracy.
+    """
+    accuracy = accuracy_of(study)
+    usable = {name: column[points.allowed] for name, column in points.columns.items()}
+    keys = key_texts(study, points)[points.allowed]
+    frozen = frozen_choice(study, directory)
+    if frozen is not None and set(keys) <= set(frozen["point_key"].values.tolist()):
+        return frozen
+    pilot = GrowingPilot(study, points, usable, directory / PILOT, run_pilot)
+    choice: xr.Dataset | None = None
+    if frozen is None:
+        record = choice_by_record(study, points)
+        _check_budget(study, _pilot_price(*_first_stage(study, points, record)), "the pilot alone")
+        choice = pilot.choose(record)
+    elif (directory / PILOT / "cube.nc").exists():  # the study grew
+        record = choice_by_record(study, points) if "recorded_share" in frozen.attrs else None
+        found = pilot.found()
+        choice = pilot.confirmed(record, found) if record else None
+        choice = choose(found, usable, accuracy) if choice is None else choice
+    if choice is None:
+        choice = without_pilot(usable, accuracy)
+    choice = choice.assign_coords(point_key=("point", keys, {"long_name": "fingerprint of the point"}))
+    if frozen is not None:
+        choice = _with_frozen(choice, frozen)
+    choice = _without_pilot_points(study, points, choice, directory / PILOT)
+    price = choice.attrs["price_pilot_s"] + choice.attrs["price_study_s"]
+    _check_budget(study, price, "pilot and study")
+    attrs = {
+        "Conventions": "CF-1.8",
+        "title": f"{study.file.study.name}: choice of model",
+        "institution": "tripod_doe",
+        "source": f"pilot with simulator {study.simulator.name}",
+        "references": "Angelopoulos et al., Conformal risk control, ICLR 2024",
+    }
+    write_dataset(stamp_history(choice.assign_attrs(attrs), "tripod-doe run: model chosen"), directory / CHOICE)
+    return choice
+
+
+def _with_frozen(choice: xr.Dataset, frozen: xr.Dataset) -> xr.Dataset:
+    """A choice in which the points that were chosen for before keep what they had."""
+    known = {key: row for row, key in enumerate(frozen["point_key"].values.tolist())}
+    rows = [known.get(key, -1) for key in choice["point_key"].values.tolist()]
+    new, old = np.flatnonzero(np.array(rows) < 0), [row for row in rows if row >= 0]
+    along = [name for name in choice.variables if "point" in choice[name].dims]
+    joined = xr.concat([frozen[along].isel(point=old), choice[along].isel(point=new)], "point", join="override")
+    rest = choice.drop_dims("point")
+    return xr.merge([rest, joined], combine_attrs="override").assign_attrs(choice.attrs)
+
+
+def _without_pilot_points(study: Study, points: Points, choice: xr.Dataset, pilot: Path) -> xr.Dataset:
+    """The choice with the price of the points that its pilot did not run."""
+    chosen = chosen_points(study, points, choice)
+    ran = np.isin(point_keys(study, chosen)[points.allowed], finished_in_pilot(pilot))
+    price = float(choice["price"].values[choice["candidate"].values][~ran].sum())
+    return choice.assign_attrs({"price_study_s": price, "points_from_pilot": int(ran.sum())})
+
+
+def _first_stage(study: Study, points: Points, record: RecordedChoice | None) -> tuple[list[Candidate], int]:
+    """Candidates that a pilot starts with, and at how many points; by the record, those that confirm it at best."""
+    if record and (sizes := confirming_sizes(study, points, record)):
+        return [*record.chosen, first_candidates(accuracy_of(study))[-1]], sizes[1]
+    return first_candidates(accuracy_of(study)), pilot_points(study, points).size
+
+
+def _pilot_price(candidates: list[Candidate], count: int) -> float:
+    """CPU seconds of the first stage of a pilot, from recorded work."""
+    return count * sum(candidate.price for candidate in candidates)
+
+
+def _check_budget(study: Study, price: float, what: str) -> None:
+    budget = accuracy_of(study).budget_cpu_s
+    if budget is not None and price > budget:
+        raise InputError(
+            f"{study.origin}: [accuracy]: budget_cpu_s = {budget:g}: {what} would take about "
+            f"{duration(price)} of CPU time; raise it, allow a larger error, or take fewer points"
+        )
+
+
+def describe_choice(study: Study, directory: Path | None) -> str:
+    """The choice in lines of text, for `plan`; before it is made, the price of the pilot."""
+    points = make_points(study)
+    choice = frozen_choice(study, directory) if directory else None
+    if choice is None:
+        record = choice_by_record(study, points)
+        candidates, count = _first_stage(study, points, record)
+        if not count:
+            full, count = full_candidates(accuracy_of(study))[0], int(points.allowed.sum())
+            return (
+                f"choice       too few points for a pilot, {count} of at least {least_points(study, points)}: "
+                f"{full.label} everywhere, CPU time about {duration(count * full.price)}"
+            )
+        by_record = record is not None and bool(confirming_sizes(study, points, record))
+        price, usual = duration(_pilot_price(candidates, count)), candidates[-1]
+        return "\n".join(
+            [
+                f"pilot        {count} points on {len(candidates)} candidates, CPU time about {price}; may grow"
+                + (": it is to confirm errors that are on record for similar points" if by_record else ""),
+                f"study        CPU time about {duration(points.count * usual.price)} "
+                f"if all points run with {usual.label}",
+                *(f"candidate    {each.label}: CPU time {duration(each.price, 2)} per run" for each in candidates),
+            ]
+        )
+    return "\n".join(_told(choice))
+
+
+def _told(choice: xr.Dataset) -> list[str]:
+    """A choice in lines: what it takes, what each candidate missed in the pilot, and what it costs."""
+    attrs, pilot = choice.attrs, choice.sizes["pilot_point"]
+    if not pilot:
+        full, count = choice["candidate_label"].values[0], choice.sizes["point"]
+        price = duration(attrs["price_study_s"])
+        return [f"choice       too few points for a pilot: {full} at all {count:,} points, CPU time about {price}"]
+    lines = [
+        f"choice       by errors on record for similar points, which {pilot} pilot points confirm: together they let "
+        f"{number(100 * attrs['recorded_share'], digits=2)} % of the points be expected within the accuracy"
+        if "recorded_share" in attrs
+        else f"choice       from {pilot} pilot points; predicted errors up to {attrs['limit']:.0%} of the allowed one "
+        f"are accepted; in cross-validation {attrs['misses']} of these points miss the accuracy"
+    ]
+    for at, label in enumerate(choice["candidate_label"].values):
+        row = choice.isel(candidate_number=at)
+        found = row["pilot_error"].max("pilot_point")
+        errors = ", ".join(
+            f"{name} {number(float(e), 2)}" for name, e in zip(choice["quantity"].values, found.values, strict=True)
+        )
+        lines.append(
+            f"candidate    {label}: {int(row['points_of_candidate']):,} points, CPU time "
+            f"{duration(float(row['price']), 2)} per run; largest errors: {errors}"
+        )
+    if unknown := attrs.get("pilot_unknown", 0):
+        lines.append(
+            f"pilot        at {unknown} of its {pilot} points the error of the full model alone exceeds the accuracy"
+        )
+    unmet = int((choice["accuracy_met"] == 0).sum())
+    chosen, of_pilot, finest = (duration(attrs[f"price_{which}_s"]) for which in ("study", "pilot", "reference"))
+    lines.append(
+        f"price        CPU time {chosen}, and {of_pilot} for the pilot, which ran {attrs['points_from_pilot']} of the "
+        f"points; {finest} if all points ran with the last candidate"
+    )
+    if unmet:
+        why = "by the errors on record" if "recorded_share" in attrs else "not even with the finest candidate"
+        lines.append(f"warning      {unmet:,} points are not expected to meet the accuracy, {why}")
+    return lines

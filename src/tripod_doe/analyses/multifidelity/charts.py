@@ -1,0 +1,52 @@
+"""What several models at once gain over the dearest one alone, and the distribution that they show."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from tripod_doe.analyses.kinds import of_kind
+from tripod_doe.analyses.multifidelity.sentences import multifidelity_parts
+from tripod_doe.analyses.tolerance.charts import quantile_chart
+from tripod_doe.report.charts.chart import COLOURS, MUTED, Chart, drawing
+from tripod_doe.report.main_outputs import OutputPart
+from tripod_doe.report.responses import spoken
+
+
+def multifidelity_charts(analyses: Mapping[str, xr.Dataset]) -> list[Chart]:
+    """Quantiles of each main output, and the squared errors over those of the truth alone."""
+    charts = []
+    for name, result in of_kind(analyses, "multifidelity").items():
+        truth = str(result.attrs["truth"])
+        for position, part in enumerate(multifidelity_parts(result), 1):
+            level, key = float(result.attrs["confidence_level"]), f"{name}-{position}"
+            charts.append(quantile_chart(f"{key}-quantiles", name, part.what, part.answers, part.unit, level))
+            if np.isfinite(part.answers["gain"]):
+                charts.append(_gain_chart(f"{key}-gain", name, part, truth))
+    return charts
+
+
+def _gain_chart(key: str, name: str, part: OutputPart, truth: str) -> Chart:
+    answers = part.answers
+    rows = [("mean", float(answers["gain"])), ("variance", float(answers["variance_gain"]))]
+    for index in ("S1", "ST"):
+        if f"{index}_gain" in answers:
+            pairs = zip(answers["factor"].values, answers[f"{index}_gain"].values, strict=True)
+            rows += [(f"{index}, {spoken(str(factor))}", float(gain)) for factor, gain in pairs]
+    data = pd.DataFrame(rows, columns=["quantity", "gain"]).dropna(ignore_index=True)
+    data["squared_error"] = 1 / data["gain"]
+    places = np.arange(len(data))[::-1]
+    with drawing(5.0, 1.0 + 0.24 * len(data)) as (figure, axes):
+        axes.plot(data["squared_error"], places, "o", color=COLOURS[0])
+        axes.axvline(1, color=MUTED, lw=1, ls="--")
+        axes.set_xscale("log")
+        axes.set_yticks(places, data["quantity"])
+        axes.set_xlabel(f"squared error, over that of {truth} alone")
+    caption = (
+        f"Squared error of the answers on {part.what}, over that of {truth} alone at the same price (analysis "
+        f"{name}). Left of the dashed line, the cheaper models reduce the error."
+    )
+    return Chart(key, f"What the cheaper models gain for {part.what}", caption, figure, data)

@@ -1,0 +1,97 @@
+"""Findings and table of a multifidelity analysis: what the truth would answer, and what the cheaper models gain."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analyses.sensitivity.sentences import sobol_sentence
+from tripod_doe.quantities import count_of, duration, interval, number, squared, with_unit
+from tripod_doe.report.main_outputs import OutputPart, main_outputs, quantile_text
+from tripod_doe.report.responses import listed
+
+
+def multifidelity_parts(result: xr.Dataset) -> list[OutputPart]:
+    """Main outputs with their answers."""
+    return main_outputs(result, "variance")
+
+
+def find_in_multifidelity(name: str, result: xr.Dataset) -> list[str]:
+    """Sentences on the distribution of each main output, the gain over the truth alone, and what was dropped.
+
+    Parameters
+    ----------
+    name
+        Name of the analysis.
+    result
+        Its answers.
+    """
+    sentences = []
+    truth = str(result.attrs["truth"])
+    for part in multifidelity_parts(result):
+        sentences.append(f"{_distribution(part, truth)} (analysis {name}).")
+        sentences += _gain(part, truth)
+        if "ST" in part.answers:
+            sentences.append(f"{sobol_sentence(part)}.")
+    return [*sentences, _samples(result), *_holes(result)]
+
+
+def _distribution(part: OutputPart, truth: str) -> str:
+    answers, unit = part.answers, part.unit
+    mean = with_unit(interval(float(answers["mean"]), float(answers["mean_conf"])), unit)
+    variance = with_unit(interval(float(answers["variance"]), float(answers["variance_conf"])), squared(unit))
+    return f"Scatter of {part.what} by {truth}: mean {mean}, variance {variance}; {quantile_text(answers, unit)}"
+
+
+def _gain(part: OutputPart, truth: str) -> list[str]:
+    """What the cheaper models are worth at equal price; nothing where prices are not known."""
+    answers = part.answers
+    if not np.isfinite(answers["gain"]):
+        return []
+    shares = [f"{number(1 / float(answers['gain']), 2)} for its mean"]
+    if np.isfinite(answers["variance_gain"]):
+        shares.append(f"{number(1 / float(answers['variance_gain']), 2)} for its variance")
+    if "ST_gain" in answers:
+        gains = answers["ST_gain"].values[np.isfinite(answers["ST_gain"].values)]
+        if gains.size:
+            ends = list(dict.fromkeys(number(1 / gain, 2) for gain in (gains.max(), gains.min())))
+            shares.append(f"{' to '.join(ends)} for its total indices")
+    return [f"The squared error for {part.what}, over that of {truth} alone at the same price: {listed(shares)}."]
+
+
+def _samples(result: xr.Dataset) -> str:
+    """How many samples of which model, and their price."""
+    block = int(result.attrs["block_size"])
+    rows = zip(result["model"].values, result["samples"].values, result["price"].values, strict=True)
+    told = listed([f"{int(count):,} of {model}" for model, count, _ in rows])
+    seconds = float((result["samples"] * result["price"]).sum(skipna=False))
+    price = f", at a price of {duration(seconds)} of CPU time" if np.isfinite(seconds) else ""
+    return f"Samples{f' of {block} points' if block > 1 else ''}: {told}{price}."
+
+
+def _holes(result: xr.Dataset) -> list[str]:
+    lost = int(result.attrs["samples_dropped"])
+    if not lost:
+        return []
+    verb = "is" if lost == 1 else "are"
+    told = [f"{count_of(lost, 'sample')} {verb} dropped in all models, because of points that failed in one."]
+    if region := str(result.attrs.get("failing_region", "")):
+        rest = result.attrs.get("answered_for") == "the rest"
+        told.append(
+            f"Points fail {region}. "
+            + ("The answers are those of a range outside of it." if rest else "The answers leave these points out.")
+        )
+    return told
+
+
+def model_table(result: xr.Dataset) -> tuple[list[str], list[list[str]]]:
+    """Samples, price and correlation with the truth of each model."""
+    parts = multifidelity_parts(result)
+    rows = []
+    for at, model in enumerate(result["model"].values):
+        price = float(result["price"][at])
+        correlations = [number(float(part.answers["correlation"][at]), 3) for part in parts]
+        told = duration(price) if np.isfinite(price) else "-"
+        rows.append([str(model), f"{int(result['samples'][at]):,}", told, *correlations])
+    heads = [f"correlation, {part.what.removeprefix('the ')}" for part in parts]
+    return ["model", "samples", "price per sample", *heads], rows

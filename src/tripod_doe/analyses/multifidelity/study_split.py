@@ -1,0 +1,125 @@
+"""The split of a study, as its result directory holds it: written into `study.toml`, which is then a static study."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+import xarray as xr
+
+from tripod_doe.analyses.multifidelity.split import Split, find_split
+from tripod_doe.errors import InputError
+from tripod_doe.quantities import duration, number
+from tripod_doe.study.definition import Study, canonical, parse_study
+from tripod_doe.study.designs import SAMPLE, pilot_samples, point_count
+from tripod_doe.study.file import DesignTable
+from tripod_doe.study.results import opened_cube
+
+
+def needs_split(study: Study) -> bool:
+    """Whether a pilot decides how many samples each model of a study gets."""
+    return study.file.design.kind == "multifidelity" and not study.file.design.split
+
+
+def stored_split(study: Study, directory: Path) -> Study | None:
+    """The same study with the split that a directory holds; None where there is none, or for another study."""
+    stored = _stored(study, directory)
+    if stored is None or _asked(stored) != _asked(study):
+        return None
+    return _with_split(study, stored.file.design)
+
+
+def _stored(study: Study, directory: Path) -> Study | None:
+    path = directory / "study.toml"
+    if not path.exists():
+        return None
+    stored = parse_study(path.read_text(encoding="utf-8"), str(path), study.folder)
+    return stored if stored.file.design.split else None
+
+
+def _asked(study: Study) -> dict[str, str]:
+    """What decides the points of a study, without its split."""
+    of_split = ("design.split", "design.prices")
+    return {key: value for key, value in canonical(study).items() if not key.startswith(of_split)}
+
+
+def with_samples_so_far(study: Study, directory: Path) -> Study:
+    """A study that needs a split with the samples that a directory holds, or itself where it holds none."""
+    old = _stored(study, directory)
+    if old is None:
+        return study
+    table = study.file.design
+    pilot, last = pilot_samples(table), str((study.factors[table.fidelity].values or ())[-1])
+    split = {model: max(count, pilot) for model, count in old.file.design.split.items()} | {last: table.samples or 0}
+    return _with_split(study, table.model_copy(update={"split": split, "prices": old.file.design.prices}))
+
+
+def split_study(study: Study, pilot: xr.Dataset, directory: Path) -> tuple[Study, Split]:
+    """The study with the split that its pilot shows; a study that grew keeps the samples that it had.
+
+    Raises
+    ------
+    InputError
+        If the pilot cannot tell.
+    """
+    try:
+        found = find_split(pilot, study.simulator)
+    except InputError as error:
+        raise study.fail("the pilot", error) from error
+    old = _stored(study, directory)
+    before = old.file.design.split if old else {}
+    truth = next(iter(found.samples))
+    samples = {model: max(count, before.get(model, 0)) for model, count in found.samples.items()}
+    samples[truth] = found.samples[truth]
+    table = DesignTable(kind="multifidelity", split=samples, prices=dict(found.prices))
+    return _with_split(study, table), found
+
+
+def _with_split(study: Study, table: DesignTable) -> Study:
+    """A study with the split and prices of another table."""
+    document: Any = tomlkit.parse(study.text)
+    for key, value in (("split", table.split), ("prices", table.prices)):
+        inline = tomlkit.inline_table()
+        inline.update(value)
+        document["design"][key] = inline
+    return parse_study(tomlkit.dumps(document), study.origin, study.folder)
+
+
+def told_split(split: Split) -> list[str]:
+    """A split in lines of text."""
+    truth = next(iter(split.samples))
+    of = f" of {split.block} points" if split.block > 1 else ""
+    lines = [f"split        from a pilot of {split.pilot} samples{of} in every model"]
+    for model, count in split.samples.items():
+        told = (
+            "the truth" if model == truth else f"explains {number(100 * split.explained[model], 3)} % of its variance"
+        )
+        if model != truth and count <= split.samples[truth]:
+            told += ", does not pay"
+        price = duration(split.prices[model], 2)
+        lines.append(f"model        {model}: {count:,} samples, CPU time {price} per point; {told}")
+    lines.append(
+        f"price        CPU time {duration(split.seconds)}; expected variance {number(1 / split.gain, 2)} of that by "
+        f"{truth} alone at this price"
+    )
+    return lines
+
+
+def describe_split(study: Study, directory: Path | None) -> list[str]:
+    """The split of a multifidelity study in lines, for `plan`: that of a directory, else what decides it."""
+    if not needs_split(study):
+        return []
+    if directory is not None and (directory / "cube.nc").exists():
+        return told_split(_split_of_results(study, directory))
+    table = study.file.design
+    return [
+        f"split        follows from a pilot of {point_count(study):,} points; "
+        f"{(study.factors[table.fidelity].values or ())[-1]} gets {table.samples:,} samples in any case"
+    ]
+
+
+def _split_of_results(study: Study, directory: Path) -> Split:
+    with opened_cube(directory) as cube:
+        pilot = cube[SAMPLE].values < pilot_samples(study.file.design)
+        return find_split(cube.isel(point=pilot), study.simulator)

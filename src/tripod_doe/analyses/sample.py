@@ -1,0 +1,152 @@
+"""The points of a cube that a sensitivity analysis can use: whole blocks only, and what was dropped for what reason."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.analyses.failing_region.failing_region import FailingRegion, failing_region
+from tripod_doe.analyses.settings import PointSettings
+from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.errors import InputError
+from tripod_doe.simulator import Outcome
+from tripod_doe.study.cube import EXCLUDED
+from tripod_doe.study.designs import FAMILIES, factor_groups, unit_sample
+from tripod_doe.study.file import DesignTable, FactorTable, parse_file
+from tripod_doe.study.slab_reading import all_finite
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Usable points of a design, in whole blocks."""
+
+    # design, tables: the design of the study and its factors, as the study file describes them
+    design: DesignTable
+    tables: dict[str, FactorTable]
+    columns: dict[str, NDArray[np.generic]]  # values of the factors at the usable points, shape (point,) each
+    rows: IntArray  # the usable points among those of the cube, shape (point,)
+    block: int  # points of a block; 1 where every point stands alone
+    dropped: int  # points that are not used
+    region: FailingRegion | None = None  # where most of the points that failed lie, if they lie together
+    rest: bool = False  # whether only the points outside of that region are used
+    # the sample of which this is a part, and the places of its points there; None where it is no part
+    whole: tuple[Sample, IntArray] | None = None
+
+    @property
+    def blocks(self) -> int:
+        """Number of whole blocks."""
+        return self.rows.size // self.block
+
+    @property
+    def factors(self) -> list[str]:
+        """Labels of the indices: the factors, or the groups in which they vary."""
+        return list(factor_groups(self.tables))
+
+    @cached_property
+    def unit(self) -> FloatArray:
+        """The usable points on the unit cube, before the distributions, shape (point, factor)."""
+        if self.whole:  # a design is made once
+            return self.whole[0].unit[self.whole[1]]
+        return unit_sample(self.design, self.tables).at(self.rows)
+
+    @cached_property
+    def ranks(self) -> FloatArray:
+        """Ranks of the factors' values over their number, between 0 and 1, shape (point, factor)."""
+        from scipy.stats import rankdata
+
+        columns = (np.unique(column, return_inverse=True)[1] for column in self.columns.values())
+        return np.stack([(rankdata(column) - 0.5) / column.size for column in columns], axis=1)
+
+    def take(self, points: IntArray) -> Sample:
+        """Some of its points, in whole blocks."""
+        columns = {name: column[points] for name, column in self.columns.items()}
+        return replace(self, columns=columns, rows=self.rows[points], whole=(self, points))
+
+
+def read_sample(cube: xr.Dataset, settings: PointSettings, kinds: Collection[str], outputs: Sequence[str]) -> Sample:
+    """The usable points of a cube: those of blocks in which all points finished and gave all outputs.
+
+    Parameters
+    ----------
+    cube
+        A cube with one dimension ``point``.
+    settings
+        What is done where points failed.
+    kinds
+        Kinds of designs that the analysis can read.
+    outputs
+        The outputs that must be there.
+
+    Raises
+    ------
+    InputError
+        If the design is another one, or too little of it is left.
+    """
+    file = parse_file(cube.attrs["study"], "the study in the cube")
+    design = file.design
+    if design.kind not in kinds:
+        raise InputError(f"this analysis needs a {' or '.join(kinds)} design, the cube's is {design.kind}")
+    tables = {name: file.factors[name] for name in design.factors or file.factors}
+    block = FAMILIES[design.kind].block(design, len(factor_groups(tables)))
+    usable, inside = usable_points(cube, outputs), _inside(cube)
+    columns = {name: cube[name].values for name in tables if name in cube.coords}
+    region = failing_region({name: column[inside] for name, column in columns.items()}, ~usable[inside])
+    whole = usable.reshape(-1, block).all(axis=1)
+    asked = int(inside.sum()) // block
+    refuse_holes(settings, region, int(whole.sum()), asked, block)
+    rest = settings.holes == "rest" and region is not None
+    if rest and region is not None:
+        whole &= region.outside(columns).reshape(-1, block).all(axis=1)
+    rows = np.flatnonzero(np.repeat(whole, block))
+    return Sample(
+        design,
+        tables,
+        {name: column[rows] for name, column in columns.items()},
+        rows,
+        block,
+        asked * block - rows.size,
+        region,
+        rest,
+    )
+
+
+def _inside(cube: xr.Dataset) -> NDArray[np.bool_]:
+    """Points that no constraint excludes."""
+    if EXCLUDED not in cube:
+        return np.ones(cube.sizes["point"], bool)
+    return np.asarray(cube[EXCLUDED].values == 0)
+
+
+def usable_points(cube: xr.Dataset, outputs: Sequence[str]) -> NDArray[np.bool_]:
+    """Points that finished and gave numbers, shape (point,).
+
+    A finished point may lack one: a function returned NaN, a model cannot give the output.
+    """
+    usable = np.asarray(cube["outcome"].values == Outcome.FINISHED)
+    for name in outputs:
+        given = all_finite(cube[name].variable)
+        if given.any():  # an output that no point gives takes nothing away from the others
+            usable = usable & given
+    return usable
+
+
+def refuse_holes(settings: PointSettings, region: FailingRegion | None, left: int, asked: int, block: int) -> None:
+    """Refuse where too few blocks are left, or where holes are to be refused."""
+    what = "points" if block == 1 else f"blocks of {block} points"
+    where = f"; most failed {region.text}" if region else ""
+    if left < 2:
+        raise InputError(f"only {left} of {asked} {what} finished: nothing to analyse{where}")
+    gone = asked - left
+    if gone and settings.holes == "refuse":
+        raise InputError(f'{gone:,} of {asked:,} {what} are lost, and holes = "refuse"{where}')
+    if gone > math.floor(settings.most_dropped * asked) and not (settings.holes == "rest" and region):
+        remedy = '; set holes = "rest" for an answer outside of it' if region else ""
+        raise InputError(
+            f"{gone:,} of {asked:,} {what} are lost, more than most_dropped = {settings.most_dropped:g}{where}{remedy}"
+        )

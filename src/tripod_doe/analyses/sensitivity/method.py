@@ -1,0 +1,219 @@
+"""The frame of every sensitivity analysis: read the points, estimate all outputs at once, judge, label.
+
+A method only estimates. What holds for all of them stands here: which points count, intervals that cover zero, effects
+below the numerical error of the model, convergence over nested subsamples, and the labels of the result.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analyses.outputs import (
+    OutputTable,
+    answered_in_parts,
+    chosen_outputs,
+    output_attributes,
+    side_by_side,
+    stacked,
+)
+from tripod_doe.analyses.sample import Sample, read_sample
+from tripod_doe.analyses.settings import SensitivitySettings
+from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.errors import InputError
+from tripod_doe.study.flat_points import flat_points
+
+Answers = dict[str, FloatArray]
+"""Estimates by the names of variables, the component last."""
+
+CORRELATED = "its index divides the variance among independent factors, those of this study are correlated"
+"""Why an analysis is refused whose factors are correlated."""
+
+_FRACTIONS = (8, 4, 2)  # parts of the points over which the convergence is looked at
+_FEWEST = 16  # blocks of the smallest part
+_RESOLUTION = ("constant", "not_resolved", "resolved", "below_numerical_error")  # from -1
+
+
+@dataclass(frozen=True)
+class Method:
+    """One way to estimate what the factors do to the outputs."""
+
+    # (points, output, components, settings) -> answers, each of shape (factor, component) unless `dims` says else. The
+    # answer named ``size`` is the change of the output that a factor makes, in the output's unit.
+    estimate: Callable[[Sample, OutputTable, IntArray, SensitivitySettings], Answers]
+    designs: tuple[str, ...]  # kinds of designs that it can read
+    ranked: str  # the answer by which factors are ranked
+    meanings: Mapping[str, str]  # what each answer is, in words
+    # dimensions of an answer before those of the output, where these are not just ``factor``
+    dims: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    pure: bool = True  # whether the answers are numbers without unit
+    nested: bool = True  # whether a part of the points is a smaller design of the same kind
+    threshold: str = ""  # the answer that the ranked one must exceed to be resolved; zero if empty
+    independent: bool = True  # whether it rests on factors that are not correlated
+    intervals: bool = True  # whether it knows intervals; without, nothing is said of what is resolved
+
+
+def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr.Dataset:
+    """Analyse all chosen outputs of a cube by one method.
+
+    Parameters
+    ----------
+    method
+        How the answers are estimated.
+    cube
+        Cube of a design that the method can read.
+    settings
+        Which outputs, and what counts as enough.
+
+    Returns
+    -------
+    xarray.Dataset
+        The answers (factor, and the dimensions of the output; with several outputs also along ``output``),
+        ``resolved``, and over nested subsamples of the points ``RANKED_over_samples``; beside other outputs, those with
+        further dimensions as ``OUTPUT_ANSWER``, see `outputs.side_by_side`. NaN where an output does not vary.
+
+    Raises
+    ------
+    InputError
+        If the cube is of another design, or too few complete blocks are left.
+    """
+    cube = flat_points(cube)
+    names = chosen_outputs(cube, settings.outputs)
+    sample = read_sample(cube, settings, method.designs, names)
+    if method.independent and sample.design.correlation:
+        raise InputError(CORRELATED)
+    joint = side_by_side(cube, names)
+    names = joint + [name for name in names if name not in joint]
+    result = stacked({name: _analyse(method, sample, cube, name, settings) for name in names}, joint)
+    return _described(result, method, sample, output_attributes(cube, names), settings)
+
+
+def _analyse(method: Method, sample: Sample, cube: xr.Dataset, name: str, settings: SensitivitySettings) -> xr.Dataset:
+    """One output, read as far as it fits into memory."""
+    return answered_in_parts(cube, name, sample.rows, lambda table: _of_table(method, sample, table, settings))
+
+
+def _of_table(method: Method, sample: Sample, table: OutputTable, settings: SensitivitySettings) -> xr.Dataset:
+    """One output, or a part of it: answers for each of its components, their judgement, and their convergence."""
+    answers = _estimate(method, sample, table, settings)
+    size = answers.pop("size", None)
+    result = _labelled(method, table, answers)
+    if method.intervals:
+        result["resolved"] = table.labelled(_resolution(method, answers, table, size), _dims(method, method.ranked))
+    if not method.nested or table.is_waveform:
+        return result
+    counts, parts = [], []
+    for part in _nested(sample):
+        counts.append(part.blocks)
+        rows = np.searchsorted(sample.rows, part.rows)
+        parts.append(_estimate(method, part, table.rows(rows), settings))
+    counts.append(sample.blocks)
+    parts.append(answers)
+    for key in (method.ranked, f"{method.ranked}_conf"):
+        course = np.stack([part[key] for part in parts])
+        name = key.replace(method.ranked, f"{method.ranked}_over_samples")
+        result[name] = table.labelled(course, ("samples", *_dims(method, method.ranked)))
+    needed = _needed(method, answers, sample, settings)
+    result["samples_needed"] = table.labelled(needed, ())
+    return result.assign_coords(samples=np.array(counts, np.int32))
+
+
+def _estimate(method: Method, sample: Sample, table: OutputTable, settings: SensitivitySettings) -> Answers:
+    """All components of an output, part by part; NaN for those that do not vary."""
+    found: Answers = {}
+    for components in table.chunks():
+        for key, answer in method.estimate(sample, table, components, settings).items():
+            blank = found.setdefault(key, np.full((*answer.shape[:-1], table.values.shape[1]), np.nan))
+            blank[..., components] = answer
+    if not found:  # shapes, of an output that varies nowhere
+        first = np.linspace(0, 1, table.values.shape[0])[:, None] * np.ones(table.values.shape[1])
+        varying = replace(table, values=first, wraps=False)
+        shown = method.estimate(sample, varying, np.array([0]), settings)
+        found = {key: np.full((*answer.shape[:-1], table.values.shape[1]), np.nan) for key, answer in shown.items()}
+    return found
+
+
+def _resolution(method: Method, answers: Answers, table: OutputTable, size: FloatArray | None) -> FloatArray:
+    """Flags of a factor: its interval covers zero (0) or not (1), or its effect is below the model's error (2)."""
+    index, half = answers[method.ranked], answers[f"{method.ranked}_conf"]
+    least = answers[method.threshold] if method.threshold else 0.0
+    flags = np.where(np.abs(index) - np.where(np.isfinite(half), half, 0) > least, 1.0, 0.0)
+    if size is not None:
+        flags[np.abs(size) < table.error] = 2.0
+    flags[~np.isfinite(index)] = -1.0
+    return flags
+
+
+def _nested(sample: Sample) -> Iterator[Sample]:
+    """The first eighth, quarter and half of the blocks, as far as these are enough to say anything."""
+    for fraction in _FRACTIONS:
+        count = sample.blocks // fraction
+        if count >= _FEWEST:
+            yield sample.take(np.arange(count * sample.block))
+
+
+def _needed(method: Method, answers: Answers, sample: Sample, settings: SensitivitySettings) -> FloatArray:
+    """Samples after which no interval is wider than the precision, which shrinks with their square root."""
+    index, half = np.abs(answers[method.ranked]), answers[f"{method.ranked}_conf"]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        widest = np.where(np.isfinite(half), half, -np.inf).max(axis=0) / np.where(
+            np.isfinite(index), index, -np.inf
+        ).max(axis=0)
+        needed = np.ceil(sample.blocks * (widest / settings.precision) ** 2)
+    if sample.design.kind == "saltelli":
+        needed = np.where(needed > 1, 2.0 ** np.ceil(np.log2(np.maximum(needed, 1))), needed)
+    return np.where(np.isfinite(index).any(axis=0), needed, np.nan)
+
+
+def _dims(method: Method, key: str) -> tuple[str, ...]:
+    return method.dims.get(key.removesuffix("_conf"), ("factor",))
+
+
+def _labelled(method: Method, table: OutputTable, answers: Answers) -> xr.Dataset:
+    return xr.Dataset({key: table.labelled(answer, _dims(method, key)) for key, answer in answers.items()})
+
+
+def _described(
+    result: xr.Dataset, method: Method, sample: Sample, outputs: dict[str, str], settings: SensitivitySettings
+) -> xr.Dataset:
+    """Labels, meanings, flags, and what was used."""
+    labels = {"factor": sample.factors} | ({"factor_2": sample.factors} if "factor_2" in result.dims else {})
+    result = result.assign_coords({dim: values for dim, values in labels.items() if dim in result.dims})
+    for label in result.coords:
+        result[label].attrs.setdefault("long_name", str(label).replace("_", " "))
+    for name in list(result.data_vars):
+        if str(name).endswith("resolved"):
+            flags = result[name].fillna(-1).astype(np.int8)
+            result[name] = flags.assign_attrs(
+                long_name="whether the effect of a factor is known to differ from zero",
+                flag_values=np.arange(-1, len(_RESOLUTION) - 1, dtype=np.int8),
+                flag_meanings=" ".join(_RESOLUTION),
+            )
+        else:
+            result[name].attrs = _attributes(str(name), method)
+    region = sample.region.text if sample.region else ""
+    told = {"failing_region": region, "answered_for": "the rest" if sample.rest else "all"} if region else {}
+    return result.assign_attrs(
+        **outputs,
+        groups_used=sample.blocks,
+        groups_dropped=math.ceil(sample.dropped / sample.block),
+        block_size=sample.block,
+        points_used=sample.rows.size,
+        points_dropped=sample.dropped,
+        confidence_level=settings.confidence,
+        precision=settings.precision,
+        **told,
+    )
+
+
+def _attributes(name: str, method: Method) -> dict[str, str]:
+    if name.endswith("samples_needed"):
+        return {"long_name": "samples after which no interval is wider than the precision", "units": "1"}
+    key = next((each for each in sorted(method.meanings, key=len, reverse=True) if each in name), name)
+    tail = ", half width of its interval" if name.endswith("_conf") else ""
+    over = " over nested subsamples" if "_over_samples" in name else ""
+    return {"long_name": f"{method.meanings.get(key, key)}{over}{tail}"} | ({"units": "1"} if method.pure else {})

@@ -1,0 +1,154 @@
+"""Findings of a sensitivity analysis: its strongest factors, what is not resolved, whether the points are enough."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analyses.kinds import kind_of
+from tripod_doe.analyses.sensitivity import RANKED
+from tripod_doe.quantities import count_of, interval, number, rounded_up
+from tripod_doe.report.main_outputs import OutputPart, main_outputs
+from tripod_doe.report.responses import listed, spoken
+
+_MOST_NAMED = 4  # factors that a sentence names
+_NOT_RESOLVED, _BELOW_ERROR = 0, 2  # flags of `resolved`
+_HEADS = {
+    "fast": "Total Sobol' indices (FAST) of {what}",
+    "rbd-fast": "First-order Sobol' indices (RBD-FAST) of {what}",
+    "pawn": "PAWN indices of {what}",
+    "delta": "Borgonovo's delta of {what}",
+    "dgsm": "Upper bounds of the total Sobol' indices of {what}, from derivatives",
+    "shapley": "Shapley effects on {what}, as parts of its variance",
+}
+
+
+def find_in_sensitivity(name: str, result: xr.Dataset) -> list[str]:
+    """Sentences on the strongest factors of each main output, then on the points and on what failed.
+
+    Parameters
+    ----------
+    name
+        Name of the analysis.
+    result
+        Its indices.
+    """
+    kind = kind_of(result)
+    sentences = []
+    parts = sensitivity_parts(result)
+    if RANKED[kind] in result and not parts:
+        sentences.append(f"The main outputs are the same at all points: no factor has an index (analysis {name}).")
+    for part in parts:
+        match kind:
+            case "sobol":
+                told = sobol_sentence(part)
+            case "morris":
+                told = _morris_sentence(part)
+            case _:
+                told = _index_sentence(part, kind)
+        sentences += [f"{told} (analysis {name}).", *_unresolved(part), *_convergence(part, kind, result)]
+    return sentences + _holes(result)
+
+
+def sensitivity_parts(result: xr.Dataset) -> list[OutputPart]:
+    """Main outputs with their indices over ``factor`` alone."""
+    key = RANKED[kind_of(result)]
+    if key not in result:
+        return []
+    return main_outputs(_with_halves(result), key, ("factor",))
+
+
+def _with_halves(result: xr.Dataset) -> xr.Dataset:
+    """A result with half widths of all Sobol' indices, NaN for a method that knows no intervals."""
+    without = [key for key in ("S1", "ST") if key in result and f"{key}_conf" not in result]
+    return result.assign({f"{key}_conf": xr.full_like(result[key], np.nan) for key in without})
+
+
+def sobol_sentence(part: OutputPart) -> str:
+    """The strongest total indices of an output, and whether interactions show."""
+    ranked = _ranked(part.answers, "ST")
+    shown = [row for row in ranked[:_MOST_NAMED] if row[1] > row[2]] or ranked[:1]
+    told = listed([f"{spoken(factor)} {interval(value, half)}" for factor, value, half in shown])
+    rest = [value + half for _, value, half in ranked[len(shown) :]]
+    others = f"; all others at most {rounded_up(max(rest))}" if rest else ""
+    first = {index: part.answers[index].values[np.isfinite(part.answers["S1"].values)] for index in ("S1", "S1_conf")}
+    total, half = float(first["S1"].sum()), float(np.sqrt((first["S1_conf"] ** 2).sum()))
+    alone = f"the first-order indices add up to {interval(total, half)}: " + (
+        "no interaction shows" if total + half >= 1 else "the rest are interactions"
+    )
+    return f"Total Sobol' indices of {part.what}: {told}{others}; {alone}"
+
+
+def _morris_sentence(part: OutputPart) -> str:
+    told = [f"{spoken(factor)} {interval(value, half)}" for factor, value, half in _ranked(part.answers, "mu_star")]
+    return (
+        f"Largest mean elementary effects on {part.what}, in its unit over the whole range of a factor: "
+        f"{listed(told[:_MOST_NAMED])}"
+    )
+
+
+def _index_sentence(part: OutputPart, kind: str) -> str:
+    ranked = _ranked(part.answers, RANKED[kind])
+    told = [f"{spoken(factor)} {interval(value, half)}" for factor, value, half in ranked[:_MOST_NAMED]]
+    chance = ""
+    if "chance" in part.answers:
+        chance = f"; without any effect, the index of a factor is {number(float(part.answers['chance']), 2)}"
+    return f"{_HEADS[kind].format(what=part.what)}: {listed(told)}{chance}"
+
+
+def _unresolved(part: OutputPart) -> list[str]:
+    """Factors whose interval covers zero, and those whose effect is below the numerical error of the model."""
+    if "resolved" not in part.answers:
+        return []
+    flags = dict(zip(map(str, part.answers["factor"].values), part.answers["resolved"].values, strict=True))
+    sentences = []
+    if names := [spoken(factor) for factor, flag in flags.items() if flag == _NOT_RESOLVED]:
+        sentences.append(
+            f"Not resolved for {part.what}: {'effects' if len(names) > 1 else 'effect'} of {listed(names)}."
+        )
+    if names := [spoken(factor) for factor, flag in flags.items() if flag == _BELOW_ERROR]:
+        one = "is smaller than the numerical error of the model, and it is not ranked"
+        many = "are smaller than the numerical error of the model, and they are not ranked"
+        effects = f"the effect of {names[0]} {one}" if len(names) == 1 else f"the effects of {listed(names)} {many}"
+        sentences.append(f"For {part.what}, {effects}.")
+    return sentences
+
+
+def _convergence(part: OutputPart, kind: str, result: xr.Dataset) -> list[str]:
+    """Whether the points are enough for the precision that is asked for, or about how many would be."""
+    if "samples_needed" not in part.answers or not np.isfinite(part.answers["samples_needed"]):
+        return []
+    used, needed = int(result.attrs["groups_used"]), int(part.answers["samples_needed"])
+    asked = f"+-{100 * float(result.attrs['precision']):g} % of the largest index"
+    thing = {"morris": "trajectories", "sobol": "blocks"}.get(
+        kind, "points" if result.attrs["block_size"] == 1 else "blocks"
+    )
+    if needed <= used:
+        return [f"{used:,} {thing} are enough for {part.what}: no interval is wider than {asked}."]
+    return [f"{used:,} {thing} are not enough for {part.what}: about {needed:,} are needed for intervals of {asked}."]
+
+
+def _holes(result: xr.Dataset) -> list[str]:
+    """What was dropped, and where the points failed."""
+    dropped, block = int(result.attrs.get("points_dropped", 0)), int(result.attrs.get("block_size", 1))
+    if not dropped:
+        return []
+    blocks = f" in {count_of(dropped // block, 'block')} of {block} points" if block > 1 else ""
+    used = int(result.attrs["points_used"])
+    told = [f"{count_of(dropped, 'point')}{blocks} {'is' if dropped == 1 else 'are'} dropped, {used:,} are used."]
+    if region := str(result.attrs.get("failing_region", "")):
+        rest = (
+            " The indices are those of a range outside of it." if result.attrs.get("answered_for") == "the rest" else ""
+        )
+        told.append(f"Points fail {region}.{rest}")
+    return told
+
+
+def _ranked(part: xr.Dataset, key: str) -> list[tuple[str, float, float]]:
+    """Factor, index and half width of its interval, the largest first; without those below the model's error."""
+    rows = list(zip(part["factor"].values, part[key].values, part[f"{key}_conf"].values, strict=True))
+    above = [True] * len(rows)
+    if "resolved" in part and (part["resolved"].values != _BELOW_ERROR).any():
+        above = list(part["resolved"].values != _BELOW_ERROR)
+    chosen = (row for row, told in zip(rows, above, strict=True) if told)
+    return sorted(((str(f), float(v), float(c)) for f, v, c in chosen if np.isfinite(v)), key=lambda row: -row[1])

@@ -1,0 +1,1 @@
+"""Error over CPU time of methods and models."""

@@ -1,0 +1,1 @@
+"""Largest stable step of each method, measured and predicted."""

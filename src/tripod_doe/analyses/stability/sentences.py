@@ -1,0 +1,160 @@
+"""Measured and predicted stability limits in sentences and as a table."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analyses.stability.charts import map_of, maps
+from tripod_doe.analyses.stability.stability import Agreement, Limit, RunKind
+from tripod_doe.quantities import duration, level, number, with_unit
+from tripod_doe.report.responses import spoken, unit_text
+from tripod_doe.simulator import Outcome
+
+_HEADS = [
+    "Varied",
+    "Method",
+    "Measured limit",
+    "Predicted limit",
+    "Limited by",
+    "Measured / predicted",
+    "Agree",
+    "First failure",
+    "Wrong, undetected",
+]
+_LONG = 1e3  # seconds: a rate that small limits nothing
+_WORDS = {
+    Limit.NONE: "nothing",
+    Limit.FRICTION: "friction",
+    Limit.CONTACT: "stiffest contact mode",
+    Limit.LAG: "lag of the secant slope",
+    Limit.TOLERANCE: "tolerance itself",
+    Limit.UNKNOWN: "unknown",
+}
+_WHY = {
+    Limit.NONE: "no limit is predicted for this method",
+    Limit.LAG: "the rate is the lag of velocities about a frozen state, which is a poor estimate of the error",
+    Limit.CONTACT: "the prediction neglects damping and friction of this mode",
+    Limit.TOLERANCE: "a step of this method ends at every sample, whatever the tolerance",
+}
+"""Known reason of a disagreement, by what limits the step."""
+
+
+def find_in_stability(borders: xr.Dataset) -> list[str]:
+    """State how many limits agree with the prediction, undetected failures, and disagreements with their reasons."""
+    agrees = borders["agrees"].values
+    decided = agrees != Agreement.NOT_DECIDED
+    ratio = borders["ratio"].values[np.isfinite(borders["ratio"].values)]
+    ends = [number(float(end), 2) for end in (ratio.min(initial=np.inf), ratio.max(initial=-np.inf))]
+    spread = (
+        f"; where both exist, the ratio of measured to predicted is {' to '.join(dict.fromkeys(ends))}"
+        if ratio.size
+        else ""
+    )
+    sentences = [
+        f"{int((agrees == Agreement.YES).sum())} of {int(decided.sum())} measured stability limits agree with the "
+        f"predicted ones within a factor of {level(borders.attrs['factor'])}{spread}. A run counts as right if it is "
+        f"within {level(100 * borders.attrs['limit'])} % of the reference."
+    ]
+    kind = borders["run_kind"].values
+    refused, wrong = (int((kind == which).sum()) for which in (RunKind.REFUSED, RunKind.WRONG))
+    error = borders["error"].values[kind == RunKind.WRONG]
+    worst = f", at worst {number(100 * error.max())} % off" if wrong else ""
+    sentences.append(
+        f"Of {refused + wrong} runs that are not right, {refused} did not finish and {wrong} finished with a wrong "
+        f"result{worst}."
+        if refused + wrong
+        else "No run failed or finished with a wrong result."
+    )
+    unknown = int((kind == RunKind.UNKNOWN).any(axis=(0, 2)).sum())
+    if unknown:
+        sentences.append(f"{unknown} operating points have no reference: no two runs agree closely enough.")
+    return sentences + [
+        _disagreements(borders, m, np.flatnonzero(row)) for m, row in enumerate(agrees == Agreement.NO) if row.any()
+    ]
+
+
+def _disagreements(borders: xr.Dataset, m: int, cases: np.ndarray) -> str:
+    """The limits of one method that disagree with the prediction, with the known reason."""
+    rows = [borders.isel(method=m, case=int(c)) for c in cases]
+    pairs = [(measured_border(borders, row), border_text(borders, float(row["border_predicted"]))) for row in rows]
+    seen = "; ".join(
+        f"{_place(row)} measured {found}, predicted {said}" for row, (found, said) in zip(rows, pairs, strict=True)
+    )
+    first = rows[0]
+    limited, below = Limit(int(first["limited_by"])), not float(first["border_low"]) >= float(first["border_predicted"])
+    told = [_WHY[limited]] if limited in _WHY and not (below and limited is Limit.TOLERANCE) else []
+    if below:
+        told.append(f"at the {_place(first)} {_first_failure(first)}")
+    reason = "; ".join(told)
+    return f"{first['method'].item()}: {seen}{'. ' if reason else ''}{reason[:1].upper()}{reason[1:]}."
+
+
+def _place(row: xr.Dataset) -> str:
+    """The base case, or the factor that differs from it."""
+    varied = str(row["varied"].item())
+    return "base case" if varied == "base" else _level(row, varied)
+
+
+def _first_failure(row: xr.Dataset) -> str:
+    """State how the first run that is not right ended: with an outcome that says so, or wrong and undetected."""
+    if int(row["first_failure"]) == Outcome.FINISHED:
+        return "the first run beyond it finished with a wrong result"
+    return f"the first run beyond it ended as {Outcome(int(row['first_failure'])).label}: {row['first_detail'].item()}"
+
+
+def _level(row: xr.Dataset, factor: str) -> str:
+    unit = unit_text(str(row[factor].attrs.get("units", "1")))
+    return f"{spoken(factor)} {with_unit(level(float(row[factor])), unit)}"
+
+
+def border_text(borders: xr.Dataset, value: float) -> str:
+    """A step with a unit that suits its size, or a tolerance."""
+    if not math.isfinite(value):
+        return "not known" if math.isnan(value) else "none"
+    if borders.attrs["numerics"] != "step_s":
+        return number(value, 2)
+    return duration(value, 2) if value < _LONG else "none within reach"
+
+
+def measured_border(borders: xr.Dataset, row: xr.Dataset) -> str:
+    """The measured limit between two steps, or beyond the ends of the study."""
+    low, high = float(row["border_low"]), float(row["border_high"])
+    if math.isinf(high):
+        return f"none up to {border_text(borders, low)}" if math.isfinite(low) else "not known"
+    if math.isnan(low):
+        return f"below {border_text(borders, high)}"
+    return f"{border_text(borders, low)} to {border_text(borders, high)}"
+
+
+def stability_table(borders: xr.Dataset) -> tuple[list[str], list[list[str]]]:
+    """Heads and one row per map and method; borders from the first to the last value of the factor."""
+    parts = {factor: map_of(borders, factor) for factor in maps(borders)}
+    methods = range(borders.sizes["method"])
+    return list(_HEADS), [_row(part, part.isel(method=m), factor) for factor, part in parts.items() for m in methods]
+
+
+def _row(borders: xr.Dataset, part: xr.Dataset, factor: str) -> list[str]:
+    """One map of one method."""
+    ends = [part.isel(case=c) for c in (0, -1)]
+    levels = " to ".join(level(float(end[factor])) for end in ends)
+    ratio = part["ratio"].values[np.isfinite(part["ratio"].values)]
+    agrees = part["agrees"].values
+    decided = int((agrees != Agreement.NOT_DECIDED).sum())
+    failures = part["first_failure"].values[part["first_failure"].values != Outcome.NOT_RUN]
+    named = [f"{Outcome(int(kind)).label} {int((failures == kind).sum())}" for kind in np.unique(failures)]
+    predicted = [border_text(borders, float(end["border_predicted"])) for end in ends]
+    limits = dict.fromkeys(_WORDS[Limit(int(kind))] for kind in part["limited_by"].values)
+    return [
+        f"{spoken(factor)} {with_unit(levels, unit_text(str(part[factor].attrs.get('units', '1'))))}",
+        str(part["method"].item()),
+        "; ".join(dict.fromkeys(measured_border(borders, end) for end in ends)),
+        " to ".join(dict.fromkeys(predicted)),
+        ", ".join(limits),
+        " to ".join(dict.fromkeys(f"{value:.2f}" for value in (ratio.min(), ratio.max()))) if ratio.size else "",
+        f"{int((agrees == Agreement.YES).sum())} of {decided}" if decided else "not decided",
+        ", ".join(named) or "none",
+        str(int(part["wrong_runs"].sum())),
+    ]

@@ -1,0 +1,50 @@
+"""Courses of the main outputs over each factor by a surrogate, with its bands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from tripod_doe.analyses.surrogate.what_if_page import WhatIfPage, what_if_pages
+from tripod_doe.report.charts.chart import COLOURS, LINES, Chart, drawing, legend_above
+from tripod_doe.report.responses import spoken
+
+_SHOWN = 6  # factors that a picture can tell apart
+
+
+def surrogate_charts(analyses: Mapping[str, xr.Dataset]) -> list[Chart]:
+    """One chart for each quantity of each surrogate."""
+    return [
+        _course_chart(f"{page.name}-course-{position + 1}", page, position)
+        for page in what_if_pages(analyses)
+        for position in range(len(page.quantities))
+    ]
+
+
+def _course_chart(key: str, page: WhatIfPage, position: int) -> Chart:
+    quantity = page.quantities[position]
+    numeric = [name for name, told in page.surrogate.factors.items() if "words" not in told]
+    courses = {name: page.along(name) for name in numeric}
+    spans = sorted(numeric, key=lambda name: -float(np.ptp(courses[name][1][:, position])))[:_SHOWN]
+    rows = []
+    half = page.at(**page.start)[position][1]
+    with drawing(5.0, 3.2) as (figure, axes):
+        for rank, name in enumerate(spans):
+            values, course = courses[name][0], courses[name][1][:, position]
+            place = np.linspace(0, 100, values.size)
+            axes.plot(place, course, color=COLOURS[rank], ls=LINES[rank], label=spoken(name))
+            rows += [(name, value, answer) for value, answer in zip(values, course, strict=True)]
+        axes.axhspan(*(page.at(**page.start)[position][0] + half * np.array([-1, 1])), color="#cfdeee", lw=0)
+        axes.set_xlabel("factor, from the least (0) to the largest (100 %) of the points")
+        axes.set_ylabel(f"{quantity.label}{f' ({quantity.unit})' if quantity.unit else ''}")
+        legend_above(axes, 2)
+    data = pd.DataFrame(rows, columns=["factor", "value", quantity.label.replace(" ", "_")])
+    caption = (
+        f"By a surrogate of {page.points:,} computed points, not by a model (analysis {page.name}): {quantity.label} "
+        "over each factor alone, the others in the middle of the points. Shaded: its band there."
+    )
+    what = quantity.label
+    return Chart(key, f"{what[0].upper()}{what[1:]} by the surrogate", caption, figure, data)

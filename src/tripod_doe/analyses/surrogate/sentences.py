@@ -1,0 +1,53 @@
+"""Findings of a surrogate: how well it predicts what it has not seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from tripod_doe.analyses.surrogate.what_if_page import what_if_pages
+from tripod_doe.quantities import number, with_unit
+from tripod_doe.report.main_outputs import main_outputs
+
+_NEARLY_ALL = 99.9  # percent
+
+
+def find_in_surrogate(name: str, result: xr.Dataset) -> list[str]:
+    """Sentences on the surrogate of each main output, and on the quantiles that it gives.
+
+    Parameters
+    ----------
+    name
+        Name of the analysis.
+    result
+        Its errors.
+    """
+    words = str(result["chosen"].attrs["flag_meanings"]).split()
+    sentences = []
+    for _, what, unit, part in main_outputs(result, "error_rms"):
+        kind = words[int(part["chosen"]) + 1].replace("-", " ")
+        error = with_unit(number(float(part["error_rms"]), 2), unit)
+        largest = with_unit(number(float(part["error_largest"]), 2), unit)
+        share = 100 * float(part["predicted_part"])
+        told = "more than 99.9 %" if share > _NEARLY_ALL else f"{number(share)} %" if share > 0 else "nothing"
+        sentences.append(
+            f"Surrogate of {what} ({kind}): error {error} (root mean square) and at most {largest} at points that it "
+            f"was not fitted to; it predicts {told} of the variance (analysis {name})."
+        )
+    return sentences + _quantiles(name, result)
+
+
+def _quantiles(name: str, result: xr.Dataset) -> list[str]:
+    """The distribution of what the page shows, where the points follow distributions of independent factors."""
+    told = []
+    for page in what_if_pages({name: result}):
+        if not page.surrogate.sampled:
+            continue
+        for each, values in zip(page.quantities, page.drawn(), strict=True):
+            low, middle, high = (number(float(value)) for value in np.quantile(values, (0.05, 0.5, 0.95)))
+            told.append(
+                f"By the surrogate, not by a model: {each.label} below {with_unit(low, each.unit)} in 5 %, below "
+                f"{with_unit(middle, each.unit)} in 50 % and below {with_unit(high, each.unit)} in 95 % of the cases "
+                f"(analysis {name})."
+            )
+    return told

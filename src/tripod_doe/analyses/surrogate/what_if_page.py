@@ -1,0 +1,233 @@
+"""The part of a report that answers "what if": a surrogate with its numbers, which the page evaluates by itself."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from tripod_doe.analyses.kinds import of_kind
+from tripod_doe.analyses.surrogate.what_if import WhatIf, neighbours, read_what_if
+from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.quantities import interval
+from tripod_doe.report.responses import ORDINALS, spoken, unit_text
+
+_COVERED = 0.95  # part of the unseen points that a band holds
+_MOST = 6  # orders or outputs that one looks at together
+_SEEN = 0.01  # size of an order over that of the largest one below which it is not shown
+_ALWAYS = (2, 3)  # orders that everybody asks for
+_DRAWS = 5000  # from which quantiles are taken
+_STEPS = 41  # of a curve over a factor
+_ANGLES = 120  # of a revolution
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One number that the page shows."""
+
+    # label, unit: in words
+    label: str
+    unit: str
+    parts: tuple[int, ...]  # the component, or the cosine and sine part of an order, whose amplitude is shown
+    # values, misses: at the computed points, and by how much the surrogate without them was too large, shape (point,)
+    values: FloatArray
+    misses: FloatArray
+    factor: float  # half width of the band, over the root mean square of the misses at the nearest points
+
+    def of(self, components: FloatArray) -> FloatArray:
+        """The number from predicted components, shape (point, component) -> (point,)."""
+        chosen = components[:, self.parts]
+        found: FloatArray = chosen[:, 0] if len(self.parts) == 1 else np.hypot(chosen[:, 0], chosen[:, 1])
+        return found
+
+
+@dataclass(frozen=True)
+class WhatIfPage:
+    """What the page of one surrogate needs."""
+
+    name: str  # name of the analysis
+    surrogate: WhatIf  # the surrogate
+    quantities: list[Quantity]  # what is shown
+
+    @property
+    def start(self) -> dict[str, float | str]:
+        """The values of the factors with which the page begins: means, as one would set them, and the first words."""
+        factors = self.surrogate.factors
+        return {name: told["words"][0] if "words" in told else _rounded(told) for name, told in factors.items()}
+
+    def at(self, **values: float | str) -> list[tuple[float, float]]:
+        """Each quantity with half its band, for some values of the factors."""
+        place = self.surrogate.encoded(**values)
+        components = self.surrogate.predict(place)
+        near = _nearest(self.surrogate.places, place)[0]
+        return [
+            (float(each.of(components)[0]), each.factor * float(np.sqrt((each.misses[near] ** 2).mean())))
+            for each in self.quantities
+        ]
+
+    def along(self, factor: str) -> tuple[FloatArray, FloatArray]:
+        """Values of a numeric factor, and each quantity over them with the others at the start, (value, quantity)."""
+        told = self.surrogate.factors[factor]
+        values = np.linspace(told["low"], told["high"], _STEPS)
+        places = np.concatenate([self.surrogate.encoded(**{**self.start, factor: value}) for value in values])
+        components = self.surrogate.predict(places)
+        return values, np.stack([each.of(components) for each in self.quantities], axis=1)
+
+    def drawn(self) -> list[FloatArray]:
+        """Each quantity at places drawn from the computed points, factor by factor, with misses drawn beside them."""
+        random, places = np.random.default_rng(0), self.surrogate.places
+        rows = {factor: random.choice(len(places), _DRAWS) for factor in self.surrogate.factors}
+        columns = [places[rows[entry["factor"]], at] for at, entry in enumerate(self.surrogate.inputs)]
+        components = self.surrogate.predict(np.stack(columns, axis=1))
+        return [each.of(components) - random.choice(each.misses, _DRAWS) for each in self.quantities]
+
+    @property
+    def rows(self) -> list[tuple[str, str, str]]:
+        """The table that stands on the page before anything is moved, and on paper."""
+        told = zip(self.quantities, self.at(**self.start), strict=True)
+        return [(each.label, interval(value, half), each.unit) for each, (value, half) in told]
+
+    @property
+    def settings(self) -> list[tuple[str, dict[str, Any]]]:
+        """The factors in words, with their ranges."""
+        return [
+            (name, {**told, "label": spoken(name), "unit": unit_text(told["unit"]), "start": self.start[name]})
+            for name, told in self.surrogate.factors.items()
+        ]
+
+    @property
+    def points(self) -> int:
+        """Computed points behind it."""
+        return len(self.surrogate.places)
+
+    @property
+    def waves(self) -> list[int]:
+        """The orders whose waves are predicted, empty where there are none."""
+        return [
+            each.order
+            for each in self.surrogate.components[: len(self.surrogate.components) // 2]
+            if each.order is not None
+        ]
+
+    def payload(self) -> Markup:
+        """All numbers as JSON: arrays as base64 of their bytes, those that are only shown in single precision."""
+        surrogate, waves = self.surrogate, self.waves
+        told: dict[str, Any] = {
+            "inputs": surrogate.inputs,
+            "factors": dict(self.settings),
+            "start": self.start,
+            "components": len(surrogate.components),
+            "neighbours": neighbours(self.points),
+            "exponents": _bytes(surrogate.exponents, np.int8),
+            "quantities": [
+                {
+                    "label": each.label,
+                    "unit": each.unit,
+                    "parts": each.parts,
+                    "factor": each.factor,
+                    "largest": float(np.abs(each.values).max()),
+                    "values": _bytes(each.values, np.float32),
+                    "misses": _bytes(each.misses, np.float32),
+                }
+                for each in self.quantities
+            ],
+        }
+        for name in ("coefficients", "learnt", "weights", "lengths", "places"):
+            told[name] = _bytes(getattr(surrogate, name), np.float64)
+        if waves:
+            factor, largest = _wave_band(surrogate, waves)
+            told["wave"] = {
+                "orders": waves,
+                "factor": factor,
+                "largest": largest,
+                "unit": self.quantities[0].unit,
+                "values": _bytes(surrogate.values, np.float32),
+                "misses": _bytes(surrogate.misses, np.float32),
+            }
+        return Markup(json.dumps(told).replace("</", "<\\/"))
+
+
+def what_if_pages(analyses: Mapping[str, xr.Dataset]) -> list[WhatIfPage]:
+    """One for each surrogate that can be asked."""
+    found = []
+    for name, result in of_kind(analyses, "surrogate").items():
+        surrogate = read_what_if(result)
+        if surrogate is not None:
+            found.append(WhatIfPage(name, surrogate, _quantities(surrogate)))
+    return found
+
+
+def _rounded(factor: Mapping[str, Any]) -> float:
+    """The mean of a factor to about a hundredth of its range."""
+    span = factor["high"] - factor["low"]
+    digits = 0 if factor["whole"] else 2 - math.floor(math.log10(span)) if span > 0 else 12
+    return float(round(factor["mean"], digits))
+
+
+def _bytes(values: NDArray[Any], kind: type) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode()
+
+
+def _quantities(surrogate: WhatIf) -> list[Quantity]:
+    """The orders of the force that count, or the first outputs."""
+    values, misses, components = surrogate.values, surrogate.misses, surrogate.components
+    count = len(components) // 2  # of orders: their cosine parts, then their sine parts
+    orders = [each.order for each in components[:count]]
+    if components[0].order is None:
+        choice: list[tuple[tuple[int, ...], str, str]]
+        choice = [((at,), each.label, each.unit) for at, each in enumerate(components[:_MOST])]
+    else:
+        sizes = np.hypot(values[:, :count], values[:, count:]).mean(axis=0)
+        sizes[[order == 0 for order in orders]] = 0
+        asked = [order in _ALWAYS for order in orders]
+        large = np.flatnonzero((sizes >= _SEEN * sizes.max()) | asked)
+        large = np.sort(large[np.argsort(-sizes[large] - 1e9 * np.array(asked)[large], kind="stable")][:_MOST])
+        choice = [((int(at), int(at) + count), _order_label(orders[at]), components[at].unit) for at in large]
+    near = _nearest(surrogate.places, surrogate.places, itself=True)
+    found = []
+    for parts, label, unit in choice:
+        plain = Quantity(label, unit_text(unit), parts, values[:, 0], values[:, 0], 1.0)
+        known = plain.of(values)
+        missed = plain.of(values + misses) - known
+        local = np.sqrt((missed[near] ** 2).mean(axis=1))
+        found.append(Quantity(label, unit_text(unit), parts, known, missed, _factor(np.abs(missed), local)))
+    return found
+
+
+def _order_label(order: int | None) -> str:
+    if order is None:
+        return ""
+    return ORDINALS[order] if order < len(ORDINALS) else f"order {order}"
+
+
+def _factor(missed: FloatArray, local: FloatArray) -> float:
+    """The factor on the local misses with which a band holds its part of the unseen points."""
+    known = local > 0
+    return float(np.quantile(missed[known] / local[known], _COVERED)) if known.any() else 1.0
+
+
+def _nearest(places: FloatArray, at: FloatArray, itself: bool = False) -> IntArray:
+    """The nearest computed points, shape (point, neighbour); without the first where that is the point itself."""
+    from scipy.spatial.distance import cdist  # slow to import: few pages have such a part
+
+    gaps = cdist(at, places, "sqeuclidean")
+    order: IntArray = np.argsort(gaps, axis=1, kind="stable")
+    return order[:, 1 : 1 + neighbours(len(places))] if itself else order[:, : neighbours(len(places))]
+
+
+def _wave_band(surrogate: WhatIf, waves: list[int]) -> tuple[float, float]:
+    """Factor of the band of the waveform, and the largest force of the computed points."""
+    angles = np.arange(_ANGLES) * 2 * np.pi / _ANGLES * np.array(waves)[:, None]
+    shapes = np.concatenate([np.cos(angles), -np.sin(angles)])
+    missed = surrogate.misses @ shapes
+    near = _nearest(surrogate.places, surrogate.places, itself=True)
+    local = np.stack([np.sqrt((missed[rows] ** 2).mean(axis=0)) for rows in near])
+    return _factor(np.abs(missed).ravel(), local.ravel()), float(np.abs(surrogate.values @ shapes).max())

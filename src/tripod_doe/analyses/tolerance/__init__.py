@@ -1,0 +1,1 @@
+"""Distribution of outputs under manufacturing scatter, and gain by tighter tolerances."""

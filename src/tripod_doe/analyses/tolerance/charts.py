@@ -1,0 +1,95 @@
+"""Distribution of an output under manufacturing scatter, and what halving the scatter of each factor gains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from tripod_doe.analyses.kinds import of_kind
+from tripod_doe.analyses.tolerance.sentences import tolerance_parts
+from tripod_doe.quantities import number
+from tripod_doe.report.charts.chart import COLOURS, INK, MUTED, Chart, drawing, legend_above
+from tripod_doe.report.responses import spoken
+
+
+def tolerance_charts(analyses: Mapping[str, xr.Dataset]) -> list[Chart]:
+    """Two charts for each tolerance analysis and main output: quantiles with the limit, and gains."""
+    charts = []
+    for name, result in of_kind(analyses, "tolerance").items():
+        for position, (_, what, unit, part) in enumerate(tolerance_parts(result), 1):
+            charts += [
+                _gain_chart(f"{name}-{position}-gain", name, what, part),
+                quantile_chart(f"{name}-{position}", name, what, part, unit, float(result.attrs["confidence_level"])),
+            ]
+    return charts
+
+
+def quantile_chart(key: str, name: str, what: str, part: xr.Dataset, unit: str, confidence: float) -> Chart:
+    """The distribution of one output, quantiles with their intervals, and the limit where one is set."""
+    columns = ("quantile", "quantile_low", "quantile_high")
+    asked = pd.DataFrame({"probability": part["probability"].values} | {key: part[key].values for key in columns})
+    limited = "limit" in part and bool(np.isfinite(part["limit"]))
+    below, above = asked["quantile"] - asked["quantile_low"], asked["quantile_high"] - asked["quantile"]
+    data = _with_curve(asked, part)
+    with drawing(5.0, 2.8) as (figure, axes):
+        axes.plot(data["quantile"], 100 * data["probability"], color=COLOURS[0], label="stays below")
+        axes.errorbar(
+            asked["quantile"],
+            100 * asked["probability"],
+            xerr=[below.fillna(0), above.fillna(0)],
+            fmt="o",
+            color=COLOURS[0],
+            ecolor=INK,
+            elinewidth=1.1,
+            capsize=2.5,
+        )
+        if limited:
+            axes.axvline(float(part["limit"]), color=COLOURS[1], ls="--", label="limit")
+        axes.set_xlabel(f"{what.removeprefix('the ')}{f' ({unit})' if unit else ''}")
+        axes.set_ylabel("share of the joints (%)")
+        legend_above(axes, 2)
+    chance = f" {number(100 * float(part['exceedance']), 2)} % exceed the limit." if limited else ""
+    level = f"{100 * confidence:g} %"
+    told = f"Share of the joints in which {what} stays below a value, with {level} intervals (analysis {name})."
+    return Chart(key, f"Distribution of {what}", told + chance, figure, data)
+
+
+def _with_curve(asked: pd.DataFrame, part: xr.Dataset) -> pd.DataFrame:
+    """Further quantiles between those that were asked for, without intervals, by which the curve is drawn."""
+    if "distribution" not in part:  # an older analysis
+        return asked
+    curve = pd.DataFrame({"probability": part["share"].values, "quantile": part["distribution"].values})
+    data = pd.concat([asked, curve[~curve["probability"].isin(asked["probability"])]])
+    return data.sort_values("probability", ignore_index=True)
+
+
+def _gain_chart(key: str, name: str, what: str, part: xr.Dataset) -> Chart:
+    columns = ("gain_of_halving", "gain_of_halving_conf")
+    data = pd.DataFrame({"factor": part["factor"].values} | {key: part[key].values for key in columns}).dropna()
+    data = data.sort_values("gain_of_halving", ascending=False, kind="stable", ignore_index=True)
+    rows = np.arange(len(data))[::-1]
+    with drawing(5.0, 1.0 + 0.3 * max(len(data), 1)) as (figure, axes):
+        axes.barh(rows, 100 * data["gain_of_halving"], 0.6, color="#b9d0e8", edgecolor=COLOURS[0], lw=0.8)
+        axes.errorbar(
+            100 * data["gain_of_halving"],
+            rows,
+            xerr=100 * data["gain_of_halving_conf"],
+            fmt="none",
+            ecolor=INK,
+            elinewidth=1.1,
+            capsize=2.5,
+        )
+        axes.set_yticks(rows, [spoken(str(factor)) for factor in data["factor"]])
+        axes.axvline(0, color=MUTED, lw=0.8)
+        axes.grid(axis="y", visible=False)
+        axes.tick_params(axis="y", length=0)
+        axes.set_xlabel("standard deviation less by (%)")
+    level = 100 * float(part.attrs.get("confidence_level", 0.95))
+    caption = (
+        f"What half the scatter of one factor takes off the standard deviation of {what}, with {level:g} % intervals "
+        f"(analysis {name})."
+    )
+    return Chart(key, f"Which scatter to halve first, for {what}", caption, figure, data)

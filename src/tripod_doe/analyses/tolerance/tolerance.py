@@ -1,0 +1,218 @@
+"""Tolerances: how manufacturing scatter distributes an output, and what halving the scatter of one factor would gain.
+
+Quantiles and the probability to exceed a limit are those of the points, with intervals that hold for any distribution.
+Halving needs no further points: each point counts by how much more often it would occur if that factor scattered half
+as far about its centre, w = 2 f(c + 2 (x - c)) / f(x) with the density f of the factor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from pydantic import Field
+
+from tripod_doe.analyses.kinds import makes_kind
+from tripod_doe.analyses.outputs import (
+    OutputTable,
+    chosen_outputs,
+    is_course,
+    output_attributes,
+    read_outputs,
+    stacked,
+)
+from tripod_doe.analyses.resampling import bootstrap_weights, half_width
+from tripod_doe.analyses.sample import Sample, read_sample
+from tripod_doe.analyses.sensitivity.distributions import SAMPLED_DESIGNS
+from tripod_doe.analyses.settings import SHARES, Probabilities, SensitivitySettings
+from tripod_doe.array_types import FloatArray
+from tripod_doe.errors import InputError, near_match
+from tripod_doe.study.distributions import scatter_density
+from tripod_doe.study.file import FactorTable
+from tripod_doe.study.flat_points import flat_points
+
+
+class ToleranceSettings(SensitivitySettings):
+    """[analysis.NAME] of kind tolerance."""
+
+    outputs: list[str] = Field(["thrust_amplitude"], description="outputs whose distribution is wanted")
+    probabilities: Probabilities = Field([0.05, 0.5, 0.95, 0.99])
+    limits: dict[str, float] = Field(
+        {}, description="largest values allowed: OUTPUT_ORDER = value, as thrust_amplitude_3, or OUTPUT = value"
+    )
+
+
+def _quantiles(values: FloatArray, probabilities: list[float], confidence: float) -> dict[str, FloatArray]:
+    """Quantiles with distribution-free intervals from the order of the values, shape (probability, component).
+
+    ``distribution`` has those of `SHARES`, without intervals.
+    """
+    from scipy import stats  # slow to import: every study would wait for it
+
+    ordered, count = np.sort(values, axis=0), len(values)
+    outside = (1 - confidence) / 2
+    low = stats.binom.ppf(outside, count, probabilities).astype(int) - 1
+    high = stats.binom.ppf(1 - outside, count, probabilities).astype(int)
+    inside_low, inside_high = low >= 0, high < count  # beyond the sample nothing bounds the quantile
+    found = np.quantile(ordered, [*probabilities, *SHARES], axis=0, method="median_unbiased")
+    return {
+        "quantile": found[: len(probabilities)],
+        "distribution": found[len(probabilities) :],
+        "quantile_low": np.where(inside_low[:, None], ordered[np.maximum(low, 0)], np.nan),
+        "quantile_high": np.where(inside_high[:, None], ordered[np.minimum(high, count - 1)], np.nan),
+    }
+
+
+def _exceedance(values: FloatArray, limit: FloatArray, confidence: float) -> dict[str, FloatArray]:
+    """Probability to exceed a limit with Wilson's interval, shape (component,); NaN without limit."""
+    from scipy import stats
+
+    above = (values > limit).sum(axis=0)
+    found = np.full((3, limit.size), np.nan)
+    for at in np.flatnonzero(np.isfinite(limit)):
+        test = stats.binomtest(int(above[at]), len(values))
+        inside = test.proportion_ci(confidence, method="wilson")
+        found[:, at] = test.statistic, inside.low, inside.high
+    return {"exceedance": found[0], "exceedance_low": found[1], "exceedance_high": found[2]}
+
+
+def _halved_weights(sample: Sample) -> FloatArray:
+    """Weights of the points if one factor scattered half as far, shape (factor, point); NaN where it has no scatter."""
+    return np.stack([_weights(table, np.asarray(sample.columns[name])) for name, table in sample.tables.items()])
+
+
+def _weights(table: FactorTable, column: NDArray[np.generic]) -> FloatArray:
+    scatter = scatter_density(table)
+    if scatter is None:
+        return np.full(column.size, np.nan)
+    x = np.log(column.astype(float)) if scatter.logarithmic else column.astype(float)
+    weights: FloatArray = 2 * scatter.density(scatter.centre + 2 * (x - scatter.centre)) / scatter.density(x)
+    return weights
+
+
+def _gains(
+    weights: FloatArray, values: FloatArray, limit: FloatArray, settings: ToleranceSettings
+) -> dict[str, FloatArray]:
+    """What halving the scatter of each factor gains, shape (factor, component)."""
+    draws = bootstrap_weights(len(values), settings.resamples, settings.seed)
+    draws = np.concatenate([np.full((1, len(values)), 1 / len(values)), draws])
+    centred = values - values.mean(axis=0)
+    above = (values > limit).astype(float)
+    whole = np.sqrt(np.maximum(draws @ centred**2 - (draws @ centred) ** 2, 0))
+    gain, gain_conf, exceedance = [], [], []
+    for own in weights:
+        drawn = draws * own
+        drawn = drawn / drawn.sum(axis=1, keepdims=True)
+        halved = np.sqrt(np.maximum(drawn @ centred**2 - (drawn @ centred) ** 2, 0))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            part = 1 - halved / whole
+        gain.append(part[0])
+        gain_conf.append(half_width(part[1:], settings.confidence))
+        exceedance.append(np.where(np.isfinite(limit), drawn[0] @ above, np.nan))
+    return {
+        "gain_of_halving": np.stack(gain),
+        "gain_of_halving_conf": np.stack(gain_conf),
+        "exceedance_if_halved": np.stack(exceedance),
+    }
+
+
+def _limits(limits: Mapping[str, float], table: OutputTable) -> FloatArray:
+    """The limit of each component of an output, NaN where there is none."""
+    found = np.full(table.values.shape[1], np.nan)
+    for key, value in limits.items():
+        found[table.named(key)] = value
+    return found
+
+
+def _check_limits(limits: Mapping[str, float], tables: list[OutputTable]) -> None:
+    """Refuse a limit of nothing."""
+    known = [key for table in tables for key in table.keys]
+    for key in limits:
+        if key not in known:
+            raise InputError(f"limits: {key!r} is no output or order of one{near_match(key, known)}")
+
+
+def _of_output(sample: Sample, table: OutputTable, settings: ToleranceSettings) -> xr.Dataset:
+    values, limit = table.values, _limits(settings.limits, table)
+    quantiles = _quantiles(values, settings.probabilities, settings.confidence)
+    single = _exceedance(values, limit, settings.confidence)
+    single |= {"mean": values.mean(axis=0), "std": values.std(axis=0, ddof=1), "limit": limit}
+    gains = _gains(_halved_weights(sample), values, limit, settings)
+    gains = {key: np.where(table.varies, answer, np.nan) for key, answer in gains.items()}
+    return xr.Dataset(
+        {"distribution": table.labelled(quantiles.pop("distribution"), ("share",))}
+        | {key: table.labelled(answer, ("probability",)) for key, answer in quantiles.items()}
+        | {key: table.labelled(answer, ()) for key, answer in single.items()}
+        | {key: table.labelled(answer, ("factor",)) for key, answer in gains.items()}
+    )
+
+
+_MEANINGS = {
+    "quantile": "value that the output stays below with the probability",
+    "distribution": "value that the output stays below at the share of the points",
+    "quantile_low": "lower end of the interval of the quantile",
+    "quantile_high": "upper end of the interval of the quantile",
+    "exceedance": "probability to exceed the limit",
+    "exceedance_low": "lower end of the interval of the exceedance",
+    "exceedance_high": "upper end of the interval of the exceedance",
+    "exceedance_if_halved": "probability to exceed the limit if the factor scattered half as far",
+    "gain_of_halving": "part of the standard deviation that goes if the factor scatters half as far",
+    "gain_of_halving_conf": "half width of the interval of the gain",
+    "mean": "mean",
+    "std": "standard deviation",
+    "limit": "largest value allowed",
+}
+
+
+@makes_kind("tolerance")
+def tolerance(cube: xr.Dataset, settings: ToleranceSettings | None = None) -> xr.Dataset:
+    """Distribution of outputs under the scatter of the factors, and what halving each scatter gains.
+
+    Parameters
+    ----------
+    cube
+        Cube of a sampled design whose factors have the distributions of the manufacture. Where factors are correlated,
+        halving one leaves the others as they are, given its value.
+    settings
+        Outputs, probabilities and limits.
+
+    Returns
+    -------
+    xarray.Dataset
+        quantile, quantile_low, quantile_high (probability, ...), distribution (share, ...), exceedance with its
+        interval, gain_of_halving with its half width and exceedance_if_halved (factor, ...), mean, std, limit; with the
+        dimensions of the output, and with several outputs also along ``output``. The gain of a factor with listed
+        values is NaN.
+
+    Raises
+    ------
+    InputError
+        If the cube is of another design, a limit is of no output, or too few points are left.
+    """
+    settings = settings or ToleranceSettings()
+    cube = flat_points(cube)
+    default = "outputs" not in settings.model_fields_set and "thrust_amplitude" not in cube
+    names = chosen_outputs(cube, [] if default else settings.outputs)
+    sample = read_sample(cube, settings, SAMPLED_DESIGNS, names)
+    names = [name for name in names if not is_course(cube, name)]
+    tables = list(read_outputs(cube, names, sample.rows))
+    _check_limits(settings.limits, tables)
+    parts = [_of_output(sample, table, settings) for table in tables]
+    result = stacked(dict(zip(names, parts, strict=True)), names)
+    result = result.assign_coords(probability=settings.probabilities, share=SHARES, factor=list(sample.tables))
+    pure = ("exceedance", "gain")
+    for name in result.data_vars:
+        unit = {"units": "1"} if str(name).startswith(pure) else {}
+        result[name].attrs = {"long_name": _MEANINGS[str(name)]} | unit
+    for label in result.coords:
+        result[label].attrs.setdefault("long_name", str(label).replace("_", " "))
+    region = {"failing_region": sample.region.text} if sample.region else {}
+    return result.assign_attrs(
+        **output_attributes(cube, names),
+        points_used=sample.rows.size,
+        points_dropped=sample.dropped,
+        confidence_level=settings.confidence,
+        **region,
+    )

@@ -1,1 +1,0 @@
-"""Analyses: functions from cube to cube, found by their kind."""

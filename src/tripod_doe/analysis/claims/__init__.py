@@ -1,1 +1,0 @@
-"""The paper's claims: what each says, the number that decides it, and whether it holds for a model."""

@@ -1,0 +1,182 @@
+"""Worked examples of the books, to the digits that they print, and published functions through a whole study."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import tripod_doe as td
+from tripod_doe.analyses.factorial_effects.factorial_effects import factorial_effects
+from tripod_doe.simulator import Outcome
+from tripod_doe.study.definition import parse_study
+from tripod_doe.study.designs import make_points
+
+pytestmark = pytest.mark.usefixtures("pages_not_made")
+
+FACTORS = ("joint_angle_deg", "torque_n_m", "speed_rpm", "shaft_length_mm")  # any that allow the numbers
+
+
+def measured(design, ranges, answers):
+    """The effects of a printed table: `answers` lists (levels from -1 to 1, measurements)."""
+    factors = "".join(
+        f"{name} = {{low = {low}, high = {high}}}\n" for name, (low, high) in zip(FACTORS, ranges, strict=False)
+    )
+    text = f'[study]\nname = "t"\n[factors]\n{factors}[design]\n{design}\n'
+    columns = make_points(parse_study(text)).columns
+    coded = np.stack(
+        [
+            (2 * column - low - high) / (high - low)
+            for column, (low, high) in zip(columns.values(), ranges, strict=True)
+        ],
+        axis=1,
+    )
+    left = [(np.array(levels), list(values)) for levels, values in answers]
+    found = [next(values for levels, values in left if np.abs(levels - row).max() < 1e-3).pop(0) for row in coded]
+    assert not any(values for _, values in left)  # every measurement has its point
+    cube = xr.Dataset(
+        {"y": ("point", np.array(found, float)), "outcome": ("point", np.full(len(found), Outcome.FINISHED, np.int8))},
+        coords={name: ("point", column) for name, column in columns.items()},
+        attrs={"study": text},
+    )
+    return factorial_effects(cube)
+
+
+def test_a_factorial_of_montgomery_and_runger():
+    """Published number: plasma etching, Applied Statistics and Probability for Engineers, 3rd ed., example 14-5."""
+    rates = (550, 669, 604, 650, 633, 642, 601, 635, 1037, 749, 1052, 868, 1075, 860, 1063, 729)
+    rows = [([2 * (at >> bit & 1) - 1 for bit in range(4)], [rate]) for at, rate in enumerate(rates)]
+    found = measured('kind = "full-factorial"', [(1, 3)] * 3 + [(60, 80)], rows)
+    assert float(found["mean"]) == pytest.approx(776.0625, rel=1e-12)
+    a, b, c, d = FACTORS
+    printed = {
+        a: -101.625,
+        b: -1.625,
+        c: 7.375,
+        d: 306.125,
+        f"{a}:{b}": -7.875,
+        f"{a}:{c}": -24.875,
+        f"{b}:{c}": -43.875,
+        f"{a}:{d}": -153.625,
+        f"{b}:{d}": -0.625,
+        f"{c}:{d}": -2.125,
+    }
+    assert dict(zip(found["term"].values, found["effect"].values.round(9), strict=True)) == printed
+
+
+def test_a_central_composite_of_montgomery():
+    """Published number: yield over time and temperature, Design and Analysis of Experiments, example 11-1 (2001)."""
+    far = np.sqrt(2)
+    rows = [
+        ([-1, -1], [76.5]),
+        ([-1, 1], [77.0]),
+        ([1, -1], [78.0]),
+        ([1, 1], [79.5]),
+        ([far, 0], [78.4]),
+        ([-far, 0], [75.6]),
+        ([0, far], [78.5]),
+        ([0, -far], [77.0]),
+        ([0, 0], [79.9, 80.3, 80.0, 79.7, 79.8]),
+    ]
+    found = measured('kind = "central-composite"\ncentre_points = 5', [(8, 9), (170, 180)], rows)
+    a, b = FACTORS[:2]
+    table = found.sel(term=[a, b, f"{a}^2", f"{b}^2", f"{a}:{b}"])
+    assert table["sum_of_squares"].values == pytest.approx([7.92, 2.12, 13.18, 6.97, 0.25], abs=0.0051)
+    assert table["f_value"].values == pytest.approx([111.93, 30.01, 186.22, 98.56, 3.53], abs=0.0051)
+    assert table["p_value"].values[[1, 4]] == pytest.approx([0.0009, 0.1022], abs=5.1e-5)
+    assert float(found["residual_sum_of_squares"]) == pytest.approx(0.50, abs=0.0051)
+    assert found.attrs["degrees_of_freedom"] == 7
+
+
+def test_a_box_behnken_of_myers_and_montgomery():
+    """Published number: viscosity over three factors, Response Surface Methodology, 2nd ed., example 7.5."""
+    rows = [
+        ([-1, -1, 0], [53]),
+        ([1, -1, 0], [58]),
+        ([-1, 1, 0], [59]),
+        ([1, 1, 0], [56]),
+        ([-1, 0, -1], [64]),
+        ([1, 0, -1], [45]),
+        ([-1, 0, 1], [35]),
+        ([1, 0, 1], [60]),
+        ([0, -1, -1], [59]),
+        ([0, 1, -1], [64]),
+        ([0, -1, 1], [53]),
+        ([0, 1, 1], [65]),
+        ([0, 0, 0], [65, 59, 62]),
+    ]
+    found = measured('kind = "box-behnken"\ncentre_points = 3', [(1, 3), (5, 10), (15, 25)], rows)
+    a, b, c = FACTORS[:3]
+    table = found.sel(term=[a, b, c, f"{a}^2", f"{b}^2", f"{c}^2", f"{a}:{b}", f"{a}:{c}", f"{b}:{c}"])
+    printed = [8.00, 55.12, 45.13, 200.83, 12.98, 48.52, 16.00, 484.00, 12.25]
+    assert table["sum_of_squares"].values == pytest.approx(printed, abs=0.0051)
+    assert table["f_value"].values[[3, 7]] == pytest.approx([19.59, 47.22], abs=0.0051)
+    assert table["p_value"].values[[0, 3, 7]] == pytest.approx([0.4174, 0.0069, 0.0010], abs=5.1e-5)
+    assert float(found["residual_sum_of_squares"]) == pytest.approx(51.25, abs=0.0051)
+    assert found.attrs["degrees_of_freedom"] == 5
+
+
+FUNCTIONS = '''
+import math
+
+
+def friedman(x1, x2, x3, x4, x5):
+    """Friedman (1991), without noise."""
+    return {"y": 10 * math.sin(math.pi * x1 * x2) + 20 * (x3 - 0.5) ** 2 + 10 * x4 + 5 * x5}
+
+
+def morris(ARGUMENTS):
+    """Morris (1991), its remaining coefficients by (-1)^i and (-1)^(i + j) as Saltelli and others (2000) have them."""
+    x = [ARGUMENTS]
+    w = [2 * (1.1 * v / (v + 0.1) - 0.5) if i in (3, 5, 7) else 2 * (v - 0.5) for i, v in enumerate(x, 1)]
+    y = sum((20 if i <= 10 else (-1) ** i) * v for i, v in enumerate(w, 1))
+    for i in range(1, 21):
+        for j in range(i + 1, 21):
+            y += (-15 if j <= 6 else (-1) ** (i + j)) * w[i - 1] * w[j - 1]
+    for i in range(1, 6):
+        for j in range(i + 1, 6):
+            y += sum(-10 * w[i - 1] * w[j - 1] * w[k - 1] for k in range(j + 1, 6))
+    return {"y": y + 5 * w[0] * w[1] * w[2] * w[3]}
+'''.replace("ARGUMENTS", ", ".join(f"x{i}" for i in range(1, 21)))
+
+
+def studied(folder, function, width, design, analysis):
+    """A study of a published function on the unit cube, from its file to its analysis."""
+    (folder / "functions.py").write_text(FUNCTIONS)
+    factors = "".join(f"x{i} = {{low = 0, high = 1}}\n" for i in range(1, width + 1))
+    (folder / "study.toml").write_text(
+        f'[study]\nname = "t"\nfunction = "functions:{function}"\n[factors]\n{factors}[design]\n{design}\n[analysis.{analysis}]\n'
+    )
+    out = td.run(folder / "study.toml", folder / "out", workers=0, progress=False).directory
+    return xr.open_dataset(out / "analysis" / f"{analysis}.nc")
+
+
+def test_friedmans_function(tmp_path):
+    """Exact: variances by quadrature; each index within its 95 % interval."""
+    x, weight = np.polynomial.legendre.leggauss(60)
+    x, weight = (x + 1) / 2, weight / 2
+    wave = 10 * np.sin(np.pi * np.outer(x, x))
+    mean = weight @ wave @ weight
+    alone = weight @ (wave @ weight) ** 2 - mean**2
+    both = weight @ wave**2 @ weight - mean**2
+    parts = np.array([alone, alone, 400 * (1 / 80 - 1 / 144), 100 / 12, 25 / 12])
+    whole = both + parts[2:].sum()
+    found = studied(tmp_path, "friedman", 5, 'kind = "saltelli"\nsamples = 256\nsecond_order = false', "sobol")
+    total = parts.copy()
+    total[:2] = both - alone
+    assert (np.abs(found["S1"].values - parts / whole) <= found["S1_conf"].values).all()
+    assert (np.abs(found["ST"].values - total / whole) <= found["ST_conf"].values).all()
+    found.close()
+
+
+def test_morris_own_function(tmp_path):
+    """Published: ten factors count and ten do not; 8, 9 and 10 act almost linearly, 1 to 7 with interactions."""
+    found = studied(tmp_path, "morris", 20, 'kind = "morris"\nsamples = 20\nseed = 1', "morris")
+    size, scatter = found["mu_star"].values, found["sigma"].values
+    assert size[:10].min() > 2 * size[10:].max()
+    assert scatter[:7].min() > 2 * scatter[7:].max()
+    levels = np.arange(4) / 3
+    middle = (2 * (1.1 * levels / (levels + 0.1) - 0.5)).mean()  # of w3, w5, w7; those of the others are 0
+    exact = [2 * (20 + middle * 3 * (-1) ** (3 + i)) for i in (8, 9, 10)]
+    assert (np.abs(found["mu"].values[7:10] - exact) <= found["mu_star_conf"].values[7:10]).all()
+    found.close()

@@ -1,0 +1,108 @@
+"""The page on speed and accuracy: sentences, table and charts hold the analysis' numbers, and every failure is drawn."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from method_rows import EXACT, FINE, FIRST, JOINT, SECOND, STEPS, cube_of, fixed
+
+from tripod_doe.analyses.figures import FIGURES
+from tripod_doe.analyses.registry import findings_of
+from tripod_doe.analyses.speed_accuracy.sentences import price_table
+from tripod_doe.analyses.speed_accuracy.speed_accuracy import SpeedAccuracySettings, speed_accuracy
+from tripod_doe.report.tables import factor_rows
+from tripod_doe.simulator import Outcome
+from tripod_doe.workflow.definition import load_workflow
+
+ROOT = Path(__file__).parents[3]
+WRONG = fixed("symplectic-euler", [1e-6, 1e-7], lambda h: 0, lambda h: 1e-4 / h, outcome=Outcome.INACCURATE)
+SLOW = fixed("rk4", [1e-7], lambda h: 0, lambda h: 3e4, outcome=Outcome.EVALUATION_LIMIT)
+
+
+@pytest.fixture(scope="module")
+def roller():
+    return speed_accuracy({"roller": cube_of([*FIRST, *SECOND, *EXACT, *WRONG, *SLOW])}, SpeedAccuracySettings())
+
+
+@pytest.fixture(scope="module")
+def joint():
+    rows = []
+    for model, off in (("rollers", 0.04), ("needles", 0.0)):
+        rows += fixed("implicit-euler", STEPS, lambda h, off=off: off + 10 * h, lambda h: 1e-3 / h, model)
+        rows += fixed("bdf2", FINE, lambda h, off=off: off + 1e4 * h**2, lambda h: 2e-3 / h, model)
+    return speed_accuracy({"joint": cube_of(rows, JOINT, "thrust_amplitude")}, SpeedAccuracySettings())
+
+
+def test_sentences_tell_the_ratio_and_the_failures(roller):
+    told = " ".join(findings_of("accuracy", roller))
+    assert "the default, bdf2, costs 1.41 times the cheapest, implicit-euler (bdf2" in told
+    assert "Ratio to the default: explicit rk4 10,600 (extrapolated, error not known)." in told
+    assert (
+        "Finished in roller with an undetected error above 5 %: implicit-euler 0.01 (10 %), bdf2 0.01 (100 %)" in told
+    )
+    assert "Failed in roller: symplectic-euler 1e-6, 1e-7 (inaccurate: it chatters)." in told
+
+
+def test_sentences_tell_what_a_cheaper_model_is_off_by(joint):
+    assert joint["model"].values[0] == "rollers"
+    told = findings_of("accuracy", joint.assign(is_default=("run", (joint["setting"].values == 1e-7).astype(np.int8))))
+    assert any(
+        sentence.startswith("Rollers at its default differs") and "4 % in the third" in sentence for sentence in told
+    )
+
+
+def test_the_table_has_a_row_a_case_and_method(roller):
+    heads, rows = price_table(roller)
+    assert all(len(row) == len(heads) for row in rows)
+    by_method = {row[1]: row for row in rows}
+    assert by_method["bdf2 (default)"][3:] == ["1", "interpolated", "4", "0"]
+    assert by_method["symplectic-euler"][2:] == ["–", "–", "failed", "0", "2"]
+    assert by_method["rk4"][4] == "price only"
+
+
+def test_a_chart_holds_every_run_and_draws_failures_apart(roller):
+    (chart,) = FIGURES["speed-accuracy"]({"accuracy": roller})
+    table = pd.read_csv(io.StringIO(chart.csv()))
+    assert len(table) == roller.sizes["run"]
+    assert table["error_percent"].isna().sum() == 3
+    axes = chart.figure.axes[0]
+    signs = {
+        line.get_marker(): line for line in axes.lines if line.get_marker() in ("X", "1") and line.get_xdata().size
+    }
+    assert sorted(signs["X"].get_xdata()) == pytest.approx([100, 1000])
+    assert signs["1"].get_xdata() == pytest.approx([3e4])
+    labels = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert {"inaccurate", "evaluation limit", "Pareto front", "default", "bdf2"} <= set(labels)
+    assert "<svg" in chart.svg()
+
+
+def test_models_have_a_chart_of_their_own(joint, roller):
+    chart = FIGURES["model-error"]({"accuracy": joint.sel(quantity=["third_order"])})[0]
+    labels = [text.get_text() for text in chart.figure.axes[0].get_legend().get_texts()]
+    assert {"rollers", "needles"} <= set(labels)
+    assert FIGURES["model-error"]({"accuracy": roller}) == []
+
+
+@pytest.mark.parametrize("quick", [False, True])
+def test_the_workflow_is_sound(quick):
+    workflow = load_workflow(ROOT / "workflows" / "speed_accuracy.toml", quick)
+    assert {"trunnion", "joint", "accuracy", "charts", "models", "page"} <= set(workflow.steps)
+
+
+def test_a_study_of_many_methods_lists_them_and_passes_over_open_fields():
+    methods = ["bdf2", "rk4", "rosenbrock", "implicit-euler", "symplectic-euler", "adaptive-euler", "generalized-alpha"]
+    rows = [row for method in methods for row in fixed(method, [1e-4], lambda h: h, lambda h: 1.0)]
+    rows += [
+        ("", "rosenbrock", np.nan, tolerance, 0.0, 1.0, Outcome.FINISHED) for tolerance in np.geomspace(1e-9, 1e-2, 8)
+    ]
+    cube = cube_of(rows)
+    for name in ("method", "step_s", "relative_tolerance"):
+        cube[name].attrs["source"] = "numerics"
+    told = {row.name: row.value for row in factor_rows(cube)}
+    assert told["method"] == ", ".join(sorted(methods))
+    assert told["step_s"] == "0.0001"
+    assert told["relative_tolerance"] == "1e-9 to 0.01 (8 values)"

@@ -1,0 +1,93 @@
+"""What the page says of stability: counts, silent failures, and every disagreement with its reason."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tripod_doe.analyses.figures import FIGURES
+from tripod_doe.analyses.registry import findings_of
+from tripod_doe.analyses.stability.sentences import stability_table
+from tripod_doe.analyses.stability.stability import StabilitySettings, stability_borders
+from tripod_doe.report.charts.outcomes import outcome_charts
+from tripod_doe.simulator import Outcome
+
+STEPS = np.array([1e-8, 2e-8, 4e-8, 8e-8])
+MASSES = np.array([1.0, 4.0])
+
+
+@pytest.fixture(scope="module")
+def borders():
+    """Symplectic Euler: right up to theory at mass 1, wrong and silent beyond 1e-8 at mass 4; BDF2 always right."""
+    right = np.ones((2, STEPS.size, 2), bool)
+    right[0] = STEPS[:, None] <= 1e-8
+    finished = right.copy()
+    finished[0, :, 1] = True
+    dims = ("method", "step_s", "needle_mass_factor")
+    value = np.where(finished, np.where(right, 2.0, 2.5), np.nan)
+    rate = np.broadcast_to(2e8 / MASSES, value.shape)
+    cube = xr.Dataset(
+        {
+            "drift_mm": (dims, value),
+            "outcome": (dims, np.where(finished, 0, Outcome.INACCURATE).astype(np.int8)),
+            "outcome_detail": (dims, np.where(finished, "", "half the step changes the motion").astype(object)),
+            "friction_rate_per_s": (dims, rate),
+            "contact_rate_per_s": (dims, 0 * rate),
+            "secant_lag_rate_per_s": (dims, 0 * rate),
+        },
+        coords={"method": ["symplectic-euler", "bdf2"], "step_s": STEPS, "needle_mass_factor": MASSES},
+    )
+    return stability_borders(cube, StabilitySettings(output="drift_mm"))
+
+
+def test_sentences(borders):
+    found = findings_of("borders", borders)
+    assert found[0].startswith("3 of 4 measured stability limits agree with the predicted ones within a factor of 2")
+    assert (
+        found[1]
+        == "Of 6 runs that are not right, 3 did not finish and 3 finished with a wrong result, at worst 25 % off."
+    )
+    assert found[2] == (
+        "symplectic-euler: needle mass factor 4 measured 10 ns to 20 ns, predicted 40 ns. "
+        "At the needle mass factor 4 the first run beyond it finished with a wrong result."
+    )
+
+
+def test_table(borders):
+    heads, rows = stability_table(borders)
+    assert len(rows) == 2
+    told = dict(zip(heads, rows[0], strict=True))
+    assert told["Varied"] == "needle mass factor 1 to 4"
+    assert told["Measured limit"] == "10 ns to 20 ns"
+    assert told["Predicted limit"] == "10 ns to 40 ns"
+    assert told["Agree"] == "1 of 2"
+    assert told["First failure"] == "finished 1, inaccurate 1"
+    assert told["Wrong, undetected"] == "3"
+    assert rows[1][2:5] == ["none up to 80 ns", "none", "nothing"]
+
+
+def test_map(borders):
+    chart = FIGURES["stability-map"]({"borders": borders})[0]
+    assert [axes.get_title(loc="left") for axes in chart.figure.axes] == ["symplectic-euler"]
+    assert "Not drawn, all runs right within the limit: bdf2." in chart.caption
+    assert len(chart.data) == 4
+    svg = chart.svg()
+    assert "finished with a wrong result" in svg
+    assert "no reference" not in svg
+
+
+def test_how_models_end():
+    words = ["equilibrium", "rollers"]
+    outcome = np.array([[Outcome.FINISHED, Outcome.FINISHED], [Outcome.OUT_OF_RANGE, Outcome.FINISHED]], np.int8)
+    amplitude = np.where(outcome == 0, 14.0, np.nan)[..., None] * np.ones(13)
+    cube = xr.Dataset(
+        {
+            "outcome": (("model", "torque_n_m"), outcome),
+            "thrust_amplitude": (("model", "torque_n_m", "order"), amplitude, {"units": "N"}),
+        },
+        coords={"model": words, "torque_n_m": ("torque_n_m", [0.0, 50.0], {"units": "N m"}), "order": range(13)},
+    )
+    (chart,) = outcome_charts(cube)
+    texts = [text.get_text() for text in chart.figure.axes[0].texts]
+    assert texts == ["14", "14", "out\nof\nrange", "14"]

@@ -1,0 +1,41 @@
+"""A surrogate predicts points that it has not seen, and says how well."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from published import cube_of
+
+from tripod_doe.analyses.surrogate.sentences import find_in_surrogate
+from tripod_doe.analyses.surrogate.surrogate import SurrogateSettings, surrogate
+from tripod_doe.errors import InputError
+
+SETTINGS = SurrogateSettings(outputs=["y"])
+
+
+def outputs(x):
+    noise = np.random.default_rng(0).normal(0, 0.1, len(x))
+    return np.stack([1 + x[:, 0] + 2 * x[:, 1] * x[:, 2], np.sin(8 * x[:, 0]) + x[:, 1], noise, 0 * x[:, 0]], axis=1)
+
+
+@pytest.fixture(scope="module")
+def learnt():
+    return surrogate(cube_of('kind = "latin-hypercube"\nsamples = 80\nseed = 1', outputs), SETTINGS)
+
+
+@pytest.mark.slow
+def test_what_can_be_learnt_is_learnt(learnt):
+    """Exact: a polynomial without error; a wave within 2 % of its size; of noise nothing, so its error is its size."""
+    error = learnt["error_rms"].values
+    assert error[0] < 1e-3
+    assert error[1] < 0.02
+    assert error[2] == pytest.approx(0.1, rel=0.3)
+    assert np.isnan(error[3])
+    assert learnt["predicted_part"].values[:2] == pytest.approx([1, 1], abs=1e-3)
+    assert learnt["chosen"].values[3] == -1
+    assert "Surrogate of y" in find_in_surrogate("s", learnt.isel(k=0))[0]
+
+
+def test_few_points_are_refused():
+    with pytest.raises(InputError, match="at least 10 points, 8 finished"):
+        surrogate(cube_of('kind = "latin-hypercube"\nsamples = 8', lambda x: x[:, 0]), SETTINGS)

@@ -1,0 +1,129 @@
+"""The part of a report that is asked what if: its numbers are those of the surrogate, its bands hold unseen points."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tripod_doe.analyses.outputs import read_outputs
+from tripod_doe.analyses.sample import read_sample
+from tripod_doe.analyses.surrogate.surrogate import SURROGATE_DESIGNS, SurrogateSettings, surrogate
+from tripod_doe.analyses.surrogate.what_if import what_if
+from tripod_doe.analyses.surrogate.what_if_page import what_if_pages
+from tripod_doe.simulator import Outcome
+from tripod_doe.study.definition import parse_study
+from tripod_doe.study.designs import make_points
+
+TEXT = """
+[study]
+name = "t"
+[factors]
+joint_angle_deg = {low = 4, high = 14}
+torque_n_m = {low = 20, high = 100}
+model = {distribution = "discrete", values = ["equilibrium", "kinetostatic"]}
+[design]
+kind = "latin-hypercube"
+"""
+
+
+def orders(columns):
+    """Amplitude and phase of the orders 0 to 3, smooth in the angle and the torque; the phase passes +-180 deg."""
+    x, y = (columns["joint_angle_deg"] - 9) / 5, (columns["torque_n_m"] - 60) / 40
+    size = 1 + 0.2 * (columns["model"].astype(str) == "kinetostatic")
+    amplitude = np.stack([0 * x, 0 * x, 0.3 + 0.2 * y**2, 10 + 4 * x + 3 * x * y], axis=1) * size[:, None]
+    phase = np.stack([0 * x, 0 * x, 170 + 30 * x, 20 * y], axis=1)
+    return amplitude, (phase + 180) % 360 - 180
+
+
+def learnt(samples, wiggle=0.0):
+    """Cube and result of a surrogate; `wiggle` is what no polynomial learns."""
+    text = TEXT + f"samples = {samples}\nseed = 1\n"
+    columns = make_points(parse_study(text)).columns
+    amplitude, phase = orders(columns)
+    amplitude[:, 3] += wiggle * np.sin(40 * columns["joint_angle_deg"])
+    cube = xr.Dataset(
+        {
+            "thrust_amplitude": (("point", "order"), amplitude, {"units": "N"}),
+            "thrust_phase_deg": (("point", "order"), phase, {"units": "degree", "wraps_at": "+-180 degree"}),
+            "outcome": ("point", np.full(samples, Outcome.FINISHED, np.int8)),
+        },
+        coords={"order": np.arange(4), "point": np.arange(samples)}
+        | {name: ("point", column) for name, column in columns.items()},
+        attrs={"study": text},
+    )
+    sample = read_sample(cube, SurrogateSettings(), SURROGATE_DESIGNS, ["thrust_amplitude"])
+    tables = list(read_outputs(cube, ["thrust_amplitude"], sample.rows))
+    result = what_if(sample, tables, cube, seed=0).assign_attrs(analysis_kind="surrogate")
+    return cube, what_if_pages({"surrogate": result})[0]
+
+
+def test_orders_are_predicted_with_their_phases():
+    """Exact: smooth waves, learnt from 80 points, within 1 % at a place that none of them has."""
+    _, page = learnt(80)
+    assert [each.label for each in page.quantities] == ["second order", "third order"]
+    values = {"joint_angle_deg": 11.3, "torque_n_m": 71.0, "model": "kinetostatic"}
+    amplitude, phase = orders({name: np.array([value]) for name, value in values.items()})
+    told = page.at(**values)
+    assert [value for value, _ in told] == pytest.approx(amplitude[0, 2:], rel=0.01)
+    parts = page.surrogate.predict(page.surrogate.encoded(**values))[0]
+    found = np.degrees(np.angle(parts[:4] + 1j * parts[4:]))
+    assert np.abs((found - phase[0] + 180) % 360 - 180)[2:].max() < 1.0
+
+
+def test_a_single_number_has_its_part_of_a_page():
+    """Regression: it was taken for no orders at all, and no page was made."""
+    text = TEXT + "samples = 30\nseed = 1\n"
+    columns = make_points(parse_study(text)).columns
+    cube = xr.Dataset(
+        {"peak": ("point", columns["torque_n_m"] * 2), "outcome": ("point", np.full(30, Outcome.FINISHED, np.int8))},
+        coords={name: ("point", column) for name, column in columns.items()},
+        attrs={"study": text},
+    )
+    (page,) = what_if_pages({"surrogate": surrogate(cube, SurrogateSettings(outputs=["peak"]))})
+    assert [each.label for each in page.quantities] == ["peak"]
+    ((value, _),) = page.at(joint_angle_deg=9.0, torque_n_m=50.0, model="equilibrium")
+    assert value == pytest.approx(100, rel=0.01)
+
+
+@pytest.mark.slow
+def test_bands_hold_most_unseen_points():
+    """Of 400 other points 90 to 99 % lie within the band, where the surrogate misses what wiggles."""
+    _, page = learnt(200, wiggle=0.5)
+    others = make_points(parse_study(TEXT + "samples = 400\nseed = 9\n")).columns
+    amplitude, _ = orders(others)
+    truth = amplitude[:, 3] + 0.5 * np.sin(40 * others["joint_angle_deg"])
+    inside = [
+        abs(page.at(**{name: column[row] for name, column in others.items()})[1][0] - truth[row])
+        <= page.at(**{name: column[row] for name, column in others.items()})[1][1]
+        for row in range(400)
+    ]
+    assert 0.90 <= np.mean(inside) <= 0.99
+
+
+def test_quantiles_of_the_surrogate_are_those_of_the_truth():
+    """Exact function, 20,000 other points: 5, 50 and 95 % within 4 % of the span between them."""
+    _, page = learnt(120)
+    others = make_points(parse_study(TEXT + "samples = 20000\nseed = 5\n")).columns
+    truth = np.quantile(orders(others)[0][:, 3], (0.05, 0.5, 0.95))
+    found = np.quantile(page.drawn()[1], (0.05, 0.5, 0.95))
+    assert found == pytest.approx(truth, abs=0.04 * np.ptp(truth))
+
+
+def test_courses_are_drawn_and_labelled_as_those_of_a_surrogate():
+    _, page = learnt(40)
+    values, course = page.along("torque_n_m")
+    at = page.at(**{**page.start, "torque_n_m": float(values[10])})
+    assert course[10] == pytest.approx([value for value, _ in at])
+
+
+def test_the_page_has_all_that_it_needs():
+    _, page = learnt(40)
+    told = json.loads(page.payload())
+    assert told["start"] == {"joint_angle_deg": 9.0, "torque_n_m": 60.1, "model": "equilibrium"}
+    assert told["factors"]["model"]["words"] == ["equilibrium", "kinetostatic"]
+    assert told["wave"]["orders"] == [0, 1, 2, 3]
+    assert len(page.rows) == 2
+    assert all("+-" in value and unit == "N" for _, value, unit in page.rows)

@@ -1,0 +1,443 @@
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import tripod_doe as td
+from tripod_doe.analyses.findings import find
+from tripod_doe.analyses.main_effects.charts import effect_charts
+from tripod_doe.analyses.main_effects.sentences import effects_on, find_effects
+from tripod_doe.analyses.registry import findings_of
+from tripod_doe.analyses.sensitivity.course_charts import rotation_charts
+from tripod_doe.report.main_outputs import quantile_text
+from tripod_doe.report.responses import factor_text, main_effect, responses
+
+LINE = """
+[study]
+name = "Line"
+function = "report_functions:line"
+[factors]
+x = {{ values = [1, 2, 3, 4] }}
+z = {{ values = [0.1, 0.2] }}
+[base]
+offset = {offset}
+"""
+
+
+def test_dominant_order_is_that_of_the_cube(grid_cube):
+    mean = grid_cube["thrust_amplitude"].mean(["joint_angle_deg", "torque_n_m"])
+    first = find(grid_cube)[0]
+    assert first.startswith("The third order of the thrust force is the largest")
+    assert f"{float(mean.sel(order=3)):.3g} N on average" in first
+    assert f"ninth order with {float(mean.sel(order=9)):.3g} N" in first
+
+
+def test_slope_over_joint_angle_is_that_of_a_fit_to_the_cube(grid_cube):
+    mean = grid_cube["thrust_amplitude"].sel(order=3).mean("torque_n_m")
+    slope = np.polyfit(grid_cube["joint_angle_deg"], mean, 1)[0]
+    assert any(
+        f"increases with joint angle by {slope:.3g} N per deg (4 to 12 deg, averaged over torque" in s
+        for s in find(grid_cube)
+    )
+
+
+def test_proportion_is_distinguished_from_a_straight_line(make_cube):
+    assert any("y is proportional to x: 3 per 1 (1 to 4" in s for s in find(make_cube(LINE.format(offset=0))))
+    assert any("y increases with x by 3 per 1 (1 to 4" in s for s in find(make_cube(LINE.format(offset=5))))
+
+
+SIGNS = """
+[study]
+name = "signs"
+function = "report_functions:cubic"
+[factors.x]
+values = {values}
+"""
+
+
+def test_values_of_both_signs_are_not_told_as_a_size(make_cube):
+    """From -310 to 9 a larger value is a smaller size; of one value of each sign nothing is known in between."""
+    two, more = (find(make_cube(SIGNS.format(values=values))) for values in ([-310, 9], [-310, -200, 9]))
+    assert any("Over x, y lies between" in s and "(at -310)" in s and "(at 9)" in s for s in two)
+    assert not any("creases with x" in s or "proportional" in s for s in two)
+    assert any(s.startswith("y increases with x (with its sign), from ") for s in more)
+
+
+SIZES = """
+[study]
+name = "sizes"
+function = "report_functions:vee"
+[factors]
+x = {{ values = {values} }}
+z = {{ values = [0, {bend}] }}
+"""
+
+
+@pytest.mark.parametrize(
+    ("values", "bend", "told"),
+    [
+        ([-6, -2, 2, 6], 1e-6, "Over x, y grows to both sides of zero, symmetrically: 2 at -2 and 2, 6 at -6 and 6, "),
+        ([-900, 700, 2200], 1, "Over x, y grows to both sides of zero: 855 at -900, and 735 at 700 to 2310 at 2200, "),
+        ([-9, 0, 4], 1, "Over x, y is smallest, 0, at 0 and grows to both sides: 8.55 at -9, 4.2 at 4, "),
+    ],
+)
+def test_between_drive_and_coast_no_value_is_the_smallest(make_cube, values, bend, told):
+    """Regression: "smallest, 58.5 N, at 700 N m and grows to both sides: 72.8 N at -900 N m", with none at 0 N m."""
+    assert any(s.startswith(told) for s in find(make_cube(SIZES.format(values=values, bend=bend))))
+
+
+def test_more_of_a_negative_value_is_told_with_its_sign(make_cube):
+    """Regression: "the third order decreases with torque" for a joint in coast, where it grows with its size."""
+    text = SIZES.replace("values = {values}", "low = -9, high = -1").replace(
+        "values = [0, {bend}]", "low = 0, high = 1"
+    )
+    text += "[design]\nkind = 'saltelli'\nsamples = 8\n"
+    (told,) = [s for s in find(make_cube(text.format())) if "alone, y decreases" in s]
+    assert "y decreases with x (with its sign), by up to " in told
+
+
+def test_orders_that_are_nothing_but_error_do_not_compete(grid_cube):
+    """Regression: at 8 of 32 points of a straight joint "another order is larger", by 1e-9 N."""
+    cube = grid_cube.copy(deep=True)
+    amplitude = cube["thrust_amplitude"]
+    assert "another order is larger" not in find(cube)[0]
+    amplitude[0, 0] = 1e-9 * np.arange(13) * float(amplitude.max())
+    assert "another order is larger" not in find(cube)[0]
+    amplitude[0, 0] = 1e-3 * np.arange(13) * float(amplitude.max())
+    assert "at 1 of" in find(cube)[0]
+    cube["thrust_amplitude_error"] = xr.full_like(amplitude, 0.1 * float(amplitude.max()))
+    assert "another order is larger" not in find(cube)[0]
+
+
+def test_factors_with_their_values_read_as_words():
+    """Regression: "initial skew 1 2 deg", and "step nan s" where a table leaves it open."""
+    cube = xr.Dataset(
+        coords={
+            "initial_skew_1_deg": ("point", [2.0], {"units": "degree"}),
+            "step_s": ("point", [np.nan], {"units": "s"}),
+            "torque_n_m": ("point", [50.0], {"units": "N m"}),
+        }
+    )
+    told = [factor_text(cube, str(name), cube[name].item()) for name in cube.coords]
+    assert told == ["initial skew 1 = 2 deg", "step not given", "torque 50 N m"]
+    assert factor_text(cube, "step_s", "nan") == "step not given"
+    assert factor_text(cube, "step_s", "0.001") == "step 0.001 s"
+
+
+def test_repetitions_are_no_quantity_to_draw_over(make_cube):
+    text = '[study]\nname = "r"\nfunction = "report_functions:noisy"\n[factors.replicate]\nvalues = [0, 1, 2]\n'
+    cube = make_cube(text)
+    assert effect_charts(cube) == []
+    assert "y lies between 5 (at replicate 0) and 5.0002 (at replicate 2)." in find(cube)
+
+
+def test_a_factor_without_effect_is_said_to_have_none(make_cube):
+    assert "z has no effect on y, at any setting of the other factors that was computed." in find(
+        make_cube(LINE.format(offset=0))
+    )
+
+
+def test_a_user_variable_has_no_article(make_cube):
+    assert not any(re.search(r"\b(The|the|a) (y|x|z)\b", s) for s in find(make_cube(LINE.format(offset=0))))
+
+
+def test_failures_are_counted_and_named(joint_cube):
+    assert find(joint_cube)[-2:] == [
+        "12 of 24 points did not finish: 12 jammed.",
+        "All of them are close together: points fail where needle_count > 28 (12 of the 12 points there, 0 elsewhere).",
+    ]
+
+
+def test_notes_on_finished_points_are_stated(joint_cube):
+    noted = xr.where(joint_cube["outcome"] == 0, "it hums", joint_cube["outcome_detail"])
+    assert find(joint_cube.assign(outcome_detail=noted))[-1] == (
+        "12 points finished with a note (outcome_detail), the first: it hums."
+    )
+
+
+def test_an_infinite_answer_is_counted_and_not_drawn(make_cube):
+    """Regression: "internal error", since an axis cannot end at infinity."""
+    cube = make_cube(LINE.format(offset=0))
+    cube["y"][0, 0], cube["y"][1, 0] = np.inf, np.nan
+    told = find(cube)
+    assert told[:2] == [
+        "y lies between 3 (at x 1, z 0.2) and 12 (at x 4, z 0.1).",
+        "y has no finite value at 2 of 8 finished points.",
+    ]
+    assert effect_charts(cube)
+
+
+def test_a_region_between_two_values_is_told_as_one(make_cube):
+    """Regression: "Most of them ...: points fail where x < 2.65 and x > 0.15 (8 of the 8 points there, 0 elsewhere)"."""
+    text = SIZES.format(values=[0, 1, 2, 5, 9, 10], bend="0.5, 1, 2, 3, 4, 5, 6, 7")
+    cube = make_cube(text)
+    cube["outcome"][2] = td.Outcome.DIVERGED
+    cube["y"][2] = np.nan
+    told = [s for s in find(cube) if "points fail" in s]
+    assert told == [
+        "All of them are close together: points fail where 1.5 < x < 3.5 (9 of the 9 points there, 0 elsewhere)."
+    ]
+
+
+def test_failures_come_first_where_they_are_the_rule(make_cube):
+    cube = make_cube(LINE.format(offset=0), part=slice(0, 3))
+    assert find(cube)[0] == "5 of 8 points are not computed yet."
+
+
+def test_cells_that_a_constraint_excludes_are_no_failures(make_cube):
+    cube = make_cube(LINE.format(offset=0) + '[design]\nconstraints = ["x > 1.5"]\n', part=slice(0, 5))
+    assert find(cube)[-1] == "1 of 6 points is not computed yet."
+
+
+def test_no_finished_point(make_cube):
+    cube = make_cube('[study]\nname = "F"\nfunction = "report_functions:failing"\n[factors]\nx = { values = [1, 2] }\n')
+    assert find(cube) == ["None of 2 points finished: 2 error."]
+
+
+def test_one_at_a_time_effects_leave_out_the_points_of_other_factors(make_cube):
+    cube = make_cube(
+        """
+        [study]
+        name = "One"
+        [factors.torque_n_m]
+        values = [25, 50, 100]
+        [factors.joint_angle_deg]
+        values = [4, 8]
+        [design]
+        kind = "one-at-a-time"
+        [keep]
+        outputs = ["thrust_amplitude"]
+        """
+    )
+    third = cube["thrust_amplitude"].sel(order=3)
+    own = third.where((cube["varied"] == "torque_n_m") & (cube["torque_n_m"] == 50), drop=True).item()
+    effect = main_effect(responses(cube)[0], cube, "torque_n_m")
+    assert effect.level == pytest.approx([25, 50, 100])
+    assert effect.mean[1] == pytest.approx(own)
+    assert any("others at their base values" in sentence for sentence in find(cube))
+
+
+ZIP = """
+[study]
+name = "Zip"
+[factors]
+joint_angle_deg = { values = [5, 10, 15] }
+torque_n_m = { values = [400, 200, 100] }
+[design]
+kind = "zip"
+[keep]
+outputs = ["thrust_amplitude"]
+"""
+SKEWS = """
+[study]
+name = "Skews"
+[base]
+model = "equilibrium"
+[factors]
+initial_skew_1_deg = { low = -0.7, high = 0.7, count = 7 }
+torque_n_m = { values = [50, 100] }
+[keep]
+outputs = ["thrust_amplitude"]
+"""
+ISHIGAMI = """
+[study]
+name = "Ishigami"
+function = "report_functions:ishigami"
+[factors]
+x1 = { low = -3.14159, high = 3.14159 }
+x2 = { low = -3.14159, high = 3.14159 }
+x3 = { low = -3.14159, high = 3.14159 }
+[design]
+kind = "saltelli"
+samples = 64
+"""
+
+
+def test_factors_that_change_together_are_not_told_apart(make_cube):
+    told = " ".join(find(make_cube(ZIP)))
+    assert "Joint angle and torque change together in this design, which does not separate their effects" in told
+    assert not re.search(r"(increases|decreases|proportional|averaged)", told)
+
+
+def test_an_effect_of_both_signs_of_the_skew_is_symmetric(make_cube):
+    (told,) = [s for s in find(make_cube(SKEWS)) if "initial skew 1, the second order" in s]
+    assert re.match(
+        r"Over initial skew 1, the second order is smallest, 0 N, at 0 deg and grows to both sides, "
+        r"symmetrically: 0\.\d+ N at -0\.7 deg and 0\.7 deg, averaged over torque\.$",
+        told,
+    )
+
+
+def test_few_points_show_a_bend_where_a_trend_is_none(make_cube):
+    told = find(
+        make_cube(
+            """
+            [study]
+            name = "Vee"
+            function = "report_functions:vee"
+            [factors]
+            x = { low = -1, high = 1 }
+            z = { low = -1, high = 1 }
+            [design]
+            kind = "latin-hypercube"
+            samples = 40
+            """
+        )
+    )
+    assert any(s.startswith("By regression on all factors, y is curved over x: the ends lie 0.9") for s in told)
+    assert any(s.startswith("No trend or curvature of y over z is resolved") for s in told)
+
+
+def test_a_factor_that_acts_by_interaction_alone_is_not_said_to_have_no_effect(make_cube):
+    """The total index of x3 in the Ishigami function is 0.24, its mean effect zero."""
+    (told,) = [s for s in find(make_cube(ISHIGAMI)) if "no single direction" in s]
+    assert re.search(r"x3 with its sign \(\d+, \d+ of 256; ", told)
+
+
+def test_factors_without_a_single_direction_share_a_sentence(make_cube):
+    """Regression: a Saltelli study of a joint had twelve sentences of this kind, one per factor and order."""
+    (told,) = [s for s in find(make_cube(ISHIGAMI)) if "pairs of points" in s]
+    steps, most = r"with its sign \(\d+, \d+ of 256; ([\d.]+)\)", r"by up to ([\d.]+)\)"
+    first = (
+        r"x1 with its sign \(with a larger value, it increases in \d+ and decreases in \d+ of 256 pairs of points that"
+    )
+    found = re.fullmatch(
+        rf"y has no single direction over {first} differ in this factor alone, {most}, x3 {steps} and x2 {steps}\.",
+        told,
+    )
+    assert found
+    assert sorted(map(float, found.groups()), reverse=True) == list(map(float, found.groups()))
+
+
+def test_changes_within_the_numerical_error_are_told_as_such(make_cube):
+    cube = make_cube(ISHIGAMI)
+    (response,) = responses(cube)
+    far, near = (replace(response, error=error) for error in (1e3, 1e-3))
+    (told,) = [s for s in find_effects(far, cube, effects_on(far, cube)[:1]) if "alone" in s]
+    assert told.startswith("In 256 pairs")
+    assert told.endswith("not beyond its numerical error.")
+    (told,) = [s for s in find_effects(near, cube, effects_on(near, cube)[:1]) if "alone" in s]
+    assert told.startswith("y has no single direction over x1")
+
+
+def test_a_change_within_the_numerical_error_is_not_called_no_effect(make_cube):
+    """Regression: "speed has no effect on the second order", where one of three models changed it by 10 %."""
+    cube = make_cube(SIZES.format(values=[1, 2, 900], bend=0.5))
+    (response,) = (replace(each, error=50.0) for each in responses(cube))
+    (told,) = [s for s in find_effects(response, cube, effects_on(response, cube)) if s.startswith("z ")]
+    assert told == (
+        "z changes y by at most 5 % of its range, not beyond its numerical error, at any setting of the other factors "
+        "that was computed."
+    )
+
+
+def sobol_result() -> xr.Dataset:
+    index = np.array([[0.1, np.nan], [0.7, np.nan]])
+    half = np.array([[0.1, np.nan], [0.05, np.nan]])
+    dims = "factor", "order"
+    return xr.Dataset(
+        {"S1": (dims, index), "S1_conf": (dims, half), "ST": (dims, index), "ST_conf": (dims, half)},
+        coords={"factor": ["torque_n_m", "joint_angle_deg"], "order": [3, 2]},
+        attrs={"analysis_kind": "sobol"},
+    )
+
+
+def test_the_largest_index_is_named_and_orders_without_numbers_are_left_out():
+    sentences = findings_of("mine", sobol_result())
+    assert len(sentences) == 1
+    assert "Total Sobol' indices of the third order: joint angle 0.7 +- 0.05; all others at most 0.2; " in sentences[0]
+    assert "the first-order indices add up to 0.8 +- 0.11: the rest are interactions" in sentences[0]
+    assert "(analysis mine)" in sentences[0]
+
+
+def test_indices_of_what_does_not_vary_are_told_and_not_drawn():
+    """Regression: of a straight joint the analysis said nothing, and its page began with an empty figure."""
+    still = sobol_result()
+    still = still.where(np.isnan(still)).assign(thrust_ST=(("factor", "rotation_deg"), np.full((2, 9), np.nan)))
+    still = still.assign_coords(rotation_deg=np.arange(9.0))
+    assert findings_of("mine", still) == [
+        "The main outputs are the same at all points: no factor has an index (analysis mine)."
+    ]
+    assert rotation_charts("mine", still) == []
+    assert len(rotation_charts("mine", still.fillna(0.5))) == 1
+
+
+def test_main_effect_of_a_sampled_factor_is_the_mean_of_its_classes(make_cube):
+    cube = make_cube(
+        """
+        [study]
+        name = "Sampled"
+        function = "report_functions:uneven"
+        [factors]
+        x = { low = 0, high = 1 }
+        z = { low = 0, high = 1 }
+        [design]
+        kind = "latin-hypercube"
+        samples = 1000
+        """
+    )
+    effect = main_effect(responses(cube)[0], cube, "x")
+    assert effect.sampled
+    assert effect.count.sum() == 1000
+    lowest = cube["y"].values[cube["x"].values < np.quantile(cube["x"], 0.1)]
+    assert effect.mean[0] == pytest.approx(lowest.mean())
+    assert effect.lower[0] == pytest.approx(np.quantile(lowest, 0.25))
+
+
+STILL = """
+[study]
+name = "Speed"
+[base]
+model = "{model}"
+[factors]
+speed_rpm = {{ values = [300, 600, 1200] }}
+[keep]
+outputs = ["thrust_amplitude"]
+"""
+
+
+def test_an_effect_that_the_model_leaves_out_is_told_as_such(make_cube):
+    """The third order of `equilibrium` does not change with speed, since it has no inertia; others have it."""
+    told = "The effect of speed is incomplete: this model has no inertia."
+    assert told in find(make_cube(STILL.format(model="equilibrium")))
+    assert told not in find(make_cube(STILL.format(model="kinetostatic")))
+
+
+def test_effects_in_a_multifidelity_study_are_those_of_the_truth(tmp_path):
+    """Regression: a mean over 100,000 points of a model without second order and 800 of one with it told of neither."""
+    (tmp_path / "two.py").write_text('def f(x, z, level):\n    return {"y": x + z if level == "fine" else 0.0}\n')
+    (tmp_path / "two.toml").write_text(
+        '[study]\nname = "two"\nquestion = "?"\nfunction = "two:f"\n[factors]\nx = {low = 0, high = 2}\n'
+        'z = {low = 0, high = 2}\nlevel = {values = ["rough", "fine"]}\n[design]\nkind = "multifidelity"\nfidelity = "level"\n'
+        "samples = 40\nindices = false\nsplit = {rough = 400, fine = 40}\n"
+    )
+    td.run(tmp_path / "two.toml", tmp_path / "out", workers=0, progress=False)
+    with td.open_cube(tmp_path / "out") as cube:
+        told = find(cube)
+        fine = cube["y"].values[cube["level"].values == "fine"]
+    of = "of the 40 points by fine, which counts as the truth."
+    assert f"Ranges of results, effects of factors and figures of both are {of}" in told
+    assert told[0].startswith(f"y lies between {fine.min():.3g} (at x ")
+    assert not [sentence for sentence in told if "over level" in sentence.lower()]
+    page = (tmp_path / "out" / "report" / "index.html").read_text(encoding="utf-8")
+    assert f"<p>O{of[1:]}</p>" in page
+
+
+def test_a_quantile_says_how_far_the_points_bound_it():
+    """Exact: both ends, one, none; without them a quantile of few points reads as if it were known."""
+    ends = {
+        "quantile": [1.0, 2, 3, 4],
+        "quantile_low": [0.5, np.nan, 2, np.nan],
+        "quantile_high": [1.5, 2.5, np.nan, np.nan],
+    }
+    answers = xr.Dataset(
+        {key: ("probability", values) for key, values in ends.items()}, {"probability": [0.1, 0.2, 0.9, 0.99]}
+    )
+    assert quantile_text(answers, "N") == (
+        "10 % below 1 N (0.5 to 1.5), 20 % below 2 N (at most 2.5), 90 % below 3 N (at least 2), 99 % below 4 N (too few "
+        "points for an interval)"
+    )

@@ -1,0 +1,94 @@
+"""Tolerances: quantiles, probabilities and gains of functions whose distribution is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.stats import norm
+
+from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, tolerance
+from tripod_doe.errors import InputError
+from tripod_doe.simulator import Outcome
+from tripod_doe.study.definition import parse_study
+from tripod_doe.study.designs import make_points
+
+TEXT = """
+[study]
+name = "t"
+[factors]
+joint_angle_deg = {distribution = "normal", mean = 10, std = 0.3}
+torque_n_m = {distribution = "normal", mean = 50, std = 0.4}
+speed_rpm = {low = 500, high = 700}
+[design]
+kind = "sobol"
+samples = 4096
+seed = 1
+"""
+
+
+def cube_of(function, text=TEXT):
+    columns = make_points(parse_study(text)).columns
+    values = function(*columns.values())
+    return xr.Dataset(
+        {"y": ("point", values), "outcome": ("point", np.full(values.size, Outcome.FINISHED, np.int8))},
+        coords={"point": np.arange(values.size)} | {name: ("point", column) for name, column in columns.items()},
+        attrs={"study": text},
+    )
+
+
+def test_a_sum_of_normal_factors_has_its_distribution():
+    """Exact: N(60, 0.5); half of 0.4 leaves sqrt(0.3^2 + 0.2^2), half of 0.3 sqrt(0.15^2 + 0.4^2) of 0.5."""
+    cube = cube_of(lambda angle, torque, speed: angle + torque + 0 * speed)
+    found = tolerance(cube, ToleranceSettings(outputs=["y"], limits={"y": 61}))
+    exact = norm(60, 0.5)
+    for probability in (0.05, 0.5, 0.95, 0.99):
+        at = found.sel(probability=probability)
+        assert float(at["quantile_low"]) <= exact.ppf(probability) <= float(at["quantile_high"])
+    assert float(found["exceedance_low"]) <= exact.sf(61) <= float(found["exceedance_high"])
+    gain, half = found["gain_of_halving"], found["gain_of_halving_conf"]
+    for factor, left in (("torque_n_m", np.hypot(0.3, 0.2)), ("joint_angle_deg", np.hypot(0.15, 0.4))):
+        assert float(gain.sel(factor=factor)) == pytest.approx(1 - left / 0.5, abs=float(half.sel(factor=factor)))
+        halved = float(found["exceedance_if_halved"].sel(factor=factor))
+        assert halved == pytest.approx(norm(60, left).sf(61), abs=0.006)
+    assert abs(float(gain.sel(factor="speed_rpm"))) <= float(half.sel(factor="speed_rpm"))
+
+
+def test_the_distribution_is_that_of_the_points():
+    """Exact: as many of the points are below a value as its share says, from the first half per cent to the last."""
+    cube = cube_of(lambda angle, torque, speed: angle + torque + 0 * speed)
+    curve = tolerance(cube, ToleranceSettings(outputs=["y"]))["distribution"]
+    below = (cube["y"].values[:, None] < curve.values).mean(axis=0)
+    np.testing.assert_allclose(below, curve["share"], atol=1 / 4096)
+    assert curve["share"].values[[0, -1]].tolist() == [0.005, 0.995]
+
+
+@pytest.mark.parametrize(
+    ("scatter", "left"),
+    [
+        ("{low = 5, high = 15}", 0.5),
+        ('{distribution = "triangular", low = 5, high = 15, mode = 10}', 0.5),
+        ('{distribution = "truncated-normal", low = 5, high = 15, mean = 10, std = 3}', 0.5),
+        ('{distribution = "discrete", values = [5, 10, 15]}', np.nan),
+    ],
+)
+def test_half_the_scatter_is_half_the_standard_deviation(scatter, left):
+    """Exact: of a proportional output, for every symmetric distribution; listed values have no half."""
+    text = TEXT.replace('{distribution = "normal", mean = 10, std = 0.3}', scatter)
+    cube = cube_of(lambda angle, torque, speed: 2 * angle + 0 * torque + 0 * speed, text)
+    found = tolerance(cube, ToleranceSettings(outputs=["y"]))
+    gain = float(found["gain_of_halving"].sel(factor="joint_angle_deg"))
+    assert gain == pytest.approx(1 - left, abs=0.01, nan_ok=True)
+    assert np.isnan(found["exceedance"])
+
+
+def test_a_quantile_beyond_the_sample_has_no_bound():
+    cube = cube_of(lambda angle, torque, speed: angle + 0 * (torque + speed), TEXT.replace("4096", "16"))
+    found = tolerance(cube, ToleranceSettings(outputs=["y"], probabilities=[0.5, 0.99]))
+    assert np.isfinite(found["quantile_high"].values).tolist() == [True, False]
+
+
+def test_a_limit_of_nothing_is_refused():
+    cube = cube_of(lambda angle, torque, speed: angle + torque + speed)
+    with pytest.raises(InputError, match=r"limits: 'z' is no output"):
+        tolerance(cube, ToleranceSettings(outputs=["y"], limits={"z": 1}))
