@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from service_client import ADDRESS, API, TOKEN
 
 from tripod_doe.service.security import allowed_hosts
+from tripod_doe.service.sessions import LIFETIME, Sessions
 
 BEARER = {"authorization": f"Bearer {TOKEN}"}
-COOKIE = {"cookie": f"tripod_doe_8811={TOKEN}"}
 OWN_PAGE = {"origin": ADDRESS, "sec-fetch-site": "same-origin"}
 PATHS = ["/", f"{API}/health", f"{API}/runs", f"{API}/runs/x/report/", f"{API}/openapi.json", "/nowhere"]
 
@@ -41,42 +43,104 @@ def test_a_server_for_other_machines_is_called_by_addresses_and_its_own_name():
         {},
         {"authorization": "Bearer wrong"},
         {"authorization": f"Basic {TOKEN}"},
-        {"cookie": "tripod_doe_8811=wrong"},
-        {"cookie": f"tripod_doe_8812={TOKEN}"},
-        {"authorization": "Bearer wrong"} | COOKIE,
+        {"cookie": "{name}=wrong"},
+        {"cookie": "{name}={token}"},
+        {"cookie": "tripod_doe_8811={token}"},
+        {"cookie": "{cookie}"},
+        {"cookie": "{cookie}", "origin": ADDRESS, "sec-fetch-site": "same-origin", "referer": f"{ADDRESS}/"},
+        {"authorization": "Bearer wrong", "cookie": "{cookie}"},
     ],
 )
-def test_everything_but_health_needs_the_token(client, path, headers):
-    answer = client.get(path, headers=headers)
+def test_everything_but_health_needs_the_token(client, settings, cookie, path, headers):
+    words = {"token": TOKEN, "name": settings.cookie, "cookie": cookie}
+    answer = client.get(path, headers={name: text.format(**words) for name, text in headers.items()})
     assert answer.status_code == 401
     assert TOKEN not in answer.text
     assert client.get(f"{API}/health").status_code == 200
 
 
-def test_the_token_in_the_address_becomes_a_cookie_and_leaves_the_address(client):
+@pytest.fixture(scope="session")
+def cookie(client, settings):
+    """The cookie of a browser that has opened the printed address."""
+    value = client.get(f"/?token={TOKEN}").headers["set-cookie"].partition(";")[0]
+    client.cookies.clear()
+    assert value.startswith(f"{settings.cookie}=")
+    return value
+
+
+def test_the_token_in_the_address_begins_a_session_and_leaves_the_address(client, settings):
     answer = client.get(f"/runs?token={TOKEN}&view=3")
     assert answer.status_code == 303
-    assert answer.headers["location"] == "/runs?view=3"
+    assert answer.headers["location"] == f"{settings.root}/runs?view=3"
     cookie = answer.headers["set-cookie"]
-    assert cookie.startswith(f"tripod_doe_8811={TOKEN};")
+    assert TOKEN not in cookie
+    assert re.search(f"; path={settings.root}(;|$)", cookie, re.IGNORECASE)
     assert "HttpOnly" in cookie
     assert "SameSite=strict" in cookie
+    assert "Max-Age=43200" in cookie
     client.cookies.clear()
     assert client.get("/?token=wrong").status_code == 401
     assert "set-cookie" not in client.get("/?token=wrong").headers
     assert client.get(f"{API}/runs?token={TOKEN}").status_code == 401  # an address of the interface may be logged
-    assert client.get(f"{ADDRESS}//evil.example/?token={TOKEN}").headers["location"] == "/evil.example/"
+    assert client.get(f"{ADDRESS}//evil.example/?token={TOKEN}").headers["location"] == f"{settings.root}/evil.example/"
     client.cookies.clear()
 
 
-def test_a_cookie_reads_and_changes_from_its_own_page_only(client):
-    assert client.get(f"{API}/runs", headers=COOKIE).status_code == 200
-    stop = f"{API}/runs/none/stop"
-    assert client.post(stop, headers=COOKIE | OWN_PAGE).status_code == 404
-    assert client.post(stop, headers=COOKIE).status_code == 403
+def test_a_cookie_reads_and_changes_from_its_own_page_only(client, settings, cookie):
+    own = {"cookie": cookie}
+    assert client.get(f"{settings.root}{API}/runs", headers=own).status_code == 200
+    stop = f"{settings.root}{API}/runs/none/stop"
+    assert client.post(stop, headers=own | OWN_PAGE).status_code == 404
+    assert client.post(stop, headers=own).status_code == 403
 
 
-@pytest.mark.parametrize("credentials", [BEARER, COOKIE])
+def test_neither_the_address_nor_the_cookie_is_enough(client, settings, cookie):
+    inside = f"{settings.root}{API}/runs"
+    assert client.get(inside, headers=OWN_PAGE).status_code == 401
+    assert client.get(f"{API}/runs", headers=OWN_PAGE | {"cookie": cookie}).status_code == 401
+    for other in ("/s-" + "x" * 22, settings.root[:-1], settings.root + "x", settings.root.upper()):
+        assert client.get(f"{other}{API}/runs", headers={"cookie": cookie}).status_code == 401
+    for other in (f"other=1; {cookie}", f"{cookie}; other", f"{settings.cookie}=planted; {cookie}"):
+        assert client.get(inside, headers={"cookie": other}).status_code == 200
+
+
+def test_no_answer_without_a_session_holds_the_first_part_of_addresses(client, settings):
+    accept = {"accept": "text/html"}
+    for path in ("/", "/nowhere", "/assets/x", f"{API}/runs", f"{API}/health", "/?token=wrong", "//", "/%00"):
+        answer = client.get(path, headers=accept)
+        assert settings.key not in answer.text + str(answer.headers), path
+
+
+def test_addresses_from_an_earlier_server_lead_on(client, settings):
+    """The page that asks for the token holds the script that finds the first part, and no link that would need it."""
+    page = client.get(f"/s-{'x' * 22}/runs/abc", headers={"accept": "text/html"})
+    assert page.status_code == 401
+    assert "door.js" in page.text
+    assert "To the list" not in page.text
+    script = re.search(r'src="(/assets/[^"]+/door.js)"', page.text)[1]
+    assert client.get(script).status_code == 200
+
+
+def test_sessions_end_with_time_and_with_the_server():
+    now = [0.0]
+    sessions = Sessions(lambda: now[0])
+    value = sessions.open()
+    assert sessions.is_open(value)
+    assert not sessions.is_open(value + "x")
+    now[0] = LIFETIME - 1.0
+    other = sessions.open()
+    now[0] = LIFETIME + 1.0
+    assert not sessions.is_open(value)
+    assert sessions.is_open(other)
+    sessions.close()
+    assert not sessions.is_open(other)
+    assert not sessions.is_open(sessions.open())
+    kept = Sessions(lambda: 0.0)
+    first = [kept.open() for _ in range(1000)]
+    assert sum(map(kept.is_open, first)) == 200
+
+
+@pytest.mark.parametrize("by", ["token", "cookie"])
 @pytest.mark.parametrize(
     "page",
     [
@@ -91,9 +155,10 @@ def test_a_cookie_reads_and_changes_from_its_own_page_only(client):
     ],
 )
 @pytest.mark.parametrize("change", ["/runs", "/plans", "/simulate", "/runs/none/stop"])
-def test_changes_from_other_pages_are_refused(client, credentials, page, change):
-    assert client.post(API + change, json={}, headers=credentials | page).status_code == 403
-    assert client.request("DELETE", f"{API}/runs/none", headers=credentials | page).status_code == 403
+def test_changes_from_other_pages_are_refused(client, settings, cookie, by, page, change):
+    credentials, api = (BEARER, API) if by == "token" else ({"cookie": cookie}, settings.root + API)
+    assert client.post(api + change, json={}, headers=credentials | page).status_code == 403
+    assert client.request("DELETE", f"{api}/runs/none", headers=credentials | page).status_code == 403
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,7 @@ from tripod_doe.service.problems import ForbiddenError, Problem, RefusedError, T
 from tripod_doe.service.routes import reports, results, runs, studies, views
 from tripod_doe.service.security import API, BODY, Guard
 from tripod_doe.service.service import Service
+from tripod_doe.service.sessions import Sessions
 from tripod_doe.service.settings import Settings
 from tripod_doe.service.uploads import upload_texts
 
@@ -48,13 +49,14 @@ def create_app(settings: Settings) -> FastAPI:
     InputError
         If the folder cannot be used.
     """
-    service = Service(settings)
+    service, sessions = Service(settings), Sessions()
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         service.runs.events.attach(asyncio.get_running_loop())
         service.start()
         yield
+        sessions.close()
         await asyncio.to_thread(service.close)
 
     app = FastAPI(
@@ -65,13 +67,14 @@ def create_app(settings: Settings) -> FastAPI:
         docs_url=None,  # its pages load scripts from elsewhere
         redoc_url=None,
         lifespan=lifespan,
+        root_path_in_servers=False,  # it belongs to the page
     )
-    app.state.service = service
+    app.state.service, app.state.sessions = service, sessions
     for module in (runs, studies, results, reports, views):  # what is asked for most is looked for first
         app.include_router(module.router, prefix=API)
     for part in (assets, pages, writing):
         app.include_router(part.router)
-    app.add_middleware(Guard, settings=settings)
+    app.add_middleware(Guard, settings=settings, sessions=sessions)
     _add_error_answers(app)
     return app
 
@@ -81,7 +84,7 @@ def _add_error_answers(app: FastAPI) -> None:
 
     def answer(request: Request, refusal: RefusedError) -> Response:
         if is_page(request):
-            return trouble_page(refusal, request.app.state.service.settings)
+            return trouble_page(refusal, request.app.state.service.settings, request.scope["root_path"])
         return JSONResponse(refusal.answer(), refusal.status, refusal.headers)
 
     async def refused(request: Request, error: Exception) -> Response:

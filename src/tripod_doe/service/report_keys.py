@@ -6,15 +6,17 @@ import hashlib
 import hmac
 import re
 
+from tripod_doe.service.settings import Settings
+
 _ADDRESS = re.compile(r"/api/v1/runs/([^/]+)/pages/([0-9a-f]{32})/.+")
 
 
-def report_key(token: str, run_id: str) -> str:
-    """The key to the pages of a run; who knows it can read them, and neither find the token nor open anything else."""
-    return hmac.new(token.encode(), f"pages of {run_id}".encode(), hashlib.sha256).hexdigest()[:32]
+def report_key(settings: Settings, run_id: str) -> str:
+    """The key to the pages of a run, good until the server ends; it opens nothing else."""
+    return hmac.new(settings.token.encode(), f"{settings.key} {run_id}".encode(), hashlib.sha256).hexdigest()[:32]
 
 
-def is_report_address(path: str, token: str) -> bool:
+def is_report_address(path: str, settings: Settings) -> bool:
     """Whether an address is that of a page with the right key."""
     found = _ADDRESS.fullmatch(path)
-    return found is not None and hmac.compare_digest(found[2], report_key(token, found[1]))
+    return found is not None and hmac.compare_digest(found[2], report_key(settings, found[1]))

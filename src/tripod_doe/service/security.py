@@ -13,7 +13,6 @@ import ipaddress
 import json
 import re
 import socket
-from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
 from starlette.datastructures import Headers
@@ -24,6 +23,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from tripod_doe.service.page.trouble import is_page, trouble_page
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.report_keys import is_report_address
+from tripod_doe.service.sessions import LIFETIME, Sessions
 from tripod_doe.service.settings import Settings
 
 API = "/api/v1"
@@ -67,10 +67,12 @@ class Guard:
         What answers.
     settings
         Of the server.
+    sessions
+        Browsers that are signed in.
     """
 
-    def __init__(self, app: ASGIApp, settings: Settings) -> None:
-        self._app, self._settings = app, settings
+    def __init__(self, app: ASGIApp, settings: Settings, sessions: Sessions) -> None:
+        self._app, self._settings, self._sessions = app, settings, sessions
         self._hosts = allowed_hosts(settings.host)
         self._any_address = settings.host in _ANYWHERE
 
@@ -83,11 +85,12 @@ class Guard:
         headers = Headers(scope=scope)
         try:
             self._check_host(headers)
+            inside = self._enter(scope)
             if response := self._welcome(scope):
                 await response(scope, receive, send)
                 return
             if not self._is_open(scope):
-                self._check_token(scope["method"], headers)
+                self._check_credentials(scope["method"], headers, inside)
             if scope["method"] not in _SAFE:
                 self._check_change(scope, headers)
                 scope[BODY] = await self._body(scope, headers, receive)
@@ -95,7 +98,7 @@ class Guard:
         except RefusedError as refusal:
             answer: Response = JSONResponse(refusal.answer(), refusal.status, refusal.headers)
             if is_page(HTTPConnection(scope)) and refusal.status == 401:
-                answer = trouble_page(refusal, self._settings)
+                answer = trouble_page(refusal, self._settings, "")
             await answer(scope, receive, send)
             return
         await self._app(scope, receive, send)
@@ -111,40 +114,52 @@ class Guard:
                 return
         raise RefusedError(400, "Host: this server is not called by this name; use the address that it printed")
 
+    def _enter(self, scope: Scope) -> bool:
+        """Take the first part from the address of a page; gives whether the address has it."""
+        inside = _equal("/" + scope["path"][1:].partition("/")[0], self._settings.root)
+        scope["root_path"] = self._settings.root if inside else ""
+        return inside
+
     def _welcome(self, scope: Scope) -> Response | None:
-        """The way in: an address of a page with the right token sets the cookie, and goes on without the token."""
-        if scope["method"] != "GET" or scope["path"].startswith(API):
+        """The way in: an address of a page with the right token begins a session, and goes on without the token."""
+        place = _place(scope)
+        if scope["method"] != "GET" or place.startswith(API):
             return None
-        words = parse_qsl(scope["query_string"].decode("latin-1"), keep_blank_values=True, max_num_fields=100)
+        words = parse_qsl(scope["query_string"].decode("latin-1"), keep_blank_values=True, separator="&")
+        if not place:
+            return RedirectResponse(f"{self._settings.root}/", 303)
         given = [value for name, value in words if name == "token"]
         if not given or not self._is_token(given[0]):
             return None
         rest = urlencode([(name, value) for name, value in words if name != "token"])
-        path = "/" + scope["path"].lstrip("/")  # //host would be an address elsewhere
+        root = self._settings.root
+        path = f"{root}/{place.lstrip('/')}"
         response = RedirectResponse(f"{path}?{rest}" if rest else path, 303)
-        response.set_cookie(self._settings.cookie, self._settings.token, httponly=True, samesite="strict", path="/")
+        response.set_cookie(
+            self._settings.cookie, self._sessions.open(), LIFETIME, httponly=True, samesite="strict", path=root
+        )
         return response
 
     def _is_open(self, scope: Scope) -> bool:
-        """Whether an address needs no token: the sign of life, and pages by their key."""
-        path = scope["path"]
-        return path == _OPEN or (scope["method"] in _SAFE and is_report_address(path, self._settings.token))
+        """Whether an address needs no token: the sign of life, scripts and styles, and pages by their key."""
+        place = _place(scope)
+        if place == _OPEN:
+            return True
+        return scope["method"] in _SAFE and (place.startswith("/assets/") or is_report_address(place, self._settings))
 
     def _is_token(self, given: str) -> bool:
-        return hmac.compare_digest(given.encode("utf-8", "surrogateescape"), self._settings.token.encode())
+        return _equal(given, self._settings.token)
 
-    def _cookie(self, headers: Headers) -> str:
-        try:
-            morsel = SimpleCookie(headers.get("cookie", "")).get(self._settings.cookie)
-        except CookieError:
-            return ""
-        return morsel.value if morsel else ""
+    def _has_session(self, headers: Headers) -> bool:
+        pairs = (pair.partition("=") for pair in headers.get("cookie", "").split(";"))
+        return any(name.strip() == self._settings.cookie and self._sessions.is_open(value) for name, _, value in pairs)
 
-    def _check_token(self, method: str, headers: Headers) -> None:
+    def _check_credentials(self, method: str, headers: Headers, inside: bool) -> None:
+        """Ask for the token, or for a session by its cookie and the first part of the address together."""
         kind, _, given = headers.get("authorization", "").partition(" ")
         if kind.lower() == "bearer" and self._is_token(given.strip()):
             return
-        if not kind and self._is_token(self._cookie(headers)):
+        if not kind and inside and self._has_session(headers):
             if method in _SAFE or "origin" in headers or "sec-fetch-site" in headers:
                 return
             raise RefusedError(403, "Origin: a change by cookie must say from which page it comes")
@@ -192,6 +207,15 @@ class Guard:
             raise RefusedError(413, f"brackets stand more than {limits.nesting} deep within each other, the limit here")
         _check_text(bytes(body))
         return bytes(body)
+
+
+def _place(scope: Scope) -> str:
+    """The address of a request without the first part of pages."""
+    return str(scope["path"]).removeprefix(scope["root_path"])
+
+
+def _equal(given: str, secret: str) -> bool:
+    return hmac.compare_digest(given.encode("utf-8", "surrogateescape"), secret.encode())
 
 
 def _check_text(body: bytes) -> None:

@@ -18,7 +18,7 @@ class Settings:
     """A server's settings."""
 
     folder: Path  # where the table of runs and the result directories are
-    # host, port: where it listens; the port is also part of the cookie's name
+    # host, port: where it listens
     host: str = "127.0.0.1"
     port: int = 8811
     workers: int | None = None  # worker processes of each run; None leaves it to the run
@@ -26,11 +26,13 @@ class Settings:
     demo: bool = False  # whether a small finished study is put into the list
     token: str = field(default_factory=lambda: secrets.token_urlsafe(32), repr=False)  # what a client must know
     limits: Limits = field(default_factory=Limits)  # what it takes
+    key: str = field(default_factory=lambda: secrets.token_urlsafe(16), repr=False)  # of its addresses; see `sessions`
+    cookie: str = field(default_factory=lambda: f"tripod_doe_{secrets.token_hex(4)}")  # its name: ports share cookies
 
     @property
-    def cookie(self) -> str:
-        """Name of the cookie: servers on several ports of a machine share its cookies."""
-        return f"tripod_doe_{self.port}"
+    def root(self) -> str:
+        """First part of the addresses of its pages."""
+        return f"/s-{self.key}"
 
 
 def read_token(path: Path) -> str:

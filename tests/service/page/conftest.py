@@ -101,6 +101,7 @@ class Served:
         self._complaints.start()  # nobody else would empty the pipe
         self.door = self._process.stdout.readline().strip()
         self.address, _, self.token = self.door.partition("/?token=")
+        self.home = ""  # address of the pages, as soon as a browser has signed in
 
     def ask(self, method, path, body=None):
         headers = {"authorization": f"Bearer {self.token}", "content-type": "application/json"}
@@ -171,6 +172,7 @@ def window(chromium, served):
     )
     first = window.new_page()
     first.goto(served.door)
+    served.home = first.url.rstrip("/")
     first.close()
     yield window
     window.close()

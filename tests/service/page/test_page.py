@@ -22,7 +22,7 @@ DRAWN = "#figure[data-drawn]"
 
 
 def explore(page, served, run_id, query=""):
-    page.goto(f"{served.address}/runs/{run_id}?{query}")
+    page.goto(f"{served.home}/runs/{run_id}?{query}")
     page.wait_for_selector(DRAWN)
 
 
@@ -48,13 +48,13 @@ def traces(page):
 
 def test_a_run_appears_and_ends_without_reload_and_is_deleted_after_a_question(served, page):
     """The live page as a person uses it: a submitted study shows up, moves, ends and goes, in one loaded document."""
-    page.goto(served.address)
+    page.goto(served.home)
     page.evaluate("window.same = true")
     study = '[study]\nname = "Seen live"\n[factors.joint_angle_deg]\nvalues = [4, 8]\n'
     run_id = served.ask("POST", "/api/v1/runs", {"study": study})["id"]
     explorer, refused = page.context.new_page(), []
     explorer.on("response", lambda response: refused.append(response.url) if not response.ok else None)
-    explorer.goto(f"{served.address}/runs/{run_id}")
+    explorer.goto(f"{served.home}/runs/{run_id}")
     row = page.locator(f"#run-{run_id}")
     row.locator(".state.finished").wait_for(timeout=180_000)  # a run steps back behind everything else on a machine
     assert "2 of 2" in row.inner_text()
@@ -188,7 +188,7 @@ def test_a_wrong_condition_is_told_beside_it(served, page, coast):
 
 
 def test_text_and_form_follow_each_other_and_complaints_stand_at_their_line(served, page):
-    page.goto(f"{served.address}/new?study=thrust_map")
+    page.goto(f"{served.home}/new?study=thrust_map")
     page.locator("#price dt", has_text="Points").wait_for(timeout=60_000)
     assert "52" in page.locator("#price").inner_text()
     torque = page.get_by_label("torque (N m)")
@@ -214,14 +214,14 @@ def test_text_and_form_follow_each_other_and_complaints_stand_at_their_line(serv
 
 
 def test_a_report_stands_in_a_sandbox(served, page, coast):
-    page.goto(f"{served.address}/runs/{coast}/report")
+    page.goto(f"{served.home}/runs/{coast}/report")
     frame = page.frame_locator("iframe.report")
     frame.get_by_role("heading", name="Coast and drive").wait_for()
     assert page.locator("iframe.report").get_attribute("sandbox") == "allow-scripts"
 
 
 def test_a_measurement_is_laid_over_a_point(served, page, coast):
-    page.goto(f"{served.address}/compare?run={coast}")
+    page.goto(f"{served.home}/compare?run={coast}")
     page.set_input_files("#table", ROOT / "measurements" / "run_up.csv")
     for name, value in (("joint_angle_deg", "9"), ("torque_n_m", "40"), ("bearing_radial_clearance_mm", "0.01")):
         page.select_option(f"[data-select={name}]", value)
@@ -245,7 +245,7 @@ def test_every_page_fits_a_narrow_window_and_speaks_to_every_reader(served, page
         "/runs/none",
     ):
         page.emulate_media(color_scheme="light")
-        page.goto(served.address + path)
+        page.goto(served.home + path)
         if "point=" in path:
             page.locator("#point:not([hidden])").wait_for()
         if "beside=" in path:
@@ -323,7 +323,7 @@ def test_a_frame_in_the_scatter_matrix_narrows_points_down_and_a_mark_leads_to_i
 
 
 def test_a_number_of_an_analysis_leads_to_its_points(served, page, shares, sampled):
-    page.goto(f"{served.address}/runs/{shares}")
+    page.goto(f"{served.home}/runs/{shares}")
     page.get_by_role("link", name="Analyses").click()
     row = page.locator("table.linked tr", has_text="13 deg").filter(has_text="groove rolling")
     row.locator("a").first.click()  # its share
@@ -331,7 +331,7 @@ def test_a_number_of_an_analysis_leads_to_its_points(served, page, shares, sampl
     chosen = parse_qsl(urlsplit(page.url).query)
     assert {("x", "groove_rolling"), ("select", "joint_angle_deg=13"), ("select", "order=3")} <= set(chosen)
     assert len(traces(page)[0]["customdata"]) > 1
-    page.goto(f"{served.address}/runs/{sampled}/analyses?order=6")
+    page.goto(f"{served.home}/runs/{sampled}/analyses?order=6")
     page.locator("table.linked tr", has_text="0.95").locator("a").first.click()  # what is above this quantile
     page.wait_for_selector(DRAWN)
     page.locator("#numbers summary").click()
@@ -366,7 +366,7 @@ def unpack(packed):
 
 
 def test_the_list_tells_the_extremes_of_the_chosen_order_and_leads_to_them(served, page, coast):
-    page.goto(served.address)
+    page.goto(served.home)
     row = page.locator(f"#run-{coast}")
     page.get_by_label("Least and largest of order").select_option("6")
     row.locator(".extremes [title*='order 6'] a").nth(1).wait_for()
@@ -379,7 +379,7 @@ def test_the_list_tells_the_extremes_of_the_chosen_order_and_leads_to_them(serve
 
 
 def test_the_price_of_a_point_is_told_before_it_is_simulated_and_its_contributions_are_a_study(served, page, coast):
-    page.goto(f"{served.address}/runs/{coast}?point=5")
+    page.goto(f"{served.home}/runs/{coast}?point=5")
     panel = page.locator("#point")
     panel.get_by_text("Simulate again").click()
     panel.get_by_label("Another parameter").select_option("poissons_ratio")
@@ -402,7 +402,7 @@ def test_the_price_of_a_point_is_told_before_it_is_simulated_and_its_contributio
 
 
 def test_a_workflow_of_the_gallery_comes_with_its_studies(served, page):
-    page.goto(f"{served.address}/new")
+    page.goto(f"{served.home}/new")
     page.get_by_role("link", name="Small chain").click()
     page.locator(".of-steps th", has_text="friction").wait_for()
     assert page.get_by_role("button", name="Run this workflow").is_enabled()

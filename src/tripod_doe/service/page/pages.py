@@ -54,10 +54,11 @@ def _templates() -> Environment:
     return environment
 
 
-def show(template: str, settings: Settings, here: str = "", **values: Any) -> HTMLResponse:
-    """A whole page."""
+def show(template: str, settings: Settings, here: str = "", root: str | None = None, **values: Any) -> HTMLResponse:
+    """A whole page; `root` is empty for who has no session."""
+    root = settings.root if root is None else root
     pages = [page for page in _PAGES if not (settings.read_only and page[0] == "/new")]
-    text = part(template, pages=pages, here=here, read_only=settings.read_only, **values)
+    text = part(template, pages=pages, here=here, root=root, read_only=settings.read_only, **values)
     return HTMLResponse(text, headers={"content-security-policy": POLICY})
 
 

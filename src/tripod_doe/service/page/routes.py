@@ -15,6 +15,7 @@ from tripod_doe.service.forms import Comparison
 from tripod_doe.service.page import answers
 from tripod_doe.service.page.pages import part, show
 from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.report_keys import report_key
 from tripod_doe.service.routes.access import AnyService
 from tripod_doe.service.runs import Run
 from tripod_doe.service.service import Service
@@ -50,7 +51,14 @@ def run_list(service: AnyService, order: Order = 3) -> HTMLResponse:
     runs = service.runs.all()
     found = service.extremes.known(runs, order)
     return HTMLResponse(
-        part("run_list.html", runs=runs, read_only=service.settings.read_only, order=order, extremes=found)
+        part(
+            "run_list.html",
+            root=service.settings.root,
+            runs=runs,
+            read_only=service.settings.read_only,
+            order=order,
+            extremes=found,
+        )
     )
 
 
@@ -64,7 +72,9 @@ def extremes(service: AnyService, order: Order = 3) -> dict[str, bool]:
 def run_head(run_id: str, service: AnyService) -> HTMLResponse:
     """State, counts and price of a run."""
     run = service.runs.find(run_id)
-    return HTMLResponse(part("run_head.html", run=run, read_only=service.settings.read_only))
+    return HTMLResponse(
+        part("run_head.html", root=service.settings.root, run=run, read_only=service.settings.read_only)
+    )
 
 
 @router.get("/runs/{run_id}")
@@ -105,7 +115,14 @@ def view(run_id: str, request: Request, service: AnyService) -> dict[str, str]:
 def point(run_id: str, number: int, service: AnyService, step: str | None = None) -> dict[str, Any]:
     """One point in words and figures."""
     found = answers.point(service, run_id, number, step)
-    text = part("point.html", point=found, run_id=run_id, step=step, read_only=service.settings.read_only)
+    text = part(
+        "point.html",
+        root=service.settings.root,
+        point=found,
+        run_id=run_id,
+        step=step,
+        read_only=service.settings.read_only,
+    )
     return {"html": text, "figures": found["figures"]}
 
 
@@ -160,7 +177,7 @@ def behind(
 ) -> RedirectResponse:
     """From a number of an analysis to the view of its points."""
     items = answers.behind(service, run_id, analysis, variable, cell, step)
-    return RedirectResponse(f"/runs/{service.runs.find(run_id).id}?{urlencode(items)}", 303)
+    return RedirectResponse(f"{service.settings.root}/runs/{service.runs.find(run_id).id}?{urlencode(items)}", 303)
 
 
 @router.get("/runs/{run_id}/report")
@@ -168,7 +185,7 @@ def report(run_id: str, service: AnyService) -> HTMLResponse:
     """The report in its sandbox."""
     run = service.runs.find(run_id)
     written = has_report(service.runs.directory(run_id))
-    return _run_page("report.html", service, run, "Report", written=written)
+    return _run_page("report.html", service, run, "Report", written=written, key=report_key(service.settings, run.id))
 
 
 @router.get("/runs/{run_id}/failed")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Request
 from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 
 from tripod_doe.service.problems import RefusedError
@@ -22,10 +22,10 @@ _KINDS = {".html": "text/html; charset=utf-8", ".nc": "application/x-netcdf"}
 
 
 @router.get("/report", response_class=Response)
-async def report_address(run_id: str, service: AnyService) -> Response:
+async def report_address(run_id: str, request: Request, service: AnyService) -> Response:
     """The report stands one level deeper."""
     service.runs.find(run_id)
-    return RedirectResponse(f"/api/v1/runs/{run_id}/report/", 307)
+    return RedirectResponse(f"{request.scope['root_path']}/api/v1/runs/{run_id}/report/", 307)
 
 
 @router.get("/report/", response_class=Response, responses=gives("text/html"))
@@ -35,7 +35,7 @@ def report(run_id: str, service: AnyService) -> Response:
     page = service.runs.directory(run_id) / "report" / _PAGE
     if not page.is_file():
         raise RefusedError(404, "this run has no report yet")
-    key = report_key(service.settings.token, run_id)
+    key = report_key(service.settings, run_id)
     start = f'<base href="/api/v1/runs/{run_id}/pages/{key}/report/{_PAGE}">'
     text = page.read_text(encoding="utf-8").replace("<head>", f"<head>{start}", 1)
     return HTMLResponse(text, headers={"content-security-policy": _POLICY})

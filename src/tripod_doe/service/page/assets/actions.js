@@ -1,5 +1,6 @@
 // Buttons that change runs: a request, and the question before something is deleted.
 
+import { root } from "./address.js";
 import { ask, complain, post, say } from "./asking.js";
 
 function sure(text) {
@@ -15,7 +16,7 @@ async function act(button) {
     if (!await sure(`Delete ${button.dataset.name} with all its results? This cannot be undone.`)) return;
     await ask(button.dataset.delete, { method: "DELETE" });
     say(`${button.dataset.name} is deleted`);
-    if (location.pathname !== "/") location.assign("/");
+    if (location.pathname !== `${root}/`) location.assign(`${root}/`);
     return;
   }
   await post(button.dataset.post);

@@ -1,5 +1,6 @@
 // A measurement laid over a point of a study.
 
+import { root } from "./address.js";
 import { post } from "./asking.js";
 import { settings, themed, whenThemeChanges } from "./theme.js";
 
@@ -22,7 +23,7 @@ form?.addEventListener("submit", async (event) => {
   complaint.textContent = "";
   button.disabled = true;
   try {
-    const answer = await (await post(`/parts/runs/${document.getElementById("run").value}/compare`, {
+    const answer = await (await post(`${root}/parts/runs/${document.getElementById("run").value}/compare`, {
       measurement: await document.getElementById("table").files[0].text(), select, nearest: true,
       pulses_per_revolution: Number(document.getElementById("pulses").value),
       reference_angle: angle === "" ? null : Number(angle), speeds: speeds || null,
@@ -38,5 +39,5 @@ form?.addEventListener("submit", async (event) => {
     button.disabled = false;
   }
 });
-document.getElementById("run")?.addEventListener("change", (event) => location.assign(`/compare?run=${event.target.value}`));
+document.getElementById("run")?.addEventListener("change", (event) => location.assign(`${root}/compare?run=${event.target.value}`));
 whenThemeChanges(draw);

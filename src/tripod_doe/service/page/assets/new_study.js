@@ -1,5 +1,6 @@
 // A study as text and as a form, each following the other, with its price and its faults while it is written.
 
+import { root } from "./address.js";
 import { post } from "./asking.js";
 
 const text = document.getElementById("text");
@@ -50,9 +51,9 @@ async function check({ timing = false, keepForm = false } = {}) {
   submit.textContent = form.hidden ? "Run this workflow" : "Run this study";
   try {
     if (!form.hidden && !keepForm && !form.contains(document.activeElement)) {
-      form.innerHTML = await (await post("/parts/form", { study: text.value }, { signal: asked.signal })).text();
+      form.innerHTML = await (await post(`${root}/parts/form`, { study: text.value }, { signal: asked.signal })).text();
     }
-    const html = await (await post("/parts/price", body({ timing }), { signal: asked.signal })).text();
+    const html = await (await post(`${root}/parts/price`, body({ timing }), { signal: asked.signal })).text();
     price.innerHTML = html;
     problems.replaceChildren();
     submit.disabled = false;
@@ -104,12 +105,12 @@ form.addEventListener("change", async (event) => {
   const { name, value } = event.target;
   if (!name) return;
   try {
-    const changed = await (await post("/parts/change", { study: text.value, key: name, value })).json();
+    const changed = await (await post(`${root}/parts/change`, { study: text.value, key: name, value })).json();
     text.value = changed.study;
     event.target.setCustomValidity("");
     event.target.closest("label").classList.toggle("varied", /[,:]/.test(value) && name.startsWith("parameter."));
     await check({ keepForm: name !== "study.scene" });
-    if (name === "study.scene") form.innerHTML = await (await post("/parts/form", { study: text.value })).text();
+    if (name === "study.scene") form.innerHTML = await (await post(`${root}/parts/form`, { study: text.value })).text();
   } catch (error) {
     show(error.problems || [{ message: error.message }]);
   }
@@ -129,8 +130,8 @@ submit.addEventListener("click", async () => {
   submit.disabled = true;
   try {
     const key = crypto.randomUUID?.() ?? String(Math.random());
-    const run = await (await post("/api/v1/runs", body(), { headers: { "idempotency-key": key } })).json();
-    location.assign(`/runs/${run.id}`);
+    const run = await (await post(`${root}/api/v1/runs`, body(), { headers: { "idempotency-key": key } })).json();
+    location.assign(`${root}/runs/${run.id}`);
   } catch (error) {
     show(error.problems || [{ message: error.message }]);
     submit.disabled = false;

@@ -1,5 +1,6 @@
 // One point: how it ended, its numbers, its curves, and the same point simulated again with other values.
 
+import { root } from "./address.js";
 import { ask, askJson, complain, post, say } from "./asking.js";
 import { settings, themed } from "./theme.js";
 
@@ -66,7 +67,7 @@ function takeAgain(place) {
       pricing?.abort();
       pricing = new AbortController();
       try {
-        told.textContent = (await (await post("/parts/price-of-point", asked(form), { signal: pricing.signal })).json()).told;
+        told.textContent = (await (await post(`${root}/parts/price-of-point`, asked(form), { signal: pricing.signal })).json()).told;
       } catch (error) {
         if (error.name !== "AbortError") told.textContent = error.message;
       }
@@ -79,7 +80,7 @@ function takeAgain(place) {
     button.disabled = true;
     told.textContent = "Simulating \u2026";
     try {
-      const answer = await (await post("/parts/simulate", asked(form))).json();
+      const answer = await (await post(`${root}/parts/simulate`, asked(form))).json();
       told.textContent = answer.told;
       lay(place, answer.figures);
     } catch (error) {
@@ -91,7 +92,7 @@ function takeAgain(place) {
   form.closest("details").addEventListener("toggle", async () => {
     const list = form.querySelector("#add-parameter");
     try {
-      if (list.options.length < 2) list.innerHTML = await (await ask(`/parts/parameters?scene=${encodeURIComponent(form.dataset.scene)}`)).text();
+      if (list.options.length < 2) list.innerHTML = await (await ask(`${root}/parts/parameters?scene=${encodeURIComponent(form.dataset.scene)}`)).text();
     } catch (error) {
       complain(error);
     }

@@ -1,6 +1,7 @@
 // The head of the page of a run, live.
 
 import { takeActions } from "./actions.js";
+import { root } from "./address.js";
 import { complain, say } from "./asking.js";
 import { refresh } from "./fragments.js";
 import { watch } from "./live.js";
@@ -11,7 +12,7 @@ export function liveHead(pointsChanged = () => {}) {
   async function update() {
     const before = head.textContent.replace(/\s+/g, " ");
     try {
-      await refresh(head, `/parts/runs/${id}`);
+      await refresh(head, `${root}/parts/runs/${id}`);
     } catch (error) {
       complain(error);
       return;
@@ -22,6 +23,6 @@ export function liveHead(pointsChanged = () => {}) {
     if (head.textContent.replace(/\s+/g, " ") !== before) pointsChanged();
   }
   takeActions(update);
-  watch(`/api/v1/runs/${id}/events`, update);
+  watch(`${root}/api/v1/runs/${id}/events`, update);
 }
 

@@ -1,6 +1,7 @@
 // The list of runs, live.
 
 import { takeActions } from "./actions.js";
+import { root } from "./address.js";
 import { askJson, complain, say } from "./asking.js";
 import { refresh } from "./fragments.js";
 import { watch } from "./live.js";
@@ -14,8 +15,8 @@ function order() {
 }
 
 async function lookForExtremes() {
-  const found = await askJson(`/parts/extremes?order=${order()}`);
-  if (found.new) await refresh(list, `/parts/runs?order=${order()}`);
+  const found = await askJson(`${root}/parts/extremes?order=${order()}`);
+  if (found.new) await refresh(list, `${root}/parts/runs?order=${order()}`);
 }
 
 function states() {
@@ -25,7 +26,7 @@ function states() {
 async function update() {
   const before = states();
   try {
-    await refresh(list, `/parts/runs?order=${order()}`);
+    await refresh(list, `${root}/parts/runs?order=${order()}`);
   } catch (error) {
     complain(error);
     return;
@@ -39,10 +40,10 @@ async function update() {
 }
 
 document.getElementById("order").addEventListener("change", async () => {
-  history.replaceState(null, "", `/?order=${order()}`);
-  await refresh(list, `/parts/runs?order=${order()}`);
+  history.replaceState(null, "", `${root}/?order=${order()}`);
+  await refresh(list, `${root}/parts/runs?order=${order()}`);
   lookForExtremes().catch(complain);
 });
 takeActions(update);
-watch("/api/v1/events", update);
+watch(`${root}/api/v1/events`, update);
 lookForExtremes().catch(complain);

@@ -1,0 +1,7 @@
+// An address without its first part, or with that of an earlier server, leads to the same page of this one.
+
+import { remembered } from "./address.js";
+
+const own = location.pathname.match(/^\/s-[\w-]{22}(?=\/|$)/)?.[0] ?? "";
+const known = remembered();
+if (known && known !== own) location.replace(known + location.pathname.slice(own.length) + location.search + location.hash);
