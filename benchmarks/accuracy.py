@@ -7,7 +7,7 @@ all revolutions from the start, those included in which the joint swings in, wit
 smaller than the one that was found; orders are means of the same revolutions. Told are
 the reported error over the true one, of the complex third order and of its amplitude, and the price beside that of a
 fixed tolerance: of the coarsest one found, with which most points miss, and of the finest one, which the worst point
-needs. Points in which a vibration grows are counted and left out: they are followed with it (`joint.vibrating_joint`).
+needs. Points in which a vibration grows are counted and left out: they are followed with it (`joint.vibration.answer`).
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tripod_doe.joint.goal import Goal
+from tripod_doe.joint.accuracy import Goal
+from tripod_doe.joint.multibody.joint_scene import build_joint
+from tripod_doe.joint.multibody.passes import FollowedJoint, StoppedError
+from tripod_doe.joint.multibody.refinement import first_tolerance, refine
 from tripod_doe.joint.multibody_run import run_limits
-from tripod_doe.joint.multibody_scene import build_joint
 from tripod_doe.joint.parameters import point_values
-from tripod_doe.joint.passes import FollowedJoint, StoppedError
-from tripod_doe.joint.refinement import first_tolerance, refine
 from tripod_doe.joint.values import JointValues
-from tripod_doe.joint.vibration import growing_vibration
+from tripod_doe.joint.vibration.onset import growing_vibration
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.integrators.registry import METHODS
 

@@ -18,15 +18,15 @@ import time
 
 import numpy as np
 
+from tripod_doe.mechanics.arithmetic.lanes import clear
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
-from tripod_doe.mechanics.compilation import kernel
-from tripod_doe.mechanics.contact import add_contacts
-from tripod_doe.mechanics.implicit import factorise_system, gather, solve_system
+from tripod_doe.mechanics.compilation.kernels import kernel
+from tripod_doe.mechanics.forces.sphere_contact import add_contacts
+from tripod_doe.mechanics.integrators.monitor import Settings, accept, begin_watch
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.mechanics.lanes import clear
-from tripod_doe.mechanics.monitor import Settings, accept, begin_watch
-from tripod_doe.mechanics.motion import generalized_forces, linearise
 from tripod_doe.mechanics.scenes.needle_ring import needle_ring
+from tripod_doe.mechanics.solve.equations_of_motion import generalized_forces, linearise
+from tripod_doe.mechanics.solve.newton import factorise_system, gather, solve_system
 from tripod_doe.mechanics.tables import FIRST, Slopes
 
 FIRST_USE = """

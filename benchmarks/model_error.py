@@ -1,4 +1,4 @@
-"""Records the errors of the models, by which every answer states them: src/tripod_doe/joint/model_errors.csv.
+"""Records the errors of the models, by which every answer states them: src/tripod_doe/joint/known_errors/model_errors.csv.
 
     studies="rungs_needles joint_angle speed_torque needles_field needles_reference needles_wide_field rungs"
     for study in $studies; do
@@ -28,10 +28,10 @@ import pandas as pd
 import xarray as xr
 
 import tripod_doe as td
-from tripod_doe.joint.model_error import COMPARED, FINEST, RECORDED
+from tripod_doe.joint.known_errors.error_estimate import COMPARED, FINEST, RECORDED
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, point_values
-from tripod_doe.joint.vibration import growing_vibration
-from tripod_doe.mechanics.sources import source_hashes
+from tripod_doe.joint.vibration.onset import growing_vibration
+from tripod_doe.mechanics.compilation.sources import source_hashes
 from tripod_doe.simulator import Outcome
 
 SURE, SECOND_SURE = 0.02, 0.1

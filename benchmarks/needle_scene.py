@@ -24,7 +24,7 @@ import numpy as np
 from roller_peers import roller_in_exudyn, roller_in_mujoco
 
 from tripod_doe.mechanics.assembly import assemble
-from tripod_doe.mechanics.monitor import Settings
+from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, run
 from tripod_doe.mechanics.scenes import needle_between_plates, roller_in_groove
 

@@ -1,13 +1,13 @@
 """The equilibrium model as one would write it in plain NumPy: all angles of one point at once, bisection in the spin.
 
-The peer of benchmarks/throughput.py. Same equations as tripod_doe.joint.equilibrium, none of its code.
+The peer of benchmarks/throughput.py. Same equations as tripod_doe.joint.balance.equilibrium, none of its code.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from tripod_doe.joint.contact import bearing_load_zone
+from tripod_doe.joint.geometry.contact_stiffness import bearing_load_zone
 
 
 def third_order(p, samples=360):

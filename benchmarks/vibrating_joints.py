@@ -1,4 +1,4 @@
-"""Records which joints vibrate by themselves, and what that makes of their third order: joint/vibrating_joints.csv.
+"""Records which joints vibrate by themselves, and what that makes of their third order: joint/known_errors/vibrating_joints.csv.
 
     python benchmarks/field.py rollers --count 400 --seed 230116 --record FILE
     python benchmarks/vibrating_joints.py FILE [--count 400] [--seed 230116]
@@ -19,17 +19,17 @@ import numpy as np
 import pandas as pd
 from field import Record, all_columns, answers, field_points, internal
 
-from tripod_doe.joint.model_error import RECORDED
-from tripod_doe.joint.multibody_scene import build_joint
+from tripod_doe.joint.known_errors.error_estimate import RECORDED
+from tripod_doe.joint.known_errors.vibration_record import VIBRATING
+from tripod_doe.joint.multibody.joint_scene import build_joint
+from tripod_doe.joint.multibody.readings import groove_thrust
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
-from tripod_doe.joint.readings import groove_thrust
 from tripod_doe.joint.values import JointValues
-from tripod_doe.joint.vibration_record import VIBRATING
 from tripod_doe.mechanics.assembly import assemble
-from tripod_doe.mechanics.monitor import Settings
+from tripod_doe.mechanics.compilation.sources import source_hashes
+from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, run
-from tripod_doe.mechanics.sources import source_hashes
 from tripod_doe.simulator import Outcome
 
 SAMPLES, TOLERANCE = 360, 4e-3

@@ -5,7 +5,7 @@
 For each joint and method: mean third order over the later two thirds of the revolutions, twice the standard deviation
 of that mean, effective value of the thrust above order 12, and force evaluations and CPU time per revolution. Where
 chance does not explain what methods are apart, steps do. The step of the fixed-step methods turns the phase
-of the vibration by 0.1; an answer of the service takes Rosenbrock's method (`joint.vibrating_run`).
+of the vibration by 0.1; an answer of the service takes Rosenbrock's method (`joint.vibration.vibrating_run`).
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ import time
 
 import numpy as np
 
-from tripod_doe.joint.chance import mean_and_chance
-from tripod_doe.joint.multibody_scene import build_joint
+from tripod_doe.joint.multibody.joint_scene import build_joint
+from tripod_doe.joint.multibody.revolutions import JointInTurns
+from tripod_doe.joint.multibody.scatter import mean_and_chance
 from tripod_doe.joint.parameters import point_values
-from tripod_doe.joint.revolutions import JointInTurns
-from tripod_doe.joint.vibration import growing_vibration
+from tripod_doe.joint.vibration.onset import growing_vibration
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.run import Limits

@@ -16,7 +16,7 @@ from tripod_doe.analyses.figures import FIGURES
 from tripod_doe.analyses.main_effects.charts import effect_charts
 from tripod_doe.analyses.registry import ANALYSES
 from tripod_doe.cli.main import build_parser
-from tripod_doe.joint.model_error import COMPARED, RECORDED
+from tripod_doe.joint.known_errors.error_estimate import COMPARED, RECORDED
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.simulator import simulator as joint
 from tripod_doe.mechanics.integrators.registry import METHODS

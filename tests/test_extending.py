@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tripod_doe.mechanics.sources import cache_root, hash_sources, source_hashes
+from tripod_doe.mechanics.compilation.sources import cache_root, hash_sources, source_hashes
 
 ROOT = Path(__file__).parent.parent
 SECTIONS = (ROOT / "docs" / "extending.md").read_text().split("\n## ")[1:]

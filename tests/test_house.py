@@ -15,7 +15,7 @@ import tripod_doe as td
 from tripod_doe.cli.main import build_parser
 from tripod_doe.joint.models import MODELS
 from tripod_doe.joint.simulator import simulator
-from tripod_doe.mechanics.sources import cache_root
+from tripod_doe.mechanics.compilation.sources import cache_root
 from tripod_doe.study.file import StudyFile
 
 ROOT = Path(__file__).parent.parent

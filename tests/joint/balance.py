@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tripod_doe.joint.initial_state import GROOVE_ANGLES
-from tripod_doe.mechanics.constraints import evaluate_constraints
+from tripod_doe.joint.multibody.initial_state import GROOVE_ANGLES
+from tripod_doe.mechanics.forces.constraints import evaluate_constraints
 
 
 def degrees_of_freedom(assembly):

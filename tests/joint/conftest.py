@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import tripod_doe as td
-from tripod_doe.joint.multibody_scene import build_joint
+from tripod_doe.joint.multibody.joint_scene import build_joint
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.mechanics.assembly import assemble

@@ -9,11 +9,11 @@ from few import CALM, FEW
 
 import tripod_doe as td
 from tripod_doe.errors import InputError
-from tripod_doe.joint.multibody_scene import build_joint, build_trunnion
+from tripod_doe.joint.multibody.joint_scene import build_joint, build_trunnion
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.joint.trunnion import simulator
 from tripod_doe.mechanics.assembly import assemble
-from tripod_doe.mechanics.monitor import Settings
+from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, run
 from tripod_doe.simulator import Outcome
 

@@ -7,9 +7,8 @@ import pytest
 
 from tripod_doe.errors import InputError
 from tripod_doe.mechanics.assembly import assemble
-from tripod_doe.mechanics.implicit import largest_correction
+from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.mechanics.monitor import Settings
 from tripod_doe.mechanics.run import Limits, run
 from tripod_doe.mechanics.scene import (
     GROUND,
@@ -27,6 +26,7 @@ from tripod_doe.mechanics.scene import (
     Universal,
 )
 from tripod_doe.mechanics.scenes.examples import pendulum, rolling_sphere
+from tripod_doe.mechanics.solve.newton import largest_correction
 from tripod_doe.simulator import Outcome
 
 

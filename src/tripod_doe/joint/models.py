@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.goal import Goal
-from tripod_doe.joint.operating_ratios import RATIOS
+from tripod_doe.joint.accuracy import Goal
+from tripod_doe.joint.known_errors.operating_ratios import RATIOS
+from tripod_doe.joint.known_errors.vibration_record import SHARE, SHARE_MEANING
 from tripod_doe.joint.outputs import (
     JOINT_OUTPUTS,
     PART_OUTPUTS,
@@ -21,15 +22,14 @@ from tripod_doe.joint.outputs import (
     thrust_outputs,
 )
 from tripod_doe.joint.values import JointValues
-from tripod_doe.joint.vibration_record import SHARE, SHARE_MEANING
-from tripod_doe.mechanics.first_compilation import first_compilation
+from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
+from tripod_doe.mechanics.compilation.first_compilation import first_compilation
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.mechanics.rates import RATE_OUTPUTS
 from tripod_doe.simulator import BlockResult, Methods, Outcome, ValidRange
 
 if TYPE_CHECKING:  # a model imports its kernels when it is first used
-    from tripod_doe.joint.equilibrium import Equilibrium
-    from tripod_doe.joint.joint_run import Readings
+    from tripod_doe.joint.balance.equilibrium import Equilibrium
+    from tripod_doe.joint.multibody.run_result import Readings
 
 
 _CHUNK = 64  # points whose waveforms are held at once
@@ -200,13 +200,13 @@ _MASSES = frozenset({"roller_width_mm", "shaft_mass_kg", "density_kg_m3"})
 
 
 def _solve_equilibrium(points: JointValues[FloatArray], samples: int) -> Equilibrium:
-    from tripod_doe.joint.equilibrium import solve_equilibrium
+    from tripod_doe.joint.balance.equilibrium import solve_equilibrium
 
     return solve_equilibrium(points, samples)
 
 
 def _solve_kinetostatic(points: JointValues[FloatArray], samples: int) -> Equilibrium:
-    from tripod_doe.joint.kinetostatic import solve_kinetostatic
+    from tripod_doe.joint.balance.kinetostatic import solve_kinetostatic
 
     return solve_kinetostatic(points, samples)
 
@@ -231,7 +231,7 @@ _CALM = ValidRange(
 
 
 def _within(swing: float, needle: float) -> tuple[ValidRange, ...]:
-    """Where a balance holds: inside, nine in ten of the measured points (`model_error`) are within 5 %."""
+    """Where a balance holds: inside, nine in ten of the measured points (`error_estimate`) are within 5 %."""
     return (
         ValidRange(
             "swing_ratio",

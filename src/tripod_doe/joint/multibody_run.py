@@ -5,9 +5,9 @@ that is asked for (`refinement`). With a given tolerance or step the last revolu
 instead, for the numerical error (`numerical_error`).
 
 Halving steps cannot show what all affordable steps damp: many joints vibrate by themselves. So it is asked first
-whether a joint does (`vibration`). If so, runs by the models' own method are followed with the vibration, and others
-are compared with that (`vibrating_joint`). So are `rollers` that come to no result otherwise: some vibrate only after a
-kick, as their start is one.
+whether a joint does (`vibration.onset`). If so, runs by the models' own method are followed with the vibration, and
+others are compared with that (`vibration.answer`). So are `rollers` that come to no result otherwise: some vibrate only
+after a kick, as their start is one.
 """
 
 from __future__ import annotations
@@ -19,10 +19,9 @@ from functools import partial
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.goal import Goal
-from tripod_doe.joint.joint_run import JointRun, Readings, VibrationReadings
-from tripod_doe.joint.multibody_scene import build_joint
-from tripod_doe.joint.numerical_error import (
+from tripod_doe.joint.accuracy import Goal
+from tripod_doe.joint.multibody.joint_scene import build_joint
+from tripod_doe.joint.multibody.numerical_error import (
     ERROR_LIMIT,
     LEAD,
     amplitude_error,
@@ -30,21 +29,22 @@ from tripod_doe.joint.numerical_error import (
     judge,
     miss_of_given,
 )
+from tripod_doe.joint.multibody.passes import FollowedJoint, Motion
+from tripod_doe.joint.multibody.readings import groove_readings, groove_thrust, needle_skews
+from tripod_doe.joint.multibody.refinement import first_tolerance, refine
+from tripod_doe.joint.multibody.revolutions import unrest
+from tripod_doe.joint.multibody.run_result import JointRun, Readings, VibrationReadings
+from tripod_doe.joint.multibody.thrust_parts import thrust_parts
 from tripod_doe.joint.orders import ORDERS, ahead, complex_amplitudes
-from tripod_doe.joint.passes import FollowedJoint, Motion
-from tripod_doe.joint.readings import groove_readings, groove_thrust, needle_skews
-from tripod_doe.joint.refinement import first_tolerance, refine
-from tripod_doe.joint.revolutions import unrest
-from tripod_doe.joint.thrust_parts import thrust_parts
 from tripod_doe.joint.values import JointValues
-from tripod_doe.joint.vibrating_joint import VibratingJoint
-from tripod_doe.joint.vibration import Vibration, growing_vibration
+from tripod_doe.joint.vibration.answer import VibratingJoint
+from tripod_doe.joint.vibration.onset import Vibration, growing_vibration
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
-from tripod_doe.mechanics.first_compilation import first_compilation
-from tripod_doe.mechanics.floquet import Growth, departure_matrices
-from tripod_doe.mechanics.linearisation import fastest_rates
-from tripod_doe.mechanics.monitor import Settings
-from tripod_doe.mechanics.rates import Rates
+from tripod_doe.mechanics.checks.floquet import Growth, departure_matrices
+from tripod_doe.mechanics.checks.linearisation import fastest_rates
+from tripod_doe.mechanics.checks.rates import Rates
+from tripod_doe.mechanics.compilation.first_compilation import first_compilation
+from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, method_named, run
 from tripod_doe.simulator import Outcome
 

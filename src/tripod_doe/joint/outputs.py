@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.orders import ORDERS, amplitude_and_phase, complex_amplitudes, rms
 from tripod_doe.joint.parameters import MECHANISMS
-from tripod_doe.mechanics.rates import RATE_OUTPUTS
+from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
 from tripod_doe.simulator import Dimension, Output, by_name
 
 PARTS = (*MECHANISMS, "remainder")

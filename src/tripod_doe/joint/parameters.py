@@ -81,7 +81,10 @@ def internal_values(columns: Mapping[str, NDArray[Any]]) -> JointValues[FloatArr
         inside[name.removesuffix(ending)] = column * factor
     for switch, coefficient in _SWITCHED.items():
         inside[coefficient] = inside[coefficient] * inside[switch]
-    from tripod_doe.joint.contact import contact_constants, elastic_factor  # compiles, and needs scipy
+    from tripod_doe.joint.geometry.contact_stiffness import (  # compiles, and needs scipy
+        contact_constants,
+        elastic_factor,
+    )
 
     elastic = elastic_factor(inside["youngs_modulus"], inside["poissons_ratio"]) * inside["contact_stiffness_factor"]
     inside |= contact_constants(

@@ -1,6 +1,6 @@
 """One trunnion with its needles, its roller and its groove as a simulator: a third of the joint.
 
-The parts are the joint's own, and so is the motion: see `multibody_scene.build_trunnion`. What is left out is the
+The parts are the joint's own, and so is the motion: see `joint_scene.build_trunnion`. What is left out is the
 friction in the other two grooves, which turns and loads the spider a little.
 """
 
@@ -14,19 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.feasibility import infeasible
+from tripod_doe.joint.geometry.feasibility import infeasible
 from tripod_doe.joint.models import MODELS
+from tripod_doe.joint.multibody.joint_scene import build_trunnion
+from tripod_doe.joint.multibody.numerical_error import amplitude_error, finer_thrust, judge, miss_of_given
+from tripod_doe.joint.multibody.readings import groove_readings, needle_drift, needle_skews
 from tripod_doe.joint.multibody_run import compile_joint, follow
-from tripod_doe.joint.multibody_scene import build_trunnion
-from tripod_doe.joint.numerical_error import amplitude_error, finer_thrust, judge, miss_of_given
 from tripod_doe.joint.orders import amplitude_and_phase, complex_amplitudes
 from tripod_doe.joint.outputs import ORDER, ROTATION, rotation_angles
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values, point_values
-from tripod_doe.joint.readings import groove_readings, needle_drift, needle_skews
 from tripod_doe.mechanics.assembly import assemble
-from tripod_doe.mechanics.monitor import Settings
+from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Run, method_named
-from tripod_doe.mechanics.scenes.simulator import RUN_OUTPUTS, SceneSimulator
+from tripod_doe.mechanics.scenes.scene_simulator import RUN_OUTPUTS, SceneSimulator
 from tripod_doe.simulator import Outcome, Output, Parameter, by_name
 
 _SAMPLES = 360

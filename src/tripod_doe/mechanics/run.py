@@ -9,7 +9,7 @@ slip reversals
     A slip that reverses from step to step is chatter, not motion: on that part of the slip path it is unknown where
     friction points. Rolling leaves a slip that reverses over next to no path.
 halved step
-    The run, or windows of it, is run again with half the step (or a tenth of the tolerance): `halved_steps`. The error
+    The run, or windows of it, is run again with half the step (or a tenth of the tolerance): `step_halving`. The error
     that follows from the difference by the method's order must stay within `Limits.error` of the slip path (of the
     travel where nothing slips). Where the whole run in half the steps agrees, the energy balance is that of the same
     motion in ever smaller steps, and of what does not come back: a sum of powers is coarse where one breaks off within
@@ -28,15 +28,15 @@ import numpy as np
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
+from tripod_doe.mechanics.arithmetic.lanes import WIDTH
 from tripod_doe.mechanics.assembly import Assembly, State
-from tripod_doe.mechanics.bearing import bearing_compression
-from tripod_doe.mechanics.contact import largest_penetration
-from tripod_doe.mechanics.energy_balance import EnergyBalance, Passage
-from tripod_doe.mechanics.halved_steps import Again, Ways, difference, error_over_difference, run_again, ways_of
+from tripod_doe.mechanics.checks.energy_balance import EnergyBalance, Passage
+from tripod_doe.mechanics.checks.step_halving import Again, Ways, difference, error_over_difference, run_again, ways_of
+from tripod_doe.mechanics.forces.bearing import bearing_compression
+from tripod_doe.mechanics.forces.sphere_contact import largest_penetration
 from tripod_doe.mechanics.integrators.contract import Method
+from tripod_doe.mechanics.integrators.monitor import RUNAWAY, TRACE_FULL, Settings, begin_watch
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.mechanics.lanes import WIDTH
-from tripod_doe.mechanics.monitor import RUNAWAY, TRACE_FULL, Settings, begin_watch
 from tripod_doe.mechanics.tables import EVALUATIONS, FACTORISATIONS, STEPS, Work
 from tripod_doe.mechanics.trace import States, Trace
 from tripod_doe.quantities import number

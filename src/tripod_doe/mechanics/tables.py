@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
-from tripod_doe.mechanics.by_reference import ByReference
+from tripod_doe.mechanics.compilation.by_reference import ByReference
 
 _VECTOR = (np.float64, (3,))
 

@@ -7,7 +7,7 @@ import contextlib
 from jinja2 import FileSystemBytecodeCache
 from jinja2.bccache import Bucket
 
-from tripod_doe.mechanics.sources import cache_root
+from tripod_doe.mechanics.compilation.sources import cache_root
 
 
 class _CompiledTemplates(FileSystemBytecodeCache):

@@ -34,7 +34,7 @@ _IMPORTED = (
     "matplotlib.backends.backend_svg",
     "netCDF4",
     "tripod_doe.cli.main",
-    "tripod_doe.joint.equilibrium",
+    "tripod_doe.joint.balance.equilibrium",
     "tripod_doe.joint.simulator",
     "tripod_doe.service.answering",
     "tripod_doe.service.plans",

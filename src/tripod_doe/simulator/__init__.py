@@ -4,7 +4,7 @@ from tripod_doe.simulator.block import WORK, BlockResult, Retries, Values, commo
 from tripod_doe.simulator.candidate import Candidate
 from tripod_doe.simulator.counted_time import counted_time, not_counted
 from tripod_doe.simulator.demand import Demand, Demands
-from tripod_doe.simulator.model_error import NOTABLE_ERROR, Departure, ModelErrors, ModelSummary, ValidRange
+from tripod_doe.simulator.known_error import NOTABLE_ERROR, Departure, ModelErrors, ModelSummary, ValidRange
 from tripod_doe.simulator.outcome import DETAIL_ATTRIBUTES, OUTCOME_ATTRIBUTES, OUTCOME_MEANINGS, Outcome
 from tripod_doe.simulator.output import Dimension, Output
 from tripod_doe.simulator.parameter import Parameter, Value, check_parameters, is_set

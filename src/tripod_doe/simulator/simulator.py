@@ -15,7 +15,7 @@ from tripod_doe.errors import InputError
 from tripod_doe.simulator.block import BlockResult
 from tripod_doe.simulator.candidate import Candidate
 from tripod_doe.simulator.demand import Demands
-from tripod_doe.simulator.model_error import ModelErrors, ModelSummary
+from tripod_doe.simulator.known_error import ModelErrors, ModelSummary
 from tripod_doe.simulator.outcome import Outcome
 from tripod_doe.simulator.output import Dimension, Output
 from tripod_doe.simulator.parameter import Parameter, Value, is_set

@@ -83,7 +83,7 @@ def degrees_of_freedom(evidence: Evidence, cases: Cases) -> Measured:
 
 @cache
 def _velocities_and_constraints() -> tuple[int, int]:
-    from tripod_doe.joint.multibody_scene import build_joint
+    from tripod_doe.joint.multibody.joint_scene import build_joint
     from tripod_doe.mechanics.assembly import assemble
 
     tables = assemble(build_joint(point_values({}).point(0), needles=True)).tables

@@ -84,7 +84,7 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
       the smallest and the largest known P of that operating point.
     - share_direct(m) = 100 Re(A_m conj(A_all)) / \|A_all\|^2 with A_m what the forces of m add to the output while all
       mechanisms are on, for cubes that hold it (X_part_amplitude and X_part_phase_deg of the output X; for the thrust
-      see `joint.thrust_parts`). direct_remainder = 100 - sum of share_direct: inertia, numerical error, and mechanisms
+      see `thrust_parts`). direct_remainder = 100 - sum of share_direct: inertia, numerical error, and mechanisms
       that are not switched here.
     - closure = 100 - sum of share_off: what switching off one at a time leaves out or counts twice.
     - interaction(i, j) = sum over S without i and j of \|S\|! (n - \|S\| - 2)! / (n - 1)! (P(S with both) - P(S with i)

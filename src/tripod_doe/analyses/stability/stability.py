@@ -5,7 +5,7 @@ output lies within `limit` of the reference of its operating point, *refused* if
 finished with another number: a failure that no check detected. The reference is found in the same cube: the finest runs
 of two methods that agree best (of one method, where it is alone, its two finest).
 
-The border is predicted from the rates of the reference run (`mechanics.linearisation`):
+The border is predicted from the rates of the reference run (`mechanics.checks.linearisation`):
 
     explicit methods    reach / rate of friction or of the stiffest contact mode, whichever is less (`Method.reach`)
     linearly implicit   limit / rate of the secant's lag: always stable, but its velocities are late

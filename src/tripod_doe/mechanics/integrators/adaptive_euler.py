@@ -3,7 +3,7 @@
 Implicit Euler lags behind by half the change of a velocity over a step. In a scene that changes by itself in the time
 T (`Scene.time_scale`) the relative tolerance therefore asks for steps of 2 tolerance T. A step that followed the error
 of every body would follow impacts of light bodies that change nothing; so the equations of a step are solved to
-`_SLACK` times the tolerance only, with the secant slope of friction (`implicit.LEAST_SHARE`), and a step whose
+`_SLACK` times the tolerance only, with the secant slope of friction (`newton.LEAST_SHARE`), and a step whose
 equations do not converge is halved.
 """
 
@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import math
 
-from tripod_doe.mechanics.compilation import kernel
-from tripod_doe.mechanics.implicit import LEAST_SHARE, Stage, solve_stage
-from tripod_doe.mechanics.inertia import add_momenta
-from tripod_doe.mechanics.lanes import clear
-from tripod_doe.mechanics.monitor import EVALUATION_LIMIT, FINISHED, STEP_LIMIT, accept
-from tripod_doe.mechanics.motion import copy_vectors
+from tripod_doe.mechanics.arithmetic.lanes import clear
+from tripod_doe.mechanics.compilation.kernels import kernel
+from tripod_doe.mechanics.forces.inertia import add_momenta
+from tripod_doe.mechanics.integrators.monitor import EVALUATION_LIMIT, FINISHED, STEP_LIMIT, accept
+from tripod_doe.mechanics.solve.equations_of_motion import copy_vectors
+from tripod_doe.mechanics.solve.newton import LEAST_SHARE, Stage, solve_stage
 from tripod_doe.mechanics.tables import EVALUATIONS, REJECTED
 
 _START, _BEFORE, _BASE = range(3)

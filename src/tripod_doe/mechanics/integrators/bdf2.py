@@ -8,13 +8,13 @@ body that rattles would end a run that hardly feels it.
 
 from __future__ import annotations
 
-from tripod_doe.mechanics.compilation import kernel, kernel_part
-from tripod_doe.mechanics.implicit import LEAST_SHARE, Stage, solve_stage
-from tripod_doe.mechanics.inertia import add_momenta
-from tripod_doe.mechanics.lanes import clear
-from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
-from tripod_doe.mechanics.motion import copy_vectors
-from tripod_doe.mechanics.rotations import load_attitude, rotation_vector
+from tripod_doe.mechanics.arithmetic.lanes import clear
+from tripod_doe.mechanics.arithmetic.rotations import load_attitude, rotation_vector
+from tripod_doe.mechanics.compilation.kernels import kernel, kernel_part
+from tripod_doe.mechanics.forces.inertia import add_momenta
+from tripod_doe.mechanics.integrators.monitor import DIVERGED, FINISHED, accept
+from tripod_doe.mechanics.solve.equations_of_motion import copy_vectors
+from tripod_doe.mechanics.solve.newton import LEAST_SHARE, Stage, solve_stage
 from tripod_doe.mechanics.tables import REJECTED
 
 _START, _BASE, _OLD_POSITIONS, _OLD_VELOCITIES = range(4)

@@ -7,7 +7,8 @@ Every method is a compiled function
 that advances positions and velocities in place from time clock[0] to `end`, in `count` equal steps or, if it controls
 its step, in as many as it needs; clock[1:] is the method's own memory between calls (its last step, its next step),
 zero at the start. It ends every step with `monitor.accept`, which sets clock[0] and needs the forces, slips and ledger
-of the new state (explicit and Rosenbrock methods call `motion.settle` for them). It answers with an outcome.
+of the new state (explicit and Rosenbrock methods call `equations_of_motion.settle` for them). It answers with an
+outcome.
 """
 
 from __future__ import annotations

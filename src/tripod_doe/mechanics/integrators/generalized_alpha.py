@@ -10,10 +10,10 @@ The first step is one of implicit Euler: a stiff start would ring, since only a 
 
 from __future__ import annotations
 
-from tripod_doe.mechanics.compilation import kernel
-from tripod_doe.mechanics.implicit import LEAST_SHARE, Stage, solve_stage
-from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
-from tripod_doe.mechanics.motion import copy_vectors
+from tripod_doe.mechanics.compilation.kernels import kernel
+from tripod_doe.mechanics.integrators.monitor import DIVERGED, FINISHED, accept
+from tripod_doe.mechanics.solve.equations_of_motion import copy_vectors
+from tripod_doe.mechanics.solve.newton import LEAST_SHARE, Stage, solve_stage
 
 _START, _BEFORE, _BASE, _ALGORITHMIC, _TRUE = range(5)
 """Rows of `Work.stages`."""

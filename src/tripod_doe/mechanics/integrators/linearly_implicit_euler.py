@@ -7,13 +7,13 @@ what the secant costs.
 
 from __future__ import annotations
 
-from tripod_doe.mechanics.compilation import kernel
-from tripod_doe.mechanics.constraints import evaluate_constraints
-from tripod_doe.mechanics.implicit import factorise_system, gather, solve_system
-from tripod_doe.mechanics.lanes import clear
-from tripod_doe.mechanics.monitor import DIVERGED, FINISHED, accept
-from tripod_doe.mechanics.motion import evaluate, linearise
-from tripod_doe.mechanics.rotations import move
+from tripod_doe.mechanics.arithmetic.lanes import clear
+from tripod_doe.mechanics.arithmetic.rotations import move
+from tripod_doe.mechanics.compilation.kernels import kernel
+from tripod_doe.mechanics.forces.constraints import evaluate_constraints
+from tripod_doe.mechanics.integrators.monitor import DIVERGED, FINISHED, accept
+from tripod_doe.mechanics.solve.equations_of_motion import evaluate, linearise
+from tripod_doe.mechanics.solve.newton import factorise_system, gather, solve_system
 
 _CHANGE, _AHEAD = range(2)
 """Rows of `Work.stages`."""

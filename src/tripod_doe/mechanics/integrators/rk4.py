@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from tripod_doe.mechanics.compilation import kernel
-from tripod_doe.mechanics.lanes import clear
-from tripod_doe.mechanics.monitor import FINISHED, accept
-from tripod_doe.mechanics.motion import copy_vectors, evaluate, settle
-from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
+from tripod_doe.mechanics.arithmetic.lanes import clear
+from tripod_doe.mechanics.arithmetic.rotations import load_vector, move, tangent_rate
+from tripod_doe.mechanics.compilation.kernels import kernel
+from tripod_doe.mechanics.integrators.monitor import FINISHED, accept
+from tripod_doe.mechanics.solve.equations_of_motion import copy_vectors, evaluate, settle
 
 _START, _FIRST, _SHIFT, _SHIFT_SUM, _CHANGE_SUM, _DISPLACEMENT = range(6)
 """Rows of `Work.stages`."""

@@ -12,14 +12,21 @@ import math
 
 import numpy as np
 
-from tripod_doe.mechanics.compilation import kernel, kernel_part
-from tripod_doe.mechanics.elimination import multiply
-from tripod_doe.mechanics.implicit import factorise_system, gather, solve_unconstrained
-from tripod_doe.mechanics.inertia import add_mass_product
-from tripod_doe.mechanics.lanes import clear, load, store
-from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, STEP_LIMIT, accept
-from tripod_doe.mechanics.motion import accelerate, copy_vectors, evaluate, larger, linearise, project
-from tripod_doe.mechanics.rotations import load_vector, move, tangent_rate
+from tripod_doe.mechanics.arithmetic.lanes import clear, load, store
+from tripod_doe.mechanics.arithmetic.rotations import load_vector, move, tangent_rate
+from tripod_doe.mechanics.compilation.kernels import kernel, kernel_part
+from tripod_doe.mechanics.forces.inertia import add_mass_product
+from tripod_doe.mechanics.integrators.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, STEP_LIMIT, accept
+from tripod_doe.mechanics.solve.elimination import multiply
+from tripod_doe.mechanics.solve.equations_of_motion import (
+    accelerate,
+    copy_vectors,
+    evaluate,
+    larger,
+    linearise,
+    project,
+)
+from tripod_doe.mechanics.solve.newton import factorise_system, gather, solve_unconstrained
 from tripod_doe.mechanics.tables import EVALUATIONS, REJECTED
 
 _START, _FIRST_VELOCITIES, _FIRST_ACCELERATIONS, _ACCELERATIONS = range(4)

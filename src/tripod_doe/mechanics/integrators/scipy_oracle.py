@@ -9,9 +9,9 @@ import numpy as np
 import scipy.integrate
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.mechanics.compilation import kernel
-from tripod_doe.mechanics.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, Settings, accept
-from tripod_doe.mechanics.motion import evaluate
+from tripod_doe.mechanics.compilation.kernels import kernel
+from tripod_doe.mechanics.integrators.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, Settings, accept
+from tripod_doe.mechanics.solve.equations_of_motion import evaluate
 from tripod_doe.mechanics.tables import EVALUATIONS, FACTORISATIONS, Tables, Work
 from tripod_doe.one_thread import one_thread
 

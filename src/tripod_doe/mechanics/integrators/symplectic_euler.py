@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from tripod_doe.mechanics.compilation import kernel
-from tripod_doe.mechanics.monitor import FINISHED, accept
-from tripod_doe.mechanics.motion import evaluate, settle
-from tripod_doe.mechanics.rotations import move
+from tripod_doe.mechanics.arithmetic.rotations import move
+from tripod_doe.mechanics.compilation.kernels import kernel
+from tripod_doe.mechanics.integrators.monitor import FINISHED, accept
+from tripod_doe.mechanics.solve.equations_of_motion import evaluate, settle
 
 
 @kernel

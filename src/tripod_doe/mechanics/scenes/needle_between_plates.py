@@ -21,10 +21,16 @@ from scipy.optimize import brentq
 
 from tripod_doe.mechanics import scene as parts
 from tripod_doe.mechanics.assembly import assemble
-from tripod_doe.mechanics.monitor import Settings
-from tripod_doe.mechanics.rates import RATE_OUTPUTS
+from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
+from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Run, run
-from tripod_doe.mechanics.scenes.simulator import PLACES, PROGRESS, RUN_OUTPUTS, SceneSimulator, numerics_parameters
+from tripod_doe.mechanics.scenes.scene_simulator import (
+    PLACES,
+    PROGRESS,
+    RUN_OUTPUTS,
+    SceneSimulator,
+    numerics_parameters,
+)
 from tripod_doe.simulator import Methods, Output, Parameter, by_name
 
 _PLATE_MASS = 1e-4

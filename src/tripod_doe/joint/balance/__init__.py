@@ -1,0 +1,1 @@
+"""The two models without time integration, `equilibrium` and `kinetostatic`: force balances at all rotation angles."""

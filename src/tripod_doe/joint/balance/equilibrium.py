@@ -1,0 +1,303 @@
+"""The equilibrium model: closed-form kinematics and the balance of forces at every rotation angle.
+
+Derivation (paper's symbols; frame e_r, e_theta, e_z of one groove, see `kinematics`)
+------------------------------------------------------------------------------------
+A roller turns with the spider and about its trunnion t with the unknown spin s, so against the housing with
+w = w_0 + s t. It touches the groove at -R_s n, where the normal n = sigma (cos a e_theta + sin a e_r) leans by the
+unknown contact angle a; sigma is the sign of the torque. With tau = cos a e_r - sin a e_theta the slip at the contact
+
+    v = sigma R_s w_z tau + (v_z - sigma R_s w_tau) e_z
+
+is the whole relative velocity. At the groove act, for a normal force N,
+
+    sliding friction     f   = -mu_s N tanh(|v| / v_st) v / |v|                              (Eq. 3, one vector)
+    spinning moment      M_s = -(3/8) mu_s N a_H tanh(w_n / w_st) along the normal           (Eq. 6, 7)
+    rolling resistance   M_r = -mu_r N (D/2) tanh(|w_t| / w_rt) w_t / |w_t|                  (Eq. 4)
+
+with a_H the semi-major axis of the contact ellipse and w_t the part of w in the tangent plane. A needle rolls freely
+across its axis and transmits friction only along it. Rolling between trunnion (radius r_t) and bore (r_b), skewed by
+psi, it slips on both alike, together by w cos psi - s r_e sin psi; by virtual power the lever is r_e = r_b r_t / r_p
+with the pitch radius r_p = (r_b + r_t) / 2. The needles carry kappa N in sum (`contact_stiffness.bearing_load_zone`),
+so on the roller act along and about its trunnion
+
+    P   = -mu_n kappa N cos psi tanh((w cos psi - s r_e sin psi) / (2 v_sn))
+    M_t = -mu_rn kappa N r_p tanh(s / s_st) + mu_n kappa N r_e sin psi tanh(the same)
+
+(the rolling resistance mu_r f d_n/2 of every contact adds up to the pitch radius). Two equations a groove and angle:
+forces along the trunnion, n t + (f t + P) / N = 0, give a; moments about it give s. The spider's balance (no force
+across the shaft, moment T about it, the wrench of all three grooves, friction included) gives the three N. Everything
+is proportional to N but a_H ~ N^(1/3) and kappa, which follows the mean load |T| / (3 R_p). The thrust on the housing
+is the sum of -f_z. Input power = output power + friction power holds to rounding and is the model's own check.
+
+Of the two effects that the usual estimate mu N tanh(v_z sin b / v_st) sin b misses, the slip across the groove
+(sigma R_s w_z) turns the phase of the third order by 3 atan(R_s / R_p) / 2, and the roller's spin on its trunnion,
+s = v_z / R_s + omega sin b, is out of phase with its rolling in the groove.
+
+Left out: inertia, the roller's swinging in its groove and its tilt on its trunnion, which `kinetostatic` adds; the
+shaft's finite length (the spider's orbit tilts it by e / L, lateral forces turn by R_p / L); how the needles' skew
+changes; end stops and contacts between needles. The equations are solved by `equilibrium_relaxation`;
+where that does not settle, by `coupled_newton` and `free_rollers`. Where no friction holds a roller's spin, the answer
+is the limit of little friction; without sliding friction in the grooves there is no thrust.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.joint.balance.account import Solution, account
+from tripod_doe.joint.balance.coupled_newton import loads_at_rest, settle_together
+from tripod_doe.joint.balance.equilibrium_relaxation import settle_still
+from tripod_doe.joint.balance.free_rollers import settle_free
+from tripod_doe.joint.balance.kinetostatic_relaxation import settle_moving
+from tripod_doe.joint.balance.needle_correction import Followers
+from tripod_doe.joint.balance.point_constants import TILT, YAW, PointConstants
+from tripod_doe.joint.balance.samples import Memory, repeat_first, start
+from tripod_doe.joint.geometry import contact_stiffness
+from tripod_doe.joint.geometry.transition_velocities import transition_velocities
+from tripod_doe.joint.values import JointValues
+from tripod_doe.mechanics.arithmetic.lanes import WIDTH
+from tripod_doe.mechanics.compilation.first_compilation import first_compilation
+from tripod_doe.mechanics.compilation.kernels import kernel
+
+_LITTLE = 1e-6
+"""Friction coefficient of what hardly resists."""
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """Solution of a block of points."""
+
+    # axial force on the housing at each groove over one revolution in N, shape (point, groove, sample)
+    groove_thrust: FloatArray
+    # what each mechanism adds to their sum in N, shape (point, part, sample); see `thrust_parts`
+    thrust_parts: FloatArray
+    friction_power: FloatArray  # mean power lost to each mechanism in N mm/s, shape (point, mechanism)
+    # input less output less friction power, over the friction power (or a thousandth of the transmitted power, where
+    # that is larger), shape (point,)
+    energy_residual: FloatArray
+    unexplained_power: FloatArray  # input less output less friction power, over the transmitted power, shape (point,)
+    # largest_normal_force, smallest_normal_force: of all grooves and angles in N, shape (point,); where no balance was
+    # found, those without slip
+    largest_normal_force: FloatArray
+    smallest_normal_force: FloatArray
+    needle_penetration: FloatArray  # of the most loaded needle into each partner in mm, shape (point,)
+    sweeps: IntArray  # relaxation sweeps, and evaluations of all grooves' forces, shape (point,)
+    settled: NDArray[np.bool_]  # whether every balance was met within the tolerance, shape (point,)
+    # whether the balance settled only with rollers that do not yaw on their needles, shape (point,)
+    upright: NDArray[np.bool_]
+    # of the needle that carries the most, rad, shape (point, trunnion, cycles sample); None where needles never move
+    needle_skew: FloatArray | None = None
+    # whether the balance settled with moving needles, shape (point,); where not, it is that of needles that keep their
+    # skew
+    needles_settled: NDArray[np.bool_] | None = None
+
+
+@kernel
+def _load_zones(loads, clearances, stiffnesses, counts, kappa, penetration):
+    """`contact_stiffness.bearing_load_zone` for every point."""
+    for i in range(loads.size):
+        kappa[i], penetration[i] = contact_stiffness.bearing_load_zone(
+            loads[i], clearances[i], stiffnesses[i], counts[i]
+        )
+
+
+def load_zones(points: JointValues[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """`contact_stiffness.bearing_load_zone` of straight needles for every point, each of shape (point,)."""
+    load = points.groove_load
+    kappa, penetration = np.empty_like(load), np.empty_like(load)
+    _load_zones(load, points.bearing_radial_clearance, points.needle_stiffness, points.needle_count, kappa, penetration)
+    return kappa, penetration
+
+
+def _groove_angles(samples: int) -> tuple[FloatArray, FloatArray]:
+    """Cosine and sine of the rotation angle of every groove, shape (groove, eights, 8); the first samples fill up."""
+    sample = np.arange(-(-samples // WIDTH) * WIDTH) % samples
+    angle = 2 * np.pi * (sample / samples + np.arange(3)[:, None] / 3)
+    return np.cos(angle).reshape(3, -1, WIDTH), np.sin(angle).reshape(3, -1, WIDTH)
+
+
+def _never_free(points: JointValues[FloatArray]) -> FloatArray:
+    """Rolling friction of the needles, at least `_LITTLE` where the groove lets rollers slide.
+
+    There nothing else may hold a roller's spin: the answer is the limit of little friction.
+    """
+    free = points.groove_sliding_friction == 0.0
+    return np.maximum(_passed_on(points), np.where(free, _LITTLE, 0.0))
+
+
+def _passed_on(points: JointValues[FloatArray]) -> FloatArray:
+    """Rolling friction that needles pass on: sliding friction makes them roll, else they stand and slide."""
+    passed: FloatArray = np.minimum(points.needle_rolling_friction, points.needle_sliding_friction)
+    return passed
+
+
+def point_constants(points: JointValues[FloatArray], kappa: FloatArray) -> dict[str, FloatArray]:
+    """Columns of `PointConstants` for a massless joint whose rollers stay on their groove's axis.
+
+    Parameters
+    ----------
+    points
+        As for `solve_equilibrium`.
+    kappa
+        Sum of the needle loads over the bearing load, shape (point,).
+
+    Returns
+    -------
+    dict
+        Each of shape (point,).
+    """
+    theta = points.joint_angle
+    transition = transition_velocities(points)
+    columns = {
+        "torque": points.torque,
+        "omega": points.speed,
+        "cos_theta": np.cos(theta),
+        "sin_theta": np.sin(theta),
+        "pitch_radius": points.pitch_radius,
+        "roller_radius": points.roller_radius,
+        "rolling_lever": points.groove_rolling_lever,
+        "bearing_radius": points.bearing_radius,
+        "needle_lever": points.bore_radius * points.trunnion_radius / points.bearing_radius,
+        "groove_sliding": points.groove_sliding_friction,
+        "groove_spinning": 0.375 * points.groove_spin_friction,
+        "groove_rolling": points.groove_rolling_friction,
+        "needle_sliding": kappa * points.needle_sliding_friction,
+        "needle_rolling": kappa * _never_free(points),
+        "slip_transition": transition.groove_sliding,
+        "needle_transition": transition.needle_sliding,
+        "roll_transition": transition.groove_rolling,
+        "spin_transition": transition.roller_spin,
+        "normal_spin_transition": transition.spinning,
+        "axis_factor": points.groove_axis_factor,
+        "tolerance": points.relative_tolerance,
+    }
+    return {name: np.zeros_like(theta) for name in PointConstants._fields} | columns
+
+
+@cache
+def _compile_other_ways() -> None:
+    """Compile what solves points that do not relax, once per process: most studies do without."""
+    row, memory = np.ones(len(PointConstants._fields)), Memory.for_samples(WIDTH)
+    with first_compilation("joints that do not relax", seconds=12):
+        for settle in (settle_together, settle_free):  # of any point: only the types of its numbers count
+            start(row, np.zeros(3), *_groove_angles(WIDTH), memory)
+            settle(row, memory)
+        repeat_first(memory)  # which only a point that settles reaches
+
+
+def solve_equilibrium(points: JointValues[FloatArray], samples: int) -> Equilibrium:
+    """Solve the equilibrium model for a block of points.
+
+    Parameters
+    ----------
+    points
+        The points.
+    samples
+        Samples of one revolution.
+
+    Returns
+    -------
+    Equilibrium
+
+    Notes
+    -----
+    Every point is computed by itself, so that its values do not depend on the block it is in.
+    """
+    kappa, penetration = load_zones(points)
+    return solve_balance(points, point_constants(points, kappa), penetration, samples)
+
+
+def _settle(
+    row: FloatArray, skews: FloatArray, cosines: FloatArray, sines: FloatArray, memory: Memory
+) -> tuple[bool, int, tuple[float, float]]:
+    """Settle a balance from its start: whether it did, iterations, and the normal forces' extremes without slip."""
+    p = PointConstants(*row)
+    start(row, skews, cosines, sines, memory)
+    settled, work = (settle_still if p.pace == 0.0 else settle_moving)(row, memory)
+    if settled:
+        return settled, work, (0.0, 0.0)
+    _compile_other_ways()
+    start(row, skews, cosines, sines, memory)
+    loads, mean_load = loads_at_rest(row, memory), abs(p.torque) / (3.0 * p.pitch_radius)
+    if loads.min() >= -p.groove_sliding:  # friction moves loads, but not by more
+        start(row, skews, cosines, sines, memory)
+        free = p.pace == 0.0 and p.groove_sliding == 0.0
+        settled, iterations = (settle_free if free else settle_together)(row, memory)
+        work += iterations
+    return settled, work, (loads.max() * mean_load, loads.min() * mean_load)
+
+
+def _settle_with_needles(row: FloatArray, memory: Memory, followers: Followers, i: int) -> int:
+    """Let the needles of point i follow its rollers, and settle the balance with what they do; iterations.
+
+    Where that does not settle, the balance stays as it was, with needles that keep their skew.
+    """
+    before, turns, tilt = memory.state.copy(), memory.turns.copy(), row[TILT]
+    followers.follow(row, memory, i)
+    if PointConstants(*row).groove_sliding == 0.0:  # nothing passes the grooves
+        memory.state[:], memory.turns[:], row[TILT] = before, turns, tilt
+        return 0
+    settled, work = settle_moving(row, memory)
+    if not settled:
+        _compile_other_ways()
+        settled, iterations = settle_together(row, memory)
+        work += iterations
+    if not settled:
+        memory.state[:], memory.turns[:], row[TILT] = before, turns, tilt
+        followers.keep(i)
+    return int(work)
+
+
+def solve_balance(
+    points: JointValues[FloatArray],
+    columns: Mapping[str, FloatArray],
+    penetration: FloatArray,
+    samples: int,
+    followers: Followers | None = None,
+) -> Equilibrium:
+    """Solve the balance of a block of points whose constants are known; parameters as there.
+
+    `followers` are the needles of a balance in which rollers tilt and needles may move.
+    """
+    table = np.stack([columns[name] for name in PointConstants._fields], axis=1)
+    skews = np.stack(points.initial_skews, axis=1)
+    cosines, sines = _groove_angles(samples)
+    memory, solution = Memory.for_samples(samples), Solution.of_nothing(table.shape[0], samples)
+    upright = np.zeros(table.shape[0], bool)
+    for i in np.flatnonzero(columns["torque"] != 0.0).tolist():
+        settle = partial(_settle, skews=skews[i], cosines=cosines, sines=sines, memory=memory)
+        solution.settled[i], solution.sweeps[i], solution.extremes[i] = settle(table[i])
+        lifts_off = solution.extremes[i, 1] < -points.groove_sliding_friction[i] * points.groove_load[i]
+        yaws = columns["yaw"][i] * columns["groove_spinning"][i] * columns["groove_sliding"][i] > 0.0
+        if not (solution.settled[i] or lifts_off) and yaws:
+            table[i, YAW] = 0.0
+            solution.settled[i], iterations, solution.extremes[i] = settle(table[i])
+            solution.sweeps[i], upright[i] = solution.sweeps[i] + iterations, solution.settled[i]
+        if solution.settled[i] and followers is not None and followers.slide[i]:
+            solution.sweeps[i] += _settle_with_needles(table[i], memory, followers, i)
+        if solution.settled[i]:
+            account(table[i], memory, solution, i)
+    solution.settled[columns["torque"] == 0.0] = True
+    solution.power[_passed_on(points) == 0.0, 4] = 0.0  # what hardly resists takes no power
+    thrust, parts = (sums.reshape(*sums.shape[:2], -1)[..., :samples] for sums in (solution.thrust, solution.parts))
+    largest, smallest = solution.extremes.T
+    return Equilibrium(
+        thrust,
+        parts,
+        solution.power,
+        solution.residual,
+        solution.unexplained,
+        largest,
+        smallest,
+        penetration,
+        solution.sweeps,
+        solution.settled,
+        upright,
+        *((followers.skews, followers.settled) if followers else ()),
+    )

@@ -1,0 +1,126 @@
+"""Feasibility of a point: whether the parts fit together, can move and slide fast enough; if not, nothing is solved.
+
+Needles on their pitch circle, all skewed by psi, are lines of a hyperboloid: the axes of neighbours are apart by
+
+    2 r_p sin(pi/N) / sqrt(1 + tan^2 psi cos^2(pi/N)),
+
+which is room for a needle's diameter or not. A preloaded bearing (negative clearance c) presses every needle into
+trunnion and bore by -c/2 each. It does not fit where that alone exceeds the contact pressure that needles bear without
+a lasting dent. It cannot move where that alone holds the roller on its trunnion by more, mu_s sum f, than the load
+|T| / (3 R_p) presses it into its groove: then the roller would have to climb its groove by more than 45 deg before it
+slides on its trunnion. tanh friction never sticks, so a run of such a joint ends, with forces that a real one would not
+survive.
+
+At rest friction may have any value below its limit, so there is no thrust to compute; that of a quasi-static joint is
+the thrust at a low speed. Where parts slide so slowly that the floor of the transition velocities counts, the friction
+law fades out, and the thrust with it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tripod_doe.array_types import FloatArray
+from tripod_doe.joint.geometry.transition_velocities import least_speed, slides_too_slowly
+from tripod_doe.joint.values import JointValues
+from tripod_doe.quantities import rounded_up
+from tripod_doe.simulator import Outcome
+
+_STATIC_PRESSURE = 4000.0
+"""MPa; contact stress of the basic static load rating of roller bearings (ISO 76)."""
+
+_EXPONENT = 10 / 9
+
+
+def infeasible(points: JointValues[FloatArray]) -> dict[int, tuple[Outcome, str]]:
+    """Points that no model can run, with outcome and reason.
+
+    Parameters
+    ----------
+    points
+        The points.
+    """
+    found: dict[int, tuple[Outcome, str]] = {}
+    for row, reason in misfits(points):
+        found.setdefault(row, (Outcome.JAMMED, reason))
+    enough = least_speed(points) * 30 / np.pi
+    for slow in map(int, np.flatnonzero(slides_too_slowly(points))):
+        found.setdefault(slow, (Outcome.OUT_OF_RANGE, _too_slow(float(enough[slow]))))
+    return found
+
+
+def _too_slow(enough: float) -> str:
+    """Why a point has no thrust to compute, and from which speed in rpm on it has."""
+    raised = "raise speed_rpm"
+    if np.isfinite(enough):
+        raised += f" to at least {rounded_up(enough)}, or joint_angle_deg"
+    return (
+        "the parts rest or slide so slowly that friction has no value (transition velocities below 0.001 mm/s or 0.001 "
+        f"rad/s): {raised}; the quasi-static thrust is that of a low speed"
+    )
+
+
+def misfits(points: JointValues[FloatArray]) -> list[tuple[int, str]]:
+    """Points whose parts cannot be put together or cannot move, with the reason.
+
+    Parameters
+    ----------
+    points
+        The points.
+    """
+    pitch, needle = points.needle_pitch_diameter, points.needle_diameter
+    bore = pitch + needle + 2 * points.bearing_radial_clearance
+    load, held, pressure = _preload(points)
+    reasons = [
+        (needle >= pitch, "the trunnion has no diameter: needle_diameter_mm must be below needle_pitch_diameter_mm"),
+        (
+            _spacing(points, 0.0) < needle,
+            "the needles do not fit on the pitch circle: reduce needle_count or needle_diameter_mm",
+        ),
+        (bore >= 2 * points.roller_radius, "the bore is larger than the roller: raise roller_radius_mm"),
+        (
+            pressure > _STATIC_PRESSURE,
+            f"the preload of the needles exceeds a contact pressure of {_STATIC_PRESSURE:g} MPa: raise "
+            "bearing_radial_clearance_mm",
+        ),
+        (
+            (held > load) & (load > 0),
+            "the sliding friction of the preloaded needles exceeds the mean contact force of a groove, so the rollers "
+            "cannot move on their trunnions: raise bearing_radial_clearance_mm or torque_n_m",
+        ),
+    ]
+    reasons += [
+        (_spacing(points, skew) < needle, f"needles skewed by initial_skew_{k}_deg do not fit beside each other")
+        for k, skew in enumerate(points.initial_skews, 1)
+    ]
+    return [(int(position), text) for bad, text in reasons for position in np.flatnonzero(bad)]
+
+
+def most_needles(diameter: FloatArray | float, pitch_diameter: FloatArray | float) -> FloatArray:
+    """How many unskewed needles of a diameter fit on their pitch circle; lengths in one unit, shapes broadcast."""
+    found: FloatArray = np.floor(np.pi / np.arcsin(np.minimum(np.divide(diameter, pitch_diameter), 1.0)) + 1e-9)
+    return found
+
+
+def room_for_needles(values: JointValues[float]) -> int:
+    """How many more needles fit on the pitch circle of an operating point, unskewed."""
+    return int(most_needles(values.needle_diameter, values.needle_pitch_diameter)) - int(values.needle_count)
+
+
+def _spacing(points: JointValues[FloatArray], skew: FloatArray | float) -> FloatArray:
+    """Distance of the axes of neighbouring needles that all have the same skew; infinite for one needle."""
+    count = points.needle_count
+    half = np.pi / np.maximum(count, 2)
+    spacing = points.needle_pitch_diameter * np.sin(half) / np.hypot(1.0, np.tan(skew) * np.cos(half))
+    return np.where(count > 1, spacing, np.inf)
+
+
+def _preload(points: JointValues[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Mean load of a groove, sliding resistance of a bearing by its preload alone, and largest pressure that makes."""
+    squeeze = np.maximum(-points.bearing_radial_clearance, 0.0) / 2
+    each = points.needle_stiffness * squeeze**_EXPONENT
+    trunnion = np.maximum(points.trunnion_radius, 1e-9)
+    modulus = points.youngs_modulus / (2 * (1 - points.poissons_ratio**2))
+    curvature = 1 / points.needle_radius + 1 / trunnion
+    pressure = np.sqrt(each / points.needle_length * modulus / np.pi * curvature)  # Hertz, a line contact
+    return points.groove_load, points.needle_sliding_friction * points.needle_count * each, pressure

@@ -1,0 +1,267 @@
+"""The error of each model of the joint at any operating point, from errors that were measured at others.
+
+`model_errors.csv` holds the third order of each model relative to that of `needles`, at operating points that cover the
+field in which joints are used (`benchmarks/model_error.py` makes it from six studies). Where needles were not run, it
+is relative to `rollers`, whose own typical error there is added. A point is compared with the measured ones that are
+most like it, by the ratios on which the errors depend: their median is the typical error, their 90th percentile its
+limit. Joints that vibrate by themselves are mostly not among them: what leaving out vibration adds to the error of a
+balance is on record elsewhere (`vibration_record`), and every error of a similar point counts with each that joints of
+such an angle and friction have by that. Nothing is known outside of what was measured, and where one of the two models
+has no answer at most of such points.
+
+Of the second order, errors are recorded where needles were run and their own numerical error is small. `similar_errors`
+gives the errors of both orders at the similar points, one by one, for a choice of the model.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.joint.known_errors.nearest import ALIKE, nearest_rows
+from tripod_doe.joint.known_errors.operating_ratios import RATIOS, operating_ratios
+from tripod_doe.joint.known_errors.vibration_record import vibration_errors
+from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.quantities import number
+from tripod_doe.simulator import Demand, Demands
+
+RECORDED = Path(__file__).with_name("model_errors.csv")
+"""File of the measured errors."""
+
+COMPARED, FINEST = ("equilibrium", "kinetostatic", "rollers"), "needles"
+"""Models, and the one that the error of each was measured against: the end of the ladder."""
+
+WITHOUT_VIBRATION = ("equilibrium", "kinetostatic")
+"""Models in which no joint vibrates by itself."""
+
+QUANTITY = "third order"
+"""What the errors are of that every answer states."""
+
+_FAR = 1e6
+"""Place of a ratio that has no logarithm: far from all that was measured."""
+_NO_REFERENCE = "this is the finest model, which the others are compared with"
+_NOT_COMPARED = "it was not compared with the others"
+_NO_ANSWER = "for most of the similar points one of the models did not finish"
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """Points at which the models were compared."""
+
+    names: tuple[str, ...]  # names of the ratios
+    # low, high: least and largest value of each ratio, shape (ratio,)
+    low: FloatArray
+    high: FloatArray
+    places: FloatArray  # logarithms of the ratios, over the spread of each, shape (measured, ratio)
+    spread: FloatArray  # standard deviations of the logarithms, shape (ratio,)
+    # by model: relative error of its third order, shape (measured,); NaN where one of the two has no answer, and
+    # infinite where it was not asked
+    errors: dict[str, FloatArray]
+    # second order of `needles` over their third, shape (measured,); NaN where it was not measured well enough
+    second: FloatArray
+    # by model: what it misses of the second order, over the third order of `needles`, shape (measured,)
+    second_missed: dict[str, FloatArray]
+    # the parameters that were varied, or set, shape (measured,) each; all others had their defaults
+    given: dict[str, FloatArray]
+
+    def told(self, ratio: int) -> str:
+        """Why nothing is known of points that lie outside in a ratio."""
+        name = self.names[ratio]
+        meaning = "" if name in JOINT_PARAMETERS else f" ({RATIOS[name]})"
+        low, high = number(self.low[ratio]), number(self.high[ratio])
+        return f"{name}{meaning} is outside of the compared range {low} to {high}"
+
+    def near(self, model: str, places: FloatArray) -> FloatArray:
+        """Errors of a model at the measured points nearest to some places, shape (place, nearest)."""
+        asked = ~np.isinf(self.errors[model])
+        nearest = nearest_rows(self.places[asked], places, ALIKE)
+        return self.errors[model][asked][nearest]
+
+    def over_allowed(self, model: str, demand: Demand, floor: float) -> FloatArray | None:
+        """Errors of a model over the allowed one, shape (measured,), as `errors`; None of what was not measured."""
+        if demand.output != "thrust_amplitude" or demand.label not in (2, 3):
+            return None
+        if demand.label == 3:
+            return self.errors[model] / demand.allowed
+        size = np.maximum(self.second, floor * np.maximum(1, self.second))
+        return np.where(np.isnan(self.second), np.inf, self.second_missed[model] / (size * demand.allowed))
+
+    def speaks_of(self, points: Mapping[str, NDArray[Any]], asked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Whether no parameter of a point leaves the range of its values at some measured ones, shape (point,)."""
+        inside = np.ones(len(points["torque_n_m"]), bool)
+        for name, parameter in JOINT_PARAMETERS.items():
+            if parameter.group == "numerics":
+                continue
+            if name in self.given:
+                known = self.given[name][asked]
+                inside &= (points[name] >= known.min()) & (points[name] <= known.max())
+            elif parameter.default is None:
+                inside &= np.isnan(points[name])
+            else:
+                inside &= points[name] == parameter.default
+        return inside
+
+
+def _median_and_limit(errors: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Median and ninth decile of the numbers of each row, which are sorted in place; NaN where most of it is."""
+    errors.sort(axis=1)  # NaN last
+    return _quantile(errors, 0.5), _quantile(errors, 0.9)
+
+
+def _quantile(found: FloatArray, share: float) -> FloatArray:
+    """Quantile of the numbers of each row, which NaN follow; NaN where those are the most."""
+    if np.isfinite(found[:, -1]).all():  # as nearly always: all rows have it at the same place
+        return found[:, math.ceil(share * (found.shape[1] - 1))]
+    known = np.isfinite(found).sum(axis=1)
+    at = np.ceil(share * np.maximum(known - 1, 0)).astype(int)
+    return np.where(2 * known > found.shape[1], found[np.arange(len(found)), at], np.nan)
+
+
+@cache
+def _measured() -> _Measured:
+    with RECORDED.open(encoding="utf-8") as file:
+        table = np.genfromtxt(file, delimiter=",", names=True, skip_header=1)
+    given = set(table.dtype.names or ())
+    ratios = operating_ratios(
+        {
+            name: table[name] if name in given else parameter.column([parameter.default] * table.size)
+            for name, parameter in JOINT_PARAMETERS.items()
+        }
+    )
+    values = np.stack(list(ratios.values()), axis=1)
+    parameters = {name: table[name] for name in given if name in JOINT_PARAMETERS}
+    second_missed = {model: np.abs(table[f"{model}_2"] - table["needles_2"]) for model in COMPARED}
+    spread = np.log(values).std(axis=0)
+    direct = table["needles"] == 1
+    errors = {model: np.abs(table[model]) for model in COMPARED}
+    errors["rollers"][~direct] = np.inf
+    measured = _Measured(
+        tuple(ratios),
+        values.min(axis=0),
+        values.max(axis=0),
+        np.log(values) / spread,
+        spread,
+        errors,
+        table["needles_2"],
+        second_missed,
+        parameters,
+    )
+    by_rollers = _median_and_limit(measured.near("rollers", measured.places[~direct]))[0]
+    for model in WITHOUT_VIBRATION:
+        errors[model][~direct] += by_rollers
+    return measured
+
+
+def known_errors(model: str, points: Mapping[str, NDArray[Any]]) -> tuple[FloatArray, FloatArray, NDArray[np.object_]]:
+    """What is known of the error that a model makes in the third order of some points.
+
+    Parameters
+    ----------
+    model
+        Name of the model that answers at all of them.
+    points
+        Every parameter by name, in the unit of its name, each of shape (point,).
+
+    Returns
+    -------
+    expected, limit, unknown
+        See `simulator.ModelErrors`; each of shape (point,).
+    """
+    return errors_at(model, operating_ratios(points), vibration_errors(points))
+
+
+def errors_at(
+    model: str, ratios: Mapping[str, FloatArray], vibration: FloatArray
+) -> tuple[FloatArray, FloatArray, NDArray[np.object_]]:
+    """As `known_errors`, of points with these ratios and errors by leaving out vibration (`vibration_errors`)."""
+    count = len(vibration)
+    expected, limit = np.full((2, count), np.nan)
+    if model not in COMPARED:
+        return expected, limit, np.full(count, _NO_REFERENCE if model == FINEST else _NOT_COMPARED, object)
+    measured = _measured()
+    values = np.stack([ratios[name] for name in measured.names], axis=1)
+    inside = (values >= measured.low) & (values <= measured.high)
+    within = inside.all(axis=1)
+    errors = measured.near(model, np.log(values[within]) / measured.spread)
+    expected[within], limit[within] = _median_and_limit(errors)
+    if model in WITHOUT_VIBRATION:
+        by_vibration = vibration[within]
+        may = by_vibration.any(axis=1)
+        both = errors[may, :, None] + by_vibration[may, None, :]
+        rows = np.flatnonzero(within)[may]
+        expected[rows], limit[rows] = _median_and_limit(both.reshape(rows.size, ALIKE * by_vibration.shape[1]))
+    unknown = np.full(count, "", object)
+    unknown[np.isnan(expected)] = _NO_ANSWER
+    for ratio in range(len(measured.names))[::-1]:  # of several, the first is told
+        unknown[~inside[:, ratio]] = measured.told(ratio)
+    return expected, limit, unknown
+
+
+def similar_errors(model: str, points: Mapping[str, NDArray[Any]], demands: Demands) -> FloatArray | None:
+    """Errors that a model makes in what a study asks for, at the measured points most like some points.
+
+    Parameters
+    ----------
+    model, points
+        As for `known_errors`.
+    demands
+        What is asked for.
+
+    Returns
+    -------
+    numpy.ndarray or None
+        Over the allowed errors, shape (point, similar, quantity); NaN where one of the two models has no answer, or
+        where a point is not like those measured: a parameter leaves their ranges, or the similar ones are farther than
+        nine in ten of the measured points have theirs. None where a quantity was not measured.
+    """
+    measured = _measured()
+    known = model if model in COMPARED else COMPARED[0]
+    found = [measured.over_allowed(known, demand, demands.floor) for demand in demands.quantities]
+    recorded = [errors for errors in found if errors is not None]
+    if len(recorded) < len(found):
+        return None
+    errors = np.stack(recorded, axis=-1)
+    similar = np.full((len(points["torque_n_m"]), ALIKE, errors.shape[-1]), np.nan)
+    if model != known:
+        return similar
+    asked = np.asarray(~np.isinf(errors).any(axis=-1))
+    inside = measured.speaks_of(points, asked)
+    ratios = operating_ratios({name: column[inside] for name, column in points.items()})
+    with np.errstate(divide="ignore"):
+        places = np.log(np.stack([ratios[name] for name in measured.names], axis=1)) / measured.spread
+    places[~np.isfinite(places)] = _FAR
+    nearest = nearest_rows(measured.places[asked], places, ALIKE)
+    near = _apart(measured.places[asked], places, nearest) <= _usual_distance(measured.places[asked])
+    similar[inside] = np.where(near[:, None, None], errors[asked][nearest], np.nan)
+    if model in WITHOUT_VIBRATION:
+        similar += _by_vibration(points, demands)
+    return similar
+
+
+def _by_vibration(points: Mapping[str, NDArray[Any]], demands: Demands) -> FloatArray:
+    """What leaving out vibration adds to errors over the allowed ones, shape (point, similar, quantity).
+
+    What it makes of the second order is not on record: NaN where a joint like the point vibrates.
+    """
+    third = vibration_errors(points)[:, :ALIKE]
+    second = np.where(third > 0, np.nan, 0.0)
+    return np.stack([third / each.allowed if each.label == 3 else second for each in demands.quantities], axis=-1)
+
+
+def _apart(known: FloatArray, places: FloatArray, nearest: IntArray) -> FloatArray:
+    """Distances of some places to the last of their nearest known ones, shape (len(places),)."""
+    return np.asarray(np.linalg.norm(known[nearest[:, -1]] - places, axis=1))
+
+
+def _usual_distance(known: FloatArray) -> float:
+    """Distance within which nine in ten known places have their own nearest ones."""
+    apart = np.sort(np.linalg.norm(known[:, None] - known, axis=2), axis=1)
+    return float(np.quantile(apart[:, ALIKE], 0.9))  # each is its own first

@@ -1,0 +1,82 @@
+"""How many joints like one vibrate by themselves, and how far a model without vibration is off there.
+
+`vibrating_joints.csv` holds joints that were followed with vibration and without (by `benchmarks/vibrating_joints.py`).
+Joint angle and sliding friction of the grooves tell best which of them vibrate: a joint is compared with those that are
+nearest in the logarithms of both. All have the default contact damping; with more, fewer joints vibrate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.array_types import FloatArray
+from tripod_doe.joint.known_errors.nearest import ALIKE, nearest_rows
+from tripod_doe.simulator import NOTABLE_ERROR
+
+VIBRATING = Path(__file__).with_name("vibrating_joints.csv")
+"""File of the recorded joints."""
+
+SHARE = "vibration_share"
+SHARE_MEANING = (
+    "share of the recorded joints with such an angle and groove friction that vibrate by themselves, by which their "
+    f"third order changes by more than {100 * NOTABLE_ERROR:g} %"
+)
+
+VIBRATES_BY = ("joint_angle_deg", "groove_sliding_friction", "groove_sliding")
+"""Parameters by which joints are compared."""
+
+_LEAST_ANGLE, _LEAST_FRICTION = 0.1, 1e-3
+"""Angle in deg and friction below which nothing vibrates: less counts as so much."""
+
+
+def vibration_errors(points: Mapping[str, NDArray[Any]]) -> FloatArray:
+    """Errors of the third order that leaving out vibration makes at the recorded joints most like some points.
+
+    Parameters
+    ----------
+    points
+        Those of `VIBRATES_BY` at least, in the unit of its name, each of shape (point,).
+
+    Returns
+    -------
+    ndarray, shape (point, recorded joint)
+        Relative to the third order with vibration; 0 where the recorded joint does not vibrate.
+    """
+    recorded, errors, spread = _recorded()
+    angle, friction, switch = (points[name] for name in VIBRATES_BY)
+    found: FloatArray = errors[nearest_rows(recorded, _places(angle, friction * switch) / spread, ALIKE)]
+    return found
+
+
+def vibration_share(errors: FloatArray) -> FloatArray:
+    """Share of recorded joints most like some points to which vibration matters (`SHARE_MEANING`), shape (point,).
+
+    Parameters
+    ----------
+    errors
+        `vibration_errors` of the points.
+    """
+    share: FloatArray = (errors > NOTABLE_ERROR).mean(axis=1)
+    return share
+
+
+def _places(angle: NDArray[Any], friction: NDArray[Any]) -> FloatArray:
+    """Logarithms of what joints are compared by, shape (joint, 2)."""
+    columns = [np.maximum(angle, _LEAST_ANGLE), np.maximum(friction, _LEAST_FRICTION)]
+    return np.asarray(np.log(np.stack(columns, axis=1)), float)
+
+
+@cache
+def _recorded() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Places of the recorded joints over their spread, their errors, and that spread."""
+    with VIBRATING.open(encoding="utf-8") as file:
+        table = np.genfromtxt(file, delimiter=",", names=True, skip_header=1)
+    places = _places(table["joint_angle_deg"], table["groove_friction"])
+    spread = places.std(axis=0)
+    return places / spread, np.abs(1 / (1 + table["third_changed"]) - 1), spread

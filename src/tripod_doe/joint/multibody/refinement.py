@@ -1,0 +1,247 @@
+"""Accuracy is asked for, and a run finds its tolerance: it is refined until its orders are as accurate as asked.
+
+The first pass follows all revolutions with a coarse tolerance (`first_tolerance`). The sampled revolutions are then run
+again in finer steps, from the first pass's state a little before them: what two passes differ by tells the error of the
+finer one by the order of the method, and the next steps follow from that error. So no revolution is run for its error
+alone, and those that are dropped are run once (but with needles, which remember).
+
+Parts that rattle make revolutions differ by chance. Where that is the larger part of the error, both passes go on for
+more revolutions, and the orders are those of the mean, but for first revolutions that still swing in. A pass that would
+cost far more than the first one is not begun: the run tells by how much it misses, and what that pass would cost.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tripod_doe.array_types import FloatArray
+from tripod_doe.joint.accuracy import Goal
+from tripod_doe.joint.geometry.roller_inertia import roller_inertia
+from tripod_doe.joint.multibody.passes import FollowedJoint, Motion, Pass, StoppedError
+from tripod_doe.joint.multibody.scatter import mean_and_chance, swung_in
+from tripod_doe.joint.orders import ORDERS
+from tripod_doe.joint.values import JointValues
+
+_RESOLVED = ((60, 8.7e-3), (550, 4.4e-3), (1500, 2.9e-3), (math.inf, 1.7e-3))
+"""Coarsest tolerance that resolves the motion, by the largest ratio of a groove's normal force to the force that keeps
+a roller on its orbit. Measured with `rollers` at 45 points of the field (benchmarks/accuracy.py) that do not vibrate:
+the third order is off by more than a tenth at 5 of them with these tolerances, at 24 of 37 with the next larger."""
+
+_RESOLVED_NEEDLES = math.pi / 1080
+"""The same for `needles`, a third of a degree at any force: their friction damps a roller's swing, and steps must
+resolve how needles knock against each other, by the rotation. At 24 joints (19 of the tests' needles_held_out.csv, five
+of benchmarks/full_model.py) the third order is off by 0.09 % in the median with this tolerance, by 1.1 % at most,
+and with half of it by 0.04 and 0.17 %. With the next larger one it is off by up to 1.8 % at 10, for more work."""
+
+_LEFT = 1.35
+"""Error of the third order that the second pass leaves over the tolerance of the first one, at half of 14 points of the
+field (`rollers`); higher orders are off by more. Where it leaves more a third pass follows, which costs what finer ones
+from the start would."""
+
+_LEFT_NEEDLES = 0.85
+"""The same for `needles`, at half of these joints."""
+
+_UNRESOLVED = 0.1
+"""Error over the size of an order above which steps do not resolve the motion: the order of the method then tells
+nothing, and steps are halved."""
+
+_LEAST_REFINED, _MOST_REFINED = 1.5, 4.0
+"""Factors between which steps are refined at once: closer passes tell little of the error, and an error is no better
+known than to such a factor."""
+
+_AIM = 0.8
+"""Share of the allowed error that the next pass aims at."""
+
+_UNSURE = 0.5
+"""Share of the error aimed at by chance above which steps are refined by the most: two passes then differ by chance,
+which counts for the less, the farther apart their steps are."""
+
+_MOST_LONGER = 4
+"""Factor by which the number of sampled revolutions grows at once."""
+
+_ALIKE, _LEFT_OF_SWING, _LONGEST = 0.05, 0.5, 128
+"""Difference of two revolutions, and what is left of a swing that falls, over the allowed error up to which a motion
+counts as swung in; and revolutions in which it is waited for."""
+
+_DEAREST = 256
+"""Force evaluations of a further pass over those of the first one above which it is not begun."""
+
+
+@dataclass(frozen=True)
+class _Comparison:
+    """Two passes held against what is asked for."""
+
+    by_steps: FloatArray  # error of every order by the steps of the finer pass, shape (order,)
+    by_chance: FloatArray  # error of every order by rattling, shape (order,)
+    # sizes, allowed: what errors are relative to, and how large they may be (infinite where nothing is asked for),
+    # shape (order,)
+    sizes: FloatArray
+    allowed: FloatArray
+    swung_in: int  # first revolutions of both passes that do not count
+
+    @classmethod
+    def of(
+        cls, coarse: Pass, fine: Pass, method_order: int, goal: Goal, values: JointValues[float], remembers: bool
+    ) -> _Comparison:
+        """Errors of the finer of two passes.
+
+        A method of order p whose result changes by d from steps h to r h is still off by d r^p / (1 - r^p). Chance
+        moves all orders alike; one that moves more, as it does while a motion still grows, counts by itself. What the
+        finer pass moves by chance is no error of its steps. What the coarser pass moves by chance is not taken off:
+        steps that do not resolve the motion could hide in it.
+
+        Of a joint that remembers, revolutions differ in any steps while its skews still turn. There only what the two
+        passes differ by in one and the same revolution is chance, half of its variance each.
+        """
+        allowed = goal.allowed(np.abs(fine.orders.mean(0)), values)
+        asked = np.isfinite(allowed)
+        dropped = swung_in(fine.orders[:, asked] / allowed[asked])
+        parts = (fine.orders - coarse.orders) / math.sqrt(2) if remembers else fine.orders
+        mean, (_, chance) = fine.orders[dropped:].mean(0), mean_and_chance(parts[dropped:, None])
+        alike = math.sqrt(float((chance[1:] ** 2).mean()))
+        change = np.abs(mean - coarse.orders[dropped:].mean(0))
+        left = (fine.setting / coarse.setting) ** method_order
+        by_steps = np.sqrt(np.maximum(change**2 - alike**2 / 2, 0)) * left / (1 - left)
+        sizes, allowed = (of(np.abs(mean), values) for of in (goal.sizes, goal.allowed))
+        return cls(by_steps, np.maximum(chance, alike), sizes, allowed, dropped)
+
+    @property
+    def error(self) -> FloatArray:
+        """Both parts together."""
+        both: FloatArray = np.hypot(self.by_steps, self.by_chance)
+        return both
+
+    @property
+    def worst(self) -> int:
+        """The order that misses what is asked for by most."""
+        return int((self.error / self.allowed).argmax())
+
+    @property
+    def settles(self) -> bool:
+        """Whether nothing is to be refined: the errors are as small as asked for, or there is no number."""
+        return not np.isfinite(self.error).all() or bool((self.error <= self.allowed).all())
+
+    def next_pass(self, fine: Pass, method_order: int) -> tuple[int, float]:
+        """Sampled revolutions and setting of the next pass: more revolutions, or finer steps."""
+        order, sampled = self.worst, len(fine.orders)
+        steps, chance, aim = self.by_steps[order], self.by_chance[order], _AIM * self.allowed[order]
+        if chance > steps:
+            wanted = self.swung_in + math.ceil((sampled - self.swung_in) * (chance / aim) ** 2)
+            return min(max(wanted, sampled + 1), _MOST_LONGER * sampled), fine.setting
+        if steps > _UNRESOLVED * self.sizes[order]:
+            return sampled, fine.setting / 2
+        factor = math.inf if chance > _UNSURE * aim else (steps / aim) ** (1 / method_order)
+        return sampled, fine.setting / float(np.clip(factor, _LEAST_REFINED, _MOST_REFINED))
+
+    def miss(self) -> str:
+        """By how much the worst order misses, in words."""
+        order, size = self.worst, self.sizes[self.worst]
+        found, asked = (100 * part[order] / size for part in (self.error, self.allowed))
+        text = f"the numerical error of order {order} is {found:.2g} % of {size:.3g} N"
+        return f"{text}, where {asked:.2g} % is required"
+
+
+def first_tolerance(values: JointValues[float], goal: Goal, needles: bool) -> float:
+    """Coarsest tolerance of `adaptive-euler` that the first pass of an operating point is likely to need."""
+    resolved, left = (_RESOLVED_NEEDLES, _LEFT_NEEDLES) if needles else (_resolves_swing(values), _LEFT)
+    return min(resolved, *(3 / max(order, 3) * _AIM * share / left for order, share in goal.orders.items()))
+
+
+def _resolves_swing(values: JointValues[float]) -> float:
+    """Coarsest tolerance that resolves how rollers swing."""
+    mass = float(
+        roller_inertia(*np.array([values.roller_radius, values.roller_width, values.bore_radius, values.density]))[0]
+    )
+    ratio = values.groove_load / (mass * values.pitch_radius * values.speed**2)
+    return next(tolerance for limit, tolerance in _RESOLVED if ratio <= limit)
+
+
+def refine(joint: FollowedJoint, goal: Goal, setting: float) -> Motion:
+    """Follow a joint in steps as fine, and over as many revolutions, as its goal asks for.
+
+    Parameters
+    ----------
+    joint
+        The joint.
+    goal
+        What is asked for.
+    setting
+        Tolerance or step of the first pass.
+    """
+    order = 1 if joint.method.controlled else joint.method.order
+    setting, error, dropped = joint.settled(setting), np.full(ORDERS.size, math.nan), 0
+    missed, repeats = "", True
+    try:
+        first, swings = _once_swung_in(joint, joint.first(setting), goal)
+        finest = coarse = first
+    except StoppedError as stop:
+        return Motion(stop.stopped, 0, setting, 0.0, error, "", tuple(joint.runs))
+    revolutions, setting = len(first.orders), joint.settled(first.setting / 2)
+    while True:
+        try:
+            if revolutions > len(finest.orders):
+                coarse, finest = (joint.longer(each, revolutions) for each in (coarse, finest))
+            else:
+                coarse, finest = finest, joint.again(finest, setting)
+        except StoppedError as stop:
+            missed = f"in finer steps the run ends as {stop.stopped.outcome.label}: {stop.stopped.detail}"
+            break
+        found = _Comparison.of(coarse, finest, order, goal, joint.values, joint.remembers)
+        error, dropped = found.error, found.swung_in
+        if found.settles:
+            break
+        revolutions, setting = found.next_pass(finest, order)
+        setting = joint.settled(setting)
+        if dear := _too_dear(joint, coarse, finest, revolutions, setting):
+            missed, repeats = f"{found.miss()}; {dear}", revolutions == len(finest.orders)
+            break
+    sampled, lag, whole = len(finest.orders) - dropped, joint.lag(finest.setting), joint.motion(first, finest)
+    return Motion(
+        whole, sampled, finest.setting, lag, error, swings or missed, tuple(joint.runs), bool(swings), repeats
+    )
+
+
+def _once_swung_in(joint: FollowedJoint, first: Pass, goal: Goal) -> tuple[Pass, str]:
+    """The first pass, gone on with until revolutions are alike or differ by chance; or that it still swings in.
+
+    Some joints swing in slowly, those of small angles at high speed for a hundred revolutions: coarse steps are cheap
+    for that. What is left of a swing follows from how its steps from one revolution to the next fall. Needles are left
+    alone: their skew changes in all revolutions.
+    """
+    while not joint.remembers:
+        count, allowed = len(first.orders), goal.allowed(np.abs(first.orders[-2:].mean(0)), joint.values)
+        asked = np.isfinite(allowed)
+        scaled = first.orders[:, asked] / allowed[asked]
+        apart = np.abs(np.diff(scaled, axis=0)).max(axis=1)
+        if apart[-1] <= _ALIKE or (
+            count > 2 and (_left_of_swing(apart) <= _LEFT_OF_SWING or swung_in(scaled) < count // 2)
+        ):
+            break
+        if count >= _LONGEST:
+            return joint.last(first, 2), f"after {count} revolutions the joint still swings in; raise cycles"
+        first = joint.longer(first, 2 * count)
+    return first if len(first.orders) == 2 else joint.last(first, 2), ""
+
+
+def _left_of_swing(apart: FloatArray) -> float:
+    """Sum of all further steps of a swing whose steps were these, shape (step,), if they go on to fall as they did."""
+    half = len(apart) // 2
+    falls = float(apart[-1] / max(apart[half], 1e-300)) ** (1 / max(len(apart) - 1 - half, 1))
+    return float(apart[-1]) * falls / (1 - falls) if falls < 1 else math.inf
+
+
+def _too_dear(joint: FollowedJoint, coarse: Pass, finest: Pass, revolutions: int, setting: float) -> str:
+    """What the next pass would take, where that is too much."""
+    more = revolutions - len(finest.orders)
+    if more:
+        price = joint.samples * more * (coarse.evaluations_per_sample + finest.evaluations_per_sample)
+        what = f"an average over {revolutions} revolutions"
+    else:
+        price = joint.samples * revolutions * finest.evaluations_per_sample * finest.setting / setting
+        what = f"{'relative_tolerance' if joint.method.controlled else 'step_s'} = {setting:.2g}"
+    if price <= min(joint.left, _DEAREST * joint.runs[0].force_evaluations):
+        return ""
+    return f"{what} would take about {price:,.0f} more force evaluations"

@@ -1,0 +1,59 @@
+"""What a run of a multibody model came to."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from tripod_doe.array_types import FloatArray
+from tripod_doe.mechanics.checks.rates import Rates
+from tripod_doe.simulator import Outcome
+
+
+@dataclass(frozen=True)
+class VibrationReadings:
+    """A self-excited vibration in numbers, in the order of `outputs.VIBRATION_OUTPUTS`."""
+
+    growth: float  # factor by which it grows per revolution while it is small; 1 where none grows
+    rate: float  # the same as a rate, 1/s; 0 where none grows
+    hertz: float  # its frequency while it is small; 0 where none grows
+    unrest: float  # effective value of the thrust above the orders that are reported
+
+
+@dataclass(frozen=True)
+class Readings:
+    """What is read off a run that came to its end, in internal units."""
+
+    # axial force on the housing at each groove in the last revolutions, two or more, shape (revolution, groove, sample)
+    groove_thrust: FloatArray
+    # part of each mechanism in their sum, shape (revolution, part, sample); None unless requested
+    thrust_parts: FloatArray | None
+    friction_power: FloatArray  # mean power lost to each mechanism over these revolutions, shape (mechanism,)
+    # numerical error of every order of the thrust, shape (order,); NaN where it is not known
+    amplitude_error: FloatArray
+    # skew, skew_summary: skew of the needle that carries the most, shape (trunnion, 2 x sample), and its mean, smallest
+    # and largest value in every revolution, shape (trunnion, cycle, 3); rad, None without needles
+    skew: FloatArray | None
+    skew_summary: FloatArray | None
+    penetration: float  # see `mechanics.run.Run`
+    # energy that the balance misses over what friction dissipates, or over a thousandth of the transmitted energy
+    energy_residual: float
+    rates: Rates | None = None  # what limits the step in the last third of a revolution; None unless requested
+    vibration: VibrationReadings | None = None  # how the joint vibrates by itself; None where it was not asked
+
+
+@dataclass(frozen=True)
+class JointRun:
+    """What became of a run."""
+
+    # outcome, detail: how it ended, and why it failed or a note on it
+    outcome: Outcome
+    detail: str
+    readings: Readings | None = None  # its results, whatever its outcome; None if it stopped before its end
+    setting: float = math.nan  # tolerance or step of its results; NaN where nothing was run
+    settled: bool = False  # whether the run found it by itself
+    # steps, force_evaluations, solves: counted work of all passes, with that of the error estimate
+    steps: int = 0
+    force_evaluations: int = 0
+    solves: int = 0
+    followed: float = 0.0  # time of the motion, up to its end or the failure

@@ -1,0 +1,204 @@
+"""The answer of a joint that vibrates by itself: the motion with its vibration, or whether a run may do without.
+
+The method by which runs find their own steps damps the vibration: such a run of `rollers` is followed with it instead.
+Needles as bodies make that ten to three hundred times as dear as their own run. Lumped bearings tell first by how much
+the vibration changes the third order (of 20 points that were also followed with needles, they were wrong about a loss
+of 5 % at one); needles are followed where that is more than the error that is allowed. A run whose method or step is
+chosen stays what it is, and its third order is held against that of lumped bearings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from tripod_doe.array_types import FloatArray
+from tripod_doe.joint.accuracy import SMALLEST_THIRD
+from tripod_doe.joint.geometry.feasibility import room_for_needles
+from tripod_doe.joint.multibody.joint_scene import build_joint
+from tripod_doe.joint.multibody.revolutions import JointInTurns, StoppedError
+from tripod_doe.joint.multibody.run_result import JointRun, VibrationReadings
+from tripod_doe.joint.orders import ORDERS
+from tripod_doe.joint.values import JointValues
+from tripod_doe.joint.vibration.onset import Vibration, damping_against
+from tripod_doe.joint.vibration.vibrating_run import FollowedVibration, follow_vibration, undamped
+from tripod_doe.mechanics.assembly import assemble
+from tripod_doe.mechanics.compilation.first_compilation import first_compilation
+from tripod_doe.mechanics.run import Limits, Run, run
+from tripod_doe.simulator import Outcome
+
+_BUILT_UP = 1.5
+"""Factor of the thrust's unrest above which departures do not just grow but become a vibration."""
+
+
+class VibratingJoint:
+    """A joint in which departures from the smooth motion grow.
+
+    Parameters
+    ----------
+    values
+        Its operating point.
+    vibration
+        What grows.
+    samples
+        Samples per revolution.
+    limits
+        What a revolution may show.
+    allowed
+        Errors that orders of such amplitudes may have, infinite where any will do; shape (order,) each.
+    split
+        Whether the thrust is split into the parts of the mechanisms.
+    """
+
+    def __init__(
+        self,
+        values: JointValues[float],
+        vibration: Vibration,
+        samples: int,
+        limits: Limits,
+        allowed: Callable[[FloatArray], FloatArray],
+        split: bool,
+    ) -> None:
+        self._values, self._vibration, self._samples, self._limits = values, vibration, samples, limits
+        self._allowed, self._split, self._joints = allowed, split, list[JointInTurns]()
+
+    def answer(self, needles: bool, anyhow: bool = False) -> JointRun | None:
+        """Follow the joint with its vibration; `anyhow` if that is the only answer that there is.
+
+        Returns
+        -------
+        JointRun or None
+            None where the vibration comes to nothing, if there may be another answer, or with needles changes the
+            third order by no more than the error that is allowed.
+        """
+        try:
+            lumped = self._lumped
+            if not (self._builds_up or anyhow) or (
+                needles and self._change(self._vibration.third) <= self._allowed_of_third
+            ):
+                return None
+            followed = self._followed(needles=True) if needles else lumped
+        except StoppedError as stop:
+            done = JointRun(stop.stopped.outcome, f"{self._vibration.described}; {stop.stopped.detail}{self._loose}")
+        else:
+            done = self._told(followed, needles)
+        return replace(
+            done,
+            steps=sum(joint.steps for joint in self._joints),
+            solves=sum(joint.solves for joint in self._joints),
+            force_evaluations=sum(joint.force_evaluations for joint in self._joints),
+            followed=sum(joint.state.time for joint in self._joints[-1:] if joint.state),
+        )
+
+    def verdict(self, third: float | None, limit: float) -> tuple[Outcome, str]:
+        """Whether a run without the vibration may be used: its outcome, and a note.
+
+        Parameters
+        ----------
+        third
+            Third order of the run; None for needles, of which lumped bearings tell what the vibration changes.
+        limit
+            Share of the third order by which a run may be off.
+        """
+        try:
+            followed = self._lumped
+        except StoppedError as stop:
+            return Outcome.INACCURATE, f"{self._vibration.described}, whose size is not known: {stop.stopped.detail}"
+        if not self._builds_up:
+            return Outcome.FINISHED, ""
+        without = self._vibration.third
+        note = (
+            f"{self._vibration.described}; with lumped bearings the third order is {followed.third:.4g} N with it and "
+            f"{without:.4g} N without it"
+        )
+        least = SMALLEST_THIRD * abs(self._values.torque) / self._values.pitch_radius
+        if self._change(without if third is None else third) <= limit * max(followed.third, least):
+            return Outcome.FINISHED, note
+        return Outcome.INACCURATE, f"{note}; leave out method, step_s and relative_tolerance, and it is followed"
+
+    @property
+    def last_turn(self) -> Run | None:
+        """The last revolution that was followed."""
+        return self._joints[-1].last_turn if self._joints else None
+
+    @cached_property
+    def _lumped(self) -> FollowedVibration:
+        """The joint followed with lumped bearings."""
+        return self._followed(needles=False)
+
+    def _followed(self, needles: bool) -> FollowedVibration:
+        method, setting = undamped(needles, self._vibration.growth.frequency)
+        budget = int(self._values.evaluation_budget)
+        joint = JointInTurns(
+            assemble(build_joint(self._values, needles)),
+            self._values,
+            method,
+            self._samples,
+            self._limits,
+            budget,
+            self._split,
+        )
+        builds_up = self._vibration.builds_up and not needles
+        self._joints.append(joint)
+        with first_compilation(f"vibrating joints with {method.name}", seconds=30):
+            run(joint.assembly, method.name, 1e-9, step=1e-9, limits=self._limits)
+        return follow_vibration(joint, setting, self._allowed, builds_up)
+
+    @property
+    def _loose(self) -> str:
+        """What may have become of needles as bodies that a vibration shakes in a ring with gaps, in words."""
+        room = room_for_needles(self._values)
+        if room < 2 or not self._joints[-1].has_needles:
+            return ""
+        return f"; without a cage needles run together, and there is room for {room} more: raise needle_count"
+
+    @property
+    def _builds_up(self) -> bool:
+        """Whether what grows becomes a vibration: one that is heard, or that changes the third order."""
+        heard = not self._lumped.steady or self._lumped.unrest > _BUILT_UP * self._vibration.unrest
+        return heard or self._change(self._vibration.third) > self._allowed_of_third
+
+    def _change(self, third: float) -> float:
+        """By how much a third order is off that of lumped bearings with the vibration, beyond what is not known."""
+        return max(abs(self._lumped.third - third) - float(self._lumped.readings.amplitude_error[3]), 0.0)
+
+    @property
+    def _allowed_of_third(self) -> float:
+        amplitudes = np.zeros(ORDERS.size)
+        amplitudes[3] = self._lumped.third
+        return float(self._allowed(amplitudes)[3])
+
+    def _told(self, followed: FollowedVibration, needles: bool) -> JointRun:
+        """The result, with what there is to know of it in words."""
+        method, _ = undamped(needles, self._vibration.growth.frequency)
+        growth = self._vibration.growth
+        numbers = VibrationReadings(growth.factor, growth.rate, self._vibration.hertz, followed.unrest)
+        readings = replace(followed.readings, vibration=numbers)
+        error = float(followed.readings.amplitude_error[3])
+        note = (
+            f"{self._vibration.described}; followed by {method.name}, it moves the thrust by "
+            f"{followed.unrest:.3g} N above order 12 (effective value); the third order is {followed.third:.4g} "
+            f"+- {error:.2g} N, the mean of {followed.revolutions} revolutions with a standard deviation of "
+            f"{followed.scatter:.2g} N, and {self._vibration.third:.4g} N without the vibration"
+        )
+        if not followed.certain:
+            reason = "has not settled" if not followed.steady else "is not as certain as required"
+            note = f"{note}; after {followed.followed} revolutions it {reason}"
+            if followed.lacking:
+                note = f"{note}, which would take about {followed.lacking:.1g} more force evaluations"
+            raised = "evaluation_budget, accuracy" if followed.lacking else "accuracy"
+            return JointRun(Outcome.INACCURATE, f"{note}; raise {raised} or contact damping", readings)
+        return JointRun(Outcome.FINISHED, f"{note}; {self._end}", readings)
+
+    @property
+    def _end(self) -> str:
+        """What would end the vibration, in words."""
+        if self._vibration.growth.rate <= 0:
+            return "a kick as that of the start keeps it up"
+        damping = damping_against(self._values, self._vibration.states)
+        if damping:
+            return f"with contact_damping_s_per_mm = {damping:.2g} it would not start"
+        return "stronger contact damping was not found to end it"

@@ -1,0 +1,217 @@
+"""Self-excited vibration: whether a joint vibrates by itself, and with which damping it would not.
+
+The friction laws rise with the slip, so that friction damps. What excites is that it turns normal forces into other
+directions: it couples motions with nearby frequencies one way only, and one drives the other (mode coupling). Contact
+damping acts against it, and friction across the slip. Parts of the rate at which a departure grows fastest, 1/s:
+
+    joint, grooves' friction                    frequency    rate   groove sliding  needle sliding  contact damping
+    7 deg, 76 N m, 1860 rpm, 0.015 (needles 0.14)  741 Hz      78               59             404              -31
+    10 deg, 25 N m, 600 rpm, 0.1                   708 Hz      75              546             108              -14
+    9 deg, 57 N m, 1170 rpm, 0.18                 2810 Hz    3150             3870            1019             -104
+
+The rest is elastic. At some 700 Hz the output shaft turns against the contacts, in most of a revolution: twice to three
+times the contact damping that is assumed here ends it. At some kHz a roller spins against the shaft, in parts of a
+revolution, and faster than contact damping could take it there.
+
+The method that runs use damps vibrations. So departures from the smooth motion that it gives are tested for growth.
+The answer holds for small departures; how large they become, and what that makes of the thrust, is seen by following
+the joint with a method that does not damp (`vibrating_run`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from tripod_doe.array_types import FloatArray
+from tripod_doe.joint.multibody.joint_scene import build_joint
+from tripod_doe.joint.multibody.numerical_error import LEAD
+from tripod_doe.joint.multibody.readings import groove_thrust
+from tripod_doe.joint.multibody.revolutions import unrest
+from tripod_doe.joint.orders import complex_amplitudes
+from tripod_doe.joint.values import JointValues
+from tripod_doe.mechanics.assembly import Assembly, State, assemble
+from tripod_doe.mechanics.checks.floquet import Growth, departure_matrices, fastest_growth
+from tripod_doe.mechanics.integrators.monitor import Settings
+from tripod_doe.mechanics.run import Limits, Run, run
+from tripod_doe.quantities import duration
+
+_METHOD = "adaptive-euler"
+"""The method whose motion is tested: it damps vibrations. A method that damps little is on its way into them,
+where departures grow otherwise, or by chance not at all (seen: 0.93 for 200, linearly implicit Euler at 7e-6 s)."""
+
+
+class _Look(NamedTuple):
+    """How a smooth motion is looked at: states of a revolution, samples from one to the next, and its tolerance."""
+
+    states: int
+    between: int
+    tolerance: float
+
+    @property
+    def samples(self) -> int:
+        """Samples of a revolution."""
+        return self.states * self.between
+
+
+_ASKS, _DECIDES = _Look(24, 6, 4e-3), _Look(144, 2, 1e-3)
+"""Few states ask, and where they see growth, many decide: friction damps most where a slip turns round, which few
+states hit or miss. The error of a motion as coarse as the first may show growth that is not there (seen: 9 for 1); one
+finer than the second leaves the smooth motion where a small kick is enough for that."""
+
+_GROWS = 1.1
+"""Growth in a revolution above which a joint vibrates: what turns freely neither grows nor dies out, which differences
+of states show as 0.93 to 1.07."""
+
+_FAST = 12
+"""Order above which a departure is a vibration: slower ones would be seen in the orders of the thrust."""
+
+_BUILT_UP = math.log(1e6)
+"""Logarithm of the growth in a revolution by which a vibration forgets how it began."""
+
+_STRONGER, _LEAST_DAMPING = (2.0, 4.0, 8.0, 16.0, 32.0), 1e-4
+"""Factors of contact damping that are tried against a vibration, and the damping in s/mm that counts at least."""
+
+
+@dataclass(frozen=True)
+class Vibration:
+    """A vibration that grows from the smooth motion of a joint."""
+
+    growth: Growth  # how fast small departures grow
+    third: float  # third order of the thrust in the smooth motion
+    unrest: float  # effective value of the thrust above the orders that are reported, in the smooth motion
+    states: tuple[State, ...] = ()  # few states of the smooth motion, at the middles of equal parts of a revolution
+
+    @property
+    def described(self) -> str:
+        """Frequency and growth, in words."""
+        if self.growth.rate <= 0:
+            return "the motion does not repeat, though small departures from it die out"
+        tenfold = duration(math.log(10) / self.growth.rate, 2)
+        return f"self-excited vibration at about {self.hertz:.0f} Hz, growing tenfold in {tenfold}"
+
+    @property
+    def builds_up(self) -> bool:
+        """Whether it builds up within a revolution."""
+        return self.growth.climb >= _BUILT_UP
+
+    @property
+    def hertz(self) -> float:
+        """Its frequency in Hz."""
+        return self.growth.frequency / (2 * math.pi)
+
+
+def growing_vibration(values: JointValues[float], assembly: Assembly | None = None) -> Vibration | None:
+    """Find a vibration that grows from the smooth motion of a joint; None where all departures die out.
+
+    Needles rattle, so that a joint with needle bodies has no smooth motion whose departures could be followed: joints
+    are tested with lumped bearings.
+
+    Parameters
+    ----------
+    values
+        The operating point.
+    assembly
+        Its joint with lumped bearings, where that is there already.
+    """
+    assembly = assembly or assemble(build_joint(values, needles=False))
+    asked = _smooth(assembly, values, _ASKS)
+    if not (asked and (growth := _vibrates(_departures(assembly, asked.middles, values), values))):
+        return None
+    decides = _smooth(assembly, values, _DECIDES, asked)
+    if decides and not (growth := _vibrates(_departures(assembly, decides.middles, values), values)):
+        return None
+    thrust = groove_thrust(assembly, asked.run.positions[asked.last], asked.run.velocities[asked.last]).sum(0)
+    return Vibration(growth, float(np.abs(complex_amplitudes(thrust))[3]), unrest(thrust), asked.middles)
+
+
+def damping_against(values: JointValues[float], states: Sequence[State]) -> float | None:
+    """Contact damping in s/mm with which a joint that vibrates would not, among doublings of what it has.
+
+    A smooth motion is the same with any contact damping: its contacts are pressed in slowly. So departures from one
+    motion are asked for all, and their matrices are linear in contact damping, as the forces are.
+
+    Parameters
+    ----------
+    values
+        The operating point.
+    states
+        Of its smooth motion (`Vibration.states`).
+
+    Returns
+    -------
+    float or None
+        None where the joint vibrates with all that are tried.
+    """
+    own = max(values.contact_damping, _LEAST_DAMPING)
+    damped = (replace(values, contact_damping=factor * own) for factor in (1, 2))
+    once, twice = (_departures(assemble(build_joint(given, needles=False)), states, given) for given in damped)
+    for factor in _STRONGER:
+        if not _vibrates(once + (factor - 1) * (twice - once), values):
+            return factor * own
+    return None
+
+
+def _departures(assembly: Assembly, states: Sequence[State], values: JointValues[float]) -> FloatArray:
+    """Matrices of departures from a revolution through these states."""
+    return departure_matrices(assembly, states, 2 * math.pi / values.speed)
+
+
+def _vibrates(departures: FloatArray, values: JointValues[float]) -> Growth | None:
+    """How departures grow in a revolution, if that makes a vibration."""
+    growth = fastest_growth(departures, 2 * math.pi / values.speed)
+    return growth if growth.factor > _GROWS and growth.frequency > _FAST * values.speed else None
+
+
+@dataclass(frozen=True)
+class _Smooth:
+    """A smooth motion whose start has died out in its last revolution."""
+
+    run: Run
+    look: _Look
+
+    @property
+    def last(self) -> slice:
+        """Its last revolution, without the start of it."""
+        return slice(-self.look.samples, None)
+
+    @property
+    def middles(self) -> tuple[State, ...]:
+        """The states that are looked at, at the middles of equal parts of its last revolution."""
+        first = self.look.between // 2 - 1 - self.look.samples
+        return tuple(self.state(k) for k in range(first, 0, self.look.between))
+
+    def state(self, sample: int) -> State:
+        """A sample, counted from the end."""
+        return State(float(self.run.times[sample]), self.run.positions[sample], self.run.velocities[sample])
+
+    def before(self, share: int) -> State:
+        """The state that is such a part of a revolution before the last one."""
+        return self.state(-1 - self.look.samples - self.look.samples // share)
+
+
+def _smooth(
+    assembly: Assembly, values: JointValues[float], look: _Look, other: _Smooth | None = None
+) -> _Smooth | None:
+    """Follow a smooth motion: two revolutions from the start, or the last one of another, and a little before it.
+
+    Returns
+    -------
+    _Smooth or None
+        None where it did not come to its end: nothing is known of it then.
+    """
+    before = look.samples // LEAD if other else look.samples
+    found = run(
+        assembly,
+        _METHOD,
+        2 * math.pi / values.speed * (1 + before / look.samples),
+        samples=look.samples + before,
+        start=other.before(LEAD) if other else None,
+        settings=Settings(tolerance=look.tolerance),
+        limits=Limits(windows=0),
+    )
+    return _Smooth(found, look) if found.times.size > look.samples + before else None

@@ -1,0 +1,162 @@
+"""A run against itself in half the steps, or at a tenth of the tolerance: what its numerical error is.
+
+A run of few steps is run again whole and compared at its samples: that costs milliseconds, and coarse runs are the ones
+that go wrong. Of a longer one only windows are run again, each from the run's own state: they are a sample of the run,
+and their differences in sum stand for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tripod_doe.array_types import FloatArray
+from tripod_doe.mechanics.assembly import Assembly, State
+from tripod_doe.mechanics.checks.energy_balance import EnergyBalance, Passage
+from tripod_doe.mechanics.integrators.contract import Method
+from tripod_doe.mechanics.integrators.monitor import Settings, begin_watch
+from tripod_doe.mechanics.tables import EVALUATIONS, Work
+from tripod_doe.simulator import Outcome
+
+_TENTH = 0.1
+
+
+@dataclass(frozen=True)
+class Ways:
+    """What differences are measured by."""
+
+    duration: float  # time that the ways took
+    # slip, travel, spun: longest slip path of a sphere, longest way of a body along an axis, and largest turn of a body
+    # about one. Turns count by the length that the scene's speed_scale is at its rotation_scale.
+    slip: float
+    travel: float
+    spun: float
+
+
+@dataclass(frozen=True)
+class Again:
+    """A stretch of a run that was run again."""
+
+    begin: float  # when it began
+    # apart, turned: largest distance between each body's places at the states of the stretch, and between its
+    # attitudes, as a length; shape (body,)
+    apart: FloatArray
+    turned: FloatArray
+    ways: Ways  # what the finer motion slipped, travelled and turned
+    balance: EnergyBalance  # energy balance of the finer motion
+    evaluations: int  # force evaluations that it took
+    outcome: Outcome  # how it ended; the rest holds up to there
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The largest difference to half the steps over the way that it is measured by: how large, of which body, when."""
+
+    size: float  # difference over the slip path, or over the travel where nothing slips
+    body: int  # number of the body
+    begin: float  # when the stretch began that has most of it
+    way: str  # what it is measured by
+
+
+def error_over_difference(order: int, controlled: bool) -> float:
+    """Error over the difference to half the steps at this order, or to a tenth of the tolerance in proportion to it."""
+    return 1 / (1 - (_TENTH if controlled else 0.5**order))
+
+
+def run_again(
+    assembly: Assembly, method: Method, states: Sequence[State], count: int, settings: Settings, controlled: bool
+) -> Again:
+    """Run a stretch again, finer, from its first state, and compare it with the others.
+
+    Parameters
+    ----------
+    states
+        The stretch; the first is where it begins.
+    count
+        Steps that were taken from each state to the next.
+    controlled
+        Whether the method chose its steps by its tolerance. Where a tenth of it is below what the method can do, ten
+        times the tolerance are compared; where the equations of a halved step do not converge, a third of the step.
+    """
+    tolerance = settings.tolerance
+    for factor, each in ((_TENTH, 2), (1 / _TENTH, 3)):
+        numerics = settings._replace(tolerance=factor * tolerance) if controlled else settings
+        again = _follow(assembly, method, states, each * count, numerics)
+        if again.outcome == Outcome.FINISHED:
+            break
+    return again
+
+
+def _follow(assembly: Assembly, method: Method, states: Sequence[State], count: int, settings: Settings) -> Again:
+    """Run from the first of the states through the times of the others."""
+    state, memory = states[0].copy(), assembly.work()
+    clock, begin, status = np.array([state.time, 0.0, 0.0]), state.time, int(Outcome.FINISHED)
+    begin_watch(assembly.tables, memory, state.positions, state.velocities, begin)
+    passage = Passage(memory, state)
+    for other in states[1:]:
+        with np.errstate(all="ignore"):
+            status = method.integrate(
+                assembly.tables, memory, state.positions, state.velocities, clock, other.time, count, settings
+            )
+        state.time = float(clock[0])
+        if status != Outcome.FINISHED:
+            break
+        passage.note(memory, state)
+    places, passed = passage.positions, passage.states
+    others = np.array([other.positions for other in states[: len(passed)]])
+    return Again(
+        begin,
+        np.sqrt(((places[:, :, :3] - others[:, :, :3]) ** 2).sum(axis=2)).max(axis=0),
+        _lever(assembly) * _turns_between(places, others).max(axis=0),
+        ways_of(assembly, passed, memory),
+        EnergyBalance.of(assembly, passage),
+        int(memory.counters[EVALUATIONS]),
+        Outcome(int(status)),
+    )
+
+
+def ways_of(assembly: Assembly, states: Sequence[State], memory: Work) -> Ways:
+    """Ways of a motion from its states and the slip paths that it left."""
+    if len(states) < 2:
+        return Ways(0.0, 0.0, 0.0, 0.0)
+    places = np.array([state.positions[:, :3] for state in states])
+    rates = np.array([state.velocities[:, 3:] for state in states])
+    durations = np.diff([state.time for state in states])
+    return Ways(
+        float(durations.sum()),
+        float(memory.paths[:, 1].max(initial=0.0)),
+        float(np.abs(np.diff(places, axis=0)).sum(axis=0).max()),
+        _lever(assembly) * float(np.tensordot(durations, np.abs(rates[1:]), 1).max()),
+    )
+
+
+def difference(assembly: Assembly, pieces: Sequence[Again], whole: Ways) -> Difference:
+    """What all pieces of a run of these ways are apart from it in sum: the body that it is largest for.
+
+    They are measured by the ways of the pieces, but by no less than their share in the whole run's: what is left of a
+    slip that is over would make any difference large.
+    """
+    part = sum(piece.ways.duration for piece in pieces) / whole.duration
+    slip, travel, spun = (
+        max(sum(getattr(piece.ways, name) for piece in pieces), part * getattr(whole, name))
+        for name in ("slip", "travel", "spun")
+    )
+    least = 1e-9 * assembly.scene.length_scale
+    by_length, by_turn = (max(slip if slip > 0 else other, least) for other in (travel, spun))
+    shares = np.array([np.maximum(piece.apart / by_length, piece.turned / by_turn) for piece in pieces])
+    body = int(shares.sum(axis=0).argmax())
+    most = pieces[int(shares[:, body].argmax())]
+    return Difference(float(shares[:, body].sum()), body, most.begin, "slip path" if slip > 0 else "travel")
+
+
+def _lever(assembly: Assembly) -> float:
+    return assembly.scene.speed_scale / assembly.scene.rotation_scale
+
+
+def _turns_between(positions: FloatArray, others: FloatArray) -> FloatArray:
+    """Angle between two near attitudes of every body, from the chord of their quaternions; rad, shape (state, body)."""
+    sign = np.where((positions[..., 3:] * others[..., 3:]).sum(axis=-1, keepdims=True) < 0, -1.0, 1.0)
+    angles: FloatArray = 2 * np.sqrt(((positions[..., 3:] - sign * others[..., 3:]) ** 2).sum(axis=-1))
+    return angles

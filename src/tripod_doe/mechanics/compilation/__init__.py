@@ -1,0 +1,1 @@
+"""Compilation of kernels: decorators, the disk cache, its name, arrays passed by pointer. No physics."""

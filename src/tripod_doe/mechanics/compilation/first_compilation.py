@@ -1,0 +1,153 @@
+"""The first compilation of kernels in a version: announced on the terminal, and done by one process at a time.
+
+It is no cost of the points that need the kernels, nor is loading their machine code or waiting for another process.
+
+What was compiled is noted by a file in the folder of the kernel cache, with the number of compilations of each kernel.
+Where it is missing, a process takes the lock of these kernels, compiles and writes the file; others wait for the lock,
+find the file and load the machine code. The system releases the lock of a process that ends in any way.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import gc
+import json
+import multiprocessing
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO, Any
+
+from tripod_doe.atomic_files import replace_text
+from tripod_doe.errors import StorageError
+from tripod_doe.mechanics.compilation.sources import cache_root, source_hashes
+from tripod_doe.simulator import not_counted
+
+_one_thread = threading.RLock()
+_compiling = False
+"""Whether this process holds a lock: a compilation within a compilation does not ask for one, as it might wait for a
+process that waits for this one."""
+
+
+@contextmanager
+def first_compilation(kernels: str, seconds: float) -> Iterator[None]:
+    """Let the block compile kernels, or load their machine code, when no other process is compiling them.
+
+    Parameters
+    ----------
+    kernels
+        What is compiled, for the message: ``"model equilibrium with newton"``; the same words for the same kernels.
+    seconds
+        How long it takes from an empty cache (Intel Xeon, one core), for the message; less where others share kernels
+        with them and are compiled.
+
+    Notes
+    -----
+    Without a lock where the folder cannot be written: then each process compiles.
+    """
+    note = _note(kernels)
+    if note.exists():
+        with not_counted():
+            yield
+        return
+    with not_counted(), _one_thread, _locked(note.with_suffix(".lock")):
+        if note.exists():
+            yield
+            return
+        _say(f"compiling kernels of {kernels}, once per version: at most about {seconds:.0f} s on an idle machine")
+        started = time.perf_counter()
+        with _counted(note), _no_collections():
+            yield
+        _say(f"compiled in {time.perf_counter() - started:.0f} s")
+
+
+def compilations(kernels: str) -> dict[str, int]:
+    """How often each kernel was compiled in the first compilation of these: once, or arguments differ in type.
+
+    Kernels that were in the cache before are not counted, nor those that are inlined.
+
+    Raises
+    ------
+    FileNotFoundError
+        If these kernels have not been compiled.
+    """
+    counts: dict[str, int] = json.loads(_note(kernels).read_text())
+    return counts
+
+
+@contextmanager
+def _counted(note: Path) -> Iterator[None]:
+    """Count the compilations of a block by kernel, and note them at its end."""
+    from numba.core import event  # a process that compiles nothing does without
+
+    compiled = event.RecordingListener()
+    with event.install_listener("numba:compile", compiled):
+        yield
+    ended = (each.data["dispatcher"] for _, each in compiled.buffer if each.is_end)
+    names = (f"{one.py_func.__module__}.{one.py_func.__name__}" for one in ended if _is_kernel(one))
+    with suppress(StorageError):
+        replace_text(note, json.dumps(Counter(names), indent=1))
+
+
+@contextmanager
+def _no_collections() -> Iterator[None]:
+    """Look for no garbage: a compiler makes many objects and little garbage, and looking took 7 % of its time."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
+
+
+def _is_kernel(compiled: Any) -> bool:
+    """Whether it is one of ours, and no formula that is inlined."""
+    ours = compiled.py_func.__module__.startswith("tripod_doe.")
+    return ours and "forceinline" not in compiled.targetoptions
+
+
+def _note(kernels: str) -> Path:
+    return cache_root() / f"kernels-{source_hashes().kernels}" / f"{kernels.replace(' ', '-')}.json"
+
+
+@contextmanager
+def _locked(place: Path) -> Iterator[None]:
+    """Hold a lock; nothing where this process holds one already or the folder cannot be written."""
+    global _compiling
+    if _compiling or (lock := _open_lock(place)) is None:
+        yield
+        return
+    with lock:  # closing it releases it
+        _compiling = True
+        try:
+            yield
+        finally:
+            _compiling = False
+
+
+def _open_lock(place: Path) -> IO[str] | None:
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        lock = place.open("a")
+    except OSError:
+        return None
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        _say("another process is compiling kernels: waiting for it")
+        fcntl.flock(lock, fcntl.LOCK_EX)
+    except OSError:  # a file system without locks
+        lock.close()
+        return None
+    return lock
+
+
+def _say(sentence: str) -> None:
+    """Write a line to standard error in place of a progress bar, if there is one; workers of a cluster are silent."""
+    if multiprocessing.parent_process() is None:
+        print(f"\r\033[K{sentence}" if sys.stderr.isatty() else sentence, file=sys.stderr, flush=True)

@@ -1,0 +1,1 @@
+"""Laws of contact and friction as scalar functions, with equation numbers. Loops over tables are `forces`."""

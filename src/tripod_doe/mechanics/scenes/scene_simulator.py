@@ -1,0 +1,204 @@
+"""Base of the small scenes as simulators: one model, one run per point."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Collection, Mapping
+from dataclasses import astuple
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.mechanics.assembly import State
+from tripod_doe.mechanics.checks.linearisation import fastest_rates
+from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
+from tripod_doe.mechanics.compilation.first_compilation import first_compilation
+from tripod_doe.mechanics.compilation.sources import source_hashes
+from tripod_doe.mechanics.integrators.monitor import Settings
+from tripod_doe.mechanics.integrators.registry import METHODS
+from tripod_doe.mechanics.run import Run
+from tripod_doe.simulator import (
+    NUMERICS,
+    BlockResult,
+    Dimension,
+    Methods,
+    Outcome,
+    Output,
+    Parameter,
+    Simulator,
+    Value,
+    is_set,
+)
+
+PLACES = np.linspace(0.0, 1.0, 101)
+"""Parts of the duration at which paths are sampled."""
+
+PROGRESS = Dimension("progress", PLACES)
+"""The dimension along which paths are sampled."""
+
+RUN_OUTPUTS = (
+    Output("largest_penetration_um", "um", "delta", "largest penetration of all contacts"),
+    Output("energy_residual", "1", "", "energy residual over the converted energy"),
+)
+"""Outputs of every run."""
+
+_RATE_STATES = 10
+"""States on the way at which a run is linearised."""
+
+_NUMERICS = "numerics"
+
+
+def numerics_parameters(methods: Methods, evaluation_budget: int) -> tuple[Parameter, ...]:
+    """Parameters of the time integration, with the scene's default method, its first one, and its default budget."""
+    return (
+        Parameter(
+            "method",
+            next(iter(methods)),
+            "1",
+            "",
+            "time integration method",
+            "numerics",
+            kind="choice",
+            choices=tuple(METHODS),
+            group=_NUMERICS,
+        ),
+        Parameter(
+            "relative_tolerance",
+            None,
+            "1",
+            "",
+            "relative tolerance of a method with step control; by default the method's own",
+            "numerics",
+            low=1e-13,
+            high=0.1,
+            group=_NUMERICS,
+        ),
+        Parameter(
+            "step_s",
+            None,
+            "s",
+            "h",
+            "time step of a method without step control; by default the method's own",
+            "numerics",
+            low=1e-10,
+            high=1.0,
+            group=_NUMERICS,
+        ),
+        Parameter(
+            "evaluation_budget",
+            evaluation_budget,
+            "1",
+            "",
+            "largest number of force evaluations of a run",
+            "numerics",
+            low=1,
+            high=1e12,
+            kind="integer",
+            group=_NUMERICS,
+        ),
+        Parameter(
+            "replicate",
+            0,
+            "1",
+            "",
+            "number of the repetition; has no effect on results",
+            "numerics",
+            low=0,
+            high=1e6,
+            kind="integer",
+            group=_NUMERICS,
+        ),
+    )
+
+
+class SceneSimulator(Simulator):
+    """A scene of mechanics as a simulator of studies: one model, one run per point."""
+
+    numerics: Methods  # methods, the default first, with the default step or tolerance of each
+    source_hash = source_hashes().results
+
+    @abstractmethod
+    def run(self, values: Mapping[str, float], method: str, step: float | None, settings: Settings) -> Run:
+        """Simulate one point, all values in the units of their names."""
+
+    @abstractmethod
+    def answer(self, values: Mapping[str, float], result: Run) -> dict[str, Any]:
+        """Compute every output of the scene from a run, except those of `RUN_OUTPUTS` and `RATE_OUTPUTS`."""
+
+    def foreseen(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[int, Outcome, str]]:
+        """Points whose method does not use a step or tolerance that they set."""
+        found: list[tuple[int, Outcome, str]] = []
+        for i, method in enumerate(points["method"]):
+            used = self.numerics.get(str(method), {})
+            if unused := [name for name in reversed(NUMERICS) if is_set(points[name][i]) and name not in used]:
+                found.append((i, Outcome.NOT_APPLICABLE, f"not used by {method}: {', '.join(unused)}"))
+        return found
+
+    def methods(self, values: Mapping[str, Value]) -> Methods:
+        """Methods of the scene, whatever the values."""
+        return self.numerics
+
+    def compile(self, model: str, method: str) -> None:
+        """Compile the kernels of a method, the same for all scenes, or load their machine code, by a short run."""
+        full = self.effective({"duration_s": 1e-6, "method": method})
+        with first_compilation(f"the scenes with {method}", seconds=40):
+            self.simulate({name: np.array([value], object) for name, value in full.items()}, ())
+
+    def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
+        """Simulate points one by one; an exception makes that point an error, not the block."""
+        block = BlockResult.blank(len(points["method"]), Outcome.NOT_APPLICABLE)
+        for name in keep:
+            dims, shape = self.outputs[name].dims, self.outputs[name].shape({})
+            block.put(name, dims, slice(None), np.full((block.count, *shape), np.nan))
+        block.coordinates.update(self.labels(keep, {}))
+        foreseen = {i: (outcome, reason) for i, outcome, reason in self.foreseen(points)}
+        for i in range(block.count):
+            if i in foreseen:
+                block.end(i, *foreseen[i])
+                continue
+            given = {name: column[i] if is_set(column[i]) else None for name, column in points.items()}
+            method = str(given["method"])
+            values = {
+                name: float(value)
+                for name, value in self.effective(given).items()
+                if isinstance(value, int | float | np.number) and self.parameters[name].kind != "choice"
+            }
+            try:
+                result = self._run_point(values, method)
+                found = self._answer_point(values, result, keep)
+            except Exception as error:  # one point's error is not its neighbours'
+                block.end(i, Outcome.ERROR, f"{type(error).__name__}: {error}")
+                continue
+            block.end(i, result.outcome, result.detail)
+            block.steps[i], block.solves[i], block.simulated_seconds[i] = result.steps, result.solves, result.followed
+            block.force_evaluations[i] = result.force_evaluations + result.check_evaluations
+            for name in keep if found else ():
+                block.put(name, self.outputs[name].dims, i, np.asarray(found[name]))
+        return block
+
+    def _run_point(self, values: Mapping[str, float], method: str) -> Run:
+        settings = Settings(tolerance=values.get("relative_tolerance", 0.0), budget=int(values["evaluation_budget"]))
+        return self.run(values, method, values.get("step_s"), settings)
+
+    def _answer_point(self, values: Mapping[str, float], result: Run, keep: Collection[str]) -> dict[str, Any]:
+        """All outputs of a run that may be used, none of any other."""
+        if result.outcome != Outcome.FINISHED:
+            return {}
+        rates = _rates(result) if any(output.name in keep for output in RATE_OUTPUTS) else {}
+        return (
+            self.answer(values, result)
+            | rates
+            | {
+                "largest_penetration_um": 1e3 * result.penetration,
+                "energy_residual": result.energy_residual,
+            }
+        )
+
+
+def _rates(result: Run) -> dict[str, float]:
+    """What limited the step of a run; its start is left out."""
+    chosen = np.unique(np.linspace(1, len(result.times) - 1, _RATE_STATES).round().astype(int))
+    states = [State(float(result.times[k]), result.positions[k], result.velocities[k]) for k in chosen]
+    rates = fastest_rates(result.assembly, states, pace=1 / float(result.times[-1] - result.times[0]))
+    return dict(zip((output.name for output in RATE_OUTPUTS), astuple(rates), strict=True))

@@ -1,0 +1,96 @@
+"""Whether the parts of the joint go together: geometry against a search, and the bearing that cannot move."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq, minimize
+from scipy.spatial.transform import Rotation
+
+from tripod_doe.joint.geometry.feasibility import misfits, room_for_needles
+from tripod_doe.mechanics.integrators.monitor import Settings
+from tripod_doe.mechanics.run import Limits, run
+from tripod_doe.simulator import Outcome
+
+PITCH, NEEDLES, DIAMETER = 17.28 / 2, 27, 2.0
+
+
+def reasons(internal_points, **given):
+    return [text for _, text in misfits(internal_points(**given))]
+
+
+def border(internal_points, name, inside, outside, **given):
+    """Value between two at which a point becomes jammed."""
+    for _ in range(30):
+        middle = (inside + outside) / 2
+        inside, outside = (inside, middle) if reasons(internal_points, **given, **{name: middle}) else (middle, outside)
+    return (inside + outside) / 2
+
+
+def axes_apart(skew):
+    """Shortest distance of two neighbouring needles' axes, found by search."""
+
+    def point(along, angle):
+        normal, around = np.array([np.cos(angle), np.sin(angle), 0]), np.array([-np.sin(angle), np.cos(angle), 0])
+        return PITCH * normal + along * (np.cos(skew) * np.array([0, 0, 1]) + np.sin(skew) * around)
+
+    def distance(x):
+        return np.linalg.norm(point(x[0], 0.0) - point(x[1], 2 * np.pi / NEEDLES))
+
+    return minimize(distance, [0.1, -0.1], tol=1e-12).fun
+
+
+def test_skewed_needles_fit_until_neighbours_touch(internal_points):
+    """Exact geometry: 4.50 deg for 27 needles of 2 mm on 17.28 mm, the same for either sign and every trunnion."""
+    largest = np.degrees(brentq(lambda skew: axes_apart(skew) - DIAMETER, 0.01, 0.2))
+    assert largest == pytest.approx(4.50, abs=0.01)
+    for name, sign in (("initial_skew_1_deg", 1), ("initial_skew_3_deg", -1)):
+        assert border(internal_points, name, 0.0, sign * 10.0) == pytest.approx(sign * largest, rel=1e-5)
+    assert not reasons(internal_points, initial_skew_1_deg=10, needle_count=1)
+
+
+@pytest.mark.parametrize("count", [10, 26, 27])
+def test_needles_fit_up_to_the_room_that_there_is(internal_points, joint_values, count):
+    full = count + room_for_needles(joint_values(needle_count=count))
+    assert not reasons(internal_points, needle_count=full)
+    assert reasons(internal_points, needle_count=full + 1)
+
+
+def test_preload_holds_a_roller_where_its_friction_is_the_grooves_load(internal_points):
+    """Exact physics: mu_s N_n C (c/2)^(10/9) = |T| / (3 R_p), so the border goes with the torque to the power 0.9."""
+    clearance = border(internal_points, "bearing_radial_clearance_mm", 0.0, -0.05)
+    needle = 8.15e4 * 10 ** (8 / 9) * (-clearance / 2) ** (10 / 9)
+    assert 0.03 * 27 * needle == pytest.approx(50e3 / 63, rel=1e-5)
+    coast = border(internal_points, "bearing_radial_clearance_mm", 0.0, -0.05, torque_n_m=-100)
+    assert coast / clearance == pytest.approx(2**0.9, rel=1e-5)
+
+
+def test_preload_dents_needles_at_the_static_rating(internal_points):
+    """Published number: 4000 MPa of ISO 76, by Hertz's line contact of two cylinders."""
+    clearance = border(internal_points, "bearing_radial_clearance_mm", 0.0, -0.05, needle_sliding=0)
+    line = 8.15e4 * 10 ** (8 / 9) * (-clearance / 2) ** (10 / 9) / 10
+    half_width = np.sqrt(4 * line * 2 * (1 - 0.3**2) / 207e3 / np.pi / (1 / 1 + 1 / 7.64))
+    assert 2 * line / (np.pi * half_width) == pytest.approx(4000, rel=1e-5)
+
+
+@pytest.mark.parametrize(("clearance", "least", "most"), [(0.015, 0.95, 1.0), (-0.005, 0.6, 0.9), (-0.0075, 0.3, 0.5)])
+def test_a_held_roller_does_not_slide_on_its_trunnion(joint_assembly, joint_values, clearance, least, most):
+    """Limit: the spider asks for 4 e = 0.65 mm at 10 deg. Short of the border, -0.0059 mm, a roller slides most of
+    that on its trunnion; beyond it less than half: it climbs its groove instead."""
+    assembly, values = joint_assembly(False, bearing_radial_clearance_mm=clearance), joint_values()
+    revolution = 2 * np.pi / values.speed
+    result = run(
+        assembly,
+        "adaptive-euler",
+        3 * revolution,
+        samples=180,
+        settings=Settings(tolerance=4e-3),
+        limits=Limits(energy=np.inf, windows=0, drift=1.0),
+    )
+    assert result.outcome == Outcome.FINISHED, result.detail
+    shaft, roller = (result.positions[-60:, assembly.names.index(name)] for name in ("shaft", "roller 1"))
+    attitude = Rotation.from_quat(shaft[:, 3:], scalar_first=True)
+    arm = roller[:, :3] - shaft[:, :3] + attitude.apply([0, 0, values.shaft_length / 2])
+    travel = np.ptp((arm * attitude.apply([1, 0, 0])).sum(axis=1))
+    asked = 2 * values.pitch_radius * (1 / np.cos(values.joint_angle) - 1)
+    assert least < travel / asked < most

@@ -1,0 +1,190 @@
+"""Errors of the models at any operating point: true of what was measured, flagged where large, silent where unknown."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from operating_points import points
+
+import tripod_doe as td
+from tripod_doe.joint import model_error
+from tripod_doe.joint.geometry.contact_stiffness import bearing_load_zone, needle_contact_stiffness
+from tripod_doe.joint.known_errors.error_estimate import COMPARED, RECORDED, known_errors, similar_errors
+from tripod_doe.joint.known_errors.operating_ratios import operating_ratios
+from tripod_doe.joint.models import MODELS
+from tripod_doe.joint.simulator import simulator
+from tripod_doe.simulator import Demand, Demands, model_notes
+from tripod_doe.study.definition import load_study
+
+STUDIES = [
+    f"studies/{name}.toml"
+    for name in (
+        "rungs_needles",
+        "joint_angle",
+        "speed_torque",
+        "needles_field",
+        "needles_reference",
+        "needles_wide_field",
+    )
+] + ["studies/rungs.toml"]
+SECOND = Demand("thrust_amplitude_2", "thrust_amplitude", 2, 0.1)
+THIRD = Demand("thrust_amplitude_3", "thrust_amplitude", 3, 0.015)
+
+
+def test_the_record_is_made_from_the_studies_as_they_stand(pytestconfig):
+    """Regression: a study that was changed after its run has another hash than the record names."""
+    head = RECORDED.read_text().splitlines()[0]
+    for study in STUDIES:
+        assert load_study(pytestconfig.rootpath / study).hash in head
+
+
+def test_nine_in_ten_of_the_measured_errors_are_within_their_limit():
+    """Exact by its meaning: each measured point left out in turn; the share is known to 5 % from some 100 points."""
+    measured = model_error._measured()
+    for model in COMPARED:
+        errors = measured.errors[model]
+        within = []
+        for at in np.flatnonzero(np.isfinite(errors)):
+            others = np.arange(errors.size) != at
+            alone = replace(measured, places=measured.places[others], errors={model: errors[others]})
+            limit = model_error._median_and_limit(alone.near(model, measured.places[[at]]))[1]
+            within.append(errors[at] <= limit[0] if np.isfinite(limit[0]) else None)
+        known = [one for one in within if one is not None]
+        assert len(known) > 50
+        assert 0.8 < np.mean(known) < 0.97, model
+
+
+@pytest.mark.parametrize(("angle", "torque"), [(2, 100), (1, -300)])
+def test_the_equilibrium_is_flagged_at_small_angles(angle, torque):
+    """Published number (issue): at 2 deg, 100 N m it is 56 % off `needles`, `kinetostatic` less than 1 %."""
+    block = points(joint_angle_deg=angle, torque_n_m=torque, model=np.array(["equilibrium", "kinetostatic"], object))
+    found = simulator.model_errors(block)
+    assert found.expected[0] > 0.1
+    assert not found.expected[1] >= found.expected[0] / 2
+    told = model_notes(simulator, {name: column[:1] for name, column in block.items()})
+    assert "above 5 %: use a finer model" in told[0]
+
+
+def test_nothing_is_known_outside_of_what_was_measured():
+    expected, limit, unknown = known_errors("kinetostatic", points(joint_angle_deg=[10.0, 40.0, 0.0]))
+    assert np.isfinite([expected[0], limit[0]]).all()
+    assert np.isnan(expected[1:]).all()
+    assert all("is outside of the compared" in reason for reason in unknown[1:])
+    assert unknown[0] == ""
+
+
+def test_models_that_nothing_is_measured_against_say_so():
+    assert "finest model" in known_errors("needles", points(joint_angle_deg=10.0))[2][0]
+    assert "not compared" in known_errors("closed-form", points(joint_angle_deg=10.0))[2][0]
+
+
+def test_every_range_is_of_a_parameter_or_a_ratio_and_only_points_outside_leave_it():
+    block = points(joint_angle_deg=[1.0, 15.0], model=np.array(["equilibrium"] * 2, object))
+    left = {departure.left.quantity: departure.outside for departure in simulator.model_errors(block).departures}
+    assert left["swing_ratio"].tolist() == [True, False]
+    assert not left["bearing_radial_clearance_mm"].any()
+    for name, model in MODELS.items():
+        assert {valid.quantity for valid in model.valid} <= set(left), name
+        assert simulator.describe_model(name)["ignores"] == sorted(model.ignores)
+
+
+@pytest.mark.parametrize("model", ["equilibrium", "kinetostatic"])
+def test_inside_its_range_a_model_is_within_five_per_cent_at_nine_in_ten_measured_points(model):
+    """Measured; the ranges are the widest round ones of which this is true."""
+    table = np.genfromtxt(RECORDED, delimiter=",", names=True, skip_header=1)
+    names = [name for name in table.dtype.names if name in simulator.parameters]
+    block = points(model=np.array([model] * table.size, object), **{name: table[name] for name in names})
+    inside = ~np.any([departure.outside for departure in simulator.model_errors(block).departures], axis=0)
+    errors = np.abs(table[model][inside & np.isfinite(table[model])])
+    assert errors.size >= 15
+    assert np.quantile(errors, 0.9) < 0.05
+
+
+def test_an_answer_names_its_model_and_error():
+    result = td.simulate(joint_angle_deg=8, samples_per_revolution=60)
+    assert result.attrs["model_notes"][0].startswith("Model kinetostatic: typical error of the third order")
+
+
+def test_where_no_model_can_run_the_point_no_error_is_told():
+    """Regression: "typical error 56 %; above 5 %: use a finer model" beside a point that is out of range for all."""
+    result = td.simulate(joint_angle_deg=0.7, speed_rpm=15)
+    assert int(result["outcome"]) == td.Outcome.OUT_OF_RANGE
+    assert list(result.attrs["model_notes"]) == []
+
+
+def test_more_crown_than_was_compared_has_no_error():
+    """Regression: the crown was never varied; `kinetostatic`, which ignored it, was 27 % off at 7.6 um and stated 4 %."""
+    expected, limit, unknown = known_errors("kinetostatic", points(needle_crown_um=[0.0, 7.6, 90.0]))
+    assert np.isfinite([expected[:2], limit[:2]]).all()
+    assert limit[1] > limit[0]
+    assert np.isnan([expected[2], limit[2]]).all()
+    assert "crown_ratio" in unknown[2]
+
+
+def test_the_crown_is_measured_by_the_penetration():
+    """Exact: 4.08 F/Z is the largest needle load without clearance; it presses straight needles by what it says."""
+    values = points(torque_n_m=[50.0], needle_crown_um=[2.0])
+    load, stiffness = 50e3 / 63, float(needle_contact_stiffness(np.array(10.0), np.array(1.0)))
+    penetration = bearing_load_zone(load, 0.0, stiffness, 27.0)[1]
+    assert operating_ratios(values)["crown_ratio"] == pytest.approx(1 + 2e-3 / penetration, rel=1e-3)
+
+
+def test_similar_errors_are_those_of_the_nearest_measured_points():
+    """Exact: a measured point is its own nearest one; over the allowed error, of the size that the floor leaves."""
+    table = np.genfromtxt(RECORDED, delimiter=",", names=True, skip_header=1)
+    row = table[
+        np.flatnonzero((table["needles"] == 1) & (table["needle_crown_um"] > 0) & (table["needles_2"] > 0.02))[0]
+    ]
+    block = points(**{name: [row[name]] for name in table.dtype.names if name in simulator.parameters})
+    errors = similar_errors("kinetostatic", block, Demands((SECOND, THIRD), 0.01))
+    missed = abs(row["kinetostatic_2"] - row["needles_2"]) / row["needles_2"]
+    assert errors.shape == (1, 10, 2)
+    np.testing.assert_allclose(errors[0, 0], [missed / 0.1, abs(row["kinetostatic"]) / 0.015], rtol=1e-5)
+    coarse = similar_errors("kinetostatic", block, Demands((SECOND,), 2 * row["needles_2"]))
+    assert coarse[0, 0, 0] == pytest.approx(missed / 0.2, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    "varied",
+    [
+        {"needle_count": 19},
+        {"needle_crown_um": 40.0},
+        {"density_kg_m3": 9000.0},
+        {"groove_sliding": 0},
+        {"joint_angle_deg": 0.0},
+        {"needle_pitch_diameter_mm": 23.0},
+        {"groove_sliding_friction": 0.3},
+        {"joint_angle_deg": 19.9, "speed_rpm": 3000.0, "needle_sliding_friction": 0.0},
+    ],
+)
+def test_no_errors_are_similar_where_nothing_like_it_was_measured(varied):
+    """Other numbers of needles, more crown or friction, an aligned joint; the last is far from all, in every range."""
+    errors = similar_errors(
+        "kinetostatic", points(**{name: [value] for name, value in varied.items()}), Demands((THIRD,), 0.01)
+    )
+    assert np.isnan(errors).all()
+    usual = similar_errors("kinetostatic", points(joint_angle_deg=[10.0]), Demands((THIRD,), 0.01))
+    assert np.isfinite(usual).all()
+
+
+def test_only_second_and_third_order_of_compared_models_are_on_record():
+    block = points(joint_angle_deg=[10.0])
+    assert similar_errors("kinetostatic", block, Demands((replace(THIRD, label=1),), 0.01)) is None
+    assert similar_errors("kinetostatic", block, Demands((THIRD, replace(THIRD, output="thrust_rms")), 0.01)) is None
+    assert np.isnan(similar_errors("closed-form", block, Demands((THIRD,), 0.01))).all()
+
+
+@pytest.mark.parametrize("demand", [SECOND, THIRD])
+def test_where_nine_in_ten_similar_points_are_within_the_accuracy_a_point_mostly_is(demand):
+    """Measured, each point left out in turn: 45 of 51 in the second order to 10 %, 123 of 130 in the third to 1.5 %."""
+    measured = model_error._measured()
+    errors = measured.over_allowed("kinetostatic", demand, 0.01)
+    asked = ~np.isinf(errors)
+    places, within = measured.places[asked], errors[asked] <= 1
+    apart = np.square(places[:, None] - places).sum(axis=2)
+    np.fill_diagonal(apart, np.inf)
+    sure = within[np.argsort(apart, axis=1, kind="stable")[:, :10]].mean(axis=1) >= 0.9
+    assert sure.sum() >= 40
+    assert within[sure].mean() >= 0.85

@@ -1,0 +1,56 @@
+"""Laws of contact and friction against their formulas (published numbers and exact mathematics)."""
+
+import numpy as np
+import pytest
+
+from tripod_doe.mechanics.compilation.kernels import kernel
+from tripod_doe.mechanics.laws.contact import contact_energy, contact_force, damping_factor
+from tripod_doe.mechanics.laws.friction import hyperbolic_tangent, secant_slope, tangent_slope
+from tripod_doe.mechanics.laws.rolling import rolling_moment, spinning_lever
+
+
+@kernel
+def _evaluate(x, out):
+    for i in range(x.size):
+        out[0, i] = hyperbolic_tangent(x[i])
+        out[1, i] = secant_slope(x[i], 2.0)
+        out[2, i] = tangent_slope(x[i], 2.0)
+        out[3, i] = contact_force(3.0, 1.5, x[i])
+        out[4, i] = contact_force(3.0, 10 / 9, x[i])
+        out[5, i] = contact_energy(contact_force(3.0, 10 / 9, x[i]), 10 / 9, x[i])
+        out[6, i] = x[i] * spinning_lever(0.01, x[i])
+        out[7, i] = rolling_moment(0.002, x[i], 16.0)
+        out[8, i] = damping_factor(-1.0, x[i])
+
+
+@pytest.fixture(scope="module")
+def table():
+    x = np.array([1e-9, 1e-6, 1e-4, 1e-2, 0.3, 1.0, 4.0, 25.0])
+    out = np.empty((9, x.size))
+    _evaluate(x, out)
+    return x, out
+
+
+def test_regularised_sign_is_tanh(table):
+    x, out = table
+    np.testing.assert_allclose(out[0], np.tanh(x), rtol=2e-14)
+
+
+def test_secant_times_slip_is_the_law_and_tangent_is_its_derivative(table):
+    x, out = table
+    np.testing.assert_allclose(out[1] * x, np.tanh(x / 2), rtol=1e-13)
+    np.testing.assert_allclose(out[2], (1 - np.tanh(x / 2) ** 2) / 2, rtol=1e-12, atol=1e-14)
+
+
+def test_power_law_and_its_energy(table):
+    x, out = table
+    np.testing.assert_allclose(out[3], 3 * x**1.5, rtol=1e-14)
+    np.testing.assert_allclose(out[4], 3 * x ** (10 / 9), rtol=1e-14)
+    np.testing.assert_allclose(out[5], 3 * x ** (19 / 9) * 9 / 19, rtol=1e-13)  # the integral of Eq. 2
+
+
+def test_moments_and_damping(table):
+    x, out = table
+    np.testing.assert_allclose(out[6], 0.01 * x ** (4 / 3), rtol=1e-13)
+    np.testing.assert_allclose(out[7], 0.002 * x * 16.0, rtol=1e-15)
+    assert np.all(out[8] == np.maximum(1 - x, 0))  # a contact never pulls
