@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from distributed import Client, LocalCluster
+from distributed.security import Security
 
 import tripod_doe as td
 from started import Process
@@ -290,6 +291,62 @@ def test_what_names_no_scheduler_is_refused(tmp_path):
         ExistingScheduler("tcp://a:1", tmp_path / "empty.json")
     with pytest.raises(td.InputError, match="no Dask scheduler answers there"):
         ExistingScheduler(file=tmp_path / "empty.json").connect()
+
+
+@pytest.fixture
+def credentials(tmp_path):
+    """Files of credentials, as an administrator hands them out: of an authority, a certificate, its key."""
+    security = Security.temporary()
+    files = {"tls_ca_file": tmp_path / "ca.pem", "tls_cert": tmp_path / "cert.pem", "tls_key": tmp_path / "key.pem"}
+    texts = security.tls_ca_file, security.tls_client_cert, security.tls_client_key
+    for file, text in zip(files.values(), texts, strict=True):
+        file.write_text(text)
+    with LocalCluster(n_workers=1, processes=False, security=security, dashboard_address="127.0.0.1:0") as cluster:
+        yield cluster.scheduler_address, files
+
+
+def test_a_scheduler_that_talks_tls_takes_clients_with_its_credentials_only(case, tmp_path, credentials, capsys):
+    address, files = credentials
+    study = case(count=2, pause=0)
+    summary = run(study, tmp_path / "out", scheduler=address, progress=False, **files)
+    assert summary.computed == 2
+    assert "without TLS" not in capsys.readouterr().err
+    with pytest.raises(td.InputError, match=f"'{address}': {address} asks for credentials: give tls_ca_file, tls_cert"):
+        run(study, tmp_path / "none", scheduler=address, progress=False)
+    other = Security.temporary()
+    files["tls_cert"].write_text(other.tls_client_cert)
+    files["tls_key"].write_text(other.tls_client_key)
+    with pytest.raises(td.InputError, match="answers there, or it refuses these credentials"):
+        run(study, tmp_path / "other", scheduler=address, progress=False, **files)
+    files["tls_key"].write_text("no key")
+    with pytest.raises(td.InputError, match=r"tls_ca_file='.*ca.pem', tls_cert='.*', tls_key='.*': cannot be used for"):
+        run(study, tmp_path / "other", scheduler=address, progress=False, **files)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"tls_cert": "cert.pem"}, "credentials: give tls_ca_file and tls_cert, both"),
+        ({"tls_ca_file": "ca.pem", "tls_cert": "cert.pem"}, "tls_cert='cert.pem': credentials are for scheduler"),
+        (
+            {"tls_ca_file": "ca.pem", "tls_cert": "cert.pem", "scheduler": "tcp://a:1"},
+            "credentials are for an address that begins with tls://",
+        ),
+        (
+            {"tls_ca_file": "none.pem", "tls_cert": "cert.pem", "scheduler": "tls://a:1"},
+            "tls_ca_file='none.pem': there is no such file",
+        ),
+    ],
+)
+def test_credentials_that_cannot_be_meant_are_refused(case, tmp_path, given, message):
+    with pytest.raises(td.InputError, match=message):
+        run(case(count=2), tmp_path / "out", progress=False, **given)
+
+
+def test_a_connection_without_tls_is_warned_of(capsys):
+    with LocalCluster(n_workers=0, processes=False, protocol="tcp://", dashboard_address="127.0.0.1:0") as cluster:
+        ExistingScheduler(cluster.scheduler_address).connect_first().close()
+    assert "a connection without TLS: whoever reaches this scheduler or its workers can run" in capsys.readouterr().err
 
 
 def test_a_command_that_was_told_to_wait_waits_at_the_start(tmp_path):

@@ -35,6 +35,12 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         type=_seconds,
         help="how long to wait for a scheduler: 30s, 2h (default 1min for a lost one)",
     )
+    for name, what in (
+        ("--tls-ca-file", "certificate of the authority of a scheduler that talks TLS"),
+        ("--tls-cert", "certificate of this client of it"),
+        ("--tls-key", "key of that certificate, unless it stands in the same file"),
+    ):
+        parser.add_argument(name, metavar="PEM", type=Path, help=what)
     parser.add_argument(
         "--take-over", action="store_true", help="take the place of a dead process that still holds the directory"
     )
@@ -62,6 +68,9 @@ def _run(options: argparse.Namespace) -> int:
         scheduler_file=options.scheduler_file,
         wait=options.wait,
         take_over=options.take_over,
+        tls_ca_file=options.tls_ca_file,
+        tls_cert=options.tls_cert,
+        tls_key=options.tls_key,
     )
     for sentence in [*summary.answers, *summary.findings, *summary.model_notes]:
         print(sentence, file=sys.stderr)

@@ -79,7 +79,7 @@ class DaskWorkers:
     def _own_workers(self) -> Client:
         workers = LocalWorkers(self._count)
         self._stack.callback(workers.close)
-        return Client(workers.address)
+        return workers.connect()
 
     def _replaced(self, lost: Client) -> Client:
         """A client in place of one whose scheduler is gone."""

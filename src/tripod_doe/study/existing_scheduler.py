@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import socket
 import sys
 import time
@@ -16,12 +17,65 @@ from tripod_doe.quantities import duration
 
 if TYPE_CHECKING:  # Dask takes a second to import
     from distributed import Client
+    from distributed.security import Security
 
 USUAL_WAIT = 60.0
 """Seconds for which a study waits for a scheduler that is gone, unless told otherwise."""
 
+_TLS = "tls://"
 _ATTEMPT = 5.0  # seconds for one
 _PAUSES = (0.5, 10.0)  # seconds between two attempts: the first, doubled up to the last
+
+
+@dataclass(frozen=True)
+class TlsFiles:
+    """Credentials in PEM files, as the options of ``dask worker`` name them."""
+
+    ca_file: Path  # certificate of the authority that signed the scheduler's
+    cert: Path  # certificate of this client
+    key: Path | None = None  # its key; None where it stands in the file of the certificate
+
+    def security(self) -> Security:
+        """The credentials for a client of Dask.
+
+        Raises
+        ------
+        InputError
+            If a file cannot be used.
+        """
+        from distributed.security import Security
+
+        files = {"tls_ca_file": self.ca_file, "tls_cert": self.cert, "tls_key": self.key}
+        for name, file in files.items():
+            if file is not None and not os.access(file, os.R_OK):
+                raise InputError(f"{option(name, str(file))}: there is no such file, or it cannot be read")
+        security = Security(
+            require_encryption=True,
+            tls_ca_file=str(self.ca_file),
+            tls_client_cert=str(self.cert),
+            tls_client_key=str(self.key) if self.key else None,
+        )
+        try:
+            security.get_connection_args("client")
+        except OSError as error:  # that of ssl is one
+            shown = ", ".join(option(name, str(file)) for name, file in files.items() if file is not None)
+            raise InputError(f"{shown}: cannot be used for TLS: {error}") from error
+        return security
+
+
+def tls_files(ca_file: str | Path | None, cert: str | Path | None, key: str | Path | None) -> TlsFiles | None:
+    """Credentials from the files that were given; None where none was.
+
+    Raises
+    ------
+    InputError
+        If the authority's certificate or the client's is missing.
+    """
+    if not (ca_file or cert or key):
+        return None
+    if not (ca_file and cert):
+        raise InputError(f"credentials: give {option('tls_ca_file')} and {option('tls_cert')}, both")
+    return TlsFiles(Path(ca_file), Path(cert), Path(key) if key else None)
 
 
 @dataclass(frozen=True)
@@ -35,10 +89,13 @@ class ExistingScheduler:
     # seconds to wait for a scheduler, at the start as well; None: for one that is gone the usual time, at the start no
     # time, so that a wrong address is noticed
     wait: float | None = None
+    tls: TlsFiles | None = None  # credentials for a scheduler that talks TLS; None: those of Dask's configuration
 
     def __post_init__(self) -> None:
         if self.address and self.file:
             raise InputError(f"give {self} or {option('scheduler_file', str(self.file))}, not both")
+        if self.tls and self.address and not self.address.startswith(_TLS):
+            raise InputError(f"{self}: credentials are for an address that begins with {_TLS}")
 
     def __str__(self) -> str:
         return option("scheduler", self.address) if self.address else option("scheduler_file", str(self.file))
@@ -53,16 +110,39 @@ class ExistingScheduler:
         """
         from distributed import Client
 
+        address = self._read_address()
+        security = self._security(address)
         try:
-            address = json.loads(self.file.read_text())["address"] if self.file else self.address
-            place = urlsplit(str(address))
+            place = urlsplit(address)
             # A client tries for much longer than it is told.
             socket.create_connection((place.hostname, place.port), timeout=_ATTEMPT).close()
-            return Client(address, timeout=_ATTEMPT)
+            return Client(address, timeout=_ATTEMPT, security=security)
+        except (OSError, ValueError) as error:
+            refused = ", or it refuses these credentials" if address.startswith(_TLS) else ""
+            raise InputError(f"{self}: no Dask scheduler answers there{refused}") from error
+
+    def _read_address(self) -> str:
+        if not self.file:
+            return str(self.address)
+        try:
+            return str(json.loads(self.file.read_text())["address"])
         except FileNotFoundError as error:
             raise InputError(f"{self}: there is no such file") from error
-        except (OSError, ValueError, KeyError) as error:  # KeyError: a file that holds no address
-            raise InputError(f"{self}: no Dask scheduler answers there") from error
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise InputError(f"{self}: no Dask scheduler answers there: the file holds no address") from error
+
+    def _security(self, address: str) -> Security:
+        from distributed.security import Security
+
+        if self.tls:
+            return self.tls.security()
+        configured = Security()
+        if address.startswith(_TLS) and not (configured.tls_ca_file and configured.tls_client_cert):
+            files = ", ".join(option(name) for name in ("tls_ca_file", "tls_cert", "tls_key"))
+            raise InputError(
+                f"{self}: {address} asks for credentials: give {files}, or set them in Dask's configuration"
+            )
+        return configured
 
     def connect_first(self) -> Client:
         """A client at the start.
@@ -74,7 +154,14 @@ class ExistingScheduler:
         TripodDoeError
             If none has answered for the given time.
         """
-        return self.connect() if self.wait is None else self._connect_within(self.wait)
+        client = self.connect() if self.wait is None else self._connect_within(self.wait)
+        if not client.scheduler.address.startswith(_TLS):
+            print(
+                f"{self}: a connection without TLS: whoever reaches this scheduler or its workers can run code there, "
+                "and here; see docs/cluster.md",
+                file=sys.stderr,
+            )
+        return client
 
     def connect_again(self) -> Client:
         """A client of the scheduler, or of the one that takes its place, as soon as it is there.

@@ -3,20 +3,37 @@
 The workers are forked from one process that has imported what they need, and has no threads: that costs each of them
 0.1 s of CPU time in place of 3 s.
 
-The program answers with the address of its scheduler, then reads standard input: a line closes the workers in order;
-the end of the input ends them at once, as the process that wanted them is gone.
+The program answers with the address of its scheduler and the credentials of its clients, then reads standard input: a
+line closes the workers in order; the end of the input ends them at once, as the process that wanted them is gone.
+
+Whoever reaches a scheduler, a nanny or a worker of Dask can run code as their owner, and every user of this machine
+reaches its ports. So all of them talk TLS and ask for a certificate, made anew for each cluster and kept in memory;
+their HTTP servers, which Dask always starts, have no pages; and workers, which import from their working folder, have
+it in one that only the owner can open.
 """
 
 from __future__ import annotations
 
+import json
 import multiprocessing
 import os
+import shutil
+import signal
+import subprocess
 import sys
+import tempfile
 from multiprocessing import forkserver
+from typing import TYPE_CHECKING
 
 from tripod_doe.errors import TripodDoeError, option
 from tripod_doe.study.child_process import answers, start_child
 from tripod_doe.study.scenes import modules_of_scenes
+
+if TYPE_CHECKING:  # this program starts its own children before it imports Dask
+    from distributed import Client
+
+_CREDENTIALS = ("tls_ca_file", "tls_client_cert", "tls_client_key")
+_END = 5.0  # seconds for a program that has closed its output to end
 
 QUIET = {
     "distributed.scheduler.allowed-failures": 0,  # which block is to blame is found out here
@@ -24,6 +41,8 @@ QUIET = {
     "distributed.worker.profile.enabled": False,
     "distributed.worker.multiprocessing-method": "forkserver",
     "distributed.comm.timeouts.connect": "30s",
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.http.routes": [],
 }
 """Settings of Dask in every process of a study."""
 
@@ -36,11 +55,6 @@ class LocalWorkers:
     count
         Number of worker processes, one thread each.
 
-    Attributes
-    ----------
-    address
-        Of their Dask scheduler.
-
     Raises
     ------
     TripodDoeError
@@ -50,17 +64,38 @@ class LocalWorkers:
     def __init__(self, count: int) -> None:
         self._program = start_child(__name__, str(count), *modules_of_scenes())
         assert self._program.stdout is not None
-        self.address = self._program.stdout.readline().strip()
-        if not self.address:
+        answer = self._program.stdout.readline()
+        if not answer:
+            reason = _ending(self._program)
             self.close()
             raise TripodDoeError(
-                f"worker processes could not be started, see the lines above; {option('workers', 0)} computes in this "
-                "process"
+                f"worker processes could not be started: {reason}; {option('workers', 0)} computes in this process"
             )
+        told = json.loads(answer)
+        self.address = str(told["address"])  # of their Dask scheduler
+        self._credentials: dict[str, str] = told["credentials"]
+
+    def connect(self) -> Client:
+        """Make a client of their scheduler."""
+        from distributed import Client
+        from distributed.security import Security
+
+        return Client(self.address, security=Security(require_encryption=True, **self._credentials))
 
     def close(self) -> None:
         """End the worker processes."""
         self._program.communicate("close\n")
+
+
+def _ending(program: subprocess.Popen[str]) -> str:
+    """Why a program ended before it answered, as the end of a sentence."""
+    try:
+        code = program.wait(_END)
+    except subprocess.TimeoutExpired:
+        return "the process that starts them closed its output and goes on"
+    if code < 0:
+        return f"the process that starts them was ended by {signal.Signals(-code).name}"
+    return f"the process that starts them ended with exit code {code}; see the lines above"
 
 
 def _serve(count: int, modules: list[str]) -> None:
@@ -73,21 +108,29 @@ def _serve(count: int, modules: list[str]) -> None:
 
     import dask
     from distributed import LocalCluster
+    from distributed.security import Security
 
+    security = Security.temporary()
     with (
+        tempfile.TemporaryDirectory(prefix="tripod-doe-") as folder,
         dask.config.set(QUIET),
         LocalCluster(
             n_workers=count,
             threads_per_worker=1,
             processes=True,
+            security=security,
             dashboard_address="127.0.0.1:0",  # another run may have the default port
+            scheduler_kwargs={"dashboard": False},
+            local_directory=folder,
             silence_logs=50,
             memory_limit=0,
         ) as cluster,
     ):
-        stream.write(f"{cluster.scheduler_address}\n")
+        credentials = {name: getattr(security, name) for name in _CREDENTIALS}
+        stream.write(json.dumps({"address": cluster.scheduler_address, "credentials": credentials}) + "\n")
         stream.close()
         if not sys.stdin.readline():
+            shutil.rmtree(folder, ignore_errors=True)
             os._exit(1)
 
 

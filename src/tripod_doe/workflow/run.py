@@ -20,6 +20,7 @@ from tripod_doe.analyses.multifidelity.study_split import (
 )
 from tripod_doe.analyses.registry import findings_of
 from tripod_doe.array_types import IntArray
+from tripod_doe.errors import InputError, option
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.pages.study import read_analyses, write_report
 from tripod_doe.study.choice import chosen_keys, chosen_points
@@ -27,7 +28,7 @@ from tripod_doe.study.definition import Study, load_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.directory import ResultDirectory
 from tripod_doe.study.execution import Execution
-from tripod_doe.study.existing_scheduler import ExistingScheduler
+from tripod_doe.study.existing_scheduler import ExistingScheduler, tls_files
 from tripod_doe.study.failures import Failure
 from tripod_doe.study.journal import PILOT
 from tripod_doe.study.study_points import StudyPoints
@@ -80,6 +81,9 @@ def run(
     scheduler_file: str | Path | None = None,
     wait: float | None = None,
     take_over: bool = False,
+    tls_ca_file: str | Path | None = None,
+    tls_cert: str | Path | None = None,
+    tls_key: str | Path | None = None,
 ) -> RunSummary:
     """Run the missing points of a study, then make cube, costs, analyses and report.
 
@@ -108,6 +112,8 @@ def run(
         Seconds to wait for that scheduler, at the start as well; if omitted, 60 for one that is lost.
     take_over
         Take the place of a process that holds the directory and is known to be dead.
+    tls_ca_file, tls_cert, tls_key
+        PEM files for a scheduler that talks TLS: the certificate of its authority, that of this client, and its key.
 
     Raises
     ------
@@ -116,9 +122,13 @@ def run(
     StorageError
         If writing fails; finished points stay in the journal.
     """
-    existing = None
+    existing, tls = None, tls_files(tls_ca_file, tls_cert, tls_key)
     if scheduler or scheduler_file:
-        existing = ExistingScheduler(scheduler, Path(scheduler_file) if scheduler_file else None, wait)
+        existing = ExistingScheduler(scheduler, Path(scheduler_file) if scheduler_file else None, wait, tls)
+    elif tls:
+        raise InputError(
+            f"{option('tls_cert', str(tls.cert))}: credentials are for {option('scheduler')}; give it, too"
+        )
     with Execution(workers, existing, oversubscribe) as execution:
         return run_on(execution, study, out, retry_failed, fail_fast, progress, take_over)
 
