@@ -226,3 +226,20 @@ def test_a_run_grows_and_keeps_what_it_has(api):
     assert "4 points computed" in api.get(f"/runs/{run_id}/log").text
     assert api.delete(f"/runs/{run_id}").status_code == 204
     assert api.get(f"/runs/{run_id}").status_code == 404
+
+
+def test_an_extended_run_keeps_the_limits_whatever_its_files_are_called(api):
+    """Regression: with a file workflow.toml only that was counted, and the run was stored as that of a workflow."""
+    run_id = api.submit(grown(3))
+    api.wait(run_id, "finished")
+    small = "[workflow]\nname = 'w'\n[steps.s]\nkind = 'study'\nstudy = 'study.toml'\n"
+    many = grown(3) + "\n[factors.torque_n_m]\nlow = -50\nhigh = -10\ncount = 125001\n"
+    many = many.replace("torque_n_m = -35\n", "")
+    told = api.post(f"/runs/{run_id}/extend", {"study": many, "files": {"workflow.toml": small}})
+    assert told.status_code == 413, told.text
+    longer = api.post(f"/runs/{run_id}/extend", {"study": grown(3, 4), "files": {"workflow.toml": small}})
+    assert longer.json()["kind"] == "study"
+    assert api.wait(run_id, "finished", "failed")["points"]["total"] == 8
+    other = api.post("/runs", {"study": grown(5), "files": {"workflow.toml": small}})
+    assert other.json()["kind"] == "study"
+    assert api.wait(other.json()["id"], "finished", "failed")["state"] == "finished"

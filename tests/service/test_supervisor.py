@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import fcntl
+import json
 import os
+import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from dataclasses import replace
 from datetime import datetime
 
@@ -22,6 +26,7 @@ from tripod_doe.service.progress import PointCounts
 from tripod_doe.service.runs import Run, RunTable, State
 from tripod_doe.service.settings import Settings
 from tripod_doe.service.supervisor import UPLOAD, Supervisor
+from tripod_doe.workflow.steps_file import STEPS
 
 PLAN = {"kind": "study", "name": "idle", "question": "", "unique": 3, "expected_outcomes": []}
 SLEEP = "import signal, time; signal.signal(signal.SIGINT, signal.SIG_DFL); time.sleep(60)"
@@ -48,11 +53,13 @@ def start(settings, monkeypatch):
             words = [sys.executable, "-c", program, "tripod_doe.cli", *words]
             lock = os.open(directory / ".alive", os.O_CREAT | os.O_RDWR)
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            with (directory / processes.LOG).open("wb") as log:
-                child = subprocess.Popen(words, stdout=log, stderr=log, start_new_session=True, pass_fds=(lock,))
-            os.ftruncate(lock, 0)
-            os.write(lock, f"{child.pid}\n".encode())
-            os.close(lock)
+            try:
+                with (directory / processes.LOG).open("wb") as log:
+                    child = subprocess.Popen(words, stdout=log, stderr=log, start_new_session=True, pass_fds=(lock,))
+                os.ftruncate(lock, 0)
+                os.write(lock, f"{child.pid}\n".encode())
+            finally:
+                os.close(lock)
             children.append(child)
 
         monkeypatch.setattr(processes, "start_run", start_run)
@@ -295,3 +302,136 @@ def test_a_full_disk_is_told_and_ends_nothing(start, tmp_path, monkeypatch):
         time.sleep(0.6)
         assert supervisor.find(run_id).state is State.RUNNING  # nothing is told that could not be stored
     wait(supervisor, run_id, State.FAILED)
+
+
+def spoil(supervisor, run_id, **values):
+    """Store a run at work with values that no run has, and give it as it is when the service has noticed."""
+    with supervisor._lock:
+        supervisor._put(supervisor.find(run_id).changed(**values))
+    until = time.monotonic() + 20
+    while (run := supervisor.find(run_id)).state is State.RUNNING:
+        supervisor._progress.pop(run_id, None)
+        assert time.monotonic() < until
+        time.sleep(0.02)
+    return run
+
+
+def test_a_run_that_cannot_be_looked_after_fails_alone(start, settings, tmp_path):
+    """Regression: its KeyError ended every look, so that no run was started any more, also by the next server."""
+    supervisor = start(SLEEP)
+    bad, good = submit(supervisor, tmp_path), submit(supervisor, tmp_path)
+    wait(supervisor, bad, State.RUNNING)
+    failed = spoil(supervisor, bad, plan={"kind": "workflow"})
+    assert failed.state is State.FAILED
+    assert "cannot look after it (KeyError: 'unique')" in failed.message
+    wait(supervisor, good, State.RUNNING)
+    supervisor.delete(bad)
+
+
+def test_the_next_server_goes_on_beside_a_run_that_cannot_be_looked_after(start, settings, tmp_path):
+    supervisor = start(SLEEP)
+    bad, good = submit(supervisor, tmp_path), submit(supervisor, tmp_path)
+    wait(supervisor, bad, State.RUNNING)
+    supervisor.close()
+    spoil_table(settings, bad, lambda record: record | {"plan": {}})
+    later = start(SLEEP)
+    wait(later, bad, State.FAILED)
+    wait(later, good, State.RUNNING)
+    later.delete(bad)
+
+
+def spoil_table(settings, run_id, change):
+    with closing(sqlite3.connect(settings.folder / runs.TABLE)) as table, table:
+        (text,) = table.execute("SELECT record FROM run WHERE id = ?", (run_id,)).fetchone()
+        changed = change(json.loads(text))
+        text = changed if isinstance(changed, str) else json.dumps(changed)
+        table.execute("UPDATE run SET record = ? WHERE id = ?", (text, run_id))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda record: "no JSON",
+        lambda record: "[]",
+        lambda record: record | {"state": "unheard of"},
+        lambda record: record | {"counts": {"total": "many", "cpu_seconds": None}},
+        lambda record: record | {"eta_seconds": float("nan")},
+        lambda record: record | {"unknown": 1},
+    ],
+)
+def test_a_damaged_row_is_a_run_that_failed(start, settings, tmp_path, change):
+    supervisor = start(SLEEP)
+    bad, good = submit(supervisor, tmp_path), submit(supervisor, tmp_path)
+    wait(supervisor, bad, State.RUNNING)
+    supervisor.stop(bad)
+    wait(supervisor, bad, State.STOPPED)
+    wait(supervisor, good, State.RUNNING)
+    supervisor.close()
+    spoil_table(settings, bad, change)
+    later = start(SLEEP)
+    assert {run.id for run in later.all()} == {bad, good}
+    assert "its row in service.sqlite is damaged" in wait(later, bad, State.FAILED).message
+    wait(later, good, State.RUNNING)
+    later.delete(bad)
+    assert [run.id for run in later.all()] == [good]
+
+
+def _as_folder(path):
+    path.unlink(missing_ok=True)
+    path.mkdir()
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda directory: shutil.rmtree(directory),
+        lambda directory: shutil.rmtree(directory / UPLOAD),
+        lambda directory: _as_folder(directory / ".alive"),
+        lambda directory: _as_folder(directory / processes.LOG),
+        lambda directory: _as_folder(directory / "journal.sqlite"),
+        lambda directory: (directory / "journal.sqlite").write_bytes(b"SQLite format 3\0" + bytes(4000)),
+        lambda directory: (directory / "report").write_text("no folder"),
+    ],
+)
+def test_a_damaged_directory_is_the_failure_of_its_run_alone(settings, start, tmp_path, damage):
+    """Damaged while the run waits: what it starts with is missing, or is something else."""
+    supervisor = start(SLEEP)
+    first, bad, good = [submit(supervisor, tmp_path) for _ in range(3)]
+    wait(supervisor, first, State.RUNNING)
+    damage(supervisor.directory(bad))
+    supervisor.stop(first)
+    until = time.monotonic() + 20
+    while supervisor.find(bad).state is State.QUEUED:
+        assert time.monotonic() < until
+        time.sleep(0.02)
+    if supervisor.find(bad).state is not State.FAILED:
+        supervisor.stop(bad)
+    wait(supervisor, good, State.RUNNING)
+    supervisor.delete(bad)
+
+
+def test_steps_that_say_nonsense_are_the_failure_of_their_workflow_alone(start, tmp_path):
+    supervisor = start(SLEEP)
+    bad, good = submit(supervisor, tmp_path), submit(supervisor, tmp_path)
+    wait(supervisor, bad, State.RUNNING)
+    (supervisor.directory(bad) / STEPS).write_text("[1, 2]")
+    assert spoil(supervisor, bad, kind="workflow", plan={"steps": {}}).state is State.FAILED
+    wait(supervisor, good, State.RUNNING)
+
+
+def test_the_limit_of_the_queue_holds_for_runs_that_go_on(start, settings, tmp_path):
+    supervisor = start(SLEEP)
+    stopped = submit(supervisor, tmp_path)
+    wait(supervisor, stopped, State.RUNNING)
+    supervisor.stop(stopped)
+    wait(supervisor, stopped, State.STOPPED)
+    for _ in range(4):
+        submit(supervisor, tmp_path)
+        time.sleep(0.6)
+    upload = tmp_path / "longer"
+    upload.mkdir()
+    with pytest.raises(RefusedError, match="413: 3 runs are waiting"):
+        supervisor.resume(stopped)
+    with pytest.raises(RefusedError, match="413: 3 runs are waiting"):
+        supervisor.extend(stopped, upload, PLAN)
+    assert supervisor.find(stopped).state is State.STOPPED

@@ -20,7 +20,7 @@ from typing import IO, Any, cast
 from tripod_doe.errors import InputError, TripodDoeError, option
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import ForbiddenError, TooLargeError
-from tripod_doe.service.uploads import STUDY, WORKFLOW, check_upload, write_upload
+from tripod_doe.service.uploads import STUDY, check_upload, write_upload
 from tripod_doe.study.child_process import answers
 
 Answer = tuple[Any, bytes]
@@ -38,13 +38,12 @@ def plan(main: str, texts: dict[str, str], limits: dict[str, Any], timing: bool)
         return _in_folder(folder, lambda: plan_upload(folder, main, allowed, timing)), b""
 
 
-def check(folder: str, texts: dict[str, str], limits: dict[str, Any]) -> Answer:
-    """Check an upload that is written into its folder, and count its points."""
+def check(main: str, folder: str, texts: dict[str, str], limits: dict[str, Any]) -> Answer:
+    """Check an upload that is written into its folder, and count the points of its main file."""
     from tripod_doe.service.plans import plan_upload
 
     allowed = Limits(**limits)
     check_upload(texts, allowed)
-    main = WORKFLOW if WORKFLOW in texts else STUDY
     return _in_folder(Path(folder), lambda: plan_upload(Path(folder), main, allowed, timing=False)), b""
 
 
@@ -125,7 +124,7 @@ def choice(folder: str, path: str) -> Answer:
 
 def extend(folder: str, path: str, texts: dict[str, str], limits: dict[str, Any]) -> Answer:
     """Check the larger version of a study whose results are in a directory; anything but growth is refused."""
-    told, _ = check(folder, texts, limits)
+    told, _ = check(STUDY, folder, texts, limits)
     try:
         _in_folder(Path(folder), lambda: _refuse_changes(Path(folder), Path(path)))
     except InputError as error:

@@ -152,10 +152,10 @@ class RunTable:
             self._connection.close()
 
     def all(self) -> list[Run]:
-        """All runs, in the order in which they were submitted."""
+        """All runs, in the order in which they were submitted; one whose row is damaged has failed, and says so."""
         with self._lock:
-            rows = self._connection.execute("SELECT record FROM run ORDER BY number").fetchall()
-        return [_from_text(row[0]) for row in rows]
+            rows = self._connection.execute("SELECT id, key, record FROM run ORDER BY number").fetchall()
+        return [_from_row(*row) for row in rows]
 
     def is_changed(self) -> bool:
         """Whether another process has changed the table since this was asked last."""
@@ -224,6 +224,18 @@ def _to_text(run: Run) -> str:
     content = {item.name: getattr(run, item.name) for item in fields(run)}
     content["counts"] = {item.name: getattr(run.counts, item.name) for item in fields(run.counts)}
     return json.dumps(content)
+
+
+def _from_row(id: str, key: str | None, text: str) -> Run:
+    try:
+        run = _from_text(text)
+        json.dumps(run.record(), allow_nan=False)  # as it is shown
+    except Exception as error:  # whatever stands there: the other runs are to be shown
+        told = (
+            f"its row in {TABLE} is damaged ({type(error).__name__}: {error}); its results are kept until it is deleted"
+        )
+        return Run(str(id), "study", str(id), "", State.FAILED, told, key=key)
+    return run
 
 
 def _from_text(text: str) -> Run:

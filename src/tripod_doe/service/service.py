@@ -79,6 +79,8 @@ class Service:
                 if self._closed:
                     return
                 log.warning("%s is not shown: %s", path.name, error)
+            except Exception:  # one that cannot be shown keeps no other away
+                log.exception("%s is not shown", path.name)
 
     def close(self) -> None:
         """End everything but the runs."""
@@ -102,11 +104,11 @@ class Service:
         digest = hashlib.sha256(json.dumps(body, sort_keys=True).encode()).hexdigest()
         if key and (earlier := self.runs.find_by_key(key, digest)):
             return earlier
-        _, texts = upload_texts(body)
+        main, texts = upload_texts(body)
         limits = self.settings.limits
         with self._uploaded(texts) as upload:
             plan, _ = self._questions.ask(
-                "check", limits.query_seconds, folder=str(upload), texts=texts, limits=asdict(limits)
+                "check", limits.query_seconds, main=main, folder=str(upload), texts=texts, limits=asdict(limits)
             )
             return self.runs.submit(upload, plan, key, digest)
 

@@ -11,7 +11,8 @@ import secrets
 import shutil
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -37,6 +38,15 @@ _PATIENCE = 20.0  # seconds in which a run may end in order after it was asked t
 _DELETED = ".deleted-"
 
 log = logging.getLogger(__name__)
+
+
+@contextmanager
+def _logged(what: str) -> Iterator[None]:
+    """Log what goes wrong with something, and go on."""
+    try:
+        yield
+    except Exception:
+        log.exception("%s", what)
 
 
 class Supervisor:
@@ -165,12 +175,10 @@ class Supervisor:
         RefusedError
             413 if the queue is full.
         """
-        limits = self.settings.limits
         with self._lock:
             if key and (earlier := self.find_by_key(key, digest)):
                 return earlier
-            if sum(run.state is State.QUEUED for run in self._runs.values()) >= limits.queued:
-                raise RefusedError(413, f"{limits.queued:,} runs are waiting, which is the limit: try again later")
+            self._refuse_full_queue()
             run_id, time_now = secrets.token_hex(8), now()
             directory = self.directory(run_id)
             directory.mkdir()
@@ -190,6 +198,11 @@ class Supervisor:
             )
             self._put(run)
         return run
+
+    def _refuse_full_queue(self) -> None:
+        most = self.settings.limits.queued
+        if sum(run.state is State.QUEUED for run in self._runs.values()) >= most:
+            raise RefusedError(413, f"{most:,} runs are waiting, which is the limit: try again later")
 
     def stop(self, run_id: str) -> Run:
         """Stop a run: from the queue at once, otherwise after the points at work.
@@ -217,7 +230,7 @@ class Supervisor:
         Raises
         ------
         RefusedError
-            409 if it waits or runs, or there is nothing to run.
+            409 if it waits or runs, or there is nothing to run; 413 if the queue is full.
         """
         with self._lock:
             run = self._own(run_id)
@@ -229,6 +242,7 @@ class Supervisor:
                 raise RefusedError(409, f"state: {run.state}: no point of this run is missing")
             if processes.is_held(self.directory(run_id)):
                 raise RefusedError(409, "another process computes into the directory of this run")
+            self._refuse_full_queue()
             return self._put(run.changed(state=State.QUEUED, message="", retry_failed=retry_failed))
 
     def extend(self, run_id: str, upload: Path, plan: Mapping[str, Any]) -> Run:
@@ -237,12 +251,13 @@ class Supervisor:
         Raises
         ------
         RefusedError
-            409 if it waits or runs.
+            409 if it waits or runs, 413 if the queue is full.
         """
         with self._lock:
             run = self._own(run_id)
             if not run.state.at_rest or processes.is_held(self.directory(run_id)):
                 raise RefusedError(409, f"state: {run.state}: only a run at rest can be extended")
+            self._refuse_full_queue()
             own = self.directory(run_id) / UPLOAD
             own.rename(own.with_name(f".{UPLOAD}.old"))
             upload.rename(own)
@@ -301,19 +316,44 @@ class Supervisor:
 
     def _look_after(self) -> None:
         while not self._ended.wait(_PERIOD):
-            try:
-                with self._lock:
-                    active = [run for run in self._runs.values() if run.state.alive]
-                for run in active:
-                    self._look_at(run.id)
-                if self.settings.read_only:
+            with self._lock:
+                active = [run for run in self._runs.values() if run.state.alive]
+            for run in active:
+                self._for_one(run, self._look_at)
+            if self.settings.read_only:
+                with _logged("the table of runs"):
                     self._read_again()
-                else:
-                    self._start_waiting()
-            except StorageError as error:  # a full disk: the state is told again as soon as it can be stored
-                log.error("%s", error)
-            except Exception:
-                log.exception("a run could not be looked after")
+            else:
+                self._start_waiting()
+
+    def _for_one(self, run: Run, step: Callable[[str], None]) -> None:
+        """Do something for a run; whatever goes wrong is the failure of this run, and the others go on."""
+        try:
+            step(run.id)
+        except StorageError as error:  # a full disk: the state is stored as soon as it can be
+            log.error("%s: %s", run.id, error)
+        except Exception as error:
+            log.exception("run %s", run.id)
+            with _logged(f"the failure of run {run.id}"):
+                self._fail(run.id, f"the service cannot look after it ({type(error).__name__}: {error})")
+
+    def _fail(self, run_id: str, message: str) -> None:
+        """End the process of a run if there is one, and store that it failed."""
+        with self._lock:
+            run = self._runs.get(run_id)
+            if run is None or run.state.at_rest:
+                return
+            if not run.place and not self.settings.read_only:
+                processes.kill_run(self.directory(run_id))
+            self._forget_work(run_id)
+            self._put(run.changed(state=State.FAILED, message=message, eta_seconds=None, retry_failed=False))
+
+    def _forget_work(self, run_id: str) -> None:
+        """Forget what is known of the process of a run that has ended."""
+        self._stop_by.pop(run_id, None)
+        self._interrupted.discard(run_id)
+        self._progress.pop(run_id, None)
+        self._endings.pop(run_id, None)
 
     def _read_again(self) -> None:
         """Take over what the server that runs studies in this folder has written."""
@@ -351,16 +391,13 @@ class Supervisor:
                     self._show(run.changed(counts=counts, steps=steps, eta_seconds=progress.eta_seconds(counts)))
                 self._hasten(run_id)
                 return
-            self._stop_by.pop(run_id, None)
-            self._interrupted.discard(run_id)
             state, message = self._endings.setdefault(run_id, ending_of(run, counts, steps, directory))
-            self._progress.pop(run_id, None)
             self._put(
                 run.changed(
                     state=state, message=message, counts=counts, steps=steps, eta_seconds=None, retry_failed=False
                 )
             )
-            del self._endings[run_id]
+            self._forget_work(run_id)
 
     def _interrupt(self, run_id: str) -> None:
         """Ask a run to stop, once: a second time would end it at once."""
@@ -379,19 +416,19 @@ class Supervisor:
     def _start_waiting(self) -> None:
         """Start the runs that have waited longest, as many as may be at work."""
         with self._lock:
-            free = self.settings.limits.running - sum(run.state.alive for run in self._runs.values())
-            waiting = [run for run in self._runs.values() if run.state is State.QUEUED]
-            for run in waiting[: max(0, free)]:
-                self._start(run)
+            for run in [run for run in self._runs.values() if run.state is State.QUEUED]:
+                if sum(other.state.alive for other in self._runs.values()) >= self.settings.limits.running:
+                    break
+                self._for_one(run, self._start)
 
-    def _start(self, run: Run) -> None:
-        directory = self.directory(run.id)
+    def _start(self, run_id: str) -> None:
+        run, directory = self._runs[run_id], self.directory(run_id)
         self._put(run.changed(state=State.RUNNING))  # first: a kill here leaves a run that is seen to be dead
         try:
             remove_report(directory)
             processes.start_run(directory, self._words(run, directory))
         except InputError as error:
-            self._put(replace(self._runs[run.id], state=State.FAILED, message=str(error)))
+            self._put(replace(self._runs[run_id], state=State.FAILED, message=str(error)))
 
     def _words(self, run: Run, directory: Path) -> list[str]:
         """The command line of a run."""
