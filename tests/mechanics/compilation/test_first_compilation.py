@@ -37,7 +37,7 @@ WAITING = "another process is compiling kernels: waiting for it\n"
 def start(tmp_path):
     """Start a process that compiles into a folder which is empty at first."""
     started = []
-    script, go = tmp_path / "copy.py", tmp_path / "go"
+    script, go = tmp_path / "compile_once.py", tmp_path / "go"
     script.write_text(COPY)
 
     def start(kernels="model copy"):
