@@ -11,7 +11,7 @@ from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import TooLargeError
 from tripod_doe.service.uploads import STUDY
 from tripod_doe.study.definition import Study, parse_study
-from tripod_doe.study.designs import point_count
+from tripod_doe.study.designs import most_points, point_count
 from tripod_doe.study.plan import Plan, plan
 from tripod_doe.workflow.analyses import check_analyses
 from tripod_doe.workflow.definition import load_workflow
@@ -66,7 +66,8 @@ def plan_upload(folder: Path, main: str, limits: Limits, timing: bool) -> dict[s
     blocks = [study["blocks"] for study in studies]
     whole["blocks"] = None if None in blocks else sum(blocks)
     whole["warnings"] = [f"{name}: {text}" for name, step in steps.items() for text in step.get("warnings", [])]
-    _check_limits(limits, "workflow.toml", whole["points"], whole["bytes"], hours)
+    most = sum(max(study["points"], study["most_points"]) for study in studies)
+    _check_limits(limits, "workflow.toml", most, whole["bytes"], hours)
     return whole
 
 
@@ -77,11 +78,13 @@ def plan_study(study: Study, limits: Limits, timing: bool) -> dict[str, Any]:
 
 def _plan_within(study: Study, limits: Limits, timing: bool) -> Plan:
     """Plan a study that keeps the limits."""
-    counted = point_count(study)
+    counted = max(point_count(study), most_points(study))
     if counted > limits.points:  # before any point is made
-        raise TooLargeError(f"{study.origin}: {counted:,} points; at most {limits.points:,} are allowed here")
+        remedy = "; set most_points in [design]" if most_points(study) else ""
+        raise TooLargeError(f"{study.origin}: {counted:,} points; at most {limits.points:,} are allowed here{remedy}")
     price = plan(study, timing, recorded=True)
-    _check_limits(limits, study.origin, price.points, price.cube_bytes, price.cpu_hours)
+    share = max(counted / max(price.points, 1), 1.0)  # of the points that follow from a pilot, where there is one
+    _check_limits(limits, study.origin, counted, round((price.cube_bytes or 0) * share), price.cpu_hours)
     return price
 
 
@@ -94,6 +97,7 @@ def _told(study: Study, price: Plan) -> dict[str, Any]:
         "points": price.points,
         "unique": price.unique,
         "excluded": price.excluded,
+        "most_points": price.most_points,
         "blocks": price.blocks,
         "bytes": price.cube_bytes,
         "cpu_seconds": _seconds(price.cpu_hours),

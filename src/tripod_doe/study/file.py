@@ -128,6 +128,12 @@ class DesignTable(_Table):
     pilot: int | None = Field(
         None, ge=16, description="multifidelity: samples that all models run first, 24 or all samples if omitted"
     )
+    most_points: int | None = Field(
+        None,
+        ge=1,
+        description="multifidelity: points of all models together that a split from the pilot may have; 200,000 if "
+        "omitted, or ten times those of the dearest model if that is more",
+    )
     target: list[str] = Field(
         [], description="multifidelity: OUTPUT or OUTPUT_ORDER whose variance the split makes small; all if omitted"
     )

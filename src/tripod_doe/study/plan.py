@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray
 from tripod_doe.quantities import duration, size
 from tripod_doe.study.definition import Study, load_study
-from tripod_doe.study.designs import Points, make_points, point_bytes
+from tripod_doe.study.designs import Points, make_points, most_points, point_bytes
 from tripod_doe.study.failures import Failure, common_failures
 from tripod_doe.study.model_records import model_records
 from tripod_doe.study.study_points import StudyPoints
@@ -52,6 +52,7 @@ class Plan:
     memory_bytes: int = 0  # memory that the points take while the study runs, their results left out
     # size of cube and costs before compression; None where that of the cube is not known
     written_bytes: int | None = None
+    most_points: int = 0  # points that a pilot may add up to, its own included; 0 where all are known
 
     @property
     def able(self) -> int:
@@ -63,6 +64,8 @@ class Plan:
         lines = [f"points       {self.points:,}"]
         if self.unique + self.excluded != self.points:
             lines[0] += f" ({self.points - self.unique - self.excluded:,} of them repeated and computed once)"
+        if self.most_points:
+            lines[0] += f" of a pilot, then at most {self.most_points:,} in all; what follows is the price of the pilot"
         if self.excluded:
             lines.append(f"excluded     {self.excluded:,} by constraints")
         lines += [f"{f.outcome.label:12} {f.count:,} of {self.unique:,}: {f.reason}" for f in self.foreseen]
@@ -135,6 +138,7 @@ def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False)
         points.notes,
         points.count * point_bytes(study),
         _written_bytes(study, points),
+        most_points(study),
     )
 
 

@@ -7,13 +7,15 @@ import math
 import numpy as np
 import pytest
 import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
 from published import ISHIGAMI
 
 import tripod_doe as td
 from tripod_doe.analyses.multifidelity.estimates import estimate
 from tripod_doe.analyses.multifidelity.multifidelity import MultifidelitySettings, multifidelity
 from tripod_doe.analyses.multifidelity.quantiles import quantiles
-from tripod_doe.analyses.multifidelity.split import find_split
+from tripod_doe.analyses.multifidelity.split import find_split, within
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
 from tripod_doe.joint.candidates import JOINT_CANDIDATES
@@ -315,9 +317,45 @@ def test_a_study_runs_its_pilot_takes_the_split_and_grows(study, tmp_path, capsy
     assert "What the cheaper models gain for y" in page
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("charts_not_drawn")
+def test_a_split_keeps_the_points_that_were_planned(study, tmp_path, capsys):
+    """Regression: 400,000 samples were planned as 192 points, and 13 million started."""
+    path = study(24)
+    path.write_text(path.read_text().replace("samples = 24", "samples = 24\nmost_points = 100"))
+    planned = td.plan(path, timing=False)
+    assert planned.most_points == 100
+    assert "then at most 100 in all" in planned.describe()
+    summary = td.run(path, tmp_path / "out", workers=0, progress=False)
+    assert 72 < summary.computed <= 100
+    free = td.run(study(24), tmp_path / "free", workers=0, progress=False)
+    assert free.computed > 100
+
+
+@given(
+    st.lists(st.integers(16, 10**7), min_size=2, max_size=5),
+    st.integers(16, 30),
+    st.integers(0, 10**7),
+)
+def test_shrunk_samples_are_as_many_as_allowed_and_keep_pilot_and_truth(counts, pilot, spare):
+    wanted = {str(number): max(count, pilot) for number, count in enumerate(counts)}
+    most = wanted["0"] + pilot * (len(wanted) - 1) + spare
+    kept = within(wanted, pilot, most)
+    assert sum(kept.values()) <= most
+    assert kept["0"] == wanted["0"]
+    assert all(pilot <= kept[model] <= wanted[model] for model in kept)
+    if sum(wanted.values()) <= most:
+        assert kept == wanted
+
+
 @pytest.mark.parametrize(
     ("change", "told"),
     [
+        (
+            ("samples = 24", "samples = 24\nmost_points = 70"),
+            "most_points = 70: samples = 24 and the pilot have 72 points",
+        ),
+        (("samples = 24", "samples = 1_000_000_000_000_000_000"), r"a list of 10,000,000,000,000,000,000 points needs"),
         (("samples = 24", "samples = 8"), "at least 16"),
         (("samples = 24", ""), "needs samples"),
         (('target = ["y"]', 'target = ["yy"]'), "'yy' is no output of all models"),
@@ -341,7 +379,7 @@ def test_the_joint_takes_its_own_models():
         'model = {values = ["kinetostatic", "rollers", "needles"]}\n', ""
     )
     points = make_points(parse_study(text))
-    assert points.notes == ("pilot: the first 16 samples in every model",)
+    assert points.notes == ("pilot: the first 16 samples in every model; then at most 200,000 points in all",)
     assert list(dict.fromkeys(points.columns["model"])) == ["needles", "rollers", "kinetostatic", "equilibrium"]
     with pytest.raises(InputError, match="model is a base value"):
         parse_study(text + '[base]\nmodel = "needles"\n')

@@ -24,7 +24,7 @@ from tripod_doe.analyses.settings import PointSettings
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Simulator
-from tripod_doe.study.designs import pilot_samples
+from tripod_doe.study.designs import most_samples, pilot_samples
 
 _LEAST_UNEXPLAINED = 1e-3
 """Part of the variance that is taken to be unexplained at least: a pilot cannot show less, and the samples of a cheap
@@ -75,10 +75,31 @@ def find_split(pilot: xr.Dataset, simulator: Simulator) -> Split:
     ratios = _ratios(chain, prices, explained)
     samples = {model: max(ran, math.ceil(asked * ratios.get(model, 0.0))) for model in prices}
     samples[truth] = asked
+    samples = within(samples, ran, most_samples(ladder.design, len(samples), ladder.block))
     seconds = ladder.block * sum(samples[model] * prices[model] for model in samples)
     variance = _variance(chain, samples, explained)
     alone = ladder.block * prices[truth] / seconds
     return Split(samples, prices, explained, ran, ladder.block, alone / variance, seconds, variance)
+
+
+def within(samples: Mapping[str, int], least: int, most: int) -> dict[str, int]:
+    """Samples of each model, the truth first, with those of cheap models shrunk alike where all are too many.
+
+    Parameters
+    ----------
+    samples
+        What is wanted.
+    least
+        Samples that every model keeps.
+    most
+        Samples of all models together.
+    """
+    truth, *cheap = samples
+    if sum(samples.values()) <= most:
+        return dict(samples)
+    left = max(most - samples[truth] - len(cheap) * least, 0)
+    wanted = sum(samples[model] for model in cheap)
+    return {truth: samples[truth]} | {model: max(least, samples[model] * left // wanted) for model in cheap}
 
 
 def _explained(ladder: Ladder, rungs: tuple[Rung, ...], tables: list[OutputTable]) -> list[float]:

@@ -12,7 +12,7 @@ from tripod_doe.analyses.multifidelity.split import Split, find_split
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import duration, number
 from tripod_doe.study.definition import Study, canonical, parse_study
-from tripod_doe.study.designs import SAMPLE, pilot_samples, point_count
+from tripod_doe.study.designs import SAMPLE, most_points, pilot_samples, point_count
 from tripod_doe.study.file import DesignTable
 from tripod_doe.study.results import opened_cube
 
@@ -113,9 +113,10 @@ def describe_split(study: Study, directory: Path | None) -> list[str]:
     if directory is not None and (directory / "cube.nc").exists():
         return told_split(_split_of_results(study, directory))
     table = study.file.design
+    truth, most = (study.factors[table.fidelity].values or ())[-1], most_points(study)
     return [
-        f"split        follows from a pilot of {point_count(study):,} points; "
-        f"{(study.factors[table.fidelity].values or ())[-1]} gets {table.samples:,} samples in any case"
+        f"split        follows from a pilot of {point_count(study):,} points; {truth} gets {table.samples:,} samples "
+        f"in any case, and all models together at most {most:,} points (most_points)"
     ]
 
 

@@ -14,6 +14,7 @@ from tripod_doe.study.definition import Study
 from tripod_doe.study.designs.columns import ChosenColumns, Column
 from tripod_doe.study.designs.families import FAMILIES, checked_request, count_part, make_part
 from tripod_doe.study.designs.listed import crossed, grid_levels
+from tripod_doe.study.designs.multifidelity import most_points
 from tripod_doe.study.designs.points import Points
 from tripod_doe.study.expressions import Expression
 from tripod_doe.study.file import DesignTable
@@ -45,7 +46,7 @@ def make_points(study: Study) -> Points:
     """
     design = study.file.design
     try:
-        refuse_too_many_points(point_count(study), point_bytes(study))
+        refuse_too_many_points(max(point_count(study), most_points(study)), point_bytes(study))
         points = _grid(study) if design.kind == "grid" else _list(study, design)
         study.simulator.check_lengths(_length_values(study, points), study.keep)
         allowed = _allowed(points, design.constraints)

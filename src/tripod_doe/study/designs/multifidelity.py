@@ -14,7 +14,7 @@ import numpy as np
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Value
-from tripod_doe.study.definition import Factor
+from tripod_doe.study.definition import Factor, Study
 from tripod_doe.study.designs.columns import Column, Rows, row_numbers
 from tripod_doe.study.designs.correlation import correlated, correlation_matrix
 from tripod_doe.study.designs.request import Family, Made, Request, column_of, factor_groups
@@ -26,6 +26,7 @@ SAMPLE = "sample"
 """Label of the points: the sample that each belongs to, the same in all models."""
 
 _USUAL_PILOT = 24
+_USUAL_MOST, _USUAL_SHARE = 200_000, 10  # points of all models together, or of those of the truth
 _FEWEST = 16  # samples below which intervals do not hold what they say
 
 
@@ -72,6 +73,41 @@ def split_of(table: DesignTable, models: tuple[Value, ...]) -> dict[Value, int]:
     if table.split.get(truth) != table.samples:
         raise InputError(f"split: {truth}, the last model, has samples = {table.samples}")
     return {model: table.split.get(word, 0) for word, model in words.items()}
+
+
+def most_samples(table: DesignTable, models: int, block: int) -> int:
+    """Samples of all models together that a split from the pilot may have.
+
+    Parameters
+    ----------
+    table
+        The design.
+    models
+        Number of models.
+    block
+        Points of a sample.
+
+    Raises
+    ------
+    InputError
+        If these are fewer than the truth and the pilot have.
+    """
+    least = (table.samples or 0) + (models - 1) * pilot_samples(table)
+    most = table.most_points or max(_USUAL_MOST, _USUAL_SHARE * (table.samples or 0) * block, least * block)
+    if least * block > most:
+        raise InputError(
+            f"most_points = {most:,}: samples = {table.samples:,} and the pilot have {least * block:,} points already"
+        )
+    return most // block
+
+
+def most_points(study: Study) -> int:
+    """Points that a study may have when its split is known, from counts alone; 0 where there is no split to find."""
+    table = study.file.design
+    if table.kind != "multifidelity" or table.split:
+        return 0
+    block = _block(table, len(factor_groups(random_factors(table, study.file.factors))))
+    return most_samples(table, len(study.factors[table.fidelity].values or ()), block) * block
 
 
 @dataclass(frozen=True)
@@ -167,7 +203,10 @@ def _make(request: Request) -> Made:
     rungs = _Rungs(column_of(request.factors[table.fidelity], reversed(models)), ends, length)
     told = ", ".join(f"{count:,} of {model}" for model, count in reversed(split.items()))
     of = f" of {length} points" if length > 1 else ""
-    note = f"samples{of}: {told}" if table.split else f"pilot: the first {split[models[-1]]} samples{of} in every model"
+    note = f"samples{of}: {told}"
+    if not table.split:
+        most = most_samples(table, len(models), length) * length
+        note = f"pilot: the first {split[models[-1]]} samples{of} in every model; then at most {most:,} points in all"
     columns = _RungColumns(sampled, rungs, table.fidelity, tuple(request.factors))
     return Made(columns, _SampleNumbers(rungs), (note,))
 
