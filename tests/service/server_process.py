@@ -37,11 +37,23 @@ LONG = """
 """Many minutes, in blocks of about a second."""
 
 
+LIMITED = """import resource, runpy, sys
+resource.setrlimit(resource.RLIMIT_NOFILE, (int(sys.argv.pop(1)),) * 2)
+runpy.run_module("tripod_doe.cli", run_name="__main__")
+"""
+"""A server that may have only so many files open."""
+
+
 class Server:
     """A server of our own command line."""
 
-    def __init__(self, folder, *flags):
-        self.process = Process(["-m", "tripod_doe.cli", "serve", "--folder", str(folder), "--port", "0", *flags])
+    def __init__(self, folder, *flags, files=None):
+        words = ["-m", "tripod_doe.cli", "serve", "--folder", str(folder), "--port", "0", *flags]
+        if files is not None:
+            script = folder.with_name("limited.py")
+            script.write_text(LIMITED)
+            words[:2] = [str(script), str(files)]
+        self.process = Process(words)
         self.line = self.process.stdout.readline()
         self.address, self.token = re.fullmatch(r"(http://127\.0\.0\.1:\d+)/\?token=(\S+)\n", self.line).groups()
 

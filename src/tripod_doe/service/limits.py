@@ -24,6 +24,7 @@ class Limits:
     simulate_seconds: float = 300.0
     memory_bytes: int = 8_000_000_000
     streams: int = 1_000
+    connections: int = 1_500
 
     def told(self) -> list[dict[str, Any]]:
         """All limits with their meanings, for programs and for the page."""
@@ -45,5 +46,6 @@ MEANINGS = {
     "simulate_seconds": "CPU time for one simulated point, or for a plan with timing (s)",
     "memory_bytes": "address space of a process that answers (bytes)",
     "streams": "event streams open at the same time",
+    "connections": "connections open at the same time; fewer where the system allows fewer open files",
 }
 """What each limit is."""

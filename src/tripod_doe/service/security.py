@@ -20,6 +20,7 @@ from starlette.requests import HTTPConnection
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from tripod_doe.service.connections import BODY_RATE, BODY_SECONDS
 from tripod_doe.service.page.trouble import is_page, trouble_page
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.report_keys import is_report_address
@@ -35,8 +36,9 @@ BODY = "tripod_doe.body"
 _OPEN = f"{API}/health"
 _SAFE = ("GET", "HEAD", "OPTIONS")
 _ANYWHERE = ("0.0.0.0", "::")
-_BODY_SECONDS = 60.0
-_TEXTS = re.compile(rb'"(?:[^"\\]|\\.)*"', re.DOTALL)
+_TEXTS = re.compile(
+    rb'"(?:[^"\\]|\\.)*+(?:"|$|\\$)', re.DOTALL
+)  # a text without an end takes all, so that no byte is read twice
 
 _POLICY = "default-src 'none'; frame-ancestors 'none'"
 _HEADERS = (
@@ -85,6 +87,8 @@ class Guard:
         headers = Headers(scope=scope)
         try:
             self._check_host(headers)
+            if not scope["path"].isprintable():  # no name of anything holds one
+                raise RefusedError(404, "the address holds a control character")
             inside = self._enter(scope)
             if response := self._welcome(scope):
                 await response(scope, receive, send)
@@ -188,12 +192,13 @@ class Guard:
         too_large = RefusedError(413, f"the body is larger than {most:,} bytes, which is the limit here")
         if length.isdecimal() and int(length[:20]) > most:
             raise too_large
-        body = bytearray()
+        body, started = bytearray(), asyncio.get_running_loop().time()
         while True:
             try:
-                message = await asyncio.wait_for(receive(), _BODY_SECONDS)
+                async with asyncio.timeout_at(started + BODY_SECONDS + len(body) / BODY_RATE):
+                    message = await receive()
             except TimeoutError as error:
-                raise RefusedError(408, f"the body did not arrive within {_BODY_SECONDS:.0f} s") from error
+                raise RefusedError(408, f"the body arrives too slowly: {len(body):,} bytes so far") from error
             if message["type"] != "http.request":
                 raise RefusedError(400, "the client went away")
             body += message.get("body", b"")

@@ -15,13 +15,16 @@ import uvicorn
 
 from tripod_doe.errors import InputError, option
 from tripod_doe.service.app import create_app
+from tripod_doe.service.connections import limited_protocol
 from tripod_doe.service.demo import add_demo
+from tripod_doe.service.log import start_log
 from tripod_doe.service.service import Service
 from tripod_doe.service.settings import Settings
 
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 _GRACE = 3  # seconds that open answers get at the end
 _LOCK = ".service.lock"
+_ACCEPTED_AT_ONCE = 16  # each fails, and is logged, where the table of files is full
 
 
 def serve(settings: Settings) -> None:
@@ -35,12 +38,16 @@ def serve(settings: Settings) -> None:
     with _held(settings), _listening(settings) as listener:
         host, port = listener.getsockname()[:2]
         settings = replace(settings, folder=settings.folder.resolve(), port=port)
+        start_log()
         app = create_app(settings)
         service: Service = app.state.service
         config = uvicorn.Config(
             app,
+            http=limited_protocol(settings.limits.connections),
+            log_config=None,
             log_level="warning",
             access_log=False,
+            backlog=_ACCEPTED_AT_ONCE,
             server_header=False,
             timeout_graceful_shutdown=_GRACE,
             proxy_headers=False,
@@ -66,6 +73,12 @@ class _Server(uvicorn.Server):
     def __init__(self, config: uvicorn.Config, service: Service) -> None:
         super().__init__(config)
         self._service = service
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Begin; the system keeps more connections waiting than asyncio accepts at once."""
+        await super().startup(sockets)
+        for listener in sockets or ():
+            listener.listen(socket.SOMAXCONN)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """End on a signal, at once on the second; that is how a server ends, so its exit code is 0."""
