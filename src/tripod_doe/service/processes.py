@@ -44,7 +44,8 @@ def start_run(directory: Path, words: Sequence[str]) -> None:
         If a run of this directory is alive, or it cannot be started.
     """
     try:
-        lock = os.open(directory / _ALIVE, os.O_CREAT | os.O_RDWR, 0o644)
+        lock = os.open(directory / _ALIVE, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW, 0o600)
+        os.fchmod(lock, 0o600)  # whoever can open it can hold it
     except OSError as error:
         raise InputError(f"{directory}: cannot write here: {error.strerror}") from error
     try:

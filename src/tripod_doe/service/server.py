@@ -5,10 +5,12 @@ from __future__ import annotations
 import fcntl
 import os
 import socket
+import stat
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
+from pathlib import Path
 from types import FrameType
 
 import uvicorn
@@ -18,6 +20,7 @@ from tripod_doe.service.app import create_app
 from tripod_doe.service.connections import limited_protocol
 from tripod_doe.service.demo import add_demo
 from tripod_doe.service.log import start_log
+from tripod_doe.service.runs import TABLE
 from tripod_doe.service.service import Service
 from tripod_doe.service.settings import Settings
 
@@ -35,7 +38,7 @@ def serve(settings: Settings) -> None:
     InputError
         If the folder or the port cannot be used.
     """
-    with _held(settings), _listening(settings) as listener:
+    with _private_files(), _held(settings), _listening(settings) as listener:
         host, port = listener.getsockname()[:2]
         settings = replace(settings, folder=settings.folder.resolve(), port=port)
         start_log()
@@ -88,6 +91,16 @@ class _Server(uvicorn.Server):
 
 
 @contextmanager
+def _private_files() -> Iterator[None]:
+    """Keep results, logs and the table of runs from other users; clients get them by the token."""
+    before = os.umask(0o077)
+    try:
+        yield
+    finally:
+        os.umask(before)
+
+
+@contextmanager
 def _held(settings: Settings) -> Iterator[None]:
     """Make the folder if need be, and hold it for this server; one that is read-only holds nothing."""
     folder = settings.folder
@@ -98,7 +111,14 @@ def _held(settings: Settings) -> Iterator[None]:
         return
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        lock = os.open(folder / _LOCK, os.O_CREAT | os.O_RDWR, 0o600)
+        if folder.stat().st_mode & stat.S_IWOTH:
+            raise InputError(
+                f"{option('folder', str(folder))}: any user of this machine can write here; run: chmod o-w {folder}"
+            )
+        lock = os.open(folder / _LOCK, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW, 0o600)
+        for name in (_LOCK, TABLE, f"{TABLE}-wal", f"{TABLE}-shm"):  # also those of an earlier version
+            with suppress(FileNotFoundError):
+                _make_private(folder / name)
     except OSError as error:
         raise InputError(f"{option('folder', str(folder))}: cannot write here: {error.strerror}") from error
     try:
@@ -110,6 +130,14 @@ def _held(settings: Settings) -> Iterator[None]:
         ) from error
     finally:
         os.close(lock)
+
+
+def _make_private(path: Path) -> None:
+    file = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
+    try:
+        os.fchmod(file, 0o600)
+    finally:
+        os.close(file)
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from typing import Any
 from tripod_doe.errors import StorageError, TripodDoeError, near_match
 from tripod_doe.service.answer_processes import AllBusyError, AnswerFailedError, AnswerProcesses
 from tripod_doe.service.extremes import Extremes
-from tripod_doe.service.found import found_directories
+from tripod_doe.service.found import check_delivered, found_directories
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.runs import Run
 from tripod_doe.service.settings import Settings
@@ -140,12 +140,17 @@ class Service:
 
     def _find_extremes(self, run: Run, order: int) -> dict[str, Any] | None:
         """Best and worst point of a run; None where its cube cannot tell."""
-        path = str(self.runs.directory(run.id))
         try:
+            path = str(self.directory(run.id))
             told: dict[str, Any] | None = self._questions.ask(
                 "extremes", self.settings.limits.query_seconds, path=path, order=order
             )[0]
-        except (TripodDoeError, AllBusyError, AnswerFailedError):  # it does not hold this order, or is about to go
+        except (
+            RefusedError,
+            TripodDoeError,
+            AllBusyError,
+            AnswerFailedError,
+        ):  # it does not hold this order, or is about to go
             return None
         return told
 
@@ -200,7 +205,7 @@ class Service:
         """Files of a run's analyses by name; of a workflow, those of its steps."""
         run = self.runs.find(run_id)
         if run.kind == "workflow" and step is None:
-            steps = self.runs.directory(run_id) / "steps"
+            steps = self.directory(run_id) / "steps"
             kinds = {name: told["kind"] for name, told in run.plan["steps"].items()}
             made = {name: steps / name / "cube.nc" for name, kind in kinds.items() if kind not in _WITHOUT_CUBE}
             return {name: str(path) for name, path in made.items() if path.is_file()}
@@ -234,7 +239,7 @@ class Service:
 
     def plan_of(self, run_id: str) -> dict[str, Any]:
         """The price that a run had when it was submitted, and the choice of its models where a pilot makes it."""
-        run, directory = self.runs.find(run_id), self.runs.directory(run_id)
+        run, directory = self.runs.find(run_id), self.directory(run_id)
         told = dict(run.plan)
         if run.plan.get("model_chosen_by_pilot"):
             seconds = self.settings.limits.query_seconds
@@ -246,7 +251,7 @@ class Service:
     def upload_of(self, run_id: str) -> dict[str, Any]:
         """What was submitted as a run: its study or workflow, and its files."""
         run = self.runs.find(run_id)
-        folder = self.runs.directory(run_id) / UPLOAD
+        folder = self.directory(run_id) / UPLOAD
         if run.place:
             return {"study": (folder.parent / STUDY).read_text(encoding="utf-8"), "files": {}}
         texts = {path.name: path.read_text(encoding="utf-8") for path in sorted(folder.iterdir())}
@@ -270,11 +275,23 @@ class Service:
                 "extend",
                 limits.query_seconds,
                 folder=str(upload),
-                path=str(self.runs.directory(run_id)),
+                path=str(self.directory(run_id)),
                 texts=texts,
                 limits=asdict(limits),
             )
             return self.runs.extend(run_id, upload, plan)
+
+    def directory(self, run_id: str) -> Path:
+        """The directory of a run, from which something is to be delivered.
+
+        Raises
+        ------
+        RefusedError
+            404 if there is no such run, 403 if its directory holds what must not be delivered.
+        """
+        run, directory = self.runs.find(run_id), self.runs.directory(run_id)
+        check_delivered(directory, bool(run.place))
+        return directory
 
     def results(self, run_id: str, step: str | None = None) -> Path:
         """The directory with a run's cube; that of one of its steps for a workflow.
@@ -284,8 +301,7 @@ class Service:
         RefusedError
             404 if there is no such run or step, 409 where a workflow needs a step.
         """
-        run = self.runs.find(run_id)
-        directory = self.runs.directory(run_id)
+        run, directory = self.runs.find(run_id), self.directory(run_id)
         if run.kind != "workflow":
             if step:
                 raise RefusedError(404, f"step: {step[:100]}: this run is a study; it has no steps")

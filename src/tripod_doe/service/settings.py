@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import secrets
+import stat
+import tempfile
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tripod_doe.atomic_files import replace_file
 from tripod_doe.errors import InputError, option
 from tripod_doe.service.limits import Limits
 
-_SHORTEST_TOKEN = 16
+_SHORTEST_TOKEN, _LONGEST_TOKEN = 16, 4096
 
 
 @dataclass(frozen=True)
@@ -41,19 +44,42 @@ def read_token(path: Path) -> str:
     Raises
     ------
     InputError
-        If the file cannot be read or made, or holds no usable token.
+        If the file cannot be read or made, is open to other users, or holds no usable token.
     """
+    named = option("token_file", str(path))
     try:
         if not path.exists():
-            with replace_file(path) as fresh:
-                fresh.touch(mode=0o600)
-                fresh.write_text(secrets.token_urlsafe(32) + "\n", encoding="ascii")
-        token = path.read_text(encoding="ascii").strip()
+            _make_token(path)
+        with path.open(encoding="ascii") as stream:
+            state = os.fstat(stream.fileno())
+            if not stat.S_ISREG(state.st_mode):
+                raise InputError(f"{named}: not a file")
+            if state.st_uid not in (os.geteuid(), 0):
+                raise InputError(f"{named}: another user owns this file, and knows the token")
+            if state.st_mode & 0o077:
+                raise InputError(
+                    f"{named}: other users can use this file (mode {stat.S_IMODE(state.st_mode):04o}) and may know its "
+                    f"token; delete it for a new one, or run: chmod go-rwx {path}"
+                )
+            token = stream.read(_LONGEST_TOKEN).strip()
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not ASCII text"
-        raise InputError(f"{option('token_file', str(path))}: cannot use this file: {reason}") from error
+        raise InputError(f"{named}: cannot use this file: {reason}") from error
     if len(token) < _SHORTEST_TOKEN or not all(letter.isalnum() or letter in "-_" for letter in token):
-        raise InputError(
-            f"{option('token_file', str(path))}: a token has at least {_SHORTEST_TOKEN} letters, digits, - and _"
-        )
+        raise InputError(f"{named}: a token has at least {_SHORTEST_TOKEN} letters, digits, - and _")
     return token
+
+
+def _make_token(path: Path) -> None:
+    """Make a file with a new token; one that somebody else makes meanwhile stays, and is looked at as any other."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    number, fresh = tempfile.mkstemp(dir=path.parent, prefix=".token-")  # a name that nobody can have taken before
+    try:
+        with open(number, "w", encoding="ascii") as stream:
+            stream.write(secrets.token_urlsafe(32) + "\n")
+            stream.flush()
+            os.fsync(number)
+        with suppress(FileExistsError):
+            os.link(fresh, path)
+    finally:
+        os.unlink(fresh)

@@ -184,7 +184,7 @@ def behind(
 def report(run_id: str, service: AnyService) -> HTMLResponse:
     """The report in its sandbox."""
     run = service.runs.find(run_id)
-    written = has_report(service.runs.directory(run_id))
+    written = has_report(service.directory(run_id))
     return _run_page("report.html", service, run, "Report", written=written, key=report_key(service.settings, run.id))
 
 

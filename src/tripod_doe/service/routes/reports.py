@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 from fastapi import APIRouter, Request
 from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 
@@ -31,8 +34,7 @@ async def report_address(run_id: str, request: Request, service: AnyService) -> 
 @router.get("/report/", response_class=Response, responses=gives("text/html"))
 def report(run_id: str, service: AnyService) -> Response:
     """The report, a page in a sandbox; its links lead to pages with a key, as it cannot send the cookie."""
-    service.runs.find(run_id)
-    page = service.runs.directory(run_id) / "report" / _PAGE
+    page = service.directory(run_id) / "report" / _PAGE
     if not page.is_file():
         raise RefusedError(404, "this run has no report yet")
     key = report_key(service.settings, run_id)
@@ -44,9 +46,8 @@ def report(run_id: str, service: AnyService) -> Response:
 @router.get("/pages/{key}/{place:path}", response_class=Response, responses=gives(*_KINDS.values()))
 def page(run_id: str, key: str, place: str, service: AnyService) -> Response:
     """A page or a cube that a report links to; `Guard` has checked the key."""
-    service.runs.find(run_id)
-    directory = service.runs.directory(run_id)
-    path = (directory / place).resolve()
+    directory = service.directory(run_id)
+    path = Path(os.path.normpath(directory / place))
     inside = any(path.is_relative_to(directory / name) for name in ("report", "steps"))
     if not inside or path.suffix not in _KINDS or not path.is_file():
         raise RefusedError(404, "no such page of this run")

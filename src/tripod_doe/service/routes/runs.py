@@ -136,8 +136,7 @@ async def steps_of_run(run_id: str, service: AnyService) -> list[dict[str, Any]]
 @router.get("/runs/{run_id}/log", response_class=Response, responses=gives("text/plain") | errors_at(404))
 def log_of_run(run_id: str, service: AnyService) -> PlainTextResponse:
     """What the latest process of a run said."""
-    service.runs.find(run_id)
-    return PlainTextResponse(run_log(service.runs.directory(run_id)))
+    return PlainTextResponse(run_log(service.directory(run_id)))
 
 
 @router.delete("/runs/{run_id}", status_code=204, responses=CHANGES | errors_at(404))
