@@ -177,5 +177,5 @@ def test_what_is_no_token_file_is_refused(tmp_path, what):
     else:
         path.write_bytes(b"\xff" * 40)
         path.chmod(0o600)
-    with pytest.raises(InputError, match="token-file"):
+    with pytest.raises(InputError, match="token_file"):
         read_token(path)

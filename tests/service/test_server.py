@@ -67,6 +67,7 @@ def test_what_cannot_be_used_is_told_in_a_sentence(tmp_path, monkeypatch, capsys
 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").write_text("x")
+    (tmp_path / "file").chmod(0o600)
     with socket.create_server(("127.0.0.1", 0)) as taken:
         places = {"file": tmp_path / "file", "taken": taken.getsockname()[1], "missing": tmp_path / "missing"}
         assert main(["serve", *(flag.format(**places) for flag in flags)]) == 2

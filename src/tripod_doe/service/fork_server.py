@@ -251,6 +251,7 @@ def _forked(requests: socket.socket) -> list[str]:
         os.close(stream)
     os.set_inheritable(mark, False)
     os.write(mark, f"{os.getpid()}\n".encode())
+    os.umask(0o077)  # what it writes is its owner's alone
     niceness, *words = json.loads(request)
     os.nice(niceness)
     return list(words)

@@ -145,12 +145,7 @@ class Service:
             told: dict[str, Any] | None = self._questions.ask(
                 "extremes", self.settings.limits.query_seconds, path=path, order=order
             )[0]
-        except (
-            RefusedError,
-            TripodDoeError,
-            AllBusyError,
-            AnswerFailedError,
-        ):  # it does not hold this order, or is about to go
+        except (RefusedError, TripodDoeError, AllBusyError, AnswerFailedError):  # without this order, or about to go
             return None
         return told
 
