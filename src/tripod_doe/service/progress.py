@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sqlite3
 from collections import Counter
 from collections.abc import Collection, Mapping
-from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
+from tripod_doe.errors import CubeError
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.journal import Journal, Mark, journal_path
 
@@ -51,12 +50,12 @@ class Progress:
         self._cpu_seconds = 0.0
 
     def read(self) -> PointCounts:
-        """Count what is there now; a journal that is not there yet, or busy, leaves what was counted before."""
+        """Count what is there now; a journal that is not there yet, busy or damaged leaves what was counted before."""
         if journal_path(self._directory).is_file():
             try:
-                with closing(Journal(self._directory, read_only=True)) as journal:
+                with Journal(self._directory, read_only=True) as journal:
                     self._add(journal)
-            except sqlite3.Error:
+            except CubeError:
                 pass
         outcomes = {Outcome(number).label: count for number, count in self._counts.items() if count}
         good = sum(count for label, count in outcomes.items() if label in self._good)

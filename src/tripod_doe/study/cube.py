@@ -22,10 +22,9 @@ from tripod_doe.simulator import (
     Parameter,
     common_unit,
 )
-from tripod_doe.study.block_record import FinishedBlock
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import SAMPLE, Column, Columns, Points, Rows
-from tripod_doe.study.journal import PILOT
+from tripod_doe.study.journal import PILOT, FinishedBlock
 from tripod_doe.study.key_index import KeyIndex
 from tripod_doe.study.model_records import ModelRecords
 from tripod_doe.study.netcdf import POINT_ATTRIBUTES

@@ -1,8 +1,7 @@
 """The result directory of a study: held by one process, filled block by block, turned into cube and costs.
 
-``study.toml`` is the study whose results are here, ``journal.sqlite`` its finished blocks, with those of a run that has
-not ended, and of large studies, in the folder ``journal``; ``cube.nc`` and ``cost.nc`` are made of them. Nothing
-else needs to be there to go on.
+``study.toml`` is the study whose results are here, ``journal.sqlite`` its finished blocks; ``cube.nc`` and ``cost.nc``
+are made of them. Nothing else needs to be there to go on.
 """
 
 from __future__ import annotations
@@ -22,20 +21,18 @@ from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError, option
 from tripod_doe.quantities import size
 from tripod_doe.simulator import Outcome
-from tripod_doe.study.block_record import FinishedBlock
 from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import Study, canonical, parse_study
 from tripod_doe.study.hold import Hold
-from tripod_doe.study.journal import FOLDER, Journal
+from tripod_doe.study.journal import FOLDER, KERNELS, FinishedBlock, Journal
 from tripod_doe.study.plan import cube_bytes
 from tripod_doe.study.results import opened_cube
-from tripod_doe.study.salvage import salvage
 from tripod_doe.study.stored_results import StoredResults
 from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.study.written_cube import write_cube
 
 _SPARE_BYTES = 20_000_000
-_KERNELS, _COMPUTING = "kernel_source_hash", "computing"  # notes in the journal
+_COMPUTING = "computing"  # note in the journal
 
 
 def make_directory(path: str | Path) -> Path:
@@ -79,11 +76,9 @@ class ResultDirectory:
         self._hold = Hold(self.path, take_over)
         self._known: tuple[StudyPoints, str, tuple[NDArray[np.bool_], bool]] | None = None  # see `_done`
         try:
-            if lost := salvage(self.path):
-                print(f"tripod-doe: {lost}", file=sys.stderr)
             self._journal = Journal(self.path)
-            for lost in self._journal.lost:
-                print(f"tripod-doe: {lost}", file=sys.stderr)
+            if self._journal.repaired:
+                print(f"tripod-doe: {self._journal.repaired}", file=sys.stderr)
         except BaseException:
             self._hold.release()
             raise
@@ -132,7 +127,7 @@ class ResultDirectory:
         there, grew = self._done(asked) if done is None else asked.done(done)
         if (not there.any() and grew) or not stored.exists():
             return
-        kernels = self._journal.recall(_KERNELS)
+        kernels = self._journal.recall(KERNELS)
         if kernels != study.simulator.source_hash:
             raise InputError(
                 f"{self.path}: its points were computed by another version of the kernels ({kernels}, now "
@@ -158,7 +153,7 @@ class ResultDirectory:
 
     def adopt(self, study: Study) -> None:
         """Make this the study whose results are here."""
-        self._journal.remember({_KERNELS: study.simulator.source_hash, FOLDER: str(study.folder.absolute())})
+        self._journal.remember({KERNELS: study.simulator.source_hash, FOLDER: str(study.folder.absolute())})
         replace_text(self.path / "study.toml", study.text)
 
     def missing(self, asked: StudyPoints, retry_failed: bool = False) -> IntArray:

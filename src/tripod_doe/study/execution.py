@@ -20,10 +20,10 @@ from tripod_doe.errors import InputError, option
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.simulator import BlockResult, Outcome
 from tripod_doe.study.block_queue import BlockQueue
-from tripod_doe.study.block_record import FinishedBlock
 from tripod_doe.study.definition import Study
 from tripod_doe.study.executor import Answer, AtWork, Executor, Lost
 from tripod_doe.study.existing_scheduler import ExistingScheduler
+from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.study.this_process import ThisProcess
 

@@ -5,9 +5,8 @@ While a study runs, and after an interrupt, finished points stand only in the jo
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Mapping
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -110,16 +109,19 @@ def is_shown(path: Path) -> bool:
 
 
 def unshown_state(path: Path) -> str:
-    """The state of the journal of a result directory, as a word; empty where its cube shows every block in it."""
+    """The state of the journal of a result directory, as a word; empty where its cube shows every block in it.
+
+    Raises
+    ------
+    CubeError
+        If the journal is damaged or cannot be read.
+    """
     if not (journal_path(path)).is_file():
         return ""
-    try:
-        with closing(Journal(path, read_only=True)) as journal:
-            state, shown = journal.state(), journal.recall(SHOWN)
-    except sqlite3.Error:  # not ours to mend: a run says what is wrong with it
-        return ""
+    with Journal(path, read_only=True) as journal:
+        state, shown = journal.state(), journal.recall(SHOWN)
     has_cube = (path / "cube.nc").exists()
-    return "" if state == "0" or (has_cube and shown in (None, state)) else state
+    return "" if state == "0" or (has_cube and shown == state) else state
 
 
 def cube_so_far(path: Path) -> xr.Dataset:
@@ -136,7 +138,8 @@ def cube_so_far(path: Path) -> xr.Dataset:
     """
     from tripod_doe.study.cube import build_cube
 
-    with closing(Journal(path, read_only=True)) as journal:
+    with Journal(path, read_only=True) as journal:
+        journal.check()
         asked, results = _points_so_far(path, journal)
         if asked.points.count * results.point_bytes > _READ_AT_ONCE:
             return _written_aside(asked, results)
@@ -153,7 +156,8 @@ def write_cube_so_far(path: Path, folder: Path) -> None:
     StorageError
         If they cannot be written.
     """
-    with closing(Journal(path, read_only=True)) as journal:
+    with Journal(path, read_only=True) as journal:
+        journal.check()
         _write(*_points_so_far(path, journal), folder)
 
 

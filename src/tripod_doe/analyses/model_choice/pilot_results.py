@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
 from tripod_doe.simulator import Outcome
-from tripod_doe.study.block_record import FinishedBlock
-from tripod_doe.study.journal import PILOT, Journal, journal_path
+from tripod_doe.study.journal import PILOT, FinishedBlock, Journal, journal_path
 from tripod_doe.study.retry import untried
 from tripod_doe.study.study_points import StudyPoints
 

@@ -1,0 +1,16 @@
+"""Finished blocks of points in ``journal.sqlite``: committed one by one, read while a run goes on, rescued from damage.
+
+The cube that is made of them is no part of it.
+"""
+
+from tripod_doe.study.journal.damage import FOLDER, KERNELS, SHOWN
+from tripod_doe.study.journal.finished_block import FinishedBlock
+from tripod_doe.study.journal.journal import (
+    PILOT,
+    FinishedEnds,
+    Journal,
+    Mark,
+    journal_path,
+)
+
+__all__ = ["FOLDER", "KERNELS", "PILOT", "SHOWN", "FinishedBlock", "FinishedEnds", "Journal", "Mark", "journal_path"]

@@ -1,0 +1,202 @@
+"""Damage of a journal: how it is noticed, and how all blocks that are whole are kept in a new one."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from tripod_doe.errors import CubeError, option
+from tripod_doe.quantities import count_of
+from tripod_doe.study.journal.pages import logged_rows, stored_rows
+from tripod_doe.study.journal.rows import (
+    BLOCK_COLUMNS,
+    NOTE_COLUMNS,
+    PAGE_BYTES,
+    BlockRow,
+    DamagedRowError,
+    NoteRow,
+    write_journal,
+)
+
+SHOWN, FOLDER, KERNELS = "shown", "folder", "kernel_source_hash"
+"""Notes: the state of the journal that the cube shows, the folder of the study file, and the kernels of new blocks."""
+
+REPAIRS = "repairs"
+"""Note: how often the journal was repaired."""
+
+_WITHOUT_ACCESS = {
+    sqlite3.SQLITE_BUSY,
+    sqlite3.SQLITE_LOCKED,
+    sqlite3.SQLITE_PERM,
+    sqlite3.SQLITE_READONLY,
+    sqlite3.SQLITE_CANTOPEN,
+    sqlite3.SQLITE_IOERR,
+    sqlite3.SQLITE_FULL,
+    sqlite3.SQLITE_NOMEM,
+    sqlite3.SQLITE_PROTOCOL,
+}
+_HEADER = b"SQLite format 3\0" + PAGE_BYTES.to_bytes(2, "big")
+_VERSIONS, _FRACTIONS = (1, 2), bytes((0, 64, 32, 32))  # what follows in the header
+_COMMIT = 0.5  # seconds that a commit may take between its log and its end
+_BLOCKS = f"SELECT {', '.join(BLOCK_COLUMNS)} FROM block ORDER BY id"
+_NOTES = f"SELECT {', '.join(NOTE_COLUMNS)} FROM note"
+
+
+def is_damage(error: sqlite3.Error) -> bool:
+    """Whether an error speaks of the file's content, not of locks, rights or the disk."""
+    return getattr(error, "sqlite_errorcode", 0) & 0xFF not in _WITHOUT_ACCESS
+
+
+def connected(path: Path, mode: str) -> sqlite3.Connection:
+    """Open an existing journal, to read ("ro") or to write ("rw"); each statement is a transaction of its own."""
+    uri = f"{path.absolute().as_uri()}?mode={mode}"
+    return sqlite3.connect(uri, timeout=60.0, isolation_level=None, check_same_thread=False, uri=True)
+
+
+def damage(path: Path) -> str:
+    """Look for damage in the structure of a journal, in its log, and in each of its rows.
+
+    Returns
+    -------
+    str
+        The first damage, in words; empty where all is as it was written.
+
+    Raises
+    ------
+    sqlite3.Error
+        If the file cannot be read for another reason.
+    """
+    with path.open("rb") as stream:
+        header = stream.read(24)
+    if header[:18] != _HEADER or not {*header[18:20]} <= {*_VERSIONS} or header[20:] != _FRACTIONS:
+        return "its first bytes are not those of a journal"
+    logged = {row.id for row in _blocks(logged_rows(path, PAGE_BYTES))}
+    try:
+        with closing(connected(path, "ro")) as connection:
+            return (
+                _structure_damage(connection)
+                or _block_damage(connection)
+                or _note_damage(connection)
+                or _log_damage(connection, logged)
+            )
+    except sqlite3.Error as error:
+        if not is_damage(error):
+            raise
+        return str(error)
+    except OverflowError as error:  # of lengths of a row
+        return str(error)
+
+
+def _structure_damage(connection: sqlite3.Connection) -> str:
+    (answer,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
+    return "" if answer == "ok" else " ".join(str(answer).removeprefix("*** in database main ***").split())
+
+
+def _block_damage(connection: sqlite3.Connection) -> str:
+    for number, values in enumerate(connection.execute(_BLOCKS), 1):
+        if values[0] != number:
+            return f"block {number} is not there"
+        if reason := _reason(BlockRow(*values).check):
+            return f"block {number}: {reason}"
+    return ""
+
+
+def _note_damage(connection: sqlite3.Connection) -> str:
+    notes = [NoteRow(*values) for values in connection.execute(_NOTES)]
+    for note in notes:
+        if reason := _reason(note.check):
+            return f"note {note.key!r}: {reason}"
+    shown = next((int(note.value) for note in notes if note.key == SHOWN), 0)
+    ((newest,),) = connection.execute("SELECT coalesce(max(id), 0) FROM block")
+    return f"block {shown} is not there" if shown > newest else ""
+
+
+def _log_damage(connection: sqlite3.Connection, logged: set[int]) -> str:
+    """Look for blocks in the log that do not count: something before them is damaged."""
+
+    def hidden() -> int:
+        return len(logged - {number for (number,) in connection.execute("SELECT id FROM block")})
+
+    if hidden():
+        time.sleep(_COMMIT)  # one that is just being committed counts soon
+    return f"its log hides {count_of(hidden(), 'block')} behind damage" if hidden() else ""
+
+
+def _reason(check: Callable[[], None]) -> str:
+    try:
+        check()
+    except DamagedRowError as error:
+        return str(error)
+    return ""
+
+
+def rescue(path: Path, reason: str) -> str:
+    """Replace a damaged journal by one with all blocks that are whole; the damaged file stays beside it.
+
+    Parameters
+    ----------
+    path
+        The journal, whose directory this process holds.
+    reason
+        What is damaged.
+
+    Returns
+    -------
+    str
+        What was kept and lost, for people.
+
+    Raises
+    ------
+    CubeError
+        If nothing of it can be read.
+    """
+    found = {row.id: row.kernels for row in _blocks(stored_rows(path, PAGE_BYTES))}
+    notes = {note.key: note.value for note in _notes(stored_rows(path, PAGE_BYTES))}
+    if not found:
+        remedy = f"move it elsewhere or choose another {option('out')}"
+        raise CubeError(f"{path}: not a readable journal ({reason}); {remedy}")
+    newest = max(*found, int(notes.pop(SHOWN, 0)))
+    if KERNELS not in notes and len(kernels := set(found.values())) == 1:
+        notes[KERNELS] = kernels.pop()
+    notes[REPAIRS] = str(int(notes.get(REPAIRS, 0)) + 1)
+    kept = _free_name(path)
+    os.link(path, kept)
+    write_journal(path, _renumbered(_blocks(stored_rows(path, PAGE_BYTES)), sorted(found)), notes)
+    return (
+        f"{path}: the journal is damaged ({reason}): {count_of(len(found), 'block')} can be read, "
+        f"{f'at least {newest - len(found):,} cannot' if newest > len(found) else 'others may be lost'}; "
+        f"what is lost is computed again; the old file is kept as {kept.name}"
+    )
+
+
+def _blocks(rows: Iterable[tuple[Any, ...]]) -> Iterator[BlockRow]:
+    """The blocks among some rows that are whole."""
+    for row in rows:
+        if len(row) == len(BLOCK_COLUMNS) and not _reason((block := BlockRow(*row)).check):
+            yield block
+
+
+def _notes(rows: Iterable[tuple[Any, ...]]) -> Iterator[NoteRow]:
+    """The notes among some rows that are whole."""
+    for row in rows:
+        if len(row) == len(NOTE_COLUMNS) and not _reason((note := NoteRow(*row)).check):
+            yield note
+
+
+def _renumbered(blocks: Iterable[BlockRow], numbers: Sequence[int]) -> Iterator[BlockRow]:
+    """Some blocks, each once, with numbers without gaps in the order of theirs."""
+    places = {number: place for place, number in enumerate(numbers, 1)}
+    for block in blocks:
+        if (place := places.pop(block.id, None)) is not None:
+            yield block.numbered(place)
+
+
+def _free_name(path: Path) -> Path:
+    """A name for the damaged file that is not taken."""
+    names = (path.with_name(f"{path.stem}.damaged{number or ''}{path.suffix}") for number in range(1_000_000))
+    return next(name for name in names if not name.exists())

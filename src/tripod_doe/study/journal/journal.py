@@ -1,0 +1,251 @@
+"""The journal of a result directory: its finished blocks in an SQLite file, stored so that no kill loses one of them.
+
+While a run writes, it has a write-ahead log, so that others read at any time; when the run ends it is one file again,
+which can be read where nothing can be written.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.errors import CubeError, StorageError
+from tripod_doe.study.journal.damage import (
+    KERNELS,
+    REPAIRS,
+    SHOWN,
+    connected,
+    damage,
+    is_damage,
+    rescue,
+)
+from tripod_doe.study.journal.finished_block import FinishedBlock
+from tripod_doe.study.journal.rows import (
+    BLOCK_COLUMNS,
+    ENDS_COLUMNS,
+    NOTE_COLUMNS,
+    BlockRow,
+    DamagedRowError,
+    NoteRow,
+    insert_block,
+    put_notes,
+    write_journal,
+)
+
+PILOT = "pilot"
+"""Stands for the worker of points that were run by the pilot of their study."""
+
+_ALL, _ENDS = ", ".join(BLOCK_COLUMNS), ", ".join([*ENDS_COLUMNS, "x''"])
+
+
+@dataclass(frozen=True)
+class Mark:
+    """How far a reader has come."""
+
+    number: int = 0  # of the newest block that was read
+    repairs: str = ""  # how often the journal was repaired by then
+
+
+@dataclass(frozen=True)
+class FinishedEnds:
+    """How the points of a block ended."""
+
+    # keys, outcomes: fingerprints and outcomes of its points, shape (point,)
+    keys: NDArray[np.void]
+    outcomes: NDArray[np.int8]
+    cpu_seconds: float  # of the whole block
+
+
+class Journal:
+    """Finished blocks of one result directory, and notes about them.
+
+    A writer checks all that is there, and keeps what is whole of a journal that is damaged.
+
+    Parameters
+    ----------
+    directory
+        The result directory; it must exist. Whoever writes must hold it, see `ResultDirectory`.
+    read_only
+        Open an existing journal without holding its directory, also while another process writes.
+
+    Raises
+    ------
+    CubeError
+        Here and in all methods that read, if the journal of a reader is damaged.
+    StorageError
+        Here and in all methods that write, if the disk is full or fails; what was committed stays.
+    """
+
+    repaired: str = ""
+    """What was lost and kept of a damaged journal when it was opened, a sentence; empty where it was whole."""
+
+    def __init__(self, directory: Path, read_only: bool = False) -> None:
+        self.path, self._writes = journal_path(directory), not read_only
+        if read_only:
+            with self._reading("its first bytes"):
+                self._connection = connected(self.path, "ro")
+            return
+        with self._storing():
+            if not self.path.exists():
+                write_journal(self.path, [], {})
+            elif reason := damage(self.path):
+                self.repaired = rescue(self.path, reason)
+            self._connection = connected(self.path, "rw")
+            self._connection.execute("PRAGMA journal_mode = WAL")
+            self._connection.execute("PRAGMA synchronous = FULL")  # a commit outlives a power cut, too: 2 to 4 ms
+
+    def close(self) -> None:
+        """Close the file; of a writer it is a single one from then on, unless others are reading it."""
+        if self._writes:
+            with suppress(sqlite3.Error):
+                self._connection.execute("PRAGMA busy_timeout = 1000")
+                self._connection.execute("PRAGMA journal_mode = DELETE")
+        self._connection.close()
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def remember(self, notes: dict[str, str]) -> None:
+        """Store notes that outlive the process."""
+        if any(self.recall(key) != value for key, value in notes.items()):
+            with self._storing():
+                put_notes(self._connection, notes)
+
+    def recall(self, key: str) -> str | None:
+        """Read a note, None where there is none."""
+        question = f"SELECT {', '.join(NOTE_COLUMNS)} FROM note WHERE key = ?"
+        for values in self._rows(question, key):
+            note = NoteRow(*values)
+            with self._reading(f"note {key!r}"):
+                note.check()
+            return note.value
+        return None
+
+    def commit(self, block: FinishedBlock) -> None:
+        """Store a block; when this returns, neither a kill nor a power cut can lose it."""
+        row = BlockRow.of(self._newest() + 1, block, self.recall(KERNELS) or "")
+        with self._storing():
+            insert_block(self._connection, row)
+
+    def note_shown(self) -> None:
+        """Note that the cube shows all blocks."""
+        self.remember({SHOWN: self.state()})
+
+    def state(self) -> str:
+        """Name what the journal holds, by a word that differs after every commit; "0" where it holds nothing."""
+        newest = self._newest()
+        if newest < (shown := int(self.recall(SHOWN) or 0)):
+            raise self._damaged(f"block {shown} is not there")
+        return str(newest)
+
+    def keys(self) -> NDArray[np.void]:
+        """Read the fingerprints of all committed points, oldest first; one that was run again stands twice."""
+        return np.concatenate([np.array([], "V16"), *self.key_blocks()])
+
+    def key_blocks(self) -> Iterator[NDArray[np.void]]:
+        """Read the same, block by block."""
+        for _, ends in self._ends(0):
+            yield ends.keys
+
+    def blocks(self) -> Iterator[FinishedBlock]:
+        """Read all committed blocks, oldest first, one at a time."""
+        for values in self._rows(f"SELECT {_ALL} FROM block ORDER BY id"):
+            yield self._block(values)
+
+    def places(self) -> Iterator[Callable[[], FinishedBlock]]:
+        """Give all committed blocks, oldest first, each as a function that reads it, as often as it is called."""
+        for (number,) in self._rows("SELECT id FROM block ORDER BY id"):
+            yield partial(self._read, number)
+
+    def news(self, mark: Mark) -> tuple[bool, list[FinishedEnds], Mark]:
+        """Read how the points of the blocks behind a mark ended, oldest first.
+
+        Returns
+        -------
+        again : bool
+            Whether these are all blocks, as the journal was repaired since the mark was set.
+        ends : list of FinishedEnds
+            Of the blocks; their other results are not read.
+        mark : Mark
+            For the next call.
+        """
+        repairs = self.recall(REPAIRS) or ""
+        again = repairs != mark.repairs
+        numbered = list(self._ends(0 if again else mark.number))
+        newest = numbered[-1][0] if numbered else 0 if again else mark.number
+        return again, [ends for _, ends in numbered], Mark(newest, repairs)
+
+    def check(self) -> None:
+        """Read all that is there.
+
+        Raises
+        ------
+        CubeError
+            If any of it is damaged.
+        """
+        with self._reading("its structure"):
+            if reason := damage(self.path):
+                raise self._damaged(reason)
+
+    def _newest(self) -> int:
+        return int(next(self._rows("SELECT coalesce(max(id), 0) FROM block"))[0])
+
+    def _ends(self, after: int) -> Iterator[tuple[int, FinishedEnds]]:
+        for values in self._rows(f"SELECT {_ENDS} FROM block WHERE id > ? ORDER BY id", after):
+            row = BlockRow(*values)
+            with self._reading(f"block {row.id}"):
+                row.check_ends()
+            keys, outcomes = np.frombuffer(row.keys, "V16"), np.frombuffer(row.outcomes, np.int8)
+            yield row.id, FinishedEnds(keys, outcomes, row.cpu_seconds)
+
+    def _read(self, number: int) -> FinishedBlock:
+        return self._block(next(self._rows(f"SELECT {_ALL} FROM block WHERE id = ?", number)))
+
+    def _block(self, values: tuple[Any, ...]) -> FinishedBlock:
+        row = BlockRow(*values)
+        with self._reading(f"block {row.id}"):
+            return row.block()
+
+    def _rows(self, question: str, *values: Any) -> Iterator[tuple[Any, ...]]:
+        with self._reading("its structure"):
+            yield from self._connection.execute(question, values)
+
+    @contextmanager
+    def _reading(self, part: str) -> Iterator[None]:
+        try:
+            yield
+        except (DamagedRowError, OverflowError) as error:
+            raise self._damaged(f"{part}: {error}") from error
+        except sqlite3.Error as error:
+            if is_damage(error):
+                raise self._damaged(f"{part}: {error}") from error
+            raise CubeError(f"{self.path}: cannot read the journal: {error}") from error
+
+    def _damaged(self, reason: str) -> CubeError:
+        remedy = "run the study again with the same --out: what is whole is kept, and the rest computed again"
+        return CubeError(f"{self.path}: the journal is damaged ({reason}); {remedy}")
+
+    @contextmanager
+    def _storing(self) -> Iterator[None]:
+        try:
+            yield
+        except sqlite3.Error as error:
+            raise StorageError(
+                f"{self.path}: cannot write ({error}); finished points are kept: free space, then run again"
+            ) from error
+
+
+def journal_path(directory: Path) -> Path:
+    """Name the journal of a result directory, by which the directory is known as one."""
+    return directory / "journal.sqlite"

@@ -1,0 +1,181 @@
+"""Rows of a journal: what stands in its two tables, with the checksums by which damage is noticed."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import zlib
+from collections.abc import Iterable, Mapping
+from contextlib import closing
+from dataclasses import astuple, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from tripod_doe.atomic_files import replace_file
+from tripod_doe.study.journal.finished_block import FinishedBlock, decode, encode
+
+PAGE_BYTES = 16384
+"""Size of a journal's pages: blocks of 100 kB are written and read twice as fast as with SQLite's 4096."""
+
+SCHEMA = """
+CREATE TABLE IF NOT EXISTS block (
+    id INTEGER PRIMARY KEY,
+    digest INTEGER NOT NULL,          -- CRC-32 of all other columns but the payload
+    keys BLOB NOT NULL,               -- fingerprints of its points, 16 bytes each
+    outcomes BLOB NOT NULL,           -- how its points ended, a byte each
+    cpu_seconds REAL NOT NULL,
+    wall_seconds REAL NOT NULL,
+    worker TEXT NOT NULL,
+    kernels TEXT NOT NULL,            -- hash of the sources of the kernels that computed it
+    payload_digest INTEGER NOT NULL,  -- CRC-32 of the payload
+    payload BLOB NOT NULL             -- all other results of its points
+);
+CREATE TABLE IF NOT EXISTS note (
+    id INTEGER PRIMARY KEY,
+    digest INTEGER NOT NULL,          -- CRC-32 of key and value
+    key TEXT NOT NULL UNIQUE,
+    value TEXT NOT NULL
+);
+"""
+
+
+class DamagedRowError(ValueError):
+    """A row is not as it was written."""
+
+
+@dataclass(frozen=True)
+class BlockRow:
+    """A finished block as it is stored."""
+
+    id: int
+    digest: int
+    keys: bytes
+    outcomes: bytes
+    cpu_seconds: float
+    wall_seconds: float
+    worker: str
+    kernels: str
+    payload_digest: int
+    payload: bytes
+
+    @classmethod
+    def of(cls, number: int, block: FinishedBlock, kernels: str) -> BlockRow:
+        """The row of a block, with the number that it gets."""
+        payload = encode(block.result)
+        seconds = float(block.cpu_seconds), float(block.wall_seconds)
+        ends = block.keys.tobytes(), block.result.outcome.tobytes(), *seconds, block.worker, kernels
+        return cls(0, 0, *ends, zlib.crc32(payload), payload).numbered(number)
+
+    def check_ends(self) -> None:
+        """Raise DamagedRowError if anything but the payload is not as it was written."""
+        try:
+            whole = self._ends_digest() == self.digest and len(self.keys) == 16 * len(self.outcomes)
+        except (TypeError, ValueError) as error:  # a value of another type
+            raise DamagedRowError(str(error)) from error
+        if not whole:
+            raise DamagedRowError("its checksum does not fit")
+
+    def check(self) -> None:
+        """Raise DamagedRowError if anything is not as it was written."""
+        self.check_ends()
+        if not isinstance(self.payload, bytes) or zlib.crc32(self.payload) != self.payload_digest:
+            raise DamagedRowError("the checksum of its results does not fit")
+
+    def block(self) -> FinishedBlock:
+        """Read the block, or raise DamagedRowError if it is not as it was written."""
+        self.check()
+        try:
+            result = decode(self.payload, np.frombuffer(self.outcomes, np.int8))
+        except (ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
+            raise DamagedRowError(f"its results cannot be read: {error}") from error
+        keys = np.frombuffer(self.keys, "V16")
+        return FinishedBlock(keys, result, self.cpu_seconds, self.wall_seconds, self.worker)
+
+    def numbered(self, number: int) -> BlockRow:
+        """The same block with another number."""
+        row = replace(self, id=number)
+        return replace(row, digest=row._ends_digest())
+
+    def _ends_digest(self) -> int:
+        texts = self.worker, self.kernels
+        # SQLite stores 1.0 as 1
+        numbers = self.id, float(self.cpu_seconds), float(self.wall_seconds), self.payload_digest
+        return zlib.crc32(self.outcomes, zlib.crc32(self.keys, zlib.crc32(json.dumps([texts, numbers]).encode())))
+
+
+BLOCK_COLUMNS = tuple(BlockRow.__dataclass_fields__)
+"""Names of the columns of a block."""
+
+ENDS_COLUMNS = BLOCK_COLUMNS[:-1]
+"""The same without the payload."""
+
+
+@dataclass(frozen=True)
+class NoteRow:
+    """A note as it is stored."""
+
+    id: int
+    digest: int
+    key: str
+    value: str
+
+    @classmethod
+    def of(cls, key: str, value: str) -> NoteRow:
+        """The row of a note; the table gives it its number."""
+        return cls(0, zlib.crc32(f"{key}={value}".encode()), key, value)
+
+    def check(self) -> None:
+        """Raise DamagedRowError if the note is not as it was written."""
+        try:
+            whole = isinstance(self.value, str) and self.of(self.key, self.value).digest == self.digest
+        except UnicodeEncodeError as error:
+            raise DamagedRowError(str(error)) from error
+        if not whole:
+            raise DamagedRowError("its checksum does not fit")
+
+
+NOTE_COLUMNS = tuple(NoteRow.__dataclass_fields__)
+"""Names of the columns of a note."""
+
+
+def insert_block(connection: sqlite3.Connection, row: BlockRow) -> None:
+    """Add a block; the statement is a transaction of its own unless one was begun."""
+    places = ", ".join("?" * len(BLOCK_COLUMNS))
+    connection.execute(f"INSERT INTO block ({', '.join(BLOCK_COLUMNS)}) VALUES ({places})", astuple(row))
+
+
+def put_notes(connection: sqlite3.Connection, notes: Mapping[str, str]) -> None:
+    """Set notes; the statement is a transaction of its own unless one was begun."""
+    rows = [NoteRow.of(key, value) for key, value in notes.items()]
+    places = ", ".join(["(?, ?, ?)"] * len(rows))
+    values = [value for row in rows for value in (row.digest, row.key, row.value)]
+    connection.execute(f"INSERT OR REPLACE INTO note (digest, key, value) VALUES {places}", values)
+
+
+def write_journal(path: Path, blocks: Iterable[BlockRow], notes: Mapping[str, str]) -> None:
+    """Replace a journal as a whole, or make a new one; a kill leaves the old or the new.
+
+    Raises
+    ------
+    StorageError
+        If it cannot be written; the old one stays.
+    """
+    with replace_file(path) as fresh:
+        fresh.unlink(missing_ok=True)
+        try:
+            with closing(sqlite3.connect(fresh, isolation_level=None)) as connection:
+                connection.execute(f"PRAGMA page_size = {PAGE_BYTES}")
+                connection.execute("PRAGMA journal_mode = OFF")  # nothing else sees this file before it is whole
+                connection.execute("PRAGMA synchronous = OFF")
+                connection.executescript(SCHEMA)
+                connection.execute("BEGIN")
+                for row in blocks:
+                    insert_block(connection, row)
+                if notes:
+                    put_notes(connection, notes)
+                connection.execute("COMMIT")
+            for log in ("-wal", "-shm"):  # of the old file; beside the new one they would damage it
+                path.with_name(path.name + log).unlink(missing_ok=True)
+        except sqlite3.Error as error:
+            raise OSError(str(error)) from error

@@ -1,0 +1,204 @@
+"""Damaged journals: every whole block is kept, what is lost is stated and computed again, no wrong number is read."""
+
+from __future__ import annotations
+
+import random
+import shutil
+import sqlite3
+from contextlib import closing
+
+import numpy as np
+import pytest
+
+import tripod_doe as td
+from tripod_doe.errors import CubeError
+from tripod_doe.simulator import BlockResult, Outcome
+from tripod_doe.study.directory import ResultDirectory
+from tripod_doe.study.journal import FOLDER, KERNELS, SHOWN, FinishedBlock, Journal, journal_path
+from tripod_doe.study.journal.rows import PAGE_BYTES
+
+pytestmark = pytest.mark.usefixtures("pages_not_made")
+
+BLOCKS = 60
+
+
+def block(number):
+    """Ten points whose output follows from their fingerprints: 24 kB, so that blocks and pages are about as large."""
+    keys = np.frombuffer(b"".join(f"point {number:5} {row:4}".encode() for row in range(10)), "V16")
+    result = BlockResult.blank(10, Outcome.FINISHED)
+    result.put("y", ("place",), slice(None), number + np.arange(10.0)[:, None] + np.arange(300.0))
+    result.coordinates["place"] = np.arange(300.0)
+    return FinishedBlock(keys, result, 1.0, 2.0, "0")
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("whole")
+    with Journal(folder) as journal:
+        journal.remember({KERNELS: "abc", FOLDER: "/studies"})
+        for number in range(BLOCKS):
+            journal.commit(block(number))
+        journal.note_shown()
+    return folder
+
+
+@pytest.fixture
+def out(whole, tmp_path):
+    return shutil.copytree(whole, tmp_path / "out")
+
+
+def numbers(journal):
+    """Blocks in a journal by their number, each held against what was written."""
+    seen = []
+    for stored in journal.blocks():
+        number = int(stored.keys.tobytes()[6:11])
+        assert (stored.result.outputs["y"].data == block(number).result.outputs["y"].data).all()
+        assert stored.keys.tobytes() == block(number).keys.tobytes()
+        seen.append(number)
+    return seen
+
+
+def change(out, edit):
+    content = bytearray(journal_path(out).read_bytes())
+    edit(content)
+    journal_path(out).write_bytes(content)
+    return content
+
+
+def test_a_whole_journal_stays_as_it_is(out, capsys):
+    ResultDirectory(out).close()
+    with Journal(out) as journal:
+        assert numbers(journal) == list(range(BLOCKS))
+        assert journal.recall(SHOWN) == journal.state() == str(BLOCKS)
+    assert capsys.readouterr().err == ""
+    assert not list(out.glob("*damaged*"))
+
+
+def test_a_journal_cut_to_99_percent_loses_the_last_block(out, capsys):
+    """Regression: it was not readable, and nothing was kept."""
+    change(out, lambda content: content.__delitem__(slice(len(content) * 99 // 100, None)))
+    with pytest.raises(CubeError, match=r"the journal is damaged.*run the study again"):
+        Journal(out, read_only=True).state()
+    ResultDirectory(out).close()
+    stated = capsys.readouterr().err
+    with Journal(out) as journal:
+        left = numbers(journal)
+        assert journal.recall(SHOWN) is None
+    assert left == list(range(len(left)))
+    assert len(left) >= BLOCKS - 1
+    assert f"{len(left)} blocks can be read, at least {BLOCKS - len(left)} cannot" in stated
+    ResultDirectory(out).close()
+    assert capsys.readouterr().err == ""  # stated once
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_cut_keeps_all_blocks_before_it(out, seed):
+    at = random.Random(seed).randrange(10 * PAGE_BYTES, 80 * PAGE_BYTES)
+    change(out, lambda content: content.__delitem__(slice(at, None)))
+    with Journal(out) as journal:
+        left = numbers(journal)
+    assert left == list(range(len(left)))
+    assert len(left) >= at // (2 * PAGE_BYTES) - 4  # a block has two pages
+
+
+@pytest.mark.parametrize("page", range(12))
+def test_a_lost_page_costs_the_blocks_on_it_whatever_it_holds(out, page):
+    """The schema, the root of a table, the notes, leaves and long rows."""
+    change(
+        out, lambda content: content.__setitem__(slice(page * PAGE_BYTES, (page + 1) * PAGE_BYTES), bytes(PAGE_BYTES))
+    )
+    with Journal(out) as journal:
+        assert journal.repaired
+        assert len(numbers(journal)) >= BLOCKS - 2
+        assert journal.recall(KERNELS) == "abc"
+    Journal(out).close()
+
+
+def is_read(out):
+    """Whether a reader gets all that was written; else it is told of the damage."""
+    try:
+        with Journal(out, read_only=True) as journal:
+            journal.check()
+            assert journal.recall(SHOWN) == journal.state() == str(BLOCKS)
+            assert numbers(journal) == list(range(BLOCKS))
+    except CubeError as error:
+        assert "damaged" in str(error)  # noqa: PT017
+        return False
+    return True
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_flipped_bit_costs_at_most_the_block_it_hits(out, seed):
+    """A reader never gets a wrong number; a writer keeps all other blocks, and names the damaged file."""
+    rng = random.Random(seed)
+    at = rng.randrange(8 * journal_path(out).stat().st_size) if seed >= 10 else rng.randrange(8 * 100)  # the header
+    content = change(out, lambda content: content.__setitem__(at // 8, content[at // 8] ^ (1 << at % 8)))
+    harmless = is_read(out)
+    with Journal(out) as journal:
+        left = numbers(journal)
+        assert len(left) >= BLOCKS - (not harmless)
+        assert journal.recall(KERNELS) == "abc"
+        assert (journal.repaired == "") == harmless
+    if not harmless:
+        assert (out / "journal.damaged.sqlite").read_bytes() == bytes(content)
+        with Journal(out) as journal:
+            assert journal.repaired == ""
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_blocks_behind_damage_in_the_log_of_a_killed_run_are_kept(whole, tmp_path, seed):
+    """SQLite ends at the first damaged frame of its log, and does not say so."""
+    out = shutil.copytree(whole, tmp_path / "out")
+    journal = Journal(out)
+    for number in range(BLOCKS, BLOCKS + 12):
+        journal.commit(block(number))
+    shutil.copytree(out, killed := tmp_path / "killed")
+    journal.close()
+    log = killed / "journal.sqlite-wal"
+    content = bytearray(log.read_bytes())
+    content[32 + random.Random(seed).randrange(8 * PAGE_BYTES)] ^= 8
+    log.write_bytes(content)
+    with Journal(killed) as journal:
+        assert "the journal is damaged (its log hides" in journal.repaired
+        left = numbers(journal)
+    assert left[:BLOCKS] == list(range(BLOCKS))
+    assert len(left) >= BLOCKS + 10
+
+
+def test_a_journal_of_which_nothing_is_left_is_refused(out):
+    journal_path(out).write_bytes(b"no journal" * 10_000)
+    with pytest.raises(CubeError, match="not a readable journal"):
+        ResultDirectory(out)
+
+
+def test_a_study_with_a_damaged_journal_runs_what_is_lost(tmp_path, capsys):
+    """Regression: a traceback."""
+    (tmp_path / "wide.py").write_text("import numpy as np\ndef f(x):\n    return {'y': np.full(3000, x)}\n")
+    text = '[study]\nname="w"\nfunction="wide:f"\n[factors.x]\nlow=0\nhigh=1\ncount=20\n[run]\nblock=1\n'
+    (tmp_path / "study.toml").write_text(text)
+    td.run(tmp_path / "study.toml", tmp_path / "out", workers=0, progress=False)
+    before = td.open_cube(tmp_path / "out")["y"]
+    journal = tmp_path / "out" / "journal.sqlite"
+    content = bytearray(journal.read_bytes())
+    middle = len(content) // 2
+    content[middle : middle + 40_000] = bytes(40_000)
+    journal.write_bytes(content)
+    summary = td.run(tmp_path / "study.toml", tmp_path / "out", workers=0, progress=False)
+    assert summary.good
+    assert 0 < summary.computed < 6
+    assert f"{20 - summary.computed} blocks can be read, at least {summary.computed} cannot" in capsys.readouterr().err
+    assert (td.open_cube(tmp_path / "out")["y"] == before).all()
+
+
+@pytest.mark.parametrize("column", ["keys", "outcomes", "cpu_seconds", "worker", "payload", "kernels", "digest"])
+def test_a_value_of_another_kind_is_no_block(out, column):
+    """As a damaged page may hold it: values of each type, none the column's own."""
+    with closing(sqlite3.connect(journal_path(out))) as connection, connection:
+        connection.execute("PRAGMA writable_schema = ON")
+        connection.execute("UPDATE sqlite_schema SET sql = replace(sql, ' NOT NULL', '') WHERE name = 'block'")
+    for value in (None, 7, 0.5, "text", b"", b"PK"):
+        with closing(sqlite3.connect(journal_path(out))) as connection, connection:
+            connection.execute(f"UPDATE block SET {column} = ? WHERE id = 7", (value,))
+        assert not is_read(out)
+    with Journal(out) as journal:
+        assert numbers(journal) == [number for number in range(BLOCKS) if number != 6]
