@@ -12,9 +12,8 @@ import pandas as pd
 import pytest
 
 import tripod_doe as td
-from tripod_doe.analyses.figures import FIGURES
 from tripod_doe.analyses.main_effects.charts import effect_charts
-from tripod_doe.analyses.registry import ANALYSES
+from tripod_doe.analyses.registry import ANALYSES, FIGURES
 from tripod_doe.cli.main import build_parser
 from tripod_doe.joint.known_errors.error_estimate import COMPARED, RECORDED
 from tripod_doe.joint.models import MODELS

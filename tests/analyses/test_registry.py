@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import pytest
 import xarray as xr
 
+from tripod_doe.analyses import registry
 from tripod_doe.analyses.contribution.contribution import ContributionSettings, contribution_shares
-from tripod_doe.analyses.figures import FIGURES
 from tripod_doe.analyses.kinds import is_study, kind_of, of_kind
-from tripod_doe.analyses.registry import ANALYSES, findings_of, table_of
+from tripod_doe.analyses.registry import ANALYSES, FIGURES, STUDY_FIGURES, draw, findings_of, table_of
+from tripod_doe.errors import InputError
 
 KINDS = {
     "sobol",
@@ -43,6 +47,32 @@ def ablation(make_cube):
 def test_every_kind_has_a_row_and_every_figure_a_name():
     assert set(ANALYSES) == KINDS
     assert {name for row in ANALYSES.values() for name in row.figures} <= set(FIGURES)
+
+
+PLACES = [*STUDY_FIGURES.values()] + [
+    place for row in ANALYSES.values() for place in (row.sentences, row.table, *row.figures.values()) if place
+]
+
+
+@pytest.mark.parametrize("place", dict.fromkeys(PLACES))
+def test_every_place_that_a_row_names_holds_a_function(place):
+    assert callable(registry._load(place))
+
+
+def test_what_computes_draws_nothing():
+    """The registry and all that computes load neither what draws nor what states sentences."""
+    script = "import sys, tripod_doe.analyses.registry; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.split())
+    assert not loaded & {"matplotlib", "matplotlib.figure", "tripod_doe.report.charts.chart"}
+    assert not {name for name in loaded if name.startswith("tripod_doe.analyses") and name.endswith("sentences")}
+
+
+def test_a_figure_of_one_input_refuses_two(ablation):
+    with pytest.raises(InputError, match="shows one input, it has 2: a, b"):
+        draw("effects", {"a": ablation, "b": ablation})
+    shares = contribution_shares(ablation, ContributionSettings(output="y"))
+    assert len(draw("contribution", {"a": shares, "b": shares})) == 2
 
 
 def test_a_result_carries_its_kind_and_a_study_has_none(ablation):

@@ -151,14 +151,14 @@ def test_interactions_have_a_chart_of_their_own(joint_cube):
         coords={"factor": factors, "factor_2": factors},
         attrs={"analysis_kind": "sobol", "outputs": "y"},
     )
-    _, cells = index_charts({"sobol": result}, joint_cube)
+    _, cells = index_charts(result, "sobol")
     assert cells.title.startswith("Interactions")
     assert cells.data[["factor", "factor_2", "S2"]].values.tolist() == [
         ["joint_angle_deg", "torque_n_m", 0.2],
         ["joint_angle_deg", "needle_count", 0.01],
         ["torque_n_m", "needle_count", -0.02],
     ]
-    assert len(index_charts({"sobol": result.drop_vars(["S2", "S2_conf"])}, joint_cube)) == 1
+    assert len(index_charts(result.drop_vars(["S2", "S2_conf"]), "sobol")) == 1
 
 
 def test_claims_stand_against_their_limits_with_links_to_their_figures():

@@ -137,7 +137,7 @@ def indices(kind: str, **variables: list[float]) -> xr.Dataset:
 
 def test_sobol_chart_shows_both_indices_with_their_intervals(data_of):
     result = indices("sobol", S1=[0.1, 0.6], S1_conf=[0.01, 0.02], ST=[0.2, 0.7], ST_conf=[0.03, 0.04])
-    (chart,) = index_charts({"sobol": result}, sampled(3))
+    (chart,) = index_charts(result, "sobol")
     data = data_of(chart)
     assert data.to_numpy().tolist() == [["z", 0.7, 0.04, 0.6, 0.02], ["x", 0.2, 0.03, 0.1, 0.01]]
     assert {"0.70", "0.60", "0.20", "0.10", "total index ST", "first-order index S1"} <= set(texts_of(chart))
@@ -146,7 +146,8 @@ def test_sobol_chart_shows_both_indices_with_their_intervals(data_of):
 
 def test_morris_chart_shows_every_factor_in_the_unit_of_the_output(data_of):
     result = indices("morris", mu=[1.0, -2.0], mu_star=[1.0, 2.0], mu_star_conf=[0.1, 0.2], sigma=[0.5, 0.0])
-    (chart,) = index_charts({"morris": result}, sampled(3))
+    result = result.assign_attrs(outputs="force", output_units='{"force": "N"}')
+    (chart,) = index_charts(result, "morris")
     assert data_of(chart)["mu_star"].tolist() == [2.0, 1.0]
     assert {"x", "z", "mean elementary effect μ* (N)"} <= set(texts_of(chart))
 
@@ -163,7 +164,7 @@ def test_a_distribution_is_drawn_through_more_quantiles_than_were_asked_for(data
         },
         {"probability": [0.2, 0.8], "share": shares},
     )
-    chart = quantile_chart("some", "scatter", "y", result, "N", 0.95)
+    chart = quantile_chart("some", "scatter", "y", result.assign_attrs(confidence_level=0.95), "N")
     data = data_of(chart)
     assert data["quantile"].to_numpy() == pytest.approx(10 * data["probability"].to_numpy() ** 2)
     assert data["probability"].is_monotonic_increasing

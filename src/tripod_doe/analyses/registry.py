@@ -1,7 +1,8 @@
-"""All analyses: one row each, with its function and settings and with what a report shows of its result.
+"""All analyses and figures: one row each, with what computes, its settings, and where its sentences and charts are.
 
 To add an analysis, write its function, decorated with `makes_kind`, and a model of its settings, and add a row here.
-Sentences, table and figures are optional; studies, workflows, pages and schemas find them in the row.
+Sentences, table and figures are optional. They are named as ``module:function`` below `tripod_doe.analyses` and
+imported when they are needed, so that whoever only computes draws nothing.
 """
 
 from __future__ import annotations
@@ -9,31 +10,21 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import wraps
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 from pydantic import BaseModel
 
-from tripod_doe.analyses.claims.charts import claims_chart
 from tripod_doe.analyses.claims.over_skew import ClaimsOverSkewSettings, claims_over_skew
-from tripod_doe.analyses.claims.over_skew_sentences import find_over_skew, over_skew_table
-from tripod_doe.analyses.claims.sentences import claim_table, find_in_claims
 from tripod_doe.analyses.claims.verdicts import ClaimsSettings, check_claims, claims_json
-from tripod_doe.analyses.comparison.charts import comparison_charts
 from tripod_doe.analyses.comparison.comparison import ComparisonSettings, compare_file
-from tripod_doe.analyses.comparison.sentences import find_in_comparison
-from tripod_doe.analyses.contribution.charts import contribution_figures
 from tripod_doe.analyses.contribution.contribution import ContributionSettings, contribution_shares
-from tripod_doe.analyses.contribution.sentences import find_in_contribution
 from tripod_doe.analyses.factorial_effects.factorial_effects import EFFECT_DESIGNS, EffectsSettings, factorial_effects
-from tripod_doe.analyses.factorial_effects.sentences import effect_table, find_in_effects
-from tripod_doe.analyses.findings import find
 from tripod_doe.analyses.kinds import is_study, kind_made_by, kind_of
 from tripod_doe.analyses.model_choice.selection import ChooseSettings, choose_for_study
-from tripod_doe.analyses.multifidelity.charts import multifidelity_charts
 from tripod_doe.analyses.multifidelity.multifidelity import MultifidelitySettings, multifidelity
-from tripod_doe.analyses.multifidelity.sentences import find_in_multifidelity, model_table
 from tripod_doe.analyses.sensitivity import (
     SAMPLED_DESIGNS,
     DeltaSettings,
@@ -53,21 +44,14 @@ from tripod_doe.analyses.sensitivity import (
     shapley_effects,
     sobol_indices,
 )
-from tripod_doe.analyses.sensitivity.charts import indices_of_study
-from tripod_doe.analyses.sensitivity.sentences import find_in_sensitivity
-from tripod_doe.analyses.speed_accuracy.charts import model_error_charts, speed_accuracy_charts
-from tripod_doe.analyses.speed_accuracy.sentences import find_in_speed_accuracy, price_table
 from tripod_doe.analyses.speed_accuracy.speed_accuracy import SpeedAccuracySettings, speed_accuracy
-from tripod_doe.analyses.stability.charts import stability_charts
-from tripod_doe.analyses.stability.sentences import find_in_stability, stability_table
 from tripod_doe.analyses.stability.stability import StabilitySettings, stability_borders
-from tripod_doe.analyses.surrogate.charts import surrogate_charts
-from tripod_doe.analyses.surrogate.sentences import find_in_surrogate
 from tripod_doe.analyses.surrogate.surrogate import SURROGATE_DESIGNS, SurrogateSettings, surrogate
-from tripod_doe.analyses.tolerance.charts import tolerance_charts
-from tripod_doe.analyses.tolerance.sentences import find_in_tolerance, tolerance_table
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, tolerance
-from tripod_doe.report.charts.inputs import Figure, of_one
+from tripod_doe.errors import InputError
+
+if TYPE_CHECKING:
+    from tripod_doe.report.charts.chart import Chart
 
 Table = tuple[list[str], list[list[str]]]
 """Heads and rows."""
@@ -97,14 +81,6 @@ def _of_cubes(function: Callable[[Mapping[str, xr.Dataset], Any], xr.Dataset]) -
     return analysis
 
 
-def _nothing(name: str, result: xr.Dataset) -> list[str]:
-    return []
-
-
-def _without_name(find_in: Callable[[xr.Dataset], list[str]]) -> Callable[[str, xr.Dataset], list[str]]:
-    return lambda name, result: find_in(result)
-
-
 @dataclass(frozen=True)
 class Analysis:
     """One kind of analysis."""
@@ -119,10 +95,11 @@ class Analysis:
     files: tuple[str, ...] = ()
     # whether it can read the cubes of failed studies: it knows which points did not finish, and reports them
     partial: bool = False
-    findings: Callable[[str, xr.Dataset], list[str]] = _nothing  # (name of the analysis, result) -> sentences
-    table: Callable[[xr.Dataset], Table] | None = None  # result -> table for a page; None for none
-    # figures of results by the names that workflow files use
-    figures: Mapping[str, Figure] = field(default_factory=dict)
+    sentences: str = ""  # (result, name of the analysis) -> list of sentences
+    table: str = ""  # result -> heads and rows of a table for a page
+    # by the names that workflow files use: (result, name of the analysis) -> list of charts
+    figures: Mapping[str, str] = field(default_factory=dict)
+    section: str = ""  # section of a study's page that shows all its figures; empty for none
     # for the answer to a workflow's question: a file of the result directory for other programs, and how its text is
     # made. The page of the workflow shows such an answer first.
     export: tuple[str, Callable[[xr.Dataset], str]] | None = None
@@ -133,116 +110,155 @@ class Analysis:
         return kind_made_by(self.function)
 
 
+_INDEX_CHARTS = {"indices": "sensitivity.charts:index_charts"}
+
+
+def _indices(
+    function: Callable[[xr.Dataset, Any], xr.Dataset],
+    settings: type[BaseModel],
+    *designs: str,
+    independent: bool = False,
+) -> Analysis:
+    """The row of a sensitivity analysis that ranks the factors by an index."""
+    return Analysis(
+        _of_cube(function),
+        settings,
+        designs,
+        independent,
+        sentences="sensitivity.sentences:find_in_sensitivity",
+        figures=_INDEX_CHARTS,
+        section="sensitivity",
+    )
+
+
 ANALYSES: dict[str, Analysis] = {
     row.kind: row
     for row in (
-        Analysis(
-            _of_cube(sobol_indices),
-            SobolSettings,
-            designs=("saltelli",),
-            findings=find_in_sensitivity,
-            figures={"indices": indices_of_study},
-        ),
-        Analysis(_of_cube(morris_effects), MorrisSettings, designs=("morris",), findings=find_in_sensitivity),
-        Analysis(_of_cube(fast_indices), FastSettings, designs=("fast",), findings=find_in_sensitivity),
-        Analysis(
-            _of_cube(rbd_fast_indices),
-            RbdFastSettings,
-            designs=SAMPLED_DESIGNS,
-            independent=True,
-            findings=find_in_sensitivity,
-        ),
-        Analysis(_of_cube(pawn_indices), PawnSettings, designs=SAMPLED_DESIGNS, findings=find_in_sensitivity),
-        Analysis(_of_cube(borgonovo_delta), DeltaSettings, designs=SAMPLED_DESIGNS, findings=find_in_sensitivity),
-        Analysis(
-            _of_cube(derivative_measures), DgsmSettings, designs=("finite-differences",), findings=find_in_sensitivity
-        ),
-        Analysis(
-            _of_cube(shapley_effects),
-            ShapleySettings,
-            designs=("latin-hypercube", "rbd-fast"),
-            findings=find_in_sensitivity,
-        ),
+        _indices(sobol_indices, SobolSettings, "saltelli"),
+        _indices(morris_effects, MorrisSettings, "morris"),
+        _indices(fast_indices, FastSettings, "fast"),
+        _indices(rbd_fast_indices, RbdFastSettings, *SAMPLED_DESIGNS, independent=True),
+        _indices(pawn_indices, PawnSettings, *SAMPLED_DESIGNS),
+        _indices(borgonovo_delta, DeltaSettings, *SAMPLED_DESIGNS),
+        _indices(derivative_measures, DgsmSettings, "finite-differences"),
+        _indices(shapley_effects, ShapleySettings, "latin-hypercube", "rbd-fast"),
         Analysis(
             _of_cube(factorial_effects),
             EffectsSettings,
-            designs=EFFECT_DESIGNS,
-            findings=find_in_effects,
-            table=effect_table,
-        ),
-        Analysis(
-            _of_cube(surrogate),
-            SurrogateSettings,
-            designs=SURROGATE_DESIGNS,
-            findings=find_in_surrogate,
-            figures={"surrogate": surrogate_charts},
+            EFFECT_DESIGNS,
+            sentences="factorial_effects.sentences:find_in_effects",
+            table="factorial_effects.sentences:effect_table",
+            figures={"factorial-effects": "factorial_effects.charts:factorial_effect_charts"},
+            section="sensitivity",
         ),
         Analysis(
             _of_cube(tolerance),
             ToleranceSettings,
-            designs=SAMPLED_DESIGNS,
-            findings=find_in_tolerance,
-            table=tolerance_table,
-            figures={"tolerance": tolerance_charts},
+            SAMPLED_DESIGNS,
+            sentences="tolerance.sentences:find_in_tolerance",
+            table="tolerance.sentences:tolerance_table",
+            figures={"tolerance": "tolerance.charts:tolerance_charts"},
+            section="sensitivity",
         ),
         Analysis(
             _of_cube(multifidelity),
             MultifidelitySettings,
-            designs=("multifidelity",),
-            findings=find_in_multifidelity,
-            table=model_table,
-            figures={"multifidelity": multifidelity_charts},
+            ("multifidelity",),
+            sentences="multifidelity.sentences:find_in_multifidelity",
+            table="multifidelity.sentences:model_table",
+            figures=_INDEX_CHARTS | {"multifidelity": "multifidelity.charts:multifidelity_charts"},
+            section="sensitivity",
+        ),
+        Analysis(
+            _of_cube(surrogate),
+            SurrogateSettings,
+            SURROGATE_DESIGNS,
+            sentences="surrogate.sentences:find_in_surrogate",
+            figures={"surrogate": "surrogate.charts:surrogate_charts"},
+            section="sensitivity",
         ),
         Analysis(
             _of_cube(contribution_shares),
             ContributionSettings,
-            designs=("ablation",),
+            ("ablation",),
             crossed=True,
-            findings=find_in_contribution,
-            figures={"contribution": contribution_figures},
+            sentences="contribution.sentences:find_in_contribution",
+            figures={"contribution": "contribution.charts:contribution_figures"},
         ),
         Analysis(
             _of_cube(stability_borders),
             StabilitySettings,
-            designs=("grid", "product"),
-            findings=_without_name(find_in_stability),
-            table=stability_table,
-            figures={"stability-map": of_one(stability_charts)},
+            ("grid", "product"),
+            sentences="stability.sentences:find_in_stability",
+            table="stability.sentences:stability_table",
+            figures={"stability-map": "stability.charts:stability_charts"},
+            section="borders",
         ),
         Analysis(
             compare_file,
             ComparisonSettings,
             files=("measurement",),
-            findings=_without_name(find_in_comparison),
-            figures={"comparison": of_one(comparison_charts)},
+            sentences="comparison.sentences:find_in_comparison",
+            figures={"comparison": "comparison.charts:comparison_charts"},
         ),
         Analysis(choose_for_study, ChooseSettings, files=("study",)),
         Analysis(
             _of_cubes(speed_accuracy),
             SpeedAccuracySettings,
-            findings=_without_name(find_in_speed_accuracy),
-            table=price_table,
-            figures={"speed-accuracy": of_one(speed_accuracy_charts), "model-error": of_one(model_error_charts)},
+            sentences="speed_accuracy.sentences:find_in_speed_accuracy",
+            table="speed_accuracy.sentences:price_table",
+            figures={
+                "speed-accuracy": "speed_accuracy.charts:speed_accuracy_charts",
+                "model-error": "speed_accuracy.charts:model_error_charts",
+            },
         ),
         Analysis(
             _of_cubes(check_claims),
             ClaimsSettings,
             partial=True,
-            findings=_without_name(find_in_claims),
-            table=claim_table,
-            figures={"claims": of_one(lambda claims: [claims_chart(claims)])},
+            sentences="claims.sentences:find_in_claims",
+            table="claims.sentences:claim_table",
+            figures={"claims": "claims.charts:claims_charts"},
             export=("claims.json", claims_json),
         ),
         Analysis(
             _of_cubes(claims_over_skew),
             ClaimsOverSkewSettings,
             partial=True,
-            findings=_without_name(find_over_skew),
-            table=over_skew_table,
+            sentences="claims.sentences:find_over_skew",
+            table="claims.sentences:over_skew_table",
         ),
     )
 }
 """Analyses by the kind that study and workflow files use."""
+
+STUDY_FIGURES = {
+    "waveforms": "tripod_doe.report.charts.waveforms:waveform_charts",
+    "spectrum": "tripod_doe.report.charts.waveforms:spectrum_chart",
+    "effects": "main_effects.charts:all_effect_charts",
+    "loci": "tripod_doe.report.charts.loci:locus_chart",
+    "waveforms-of-all": "tripod_doe.report.charts.paper:waveforms_of_all",
+    "local-orders": "tripod_doe.report.charts.paper:local_order_charts",
+    "orders-over-angle": "tripod_doe.report.charts.paper:order_angle_chart",
+    "skew": "claims.skew_charts:skew_chart",
+    "kept-skew": "claims.skew_charts:kept_skew_charts",
+    "findings-over-skew": "claims.skew_charts:findings_over_skew_charts",
+    "spectrum-of-all": "tripod_doe.report.charts.paper:spectrum_of_all",
+    "friction-law": "tripod_doe.report.charts.paper:friction_law_chart",
+    "model-choice": "model_choice.charts:model_choice_chart",
+    "outcome-map": "tripod_doe.report.charts.outcomes:outcome_charts",
+}
+"""Figures of a study by the names that workflow files use: cube -> chart, list of charts, or None."""
+
+FIGURES = (*STUDY_FIGURES, *dict.fromkeys(name for row in ANALYSES.values() for name in row.figures))
+"""Names of all figures."""
+
+
+def _load(place: str) -> Callable[..., Any]:
+    """The function at a place of this registry."""
+    module, _, name = place.partition(":")
+    home = module if module.startswith("tripod_doe.") else f"tripod_doe.analyses.{module}"
+    return getattr(import_module(home), name)  # type: ignore[no-any-return]
 
 
 def findings_of(name: str, data: xr.Dataset) -> list[str]:
@@ -256,11 +272,63 @@ def findings_of(name: str, data: xr.Dataset) -> list[str]:
         A study's cube or the result of an analysis; one of an unknown kind has no sentences.
     """
     if is_study(data):
-        return find(data)
-    return ANALYSES[kind_of(data)].findings(name, data) if kind_of(data) in ANALYSES else []
+        return _load("findings:find")(data)  # type: ignore[no-any-return]
+    row = ANALYSES.get(kind_of(data))
+    return _load(row.sentences)(data, name) if row and row.sentences else []
 
 
 def table_of(data: xr.Dataset) -> Table | None:
     """The table of an analysis, None where it has none."""
     row = ANALYSES.get(kind_of(data))
-    return row.table(data) if row and row.table else None
+    return _load(row.table)(data) if row and row.table else None
+
+
+def charts_of(figure: str, results: Mapping[str, xr.Dataset]) -> list[Chart]:
+    """The charts of one figure for all analysis results that have it.
+
+    Parameters
+    ----------
+    figure
+        Its name.
+    results
+        Results by the names of their analyses.
+    """
+    return [
+        chart
+        for name, result in results.items()
+        if (row := ANALYSES.get(kind_of(result))) and figure in row.figures
+        for chart in _load(row.figures[figure])(result, name)
+    ]
+
+
+def section_charts(section: str, results: Mapping[str, xr.Dataset]) -> list[Chart]:
+    """The charts of a section of a study's page, figure by figure."""
+    shown = {name: data for name, data in results.items() if ANALYSES[kind_of(data)].section == section}
+    figures = dict.fromkeys(figure for row in ANALYSES.values() if row.section == section for figure in row.figures)
+    return [chart for figure in figures for chart in charts_of(figure, shown)]
+
+
+def draw(figure: str, inputs: Mapping[str, xr.Dataset]) -> list[Chart]:
+    """The charts of a figure step of a workflow.
+
+    Parameters
+    ----------
+    figure
+        One of `FIGURES`.
+    inputs
+        Cubes and analysis results by the names of their steps.
+
+    Raises
+    ------
+    InputError
+        If a figure that shows one input gets several.
+    """
+    if figure in STUDY_FIGURES:
+        if len(inputs) != 1:
+            raise InputError(f"this figure shows one input, it has {len(inputs)}: {', '.join(inputs)}")
+        drawn = _load(STUDY_FIGURES[figure])(next(iter(inputs.values())))
+        return drawn if isinstance(drawn, list) else [drawn] if drawn else []
+    charts = charts_of(figure, inputs)
+    if len({chart.name for chart in charts}) < len(charts):
+        raise InputError(f"this figure shows one input, it has {len(inputs)}: {', '.join(inputs)}")
+    return charts

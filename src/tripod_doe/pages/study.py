@@ -13,21 +13,15 @@ from tripod_doe.analyses.claims.skew_charts import findings_over_skew_charts, ke
 from tripod_doe.analyses.contribution.charts import contribution_charts
 from tripod_doe.analyses.contribution.sentences import contribution_notes
 from tripod_doe.analyses.contribution.shares import contributions, share_rows
-from tripod_doe.analyses.factorial_effects.charts import factorial_effect_charts
 from tripod_doe.analyses.failing_region.charts import failing_region_chart
 from tripod_doe.analyses.findings import find
 from tripod_doe.analyses.kinds import kind_of, of_kind
 from tripod_doe.analyses.main_effects.charts import effect_charts
 from tripod_doe.analyses.model_choice.charts import model_choice_chart
-from tripod_doe.analyses.multifidelity.charts import multifidelity_charts
-from tripod_doe.analyses.registry import findings_of, table_of
+from tripod_doe.analyses.registry import findings_of, section_charts, table_of
 from tripod_doe.analyses.sensitivity import RANKED
-from tripod_doe.analyses.sensitivity.charts import index_charts
 from tripod_doe.analyses.sensitivity.sentences import sensitivity_parts
-from tripod_doe.analyses.stability.charts import stability_charts
-from tripod_doe.analyses.surrogate.charts import surrogate_charts
 from tripod_doe.analyses.surrogate.what_if_page import WhatIfPage, what_if_pages
-from tripod_doe.analyses.tolerance.charts import tolerance_charts
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError
 from tripod_doe.report.answer import answer_first, picture_first
@@ -252,14 +246,8 @@ def _charts(cube: xr.Dataset, shown: xr.Dataset, analyses: Mapping[str, xr.Datas
     spectrum = spectrum_chart(shown) if every_order else None
     return {
         "models": [choice] if choice else [],
-        "borders": [chart for result in of_kind(analyses, "stability").values() for chart in stability_charts(result)],
-        "sensitivity": [
-            *index_charts(analyses, cube),
-            *factorial_effect_charts(analyses),
-            *tolerance_charts(analyses),
-            *multifidelity_charts(analyses),
-            *surrogate_charts(analyses),
-        ],
+        "borders": section_charts("borders", analyses),
+        "sensitivity": section_charts("sensitivity", analyses),
         "region": [region] if (region := failing_region_chart(cube)) else [],
         "loci": [loci] if loci else [],
         "waveforms": waveform_charts(shown) if every_order else [],

@@ -19,8 +19,7 @@ from pathlib import Path
 import dask
 import xarray as xr
 
-from tripod_doe.analyses.figures import FIGURES
-from tripod_doe.analyses.registry import ANALYSES
+from tripod_doe.analyses.registry import ANALYSES, draw
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.interrupts import check_interrupt
@@ -300,7 +299,7 @@ class _Chain:
     def _draw(self, step: Step) -> str:
         assert isinstance(step.table, FigureStep)
         with self._cubes(self._inputs(step)) as cubes:
-            charts = FIGURES[step.table.figure](cubes)
+            charts = draw(step.table.figure, cubes)
         if not charts:
             raise InputError(f"the inputs hold nothing that the figure {step.table.figure} shows")
         write_charts(charts, step.name, self.folder(step.name))

@@ -7,8 +7,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from tripod_doe.analyses.figures import FIGURES
-from tripod_doe.analyses.registry import ANALYSES
+from tripod_doe.analyses.registry import ANALYSES, FIGURES
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.file import FactorTable, Scalar, complaints, parse_toml
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tripod_doe.analyses.claims.over_skew_sentences import find_over_skew
-from tripod_doe.analyses.claims.sentences import claims_of_figures
+from tripod_doe.analyses.claims.sentences import claims_of_figures, find_over_skew
 from tripod_doe.analyses.claims.verdicts import ClaimsSettings, Verdict, check_claims
 
 

@@ -10,8 +10,7 @@ import pandas as pd
 import pytest
 from method_rows import EXACT, FINE, FIRST, JOINT, SECOND, STEPS, cube_of, fixed
 
-from tripod_doe.analyses.figures import FIGURES
-from tripod_doe.analyses.registry import findings_of
+from tripod_doe.analyses.registry import draw, findings_of
 from tripod_doe.analyses.speed_accuracy.sentences import price_table
 from tripod_doe.analyses.speed_accuracy.speed_accuracy import SpeedAccuracySettings, speed_accuracy
 from tripod_doe.report.tables import factor_rows
@@ -65,7 +64,7 @@ def test_the_table_has_a_row_a_case_and_method(roller):
 
 
 def test_a_chart_holds_every_run_and_draws_failures_apart(roller):
-    (chart,) = FIGURES["speed-accuracy"]({"accuracy": roller})
+    (chart,) = draw("speed-accuracy", {"accuracy": roller})
     table = pd.read_csv(io.StringIO(chart.csv()))
     assert len(table) == roller.sizes["run"]
     assert table["error_percent"].isna().sum() == 3
@@ -81,10 +80,10 @@ def test_a_chart_holds_every_run_and_draws_failures_apart(roller):
 
 
 def test_models_have_a_chart_of_their_own(joint, roller):
-    chart = FIGURES["model-error"]({"accuracy": joint.sel(quantity=["third_order"])})[0]
+    chart = draw("model-error", {"accuracy": joint.sel(quantity=["third_order"])})[0]
     labels = [text.get_text() for text in chart.figure.axes[0].get_legend().get_texts()]
     assert {"rollers", "needles"} <= set(labels)
-    assert FIGURES["model-error"]({"accuracy": roller}) == []
+    assert draw("model-error", {"accuracy": roller}) == []
 
 
 @pytest.mark.parametrize("quick", [False, True])

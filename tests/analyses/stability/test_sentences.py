@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tripod_doe.analyses.figures import FIGURES
-from tripod_doe.analyses.registry import findings_of
+from tripod_doe.analyses.registry import draw, findings_of
 from tripod_doe.analyses.stability.sentences import stability_table
 from tripod_doe.analyses.stability.stability import StabilitySettings, stability_borders
 from tripod_doe.report.charts.outcomes import outcome_charts
@@ -68,7 +67,7 @@ def test_table(borders):
 
 
 def test_map(borders):
-    chart = FIGURES["stability-map"]({"borders": borders})[0]
+    chart = draw("stability-map", {"borders": borders})[0]
     assert [axes.get_title(loc="left") for axes in chart.figure.axes] == ["symplectic-euler"]
     assert "Not drawn, all runs right within the limit: bdf2." in chart.caption
     assert len(chart.data) == 4

@@ -33,7 +33,7 @@ def test_what_can_be_learnt_is_learnt(learnt):
     assert np.isnan(error[3])
     assert learnt["predicted_part"].values[:2] == pytest.approx([1, 1], abs=1e-3)
     assert learnt["chosen"].values[3] == -1
-    assert "Surrogate of y" in find_in_surrogate("s", learnt.isel(k=0))[0]
+    assert "Surrogate of y" in find_in_surrogate(learnt.isel(k=0), "s")[0]
 
 
 def test_few_points_are_refused():

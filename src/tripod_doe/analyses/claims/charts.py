@@ -15,6 +15,11 @@ from tripod_doe.report.responses import spoken
 _BARS = {Verdict.HOLDS: COLOURS[0], Verdict.DOES_NOT_HOLD: COLOURS[1]}
 
 
+def claims_charts(claims: xr.Dataset, name: str = "") -> list[Chart]:
+    """The only chart of the claims, as a figure."""
+    return [claims_chart(claims)]
+
+
 def claims_chart(claims: xr.Dataset) -> Chart:
     """One bar per claim, to the right where it holds and to the left where it does not; cut off at 100 %.
 

@@ -21,7 +21,7 @@ _CLASSES = 30
 _MODEL, _MEASURED = COLOURS[0], COLOURS[1]
 
 
-def comparison_charts(comparison: xr.Dataset) -> list[Chart]:
+def comparison_charts(comparison: xr.Dataset, name: str = "") -> list[Chart]:
     """Figures of a comparison: waveform, orders, beat envelope and, of a run-up, orders over speed.
 
     Parameters

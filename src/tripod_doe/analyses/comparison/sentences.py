@@ -34,7 +34,7 @@ _NOTHING = 1e-9  # part of the largest below which a number is rounding
 _SPEED_APART = 0.05  # relative difference of speeds from which the reader should know
 
 
-def find_in_comparison(comparison: xr.Dataset) -> list[str]:
+def find_in_comparison(comparison: xr.Dataset, name: str = "") -> list[str]:
     """Sentences on what the comparison shows, and on what it cannot.
 
     Parameters

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,9 +26,9 @@ _PANEL = 2.1  # inches
 _MOST_CELLS = 7  # along a side of a map, up to which each has its value below it
 
 
-def contribution_figures(inputs: Mapping[str, xr.Dataset]) -> list[Chart]:
-    """The charts of each order of each contribution analysis that has shares."""
-    return [chart for part in contributions(inputs) if not part.missing for chart in contribution_charts(part)]
+def contribution_figures(result: xr.Dataset, name: str) -> list[Chart]:
+    """The charts of each order that has shares."""
+    return [chart for part in contributions({name: result}) if not part.missing for chart in contribution_charts(part)]
 
 
 def contribution_charts(part: Contribution) -> list[Chart]:

@@ -18,7 +18,7 @@ _MOST_LOST = 3  # operating points whose missing combinations are named
 _REMOTE = 5.0  # percentage points from the median from which a share at one point is worth a sentence
 
 
-def find_in_contribution(name: str, result: xr.Dataset) -> list[str]:
+def find_in_contribution(result: xr.Dataset, name: str) -> list[str]:
     """Sentences on a contribution analysis: the shares of the third and the second order."""
     return [sentence for part in contributions({name: result}) for sentence in contribution_findings(part)]
 

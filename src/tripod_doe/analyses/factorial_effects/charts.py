@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 import pandas as pd
 import xarray as xr
 
 from tripod_doe.analyses.factorial_effects.sentences import effect_parts, term_text
-from tripod_doe.analyses.kinds import of_kind
 from tripod_doe.report.charts.chart import COLOURS, INK, MUTED, Chart, drawing
 
 _MOST_BARS = 12
 
 
-def factorial_effect_charts(analyses: Mapping[str, xr.Dataset]) -> list[Chart]:
-    """One chart per analysis of effects and main output: the largest effects with their intervals."""
+def factorial_effect_charts(result: xr.Dataset, name: str) -> list[Chart]:
+    """One chart per main output: the largest effects with their intervals."""
     return [
         _chart(f"{name}-{position}", name, what, part)
-        for name, result in of_kind(analyses, "effects").items()
         for position, (_, what, _, part) in enumerate(effect_parts(result), 1)
     ]
 

@@ -76,6 +76,11 @@ def effect_charts(cube: xr.Dataset) -> list[ResponseCharts]:
     return found
 
 
+def all_effect_charts(cube: xr.Dataset) -> list[Chart]:
+    """The charts of all responses, as a figure."""
+    return [chart for group in effect_charts(cube) for chart in group.charts]
+
+
 def _grid_charts(response: Response, cube: xr.Dataset) -> list[Chart]:
     factors = [name for name in factor_names(cube) if cube.sizes[name] > 1]
     numeric = [name for name in numeric_factors(cube) if name in factors]

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 import pandas as pd
 import xarray as xr
 
-from tripod_doe.analyses.kinds import of_kind
 from tripod_doe.analyses.multifidelity.sentences import multifidelity_parts
 from tripod_doe.analyses.tolerance.charts import quantile_chart
 from tripod_doe.report.charts.chart import COLOURS, MUTED, Chart, drawing
@@ -16,16 +13,14 @@ from tripod_doe.report.main_outputs import OutputPart
 from tripod_doe.report.responses import spoken
 
 
-def multifidelity_charts(analyses: Mapping[str, xr.Dataset]) -> list[Chart]:
+def multifidelity_charts(result: xr.Dataset, name: str) -> list[Chart]:
     """Quantiles of each main output, and the squared errors over those of the truth alone."""
-    charts = []
-    for name, result in of_kind(analyses, "multifidelity").items():
-        truth = str(result.attrs["truth"])
-        for position, part in enumerate(multifidelity_parts(result), 1):
-            level, key = float(result.attrs["confidence_level"]), f"{name}-{position}"
-            charts.append(quantile_chart(f"{key}-quantiles", name, part.what, part.answers, part.unit, level))
-            if np.isfinite(part.answers["gain"]):
-                charts.append(_gain_chart(f"{key}-gain", name, part, truth))
+    charts, truth = [], str(result.attrs["truth"])
+    for position, part in enumerate(multifidelity_parts(result), 1):
+        key = f"{name}-{position}"
+        charts.append(quantile_chart(f"{key}-quantiles", name, part.what, part.answers, part.unit))
+        if np.isfinite(part.answers["gain"]):
+            charts.append(_gain_chart(f"{key}-gain", name, part, truth))
     return charts
 
 

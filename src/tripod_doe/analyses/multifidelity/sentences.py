@@ -16,15 +16,15 @@ def multifidelity_parts(result: xr.Dataset) -> list[OutputPart]:
     return main_outputs(result, "variance")
 
 
-def find_in_multifidelity(name: str, result: xr.Dataset) -> list[str]:
+def find_in_multifidelity(result: xr.Dataset, name: str) -> list[str]:
     """Sentences on the distribution of each main output, the gain over the truth alone, and what was dropped.
 
     Parameters
     ----------
-    name
-        Name of the analysis.
     result
         Its answers.
+    name
+        Name of the analysis.
     """
     sentences = []
     truth = str(result.attrs["truth"])

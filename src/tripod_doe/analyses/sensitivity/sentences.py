@@ -23,15 +23,15 @@ _HEADS = {
 }
 
 
-def find_in_sensitivity(name: str, result: xr.Dataset) -> list[str]:
+def find_in_sensitivity(result: xr.Dataset, name: str) -> list[str]:
     """Sentences on the strongest factors of each main output, then on the points and on what failed.
 
     Parameters
     ----------
-    name
-        Name of the analysis.
     result
         Its indices.
+    name
+        Name of the analysis.
     """
     kind = kind_of(result)
     sentences = []

@@ -25,7 +25,7 @@ _OTHER = "*"
 _X_LABEL = "CPU seconds per simulated second (-)"
 
 
-def speed_accuracy_charts(data: xr.Dataset) -> list[Chart]:
+def speed_accuracy_charts(data: xr.Dataset, name: str = "") -> list[Chart]:
     """Numerical error of every case and quantity with a reference, in the order of the cases.
 
     Parameters
@@ -135,7 +135,7 @@ def _mark(axes: Axes, chosen: np.ndarray, price: np.ndarray, error: np.ndarray, 
     axes.plot(price[chosen][order], error[chosen][order], color="#f2c14e", lw=6, alpha=0.55, zorder=0.5, label=label)
 
 
-def model_error_charts(data: xr.Dataset) -> list[Chart]:
+def model_error_charts(data: xr.Dataset, name: str = "") -> list[Chart]:
     """Difference of every finished run to the finest model, one chart per scene and quantity with several models."""
     charts = []
     for scene in dict.fromkeys(data["scene"].values):

@@ -23,7 +23,7 @@ _MISS = 0.05
 """Error above which a finished run is one that its checks missed."""
 
 
-def find_in_speed_accuracy(data: xr.Dataset) -> list[str]:
+def find_in_speed_accuracy(data: xr.Dataset, name: str = "") -> list[str]:
     """State the price of each default relative to the best method, the error of its model, and failures."""
     spread = _spread(data)
     repeated = f", median of the repetitions, which differ by at most a factor of {spread:.2f} in nine of ten runs"

@@ -41,7 +41,7 @@ def map_of(borders: xr.Dataset, factor: str) -> xr.Dataset:
     return borders.isel(case=np.isin(borders["varied"].values, ("base", factor))).sortby(factor)
 
 
-def stability_charts(borders: xr.Dataset) -> list[Chart]:
+def stability_charts(borders: xr.Dataset, name: str = "") -> list[Chart]:
     """One chart per factor: one panel per method, with step or tolerance over the values of the factor."""
     return [_chart(borders, factor) for factor in maps(borders)]
 

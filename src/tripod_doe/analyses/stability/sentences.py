@@ -42,7 +42,7 @@ _WHY = {
 """Known reason of a disagreement, by what limits the step."""
 
 
-def find_in_stability(borders: xr.Dataset) -> list[str]:
+def find_in_stability(borders: xr.Dataset, name: str = "") -> list[str]:
     """State how many limits agree with the prediction, undetected failures, and disagreements with their reasons."""
     agrees = borders["agrees"].values
     decided = agrees != Agreement.NOT_DECIDED

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -15,11 +13,11 @@ from tripod_doe.report.responses import spoken
 _SHOWN = 6  # factors that a picture can tell apart
 
 
-def surrogate_charts(analyses: Mapping[str, xr.Dataset]) -> list[Chart]:
-    """One chart for each quantity of each surrogate."""
+def surrogate_charts(result: xr.Dataset, name: str) -> list[Chart]:
+    """One chart for each quantity of a surrogate."""
     return [
         _course_chart(f"{page.name}-course-{position + 1}", page, position)
-        for page in what_if_pages(analyses)
+        for page in what_if_pages({name: result})
         for position in range(len(page.quantities))
     ]
 

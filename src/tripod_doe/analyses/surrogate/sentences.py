@@ -12,15 +12,15 @@ from tripod_doe.report.main_outputs import main_outputs
 _NEARLY_ALL = 99.9  # percent
 
 
-def find_in_surrogate(name: str, result: xr.Dataset) -> list[str]:
+def find_in_surrogate(result: xr.Dataset, name: str) -> list[str]:
     """Sentences on the surrogate of each main output, and on the quantiles that it gives.
 
     Parameters
     ----------
-    name
-        Name of the analysis.
     result
         Its errors.
+    name
+        Name of the analysis.
     """
     words = str(result["chosen"].attrs["flag_meanings"]).split()
     sentences = []

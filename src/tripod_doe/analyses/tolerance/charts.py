@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 import pandas as pd
 import xarray as xr
 
-from tripod_doe.analyses.kinds import of_kind
 from tripod_doe.analyses.tolerance.sentences import tolerance_parts
 from tripod_doe.quantities import number
 from tripod_doe.report.charts.chart import COLOURS, INK, MUTED, Chart, drawing, legend_above
 from tripod_doe.report.responses import spoken
 
 
-def tolerance_charts(analyses: Mapping[str, xr.Dataset]) -> list[Chart]:
-    """Two charts for each tolerance analysis and main output: quantiles with the limit, and gains."""
-    charts = []
-    for name, result in of_kind(analyses, "tolerance").items():
-        for position, (_, what, unit, part) in enumerate(tolerance_parts(result), 1):
-            charts += [
-                _gain_chart(f"{name}-{position}-gain", name, what, part),
-                quantile_chart(f"{name}-{position}", name, what, part, unit, float(result.attrs["confidence_level"])),
-            ]
-    return charts
+def tolerance_charts(result: xr.Dataset, name: str) -> list[Chart]:
+    """Two charts per main output: gains, and quantiles with the limit."""
+    return [
+        chart
+        for position, (_, what, unit, part) in enumerate(tolerance_parts(result), 1)
+        for chart in (
+            _gain_chart(f"{name}-{position}-gain", name, what, part),
+            quantile_chart(f"{name}-{position}", name, what, part, unit),
+        )
+    ]
 
 
-def quantile_chart(key: str, name: str, what: str, part: xr.Dataset, unit: str, confidence: float) -> Chart:
+def quantile_chart(key: str, name: str, what: str, part: xr.Dataset, unit: str) -> Chart:
     """The distribution of one output, quantiles with their intervals, and the limit where one is set."""
     columns = ("quantile", "quantile_low", "quantile_high")
     asked = pd.DataFrame({"probability": part["probability"].values} | {key: part[key].values for key in columns})
@@ -52,7 +49,7 @@ def quantile_chart(key: str, name: str, what: str, part: xr.Dataset, unit: str, 
         axes.set_ylabel("share of the joints (%)")
         legend_above(axes, 2)
     chance = f" {number(100 * float(part['exceedance']), 2)} % exceed the limit." if limited else ""
-    level = f"{100 * confidence:g} %"
+    level = f"{100 * float(part.attrs['confidence_level']):g} %"
     told = f"Share of the joints in which {what} stays below a value, with {level} intervals (analysis {name})."
     return Chart(key, f"Distribution of {what}", told + chance, figure, data)
 

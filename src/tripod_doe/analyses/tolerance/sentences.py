@@ -17,15 +17,15 @@ def tolerance_parts(result: xr.Dataset) -> list[OutputPart]:
     return main_outputs(result, "mean")
 
 
-def find_in_tolerance(name: str, result: xr.Dataset) -> list[str]:
+def find_in_tolerance(result: xr.Dataset, name: str) -> list[str]:
     """Sentences on quantiles, limits and gains of each main output.
 
     Parameters
     ----------
-    name
-        Name of the analysis.
     result
         Its answers.
+    name
+        Name of the analysis.
     """
     sentences = []
     for _, what, unit, part in tolerance_parts(result):
