@@ -25,9 +25,11 @@ def replace_file(path: Path) -> Iterator[Path]:
     Raises
     ------
     StorageError
-        If it cannot be written; the old file stays.
+        If it cannot be written, or what is there is no file (a device, a pipe, a folder); it stays.
     """
     fresh = path.with_name(f".{path.name}.new")
+    if path.exists() and not path.is_file():
+        raise StorageError(f"{path}: cannot write this file: something else is there, and stays; choose another name")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield fresh

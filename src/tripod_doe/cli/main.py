@@ -7,7 +7,9 @@ Answers go to standard output; progress and messages go to standard error. Exit 
 from __future__ import annotations
 
 import argparse
+import errno
 import os
+import re
 import sys
 import traceback
 from collections.abc import Sequence
@@ -32,6 +34,11 @@ COMMANDS = {
     "completion": completion.COMMAND,
 }
 """All commands by the word that calls them, in the order of the help."""
+
+_DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
+_NO_MEMORY = re.compile(
+    "failed to map segment|annot allocate memory|find/load shared object"
+)  # a library that could not be loaded
 
 
 class _Version(argparse.Action):
@@ -66,9 +73,10 @@ def _run_command(arguments: Sequence[str]) -> int:
             options.parser.refuse(unknown[0])
         code = int(options.command(options))
         check_interrupt()
+        sys.stdout.flush()
         return code
     except SystemExit as stop:
-        return int(stop.code or 0)
+        return _flushed(int(stop.code or 0))
     except InputError as error:
         print(f"tripod-doe: {error}", file=sys.stderr)
         return WRONG_INPUT
@@ -84,10 +92,50 @@ def _run_command(arguments: Sequence[str]) -> int:
     except BrokenPipeError:  # the reader of our output has seen enough
         sys.stderr.close()
         return DONE
-    except Exception:
-        traceback.print_exc()
-        print("tripod-doe: internal error (please report it with the lines above)", file=sys.stderr)
-        return INTERNAL
+    except Exception as error:
+        return _told(error)
+
+
+def _flushed(code: int) -> int:
+    """The exit code of a call for help, whose answer argparse writes."""
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        return _told(error)
+    return code
+
+
+def _told(error: Exception) -> int:
+    """Say on standard error what went wrong on this machine, or in this program; returns the exit code."""
+    try:
+        if reason := _reason(error):
+            print(f"tripod-doe: {reason}", file=sys.stderr)
+        else:
+            traceback.print_exception(error)
+            print("tripod-doe: internal error (please report it with the lines above)", file=sys.stderr)
+    except OSError:  # standard error is full, too
+        pass
+    _give_up_output()
+    return INTERNAL
+
+
+def _reason(error: Exception) -> str:
+    """What is wrong with the machine; empty where it is the program."""
+    if isinstance(error, MemoryError) or (isinstance(error, ImportError | OSError) and _NO_MEMORY.search(str(error))):
+        return "there is not enough memory, or ulimit -v is too low; finished points are kept"
+    if isinstance(error, OSError) and error.errno in _DISK:
+        place = f"{error.filename}: " if error.filename else ""
+        return f"{place}cannot write: {error.strerror}"
+    return ""
+
+
+def _give_up_output() -> None:
+    """Drop what could not be written to standard output, which Python would try again as it ends."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        with open(os.devnull, "w") as nothing:
+            os.dup2(nothing.fileno(), sys.stdout.fileno())
 
 
 def _dashes(word: str) -> str:

@@ -32,6 +32,10 @@ class Parser(argparse.ArgumentParser):
         if action.choices is not None and value not in action.choices:
             raise argparse.ArgumentError(action, f"invalid choice: {value!r}{near_match(str(value), action.choices)}")
 
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Write help to standard output; argparse would say nothing where it cannot be written."""
+        (file or sys.stderr).write(message)
+
     def error(self, message: str) -> NoReturn:
         """Print the message and where to look, and leave with exit code 2."""
         print(f"{self.prog}: {message}", file=sys.stderr)

@@ -86,9 +86,8 @@ def plan_found(path: Path, limits: Limits) -> dict[str, Any]:
         If its study can no longer be read, or names a function.
     """
     from tripod_doe.service.plans import plan_study
-    from tripod_doe.study.definition import parse_study
+    from tripod_doe.study.definition import stored_study
 
     with Journal(path, read_only=True) as journal:
         folder = journal.recall(FOLDER)
-    text = (path / "study.toml").read_text(encoding="utf-8")
-    return plan_study(parse_study(text, path.name, Path(folder) if folder else path, functions=False), limits, False)
+    return plan_study(stored_study(path, Path(folder) if folder else path, functions=False), limits, False)

@@ -83,6 +83,34 @@ def load_study(path: str | Path) -> Study:
     return parse_study(read_text(path, "study file"), origin=str(path), folder=path.resolve().parent)
 
 
+STORED = "study.toml"
+"""File of a result directory with the study whose results are there."""
+
+
+def stored_study(directory: Path, folder: Path | None = None, functions: bool = True) -> Study:
+    """Read the study of a result directory.
+
+    Parameters
+    ----------
+    directory
+        The result directory.
+    folder, functions
+        As in `parse_study`.
+
+    Raises
+    ------
+    InputError
+        If it can no longer be read, or is damaged.
+    """
+    path = directory / STORED
+    try:
+        return parse_study(read_text(path, "study"), str(path), folder, functions)
+    except InputError as error:
+        raise InputError(
+            f"{error}\n  this is the study whose results are in {directory}: put the file that was run in its place"
+        ) from error
+
+
 def parse_study(text: str, origin: str = "study", folder: Path | None = None, functions: bool = True) -> Study:
     """Check the text of a study file; see `load_study`.
 

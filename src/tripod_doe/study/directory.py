@@ -22,7 +22,7 @@ from tripod_doe.errors import InputError, option
 from tripod_doe.quantities import size
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import build_cube
-from tripod_doe.study.definition import Study, canonical, parse_study
+from tripod_doe.study.definition import STORED, Study, canonical, stored_study
 from tripod_doe.study.hold import Hold
 from tripod_doe.study.journal import FOLDER, KERNELS, FinishedBlock, Journal
 from tripod_doe.study.plan import cube_bytes
@@ -44,6 +44,12 @@ def make_directory(path: str | Path) -> Path:
         If it cannot be made.
     """
     path = Path(path)
+    try:
+        str(path).encode()
+    except UnicodeEncodeError as error:  # netCDF takes names in UTF-8 only
+        raise InputError(
+            f"{option('out', ascii(str(path)))}: not a name in UTF-8, as which this locale reads it; set PYTHONUTF8=1"
+        ) from error
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -123,7 +129,7 @@ class ResultDirectory:
         InputError
             With every key that changed, its old and its new value.
         """
-        study, stored = asked.study, self.path / "study.toml"
+        study, stored = asked.study, self.path / STORED
         there, grew = self._done(asked) if done is None else asked.done(done)
         if (not there.any() and grew) or not stored.exists():
             return
@@ -133,7 +139,7 @@ class ResultDirectory:
                 f"{self.path}: its points were computed by another version of the kernels ({kernels}, now "
                 f"{study.simulator.source_hash}); choose another {option('out')}"
             )
-        old = canonical(parse_study(stored.read_text(encoding="utf-8"), str(stored), study.folder))
+        old = canonical(stored_study(self.path, study.folder))
         new = canonical(study)
         changed = sorted(key for key in old.keys() | new.keys() if old.get(key) != new.get(key))
         if grew and not any(key.startswith(("keep", "run")) for key in changed):
@@ -154,7 +160,7 @@ class ResultDirectory:
     def adopt(self, study: Study) -> None:
         """Make this the study whose results are here."""
         self._journal.remember({KERNELS: study.simulator.source_hash, FOLDER: str(study.folder.absolute())})
-        replace_text(self.path / "study.toml", study.text)
+        replace_text(self.path / STORED, study.text)
 
     def missing(self, asked: StudyPoints, retry_failed: bool = False) -> IntArray:
         """Indices of the points to compute, each different one once.

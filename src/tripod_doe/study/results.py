@@ -164,13 +164,13 @@ def write_cube_so_far(path: Path, folder: Path) -> None:
 def _points_so_far(path: Path, journal: Journal) -> tuple[StudyPoints, StoredResults]:
     """The study of a directory, and where its results are."""
     from tripod_doe.study.choice import chosen_points, frozen_choice
-    from tripod_doe.study.definition import parse_study
+    from tripod_doe.study.definition import stored_study
     from tripod_doe.study.designs import make_points
     from tripod_doe.study.stored_results import StoredResults
     from tripod_doe.study.study_points import StudyPoints
 
-    stored, folder = path / "study.toml", journal.recall(FOLDER)
-    study = parse_study(stored.read_text(encoding="utf-8"), str(stored), Path(folder) if folder else None)
+    folder = journal.recall(FOLDER)
+    study = stored_study(path, Path(folder) if folder else None)
     points = make_points(study)
     choice = frozen_choice(study, path) if study.accuracy else None
     if choice is not None:

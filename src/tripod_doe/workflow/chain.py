@@ -167,12 +167,13 @@ class _Chain:
         folder = self.folder(step.name)
         try:
             record = json.loads((folder / "step.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+            of, seconds, detail = record["hash"], float(record["seconds"]), str(record["detail"])
+        except (OSError, ValueError, KeyError, TypeError):  # missing or damaged: the step runs again
             return None
         marks = [folder / _MARKS.get(step.table.kind, "cube.nc"), *self._exported(step)]
-        if record.get("hash") != step.hash or not all(mark.exists() for mark in marks):
+        if of != step.hash or not all(mark.exists() for mark in marks):
             return None
-        return self.view(step, "reused", record["seconds"], record["detail"])
+        return self.view(step, "reused", seconds, detail)
 
     def _run_step(self, name: str, needed: list[StepView]) -> StepView:
         check_interrupt()

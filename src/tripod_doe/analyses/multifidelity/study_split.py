@@ -11,7 +11,7 @@ import xarray as xr
 from tripod_doe.analyses.multifidelity.split import Split, find_split
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import duration, number
-from tripod_doe.study.definition import Study, canonical, parse_study
+from tripod_doe.study.definition import STORED, Study, canonical, parse_study, stored_study
 from tripod_doe.study.designs import SAMPLE, most_points, pilot_samples, point_count
 from tripod_doe.study.file import DesignTable
 from tripod_doe.study.results import opened_cube
@@ -31,10 +31,9 @@ def stored_split(study: Study, directory: Path) -> Study | None:
 
 
 def _stored(study: Study, directory: Path) -> Study | None:
-    path = directory / "study.toml"
-    if not path.exists():
+    if not (directory / STORED).exists():
         return None
-    stored = parse_study(path.read_text(encoding="utf-8"), str(path), study.folder)
+    stored = stored_study(directory, study.folder)
     return stored if stored.file.design.split else None
 
 

@@ -1,0 +1,133 @@
+"""Commands on a machine that refuses something: a full disk, little memory, another locale, a bad disk."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import resource
+import subprocess
+import sys
+
+import pytest
+
+from tripod_doe.cli.main import main
+
+STUDY = '[study]\nname = "größe"\nfunction = "squares:f"\n[factors.x]\nvalues = [1, 2, 3]\n'
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """A folder with a study, and its results in `out`."""
+    folder = tmp_path_factory.mktemp("bench")
+    (folder / "squares.py").write_text("def f(x):\n    return {'y': x * x}\n")
+    (folder / "study.toml").write_text(STUDY, encoding="utf-8")
+    assert main(["run", str(folder / "study.toml"), "--out", str(folder / "out"), "--workers", "0"]) == 0
+    return folder
+
+
+def called(words, folder, environment=None, output=subprocess.PIPE, most_bytes=None):
+    def limit():
+        if most_bytes:
+            resource.setrlimit(resource.RLIMIT_AS, (most_bytes, most_bytes))
+
+    return subprocess.run(
+        [sys.executable, "-m", "tripod_doe", *words],
+        cwd=folder,
+        env=os.environ | (environment or {}),
+        stdout=output,
+        stderr=subprocess.PIPE,
+        text=True,
+        encoding="utf-8",
+        timeout=120,
+        preexec_fn=limit,
+    )
+
+
+@pytest.mark.parametrize("buffered", ["", "1"])
+@pytest.mark.parametrize("words", [["query", "out", "--variable", "y"], ["query", "--help"], ["--version"]])
+def test_an_answer_that_cannot_be_written_is_told(bench, words, buffered):
+    """Regression: it was an internal error, or nothing at all."""
+    with open("/dev/full", "w") as full:
+        done = called(words, bench, {"PYTHONUNBUFFERED": buffered}, full)
+    assert done.returncode == 1
+    assert done.stderr == "tripod-doe: cannot write: No space left on device\n"
+
+
+def test_a_device_is_not_replaced_by_a_file(bench, tmp_path):
+    """Regression: `--output /dev/full` of an administrator made a file of it."""
+    os.mkfifo(tmp_path / "pipe.nc")
+    done = called(["query", "out", "--variable", "y", "--output", str(tmp_path / "pipe.nc")], bench)
+    assert done.returncode == 1
+    assert "cannot write this file: something else is there, and stays" in done.stderr
+    assert (tmp_path / "pipe.nc").is_fifo()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("megabytes", [150, 250])
+def test_too_little_memory_is_told(bench, tmp_path, megabytes):
+    done = called(["simulate", "--model", "equilibrium"], bench, most_bytes=megabytes << 20)
+    assert done.returncode == 1
+    assert done.stderr == "tripod-doe: there is not enough memory, or ulimit -v is too low; finished points are kept\n"
+
+
+PLAIN = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("environment", [{"LC_ALL": "C"}, PLAIN, {"PYTHONIOENCODING": "ascii"}])
+def test_commands_do_not_depend_on_the_locale(bench, tmp_path, environment):
+    for words in (
+        ["run", "study.toml", "--out", str(tmp_path / "out"), "--workers", "0"],
+        ["plan", "study.toml", "--no-timing"],
+        ["query", str(tmp_path / "out"), "--variable", "y"],
+        ["run", "--help"],
+    ):
+        done = called(words, bench, environment)
+        assert done.returncode == 0, done.stderr
+
+
+def test_a_folder_whose_name_this_locale_cannot_read_is_refused(bench):
+    done = called(["run", "study.toml", "--out", "ö", "--workers", "0"], bench, PLAIN)
+    assert done.returncode == 2
+    assert "not a name in UTF-8, as which this locale reads it; set PYTHONUTF8=1" in done.stderr
+
+
+@pytest.fixture
+def stored(bench):
+    path = bench / "out" / "study.toml"
+    text = path.read_bytes()
+    yield path
+    path.write_bytes(text)
+
+
+def test_a_damaged_study_beside_its_results_is_told_or_harmless(bench, stored, capsys):
+    """Each bit may have flipped: what can no longer be read is named with its remedy, a changed value is refused."""
+    text, chosen, again = stored.read_bytes(), random.Random(3), ["run", str(bench / "study.toml")]
+    damaged = [b"", b"\xff\xfe\0", text[:20]]
+    for _ in range(60):
+        bit, flipped = chosen.randrange(8 * len(text)), bytearray(text)
+        flipped[bit // 8] ^= 1 << bit % 8
+        damaged.append(bytes(flipped))
+    for content in damaged:
+        stored.write_bytes(content)
+        code, told = main([*again, "--out", str(stored.parent), "--workers", "0"]), capsys.readouterr().err
+        assert code in (0, 2), content
+        assert "Traceback" not in told
+        if code == 2:
+            assert "put the file that was run in its place" in told or "the study differs from that of" in told, content
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("record", ["[1, 2]", "{}", '{"hash": 1}', "\0", None])
+def test_a_step_whose_record_is_damaged_runs_again(bench, tmp_path, record, capsys):
+    (bench / "w.toml").write_text('[workflow]\nname = "w"\n[steps.s]\nkind = "study"\nstudy = "study.toml"\n')
+    words = ["workflow", str(bench / "w.toml"), "--out", str(tmp_path), "--workers", "0"]
+    assert main(words) == 0
+    stored = tmp_path / "steps" / "s" / "step.json"
+    if record is None:
+        stored.write_text(json.dumps(json.loads(stored.read_text()) | {"seconds": "long"}))
+    else:
+        stored.write_text(record)
+    assert main(words) == 0
+    assert json.loads(stored.read_text())["hash"] != 1
