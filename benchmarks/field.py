@@ -122,7 +122,7 @@ def all_columns(drawn: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 def internal(columns: dict[str, np.ndarray]):
     """Values of a block of points."""
-    return internal_values({n: c for n, c in columns.items() if JOINT_PARAMETERS[n].kind != "choice"})
+    return internal_values(columns)
 
 
 class Answer(NamedTuple):

@@ -22,7 +22,7 @@ import numpy as np
 from numpy_equilibrium import third_order
 
 import tripod_doe as td
-from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values
+from tripod_doe.joint.parameters import internal_values
 from tripod_doe.study.definition import load_study, parse_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.scenes import load_simulator
@@ -54,7 +54,7 @@ def one_point(**factors: float) -> float:
 def rate_of_numpy(study, points, count):
     columns = {name: column[:count] for name, column in points.columns.items()}
     full = study.simulator.columns({"model": "equilibrium", "relative_tolerance": 1e-9}, columns, count)
-    internal = internal_values({n: c for n, c in full.items() if JOINT_PARAMETERS[n].kind != "choice"})
+    internal = internal_values(full)
     began = time.perf_counter()
     third = [third_order(internal.point(i)) for i in range(count)]
     return count / (time.perf_counter() - began), np.array(third)

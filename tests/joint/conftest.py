@@ -5,7 +5,7 @@ import pytest
 
 import tripod_doe as td
 from tripod_doe.joint.multibody.joint_scene import build_joint
-from tripod_doe.joint.parameters import JOINT_PARAMETERS, internal_values
+from tripod_doe.joint.parameters import internal_values
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.mechanics.assembly import assemble
 
@@ -18,7 +18,7 @@ def internal_points():
         count = max((np.size(value) for value in given.values()), default=1)
         columns = {name: np.broadcast_to(np.asarray(value, float), (count,)) for name, value in given.items()}
         full = simulator.columns({"relative_tolerance": 1e-11}, columns, count)
-        return internal_values({n: c for n, c in full.items() if JOINT_PARAMETERS[n].kind != "choice"})
+        return internal_values(full)
 
     return make
 

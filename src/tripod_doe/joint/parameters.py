@@ -65,16 +65,19 @@ _SWITCHED = {
 
 
 def internal_values(columns: Mapping[str, NDArray[Any]]) -> JointValues[FloatArray]:
-    """Convert numeric columns of points to internal units, and settle the values that follow from others.
+    """Convert points to internal units, and settle the values that follow from others.
 
     Parameters
     ----------
     columns
-        Every numeric joint parameter by name, each of shape (point,), in the units of the names; NaN where unset.
+        Every joint parameter by name, each of shape (point,), in the units of the names; NaN where unset. Choices may
+        be left out.
     """
     inside = {}
-    for name, column in columns.items():
-        parameter = JOINT_PARAMETERS[name]
+    for name, parameter in JOINT_PARAMETERS.items():
+        if parameter.kind == "choice":
+            continue
+        column = np.asarray(columns[name], float)
         if parameter.follows:
             column = np.where(np.isnan(column), columns[parameter.follows], column)
         ending, factor = _INTERNAL[parameter.unit]
@@ -95,6 +98,4 @@ def internal_values(columns: Mapping[str, NDArray[Any]]) -> JointValues[FloatArr
 
 def point_values(given: Mapping[str, Value]) -> JointValues[FloatArray]:
     """One point as a block: values in the units of their names, all other parameters at their defaults."""
-    full = {name: given.get(name, parameter.default) for name, parameter in JOINT_PARAMETERS.items()}
-    numbers = [name for name, parameter in JOINT_PARAMETERS.items() if parameter.kind != "choice"]
-    return internal_values({name: JOINT_PARAMETERS[name].column([full[name]]) for name in numbers})
+    return internal_values({name: p.column([given.get(name, p.default)]) for name, p in JOINT_PARAMETERS.items()})

@@ -212,13 +212,11 @@ def _of_rows(points: Mapping[str, NDArray[Any]], rows: IntArray) -> dict[str, ND
 
 def _values(model: models.Model, method: str, columns: Mapping[str, NDArray[Any]]) -> JointValues[FloatArray]:
     """Values of points in internal units, with the method's own numerics where they are not given."""
-    numbers = {}
-    for name, parameter in JOINT_PARAMETERS.items():
-        if parameter.kind != "choice":
-            column = np.asarray(columns[name], float)
-            own = None if model.settles else model.methods[method].get(name)
-            numbers[name] = column if own is None else np.where(np.isnan(column), own, column)
-    return internal_values(numbers)
+    own = {} if model.settles else {name: value for name, value in model.methods[method].items() if value is not None}
+    numerics = {name: np.asarray(columns[name], float) for name in own}
+    return internal_values(
+        {**columns, **{name: np.where(np.isnan(column), own[name], column) for name, column in numerics.items()}}
+    )
 
 
 def _refused(

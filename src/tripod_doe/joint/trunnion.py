@@ -85,12 +85,8 @@ class TrunnionSimulator(SceneSimulator):
         """Points whose numerics are not used, whose parts do not fit or slide, or without torque."""
         found = {i: (outcome, reason) for i, outcome, reason in super().foreseen(points)}
         count = len(points["method"])
-        numbers = {
-            name: np.asarray(points.get(name, np.repeat(parameter.column([parameter.default]), count)), float)
-            for name, parameter in JOINT_PARAMETERS.items()
-            if parameter.kind != "choice"
-        }
-        values = internal_values(numbers)
+        defaults = {name: parameter.column([parameter.default] * count) for name, parameter in JOINT_PARAMETERS.items()}
+        values = internal_values({**defaults, **points})
         without_torque = {
             int(i): (Outcome.OUT_OF_RANGE, "without torque a trunnion has no thrust orders; set torque_n_m")
             for i in np.flatnonzero(values.torque == 0)

@@ -80,11 +80,11 @@ def test_kernel_agrees_with_the_slow_reference(internal_points, solve, seed):
         "needle_lever": (bearing + needle + clearance) * (bearing - needle) / bearing,
         "bearing_radius": bearing,
         "skew": p.initial_skews,
-        "v_groove": float(transition.groove_sliding),
-        "v_needle": float(transition.needle_sliding),
-        "w_roll": float(transition.groove_rolling),
+        "v_groove": float(transition.groove_slip),
+        "v_needle": float(transition.needle_slip),
+        "w_roll": float(transition.groove_roll),
         "w_bearing": float(transition.roller_spin),
-        "w_normal": float(transition.spinning),
+        "w_normal": float(transition.groove_spin),
     }
     result = solve(samples=36, **given)
     for sample in (0, 5, 13, 22, 31):

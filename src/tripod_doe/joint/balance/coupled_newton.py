@@ -24,12 +24,12 @@ import numpy as np
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.balance.added_motion import added_motion
 from tripod_doe.joint.balance.periodic_system import link_samples, solve_samples
-from tripod_doe.joint.balance.point_constants import TRANSITIONS, point_constants_of
+from tripod_doe.joint.balance.point_constants import TRANSITIONS, mean_load, point_constants_of
 from tripod_doe.joint.balance.roller_forces import groove_forces, leaning_contact, spider_wrench
 from tripod_doe.joint.balance.samples import Memory, force_scale, motion_at, remember, repeat_first, skew_of
 from tripod_doe.mechanics.arithmetic.dual_numbers import variable
 from tripod_doe.mechanics.arithmetic.lanes import WIDTH, clear, pick
-from tripod_doe.mechanics.compilation.kernels import inlined_kernel, inner_kernel, kernel, kernel_part
+from tripod_doe.mechanics.compilation.kernels import inner_kernel, kernel, kernel_part
 
 _HASTY, _PATIENT, _IN_ALL = 12, 30, 500
 """Largest numbers of iterations of a step of the transition velocities for the hasty and the patient, and of all steps.
@@ -45,13 +45,6 @@ _BEFORE, _NOW, _SOLVED, _EARLIER = 0, 1, 2, 3
 """Places of noted unknowns: before and after the last change, of the last solution, and of the one before that."""
 
 
-@inlined_kernel
-def _mean_load(row):
-    """Of a groove, in N."""
-    p = point_constants_of(row)
-    return abs(p.torque) / (3.0 * p.pitch_radius)
-
-
 @inner_kernel
 def _place(matrix, row, k, number):
     """Write an equation's derivatives for the unknowns of roller k and for what came before, and add its value."""
@@ -65,26 +58,26 @@ def _place(matrix, row, k, number):
 def _linearise_roller(row, skew, e, i, k, matrix, follows):
     """Write one roller's part of the equations of a sample, and how its tilt and spin follow from the unknowns."""
     p = point_constants_of(row)
-    mean_load = _mean_load(row)
+    even_load = mean_load(p)
     cos_phi, sin_phi = e.cosine[0, i], e.sine[0, i]
     m = motion_at(p, cos_phi, sin_phi)
     slip, lean = variable(e.slip[0, i], 1), variable(e.lean[0, i], 2)
-    normal = mean_load * variable(e.normal[0, i] / mean_load, 3)
+    normal = even_load * variable(e.normal[0, i] / even_load, 3)
     past_tilt, past_spin = variable(e.past_tilt[0, i], 4), variable(e.past_spin[0, i], 5)
-    size = max(e.normal[0, i], 3e-3 * mean_load)  # as `follow_root` does
+    size = max(e.normal[0, i], 3e-3 * even_load)  # as `follow_root` does
     e.root[0, i] = p.axis_factor * size ** (1.0 / 3.0)
-    root = e.root[0, i] * (1.0 + (max(normal, 3e-3 * mean_load) - size) / (3.0 * size))
+    root = e.root[0, i] * (1.0 + (max(normal, 3e-3 * even_load) - size) / (3.0 * size))
     contact = leaning_contact(p, m, lean)
     given = e.needle_force[0, i], e.needle_moment[0, i], e.needle_swing[0, i], e.steering[0, i]
     added = added_motion(p, m, contact, cos_phi, root, past_tilt, past_spin, given)
     g = groove_forces(p, m, skew, contact, slip, root, added, 1.0)
     across_1, across_2, about_shaft, _ = spider_wrench(p, m, g, cos_phi, sin_phi)
-    _place(matrix, 2 * k, k, normal * g.moment / (mean_load * p.roller_radius))
+    _place(matrix, 2 * k, k, normal * g.moment / (even_load * p.roller_radius))
     _place(matrix, 2 * k + 1, k, g.trunnion_force - lean)
-    _place(matrix, 6, k, (normal * across_1 + e.load_1[0, i]) / mean_load)
-    _place(matrix, 7, k, (normal * across_2 + e.load_2[0, i]) / mean_load)
+    _place(matrix, 6, k, (normal * across_1 + e.load_1[0, i]) / even_load)
+    _place(matrix, 7, k, (normal * across_2 + e.load_2[0, i]) / even_load)
     about = normal * about_shaft + (e.load_about[0, i] - p.torque / 3.0)
-    _place(matrix, 8, k, about / (mean_load * p.pitch_radius))
+    _place(matrix, 8, k, about / (even_load * p.pitch_radius))
     for d in range(6):
         follows[2 * k, d], follows[2 * k + 1, d] = pick(g.sin_a, d), pick(g.spin, d)
     follows[2 * k, 0] -= e.tilt[0, i]
@@ -120,13 +113,13 @@ def _largest_changes(row, lap, first, last):
 @inner_kernel
 def _change(row, memory, first, last, part):
     """Change all unknowns by a part of what was worked out."""
-    lap, mean_load = memory.lap, _mean_load(row)
+    lap, even_load = memory.lap, mean_load(point_constants_of(row))
     for k in range(3):
         for j in range(first, last):
             e, i = memory.eights[k, j // WIDTH], j % WIDTH
             e.slip[0, i] += part * lap.changes[j, 2 * k, 0]
             e.lean[0, i] += part * lap.changes[j, 2 * k + 1, 0]
-            e.normal[0, i] += part * lap.changes[j, 6 + k, 0] * mean_load
+            e.normal[0, i] += part * lap.changes[j, 6 + k, 0] * even_load
             e.tilt[0, i] += part * lap.steps[j, 2 * k, 0]
             e.spin[0, i] += part * lap.steps[j, 2 * k + 1, 0]
 

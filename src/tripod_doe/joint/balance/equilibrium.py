@@ -164,16 +164,16 @@ def point_constants(points: JointValues[FloatArray], kappa: FloatArray) -> dict[
         "rolling_lever": points.groove_rolling_lever,
         "bearing_radius": points.bearing_radius,
         "needle_lever": points.bore_radius * points.trunnion_radius / points.bearing_radius,
-        "groove_sliding": points.groove_sliding_friction,
-        "groove_spinning": 0.375 * points.groove_spin_friction,
-        "groove_rolling": points.groove_rolling_friction,
-        "needle_sliding": kappa * points.needle_sliding_friction,
-        "needle_rolling": kappa * _never_free(points),
-        "slip_transition": transition.groove_sliding,
-        "needle_transition": transition.needle_sliding,
-        "roll_transition": transition.groove_rolling,
+        "groove_friction": points.groove_sliding_friction,
+        "spinning_friction": 0.375 * points.groove_spin_friction,
+        "groove_resistance": points.groove_rolling_friction,
+        "needle_friction": kappa * points.needle_sliding_friction,
+        "needle_resistance": kappa * _never_free(points),
+        "slip_transition": transition.groove_slip,
+        "needle_transition": transition.needle_slip,
+        "roll_transition": transition.groove_roll,
         "spin_transition": transition.roller_spin,
-        "normal_spin_transition": transition.spinning,
+        "normal_spin_transition": transition.groove_spin,
         "axis_factor": points.groove_axis_factor,
         "tolerance": points.relative_tolerance,
     }
@@ -216,7 +216,10 @@ def solve_equilibrium(points: JointValues[FloatArray], samples: int) -> Equilibr
 def _settle(
     row: FloatArray, skews: FloatArray, cosines: FloatArray, sines: FloatArray, memory: Memory
 ) -> tuple[bool, int, tuple[float, float]]:
-    """Settle a balance from its start: whether it did, iterations, and the normal forces' extremes without slip."""
+    """Settle a balance from its start: whether it did, iterations, and extremes of normal forces over their mean.
+
+    The extremes are those without slip, and zero where the balance settled at once.
+    """
     p = PointConstants(*row)
     start(row, skews, cosines, sines, memory)
     settled, work = (settle_still if p.pace == 0.0 else settle_moving)(row, memory)
@@ -224,13 +227,13 @@ def _settle(
         return settled, work, (0.0, 0.0)
     _compile_other_ways()
     start(row, skews, cosines, sines, memory)
-    loads, mean_load = loads_at_rest(row, memory), abs(p.torque) / (3.0 * p.pitch_radius)
-    if loads.min() >= -p.groove_sliding:  # friction moves loads, but not by more
+    loads = loads_at_rest(row, memory)
+    if loads.min() >= -p.groove_friction:  # friction moves loads, but not by more
         start(row, skews, cosines, sines, memory)
-        free = p.pace == 0.0 and p.groove_sliding == 0.0
+        free = p.pace == 0.0 and p.groove_friction == 0.0
         settled, iterations = (settle_free if free else settle_together)(row, memory)
         work += iterations
-    return settled, work, (loads.max() * mean_load, loads.min() * mean_load)
+    return settled, work, (loads.max(), loads.min())
 
 
 def _settle_with_needles(row: FloatArray, memory: Memory, followers: Followers, i: int) -> int:
@@ -240,7 +243,7 @@ def _settle_with_needles(row: FloatArray, memory: Memory, followers: Followers, 
     """
     before, turns, tilt = memory.state.copy(), memory.turns.copy(), row[TILT]
     followers.follow(row, memory, i)
-    if PointConstants(*row).groove_sliding == 0.0:  # nothing passes the grooves
+    if PointConstants(*row).groove_friction == 0.0:  # nothing passes the grooves
         memory.state[:], memory.turns[:], row[TILT] = before, turns, tilt
         return 0
     settled, work = settle_moving(row, memory)
@@ -272,13 +275,14 @@ def solve_balance(
     upright = np.zeros(table.shape[0], bool)
     for i in np.flatnonzero(columns["torque"] != 0.0).tolist():
         settle = partial(_settle, skews=skews[i], cosines=cosines, sines=sines, memory=memory)
-        solution.settled[i], solution.sweeps[i], solution.extremes[i] = settle(table[i])
-        lifts_off = solution.extremes[i, 1] < -points.groove_sliding_friction[i] * points.groove_load[i]
-        yaws = columns["yaw"][i] * columns["groove_spinning"][i] * columns["groove_sliding"][i] > 0.0
+        solution.settled[i], solution.sweeps[i], (most, least) = settle(table[i])
+        lifts_off = least < -points.groove_sliding_friction[i]
+        yaws = columns["yaw"][i] * columns["spinning_friction"][i] * columns["groove_friction"][i] > 0.0
         if not (solution.settled[i] or lifts_off) and yaws:
             table[i, YAW] = 0.0
-            solution.settled[i], iterations, solution.extremes[i] = settle(table[i])
+            solution.settled[i], iterations, (most, least) = settle(table[i])
             solution.sweeps[i], upright[i] = solution.sweeps[i] + iterations, solution.settled[i]
+        solution.extremes[i] = most * points.groove_load[i], least * points.groove_load[i]
         if solution.settled[i] and followers is not None and followers.slide[i]:
             solution.sweeps[i] += _settle_with_needles(table[i], memory, followers, i)
         if solution.settled[i]:

@@ -23,7 +23,7 @@ from tripod_doe.joint.balance.samples import (
 )
 from tripod_doe.mechanics.arithmetic.lanes import load, select, spread, store
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel
-from tripod_doe.mechanics.laws.friction import hyperbolic_tangent
+from tripod_doe.mechanics.laws.needles import needle_grip, needle_slip
 
 _BISECTIONS, _ROUNDS = 90, 12
 _BETWEEN = 1e-3
@@ -35,8 +35,8 @@ _REACH = 1e6
 @inlined_kernel
 def _forces(p, m, skew, spin, root):
     """Slip, force along the trunnion and forces of a roller with this spin."""
-    needle_slip = m.along_trunnion * skew.cosine - spin * p.needle_lever * skew.sine
-    lean = -p.needle_sliding * skew.cosine * hyperbolic_tangent(0.5 * needle_slip / p.needle_transition)
+    along_axes = needle_slip(m.along_trunnion, spin, p.needle_lever, skew)
+    lean = -p.needle_friction * skew.cosine * needle_grip(along_axes, p.needle_transition)
     contact = leaning_contact(p, m, lean)
     arm = flank(p) * p.roller_radius
     tau_1, z_1 = arm * m.t_z, -arm * contact.t_tau

@@ -33,7 +33,7 @@ from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.arithmetic.lanes import WIDTH, load, spread, store
 from tripod_doe.mechanics.compilation.by_reference import ByReference
 from tripod_doe.mechanics.compilation.kernels import kernel, kernel_part
-from tripod_doe.mechanics.laws.friction import hyperbolic_tangent
+from tripod_doe.mechanics.laws.needles import needle_grip, needle_slip
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,8 +97,8 @@ def _read_motions(row, memory, ring):
             past, given = (load(e.past_tilt, 0), load(e.past_spin, 0)), (nothing, nothing, nothing, load(e.steering, 0))
             added = added_motion(p, m, contact, cos_phi, load(e.root, 0), *past, given)
             spin, plunge = load(e.spin, 0), m.along_trunnion + added.plunge + added.rocking
-            slip = plunge * cosine - spin * p.needle_lever * sine
-            force = -p.needle_sliding * cosine * hyperbolic_tangent(0.5 * slip / p.needle_transition)
+            slip = needle_slip(plunge, spin, p.needle_lever, (cosine, sine))
+            force = -p.needle_friction * cosine * needle_grip(slip, p.needle_transition)
             off = m.distance - (p.pitch_radius + eccentricity)
             store(ring.spins[k], b, spin)
             store(ring.plunges[k], b, plunge)
@@ -119,8 +119,8 @@ def _add_forces(row, memory, ring, k, skew):
         at = j if j < samples else j - samples
         e, i = memory.eights[k, j // WIDTH], j % WIDTH
         b, lane = at // WIDTH, at % WIDTH
-        slip = ring.plunges[k, b, lane] * cosine - ring.spins[k, b, lane] * p.needle_lever * sine
-        drag = p.needle_sliding * hyperbolic_tangent(0.5 * slip / p.needle_transition)
+        slip = needle_slip(ring.plunges[k, b, lane], ring.spins[k, b, lane], p.needle_lever, (cosine, sine))
+        drag = p.needle_friction * needle_grip(slip, p.needle_transition)
         e.needle_force[0, i] = ring.forces[at] + drag * cosine
         e.needle_moment[0, i] = ring.moments[at] - drag * p.needle_lever * sine
 
@@ -156,6 +156,7 @@ class Followers:
     # of the needle that carries the most, rad, over all revolutions, shape (point, trunnion, cycles sample)
     skews: FloatArray
     settled: NDArray[np.bool_]  # whether the balance settled with moving needles, shape (point,)
+    _loads: FloatArray  # mean normal force at a groove, shape (point,)
     _table: FloatArray
     _initial: FloatArray
     _memory: NeedleMemory
@@ -177,7 +178,9 @@ class Followers:
         first, second, third = (ring.of_roller(k, samples) for k in range(3))
         found = NeedleForces(ring.forces, ring.moments, ring.places)
         settled = np.ones(slide.size, bool)
-        return cls(slide, over_time, settled, table, skews, ring, (first, second, third), found, move)
+        return cls(
+            slide, over_time, settled, points.groove_load, table, skews, ring, (first, second, third), found, move
+        )
 
     def follow(self, row: FloatArray, memory: Memory, i: int) -> None:
         """Move the needles of point i along the balance that is settled, and add what they do to it.
@@ -187,7 +190,7 @@ class Followers:
         """
         ring, table = self._memory, self._table[i]
         _read_motions(row, memory, ring)
-        tilt = self._tilt(PointConstants._make(row), NeedleConstants._make(table))
+        tilt = self._tilt(self._loads[i], NeedleConstants._make(table))
         row[TILT] = PointConstants._make(row).roller_radius * tilt
         if not self._move:
             ring.places[:] = 0.0
@@ -200,11 +203,11 @@ class Followers:
             )
             _add_needles(row, memory, ring, k, skew)
 
-    def _tilt(self, p: PointConstants, c: NeedleConstants) -> float:
+    def _tilt(self, load: float, c: NeedleConstants) -> float:
         """Tilt k_t for the load's largest distance from the middle of the needles in the motions that were read."""
         offsets = max(np.abs(roller.offsets).max() for roller in self._rollers)
         farthest = min(max(offsets, 0.01 * c.length), FARTHEST * c.length)
-        load, crown = abs(p.torque) / (3.0 * p.pitch_radius), 0.25 * c.drop * c.length * c.length
+        crown = 0.25 * c.drop * c.length * c.length
         bearing = turned_bearing(load, farthest, 0.0, c.clearance, c.stiffness, c.needles, c.length, c.spheres, crown)
         tilt: float = bearing[2] / farthest
         return tilt

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from numba.np.unsafe.ndarray import to_fixed_tuple
+
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel
 
 
@@ -23,13 +25,13 @@ class PointConstants(NamedTuple):
     # bearing_radius, needle_lever: pitch radius r_p of the needles and lever r_e of their sliding friction, mm
     bearing_radius: float
     needle_lever: float
-    # groove_sliding, groove_spinning, groove_rolling: mu_s, (3/8) mu_s of the spinning moment, mu_r
-    groove_sliding: float
-    groove_spinning: float
-    groove_rolling: float
-    # needle_sliding, needle_rolling: kappa mu_n and kappa mu_rn
-    needle_sliding: float
-    needle_rolling: float
+    # groove_friction, spinning_friction, groove_resistance: mu_s, (3/8) mu_s of the spinning moment, mu_r
+    groove_friction: float
+    spinning_friction: float
+    groove_resistance: float
+    # needle_friction, needle_resistance: kappa mu_n and kappa mu_rn
+    needle_friction: float
+    needle_resistance: float
     # slip_transition, needle_transition: v_st in mm/s
     slip_transition: float
     needle_transition: float
@@ -54,6 +56,7 @@ class PointConstants(NamedTuple):
     tolerance: float  # relative tolerance of all iterations
 
 
+_COUNT = len(PointConstants._fields)
 TRANSITIONS = tuple(at for at, name in enumerate(PointConstants._fields) if name.endswith("_transition"))
 """Columns of the transition velocities."""
 TILT, YAW = (PointConstants._fields.index(name) for name in ("tilt", "yaw"))
@@ -63,40 +66,16 @@ TILT, YAW = (PointConstants._fields.index(name) for name in ("tilt", "yaw"))
 @inlined_kernel
 def point_constants_of(row):
     """The constants in a row of their table."""
-    return PointConstants(
-        row[0],
-        row[1],
-        row[2],
-        row[3],
-        row[4],
-        row[5],
-        row[6],
-        row[7],
-        row[8],
-        row[9],
-        row[10],
-        row[11],
-        row[12],
-        row[13],
-        row[14],
-        row[15],
-        row[16],
-        row[17],
-        row[18],
-        row[19],
-        row[20],
-        row[21],
-        row[22],
-        row[23],
-        row[24],
-        row[25],
-        row[26],
-        row[27],
-        row[28],
-    )
+    return PointConstants(*to_fixed_tuple(row, _COUNT))
 
 
 @inlined_kernel
 def flank(p):
     """Sign of the torque: which flank of the grooves is loaded."""
     return 1.0 if p.torque >= 0.0 else -1.0
+
+
+@inlined_kernel
+def mean_load(p):
+    """Mean normal force at a groove, |T| / (3 R_p)."""
+    return abs(p.torque) / (3.0 * p.pitch_radius)

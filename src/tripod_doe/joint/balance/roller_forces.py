@@ -11,6 +11,7 @@ from typing import NamedTuple
 from tripod_doe.joint.balance.point_constants import flank
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel_part
 from tripod_doe.mechanics.laws.friction import hyperbolic_tangent
+from tripod_doe.mechanics.laws.needles import needle_grip, needle_slip
 
 
 class GrooveForces(NamedTuple):
@@ -131,31 +132,30 @@ def groove_forces(p, m, skew, contact, slip, root, added, newton):
     v_tau, v_z = tau_0 + spin * tau_1, z_0 + spin * z_1
     speed = math.sqrt(v_tau * v_tau + v_z * v_z + 1e-300)
     sliding = hyperbolic_tangent(speed / p.slip_transition)
-    drag = p.groove_sliding * sliding / speed
-    drag_slope = p.groove_sliding * (1.0 - sliding * sliding) / p.slip_transition - drag
+    drag = p.groove_friction * sliding / speed
+    drag_slope = p.groove_friction * (1.0 - sliding * sliding) / p.slip_transition - drag
     f_tau, f_z = -drag * v_tau, -drag * v_z
     # relative angular velocity: rolling in the tangent plane, spinning about the normal
     w_tau = cos_a * m.w_r - sin_a * m.w_t + spin * t_tau
     w_n = sin_a * m.w_r + cos_a * m.w_t + spin * t_n
     w_z = m.w_z + spin * axis_z
     roll = math.sqrt(w_tau * w_tau + w_z * w_z + 1e-300)
-    rolling = p.groove_rolling * p.rolling_lever * hyperbolic_tangent(roll / p.roll_transition) / roll
-    spinning = p.groove_spinning * root * hyperbolic_tangent(w_n / p.normal_spin_transition)
+    rolling = p.groove_resistance * p.rolling_lever * hyperbolic_tangent(roll / p.roll_transition) / roll
+    spinning = p.spinning_friction * root * hyperbolic_tangent(w_n / p.normal_spin_transition)
     # needles: friction along their axes, rolling resistance about the trunnion
     plunge = m.along_trunnion + added.plunge + added.rocking
-    needle_slip = plunge * skew.cosine - spin * p.needle_lever * skew.sine
-    needle_sliding = hyperbolic_tangent(0.5 * needle_slip / p.needle_transition)
+    grip = needle_grip(needle_slip(plunge, spin, p.needle_lever, skew), p.needle_transition)
     needle_rolling = hyperbolic_tangent(spin / p.spin_transition)
-    needle_moment = p.needle_sliding * p.needle_lever * skew.sine * needle_sliding + added.needle_moment
-    bearing_moment = p.needle_rolling * p.bearing_radius * needle_rolling
+    needle_moment = p.needle_friction * p.needle_lever * skew.sine * grip + added.needle_moment
+    bearing_moment = p.needle_resistance * p.bearing_radius * needle_rolling
     along = w_tau * t_tau + w_z * axis_z
     moment = -drag * slip * rate - spinning * t_n - rolling * along + needle_moment - bearing_moment
     moment = moment - added.inertia * (1.5 * spin + added.past_spin)
     across = slip * rate / speed
     slope = -drag * rate * rate - newton * drag_slope * (across * across)
     slope = slope - rolling * (t_tau * t_tau + axis_z * axis_z)
-    slope = slope - p.needle_rolling * p.bearing_radius * (1.0 - needle_rolling * needle_rolling) / p.spin_transition
-    needle_slope = 0.5 * p.needle_sliding * (1.0 - needle_sliding * needle_sliding) / p.needle_transition
+    slope = slope - p.needle_resistance * p.bearing_radius * (1.0 - needle_rolling * needle_rolling) / p.spin_transition
+    needle_slope = 0.5 * p.needle_friction * (1.0 - grip * grip) / p.needle_transition
     lever = p.needle_lever * skew.sine
     slope = slope - (needle_slope * (lever * lever) + 1.5 * added.inertia)
     # the contact angle shifts the spin, and with it the slip across the groove
@@ -163,7 +163,7 @@ def groove_forces(p, m, skew, contact, slip, root, added, newton):
     stiffness = drag + drag_slope * (share * share)
     gripping = (drag + newton * (stiffness - drag)) * (t_tau * t_tau + m.t_z * m.t_z)
     swing_gain = -(gripping + needle_slope * skew.cosine * skew.cosine) * added.swing_gain
-    needle_force = added.needle_force - p.needle_sliding * skew.cosine * needle_sliding
+    needle_force = added.needle_force - p.needle_friction * skew.cosine * grip
     along_trunnion = f_tau * t_tau + f_z * m.t_z + needle_force
     return GrooveForces(
         moment,

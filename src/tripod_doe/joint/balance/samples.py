@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.balance.added_motion import inertial_force, spider_load, upright_spin, yawed
 from tripod_doe.joint.balance.periodic_system import LinearLap
-from tripod_doe.joint.balance.point_constants import PointConstants, point_constants_of
+from tripod_doe.joint.balance.point_constants import PointConstants, mean_load, point_constants_of
 from tripod_doe.joint.balance.roller_forces import Skew, spider_wrench
 from tripod_doe.joint.geometry.kinematics import ideal_motion
 from tripod_doe.mechanics.arithmetic.lanes import WIDTH, load, pick, select, spread, store
@@ -140,9 +140,9 @@ def start(row, psi, cosines, sines, memory):
     p, eights, turns = point_constants_of(row), memory.eights, memory.turns
     for k in range(3):
         turns[k, 0], turns[k, 1] = math.cos(psi[k]), math.sin(psi[k])
-    mean_load = abs(p.torque) / (3.0 * p.pitch_radius)
-    root = spread(p.axis_factor * mean_load ** (1.0 / 3.0))
-    nothing, normal = spread(0.0), spread(mean_load)
+    even_load = mean_load(p)
+    root = spread(p.axis_factor * even_load ** (1.0 / 3.0))
+    nothing, normal = spread(0.0), spread(even_load)
     cos_lag, sin_lag = math.cos(p.lag), math.sin(p.lag)
     for k in range(3):
         for b in range(eights.shape[1]):
@@ -170,7 +170,7 @@ def start(row, psi, cosines, sines, memory):
             store(e.needle_moment, 0, nothing)
             store(e.needle_swing, 0, nothing)
         if p.yaw > 0.0:
-            _steer(p, eights[k], memory.samples, p.yaw * p.groove_spinning * p.axis_factor * mean_load ** (1.0 / 3.0))
+            _steer(p, eights[k], memory.samples, p.yaw * p.spinning_friction * p.axis_factor * even_load ** (1.0 / 3.0))
 
 
 @kernel_part
@@ -236,7 +236,7 @@ def sum_of(lanes):
 @inlined_kernel
 def force_scale(p):
     """How large the force along a trunnion may be, over the mean normal force."""
-    return p.groove_sliding + p.needle_sliding + 3.0 * p.pitch_radius * inertial_force(p, 1.0)[0] / abs(p.torque)
+    return p.groove_friction + p.needle_friction + inertial_force(p, 1.0)[0] / mean_load(p)
 
 
 @kernel

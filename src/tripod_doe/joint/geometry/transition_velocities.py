@@ -22,15 +22,14 @@ _FLOOR = 1e-3  # mm/s and rad/s: at zero speed or joint angle nothing slips, and
 class Transition:
     """Transition velocities a point, each of shape (point,)."""
 
-    # groove_sliding, needle_sliding: in mm/s, of the slip at the groove and of a needle along its axis on trunnion and
-    # bore
-    groove_sliding: FloatArray
-    needle_sliding: FloatArray
-    # groove_rolling, roller_spin, spinning: in rad/s, of the rolling in the groove, of the roller's turning on its
-    # trunnion (at which all its needles reach theirs), and of the spinning about the normal of the groove
-    groove_rolling: FloatArray
+    # groove_slip, needle_slip: in mm/s, at the groove, and of a needle along its axis on trunnion and bore
+    groove_slip: FloatArray
+    needle_slip: FloatArray
+    # groove_roll, roller_spin, groove_spin: in rad/s, of rolling in the groove, turning on the trunnion (at which all
+    # needles reach theirs), and of spinning about the normal of the groove
+    groove_roll: FloatArray
     roller_spin: FloatArray
-    spinning: FloatArray
+    groove_spin: FloatArray
 
 
 def transition_velocities(values: JointValues[Any]) -> Transition:
@@ -86,9 +85,9 @@ def _quarter_rule(values: JointValues[Any]) -> Transition:
     needle = ratio * 2 * eccentricity * omega
     given_groove, given_needle = values.groove_transition_velocity, values.needle_transition_velocity
     return Transition(
-        groove_sliding=np.where(np.isnan(given_groove), groove, given_groove),
-        needle_sliding=np.where(np.isnan(given_needle), needle, given_needle),
-        groove_rolling=ratio * travel / roller,
+        groove_slip=np.where(np.isnan(given_groove), groove, given_groove),
+        needle_slip=np.where(np.isnan(given_needle), needle, given_needle),
+        groove_roll=ratio * travel / roller,
         roller_spin=ratio * np.hypot(travel / roller, omega * np.sin(theta)),
-        spinning=ratio * theta * omega,
+        groove_spin=ratio * theta * omega,
     )

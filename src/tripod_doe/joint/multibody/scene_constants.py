@@ -79,14 +79,14 @@ def derive_constants(values: JointValues[float]) -> DerivedConstants:
     )
     groove = Friction(
         values.groove_sliding_friction,
-        float(transition.groove_sliding),
+        float(transition.groove_slip),
         values.groove_rolling_friction,
         values.groove_rolling_lever,
-        float(transition.groove_rolling),
+        float(transition.groove_roll),
         3 / 8 * values.groove_spin_friction * values.groove_axis_factor,
-        float(transition.spinning),
+        float(transition.groove_spin),
     )
-    slip, spin = float(transition.needle_sliding), float(transition.roller_spin)
+    slip, spin = float(transition.needle_slip), float(transition.roller_spin)
     # a needle that rolls between trunnion and bore turns on them at r_b and r_t over its diameter times the spin
     rolling = [
         Friction(

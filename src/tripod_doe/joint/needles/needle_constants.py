@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.geometry.transition_velocities import transition_velocities
@@ -40,26 +41,13 @@ class NeedleConstants(NamedTuple):
     thrown: float  # centrifugal force of a needle along its trunnion, N
 
 
+_COUNT = len(NeedleConstants._fields)
+
+
 @inlined_kernel
 def needle_constants_of(row):
     """The constants in a row of their table."""
-    return NeedleConstants(
-        row[0],
-        row[1],
-        row[2],
-        row[3],
-        row[4],
-        row[5],
-        row[6],
-        row[7],
-        row[8],
-        row[9],
-        row[10],
-        row[11],
-        row[12],
-        row[13],
-        row[14],
-    )
+    return NeedleConstants(*to_fixed_tuple(row, _COUNT))
 
 
 def needle_constants(points: JointValues[FloatArray]) -> FloatArray:
@@ -76,7 +64,7 @@ def needle_constants(points: JointValues[FloatArray]) -> FloatArray:
         "stiffness": points.needle_stiffness,
         "drop": 4 * points.needle_crown / points.needle_length**2,
         "sliding": points.needle_sliding_friction,
-        "transition": transition_velocities(points).needle_sliding,
+        "transition": transition_velocities(points).needle_slip,
         "speed": points.speed,
         "cycles": points.cycles,
         "thrown": points.needle_mass * points.pitch_radius * points.speed**2,

@@ -34,6 +34,7 @@ from tripod_doe.mechanics.arithmetic.rotations import add, cross, load_vector, s
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel
 from tripod_doe.mechanics.forces.bearing_load_zone import in_world, place_bore, press_slice, slice_offset
 from tripod_doe.mechanics.laws.friction import hyperbolic_tangent
+from tripod_doe.mechanics.laws.needles import needle_grip
 
 
 @kernel
@@ -69,7 +70,7 @@ def bearing_forces(bearings, positions, velocities, force, ledger):
             load_2 = (s.zone.along + damped) * s.n_2 - held * s.n_1
             along_axis = load_1 * fit.lean_1 + load_2 * fit.lean_2
             push_1, push_2, carried = push_1 + load_1, push_2 + load_2, carried + s.load
-            drag = bearing.sliding * s.load * hyperbolic_tangent(0.5 * s.slip / bearing.sliding_transition)
+            drag = bearing.sliding * s.load * needle_grip(s.slip, bearing.sliding_transition)
             ledger[2] += drag * s.slip
             axial -= along_axis + bearing.cosine * drag
             # the load acts in the bore's axis: of its moment about the trunnion only that of the damping is left
