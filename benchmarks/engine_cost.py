@@ -15,8 +15,13 @@ import subprocess
 import sys
 import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
+
+sys.path.append(str(Path(__file__).parents[1] / "tests" / "mechanics" / "scenes"))
+
+from needle_ring import needle_ring
 
 from tripod_doe.mechanics.arithmetic.lanes import clear
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
@@ -24,7 +29,6 @@ from tripod_doe.mechanics.compilation.kernels import kernel
 from tripod_doe.mechanics.forces.sphere_contact import add_contacts
 from tripod_doe.mechanics.integrators.monitor import Settings, accept, begin_watch
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.mechanics.scenes.needle_ring import needle_ring
 from tripod_doe.mechanics.solve.equations_of_motion import generalized_forces, linearise
 from tripod_doe.mechanics.solve.newton import factorise_system, gather, solve_system
 from tripod_doe.mechanics.tables import FIRST, Slopes

@@ -29,11 +29,16 @@ be smooth, and a run refused for it, or vibrating already, is right.
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
+
+sys.path.append(str(Path(__file__).parents[1] / "tests" / "mechanics" / "scenes"))
+from example_scenes import dropped_ball, rolling_sphere
 from field import field_points, upper_bound
 
 from tripod_doe.joint.multibody.run_result import JointRun
@@ -46,7 +51,6 @@ from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.run import Run, run
 from tripod_doe.mechanics.scenes import needle_between_plates, roller_in_groove
-from tripod_doe.mechanics.scenes.examples import dropped_ball, rolling_sphere
 from tripod_doe.mechanics.scenes.scene_simulator import SceneSimulator
 from tripod_doe.simulator import Outcome
 

@@ -21,6 +21,7 @@ gc.disable()  # until all tests are collected: a million objects are made and ha
 # plain modules beside the tests (equal_cubes.py, joint/reference.py) are imported by name
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parent / "joint"))
+sys.path.insert(0, str(Path(__file__).parent / "mechanics" / "scenes"))
 sys.path.insert(0, str(Path(__file__).parent / "analyses"))
 sys.path.insert(0, str(Path(__file__).parent / "workflow"))
 sys.path.insert(0, str(Path(__file__).parent / "service"))

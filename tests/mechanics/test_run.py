@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from example_scenes import pendulum, rolling_sphere
 
 from tripod_doe.errors import InputError
 from tripod_doe.mechanics.assembly import assemble
@@ -25,7 +26,6 @@ from tripod_doe.mechanics.scene import (
     Spring,
     Universal,
 )
-from tripod_doe.mechanics.scenes.examples import pendulum, rolling_sphere
 from tripod_doe.mechanics.solve.newton import largest_correction
 from tripod_doe.simulator import Outcome
 

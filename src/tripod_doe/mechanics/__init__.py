@@ -1,5 +1,1 @@
-"""Mechanics of rigid-body scenes: laws of contact and friction as compiled kernels. numpy, scipy and numba only."""
-
-from tripod_doe.mechanics.compilation.numba_parts import check_numba
-
-check_numba()
+"""Mechanics of rigid-body scenes, compiled: what a scene is, its tables and one run. numpy, scipy and numba only."""

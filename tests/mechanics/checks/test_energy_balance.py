@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from example_scenes import dropped_ball, rolling_sphere
 
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.checks.energy_balance import EnergyBalance
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.run import run
-from tripod_doe.mechanics.scenes.examples import dropped_ball, rolling_sphere
 from tripod_doe.simulator import Outcome
 
 

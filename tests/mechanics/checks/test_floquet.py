@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 import pytest
+from example_scenes import pendulum
 
 from tripod_doe.mechanics import scene as parts
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.checks.floquet import departure_matrices, fastest_growth
 from tripod_doe.mechanics.run import Limits, run
-from tripod_doe.mechanics.scenes.examples import pendulum
 
 MASS, SPRING, CONTACT, LOAD, SLIP = 1e-3, 60.0, 40.0, 10.0, 1e3
 INCLINED = math.radians(150)

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from example_scenes import pendulum
 
 import tripod_doe as td
 from tripod_doe.mechanics import scene as parts
@@ -14,7 +15,6 @@ from tripod_doe.mechanics.checks.linearisation import fastest_rates, linear_matr
 from tripod_doe.mechanics.checks.rates import RATE_OUTPUTS
 from tripod_doe.mechanics.integrators.monitor import Settings, begin_watch
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.mechanics.scenes.examples import pendulum
 from tripod_doe.mechanics.scenes.needle_between_plates import build, closed_form, simulator, transition_velocity
 
 EXACT = 1e-9  # eigenvalues of small well-scaled matrices: rounding

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from example_scenes import rolling_sphere
 
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.run import run
-from tripod_doe.mechanics.scenes.examples import rolling_sphere
 from tripod_doe.mechanics.scenes.needle_between_plates import simulator
 from tripod_doe.simulator import Outcome
 

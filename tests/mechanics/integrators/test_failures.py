@@ -6,15 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from example_scenes import dropped_ball, pendulum, rolling_sphere
+from needle_ring import needle_ring
 
 from tripod_doe.mechanics.arithmetic.rotations import move
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.run import run
-from tripod_doe.mechanics.scenes.examples import dropped_ball, pendulum, rolling_sphere
 from tripod_doe.mechanics.scenes.needle_between_plates import closed_form, simulator
-from tripod_doe.mechanics.scenes.needle_ring import needle_ring
 from tripod_doe.mechanics.solve.equations_of_motion import linearise
 from tripod_doe.mechanics.solve.newton import factorise_system, gather, solve_system
 from tripod_doe.simulator import Outcome

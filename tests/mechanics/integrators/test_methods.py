@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from example_scenes import smooth_groove
 from threadpoolctl import threadpool_limits
 
 import tripod_doe as td
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.integrators.monitor import DIVERGED, FINISHED, Settings, begin_watch
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.mechanics.scenes.examples import smooth_groove
 from tripod_doe.mechanics.tables import REJECTED
 
 END = 2e-3

@@ -1,12 +1,13 @@
 """The engine on scenes with known motion: published numbers, conservation laws and closed forms."""
 
+import andrews
+import example_scenes as examples
 import numpy as np
 import pytest
 
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import run
-from tripod_doe.mechanics.scenes import andrews, examples
 from tripod_doe.simulator import Outcome
 
 

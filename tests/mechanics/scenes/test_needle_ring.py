@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from needle_ring import needle_ring, pitch_radius
 
 from tripod_doe.mechanics.assembly import assemble
 from tripod_doe.mechanics.run import run
-from tripod_doe.mechanics.scenes.needle_ring import needle_ring, pitch_radius
 from tripod_doe.mechanics.solve.equations_of_motion import generalized_forces
 from tripod_doe.simulator import Outcome
 

@@ -1,10 +1,9 @@
 """The first compilation of kernels in a version: announced on the terminal, and done by one process at a time.
 
-It is no cost of the points that need the kernels, nor is loading their machine code or waiting for another process.
-
-What was compiled is noted by a file in the folder of the kernel cache, with the number of compilations of each kernel.
-Where it is missing, a process takes the lock of these kernels, compiles and writes the file; others wait for the lock,
-find the file and load the machine code. The system releases the lock of a process that ends in any way.
+Why not leave it to numba: every worker of a study would compile the same kernels for half a minute, unannounced, and
+count that as the cost of its first point. A file in the folder of the kernel cache notes that kernels are compiled,
+with the number of compilations of each. Where it is missing, a process takes a lock, compiles and writes the file;
+others wait for the lock and load the machine code. The system releases the lock of a process that ends in any way.
 """
 
 from __future__ import annotations
@@ -35,19 +34,18 @@ process that waits for this one."""
 
 @contextmanager
 def first_compilation(kernels: str, seconds: float) -> Iterator[None]:
-    """Let the block compile kernels, or load their machine code, when no other process is compiling them.
+    """Compile kernels in the block, or load their machine code, while no other process compiles them.
 
     Parameters
     ----------
     kernels
-        What is compiled, for the message: ``"model equilibrium with newton"``; the same words for the same kernels.
+        Their name in the message, as ``"model equilibrium with newton"``; the same words for the same kernels.
     seconds
-        How long it takes from an empty cache (Intel Xeon, one core), for the message; less where others share kernels
-        with them and are compiled.
+        At most, from an empty cache (Intel Xeon, one core), for the message.
 
     Notes
     -----
-    Without a lock where the folder cannot be written: then each process compiles.
+    Where the folder cannot be written, each process compiles.
     """
     note = _note(kernels)
     if note.exists():
@@ -66,9 +64,9 @@ def first_compilation(kernels: str, seconds: float) -> Iterator[None]:
 
 
 def compilations(kernels: str) -> dict[str, int]:
-    """How often each kernel was compiled in the first compilation of these: once, or arguments differ in type.
+    """Count the compilations of each kernel, but for inlined ones and those that were in the cache before.
 
-    Kernels that were in the cache before are not counted, nor those that are inlined.
+    More than one means that arguments differ in type.
 
     Raises
     ------
@@ -95,7 +93,7 @@ def _counted(note: Path) -> Iterator[None]:
 
 @contextmanager
 def _no_collections() -> Iterator[None]:
-    """Look for no garbage: a compiler makes many objects and little garbage, and looking took 7 % of its time."""
+    """Pause garbage collection: a compiler makes many objects and little garbage, and looking took 7 % of its time."""
     collects = gc.isenabled()
     gc.disable()
     try:
@@ -106,7 +104,7 @@ def _no_collections() -> Iterator[None]:
 
 
 def _is_kernel(compiled: Any) -> bool:
-    """Whether it is one of ours, and no formula that is inlined."""
+    """Whether it belongs to this package and is not inlined."""
     ours = compiled.py_func.__module__.startswith("tripod_doe.")
     return ours and "forceinline" not in compiled.targetoptions
 

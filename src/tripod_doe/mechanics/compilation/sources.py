@@ -1,7 +1,8 @@
 """Hashes of the sources that decide results and machine code. Docstrings, comments and layout do not count.
 
 A better sentence must neither make old results unusable nor compile kernels again; any change of code must do both.
-The hashes are of syntax trees, which take half a second to make: they are kept in the cache, under a hash of the bytes.
+One hash over all bytes would compile for half a minute after every changed comment. The hashes are of syntax trees,
+which take half a second to make: they are kept in the cache, under a hash of the bytes.
 """
 
 from __future__ import annotations
@@ -10,11 +11,15 @@ import ast
 import hashlib
 import os
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+
+from tripod_doe.atomic_files import replace_text
+from tripod_doe.errors import StorageError
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 _DECIDE_RESULTS = ("mechanics", "joint")
@@ -31,7 +36,7 @@ class SourceHashes:
 
 
 def cache_root() -> Path:
-    """Where compiled kernels are kept: NUMBA_CACHE_DIR if set, else the user's cache, else a temporary folder."""
+    """Folder of compiled kernels: NUMBA_CACHE_DIR if set, else the user's cache, else a temporary folder."""
     if chosen := os.environ.get("NUMBA_CACHE_DIR"):
         return Path(chosen)
     temporary = Path(tempfile.gettempdir()) / f"tripod_doe-{os.getuid()}"
@@ -46,50 +51,31 @@ def cache_root() -> Path:
 @cache
 def source_hashes() -> SourceHashes:
     """The hashes of this installation."""
-    raw = _digest((path.as_posix().encode() + path.read_bytes()) for path in _modules(_PACKAGE))
+    raw = _digest(path.as_posix().encode() + path.read_bytes() for path in _modules(_PACKAGE))
     kept = cache_root() / "sources" / raw
     try:
-        results, kernels = kept.read_text().split()
-        return SourceHashes(results, kernels)
-    except (OSError, ValueError):
+        return SourceHashes(*kept.read_text().split())
+    except (OSError, TypeError):
         hashes = hash_sources(_PACKAGE)
-    try:
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        fresh = kept.with_suffix(f".{os.getpid()}")
-        fresh.write_text(f"{hashes.results} {hashes.kernels}")
-        fresh.replace(kept)
-    except OSError:  # a cache that cannot be written costs half a second, and nothing else
-        pass
+    with suppress(StorageError):  # a cache that cannot be written costs half a second
+        replace_text(kept, f"{hashes.results} {hashes.kernels}")
     return hashes
 
 
 def hash_sources(package: Path) -> SourceHashes:
-    """Hash the sources of a copy of this package.
-
-    Parameters
-    ----------
-    package
-        Folder of the package, ``.../tripod_doe``.
-    """
-    trees = _Trees()
-    decide = [path for path in _modules(package) if path.relative_to(package).parts[0] in _DECIDE_RESULTS]
-    waiting = [path for path in decide if _has_kernels(trees[path])]
-    kernels: set[Path] = set()
+    """Hash the sources of a copy of this package, whose folder is ``.../tripod_doe``."""
+    names = [path.relative_to(package).as_posix() for path in _modules(package)]
+    decide = [name for name in names if name.partition("/")[0] in _DECIDE_RESULTS]
+    trees = {name: _parsed(package / name) for name in decide}
+    waiting, kernels = [name for name in decide if _has_kernels(trees[name])], set[str]()
     while waiting:  # numba compiles the values of globals in, so all that a kernel's module imports counts
-        path = waiting.pop()
-        if path not in kernels:
-            kernels.add(path)
-            waiting += _imported(package, trees[path])
-    return SourceHashes(*(_digest(_codes(package, trees, paths)) for paths in (decide, sorted(kernels))))
-
-
-class _Trees(dict[Path, ast.Module]):
-    """Syntax trees without docstrings, made when they are asked for."""
-
-    def __missing__(self, path: Path) -> ast.Module:
-        self[path] = tree = ast.parse(path.read_bytes())
-        _drop_docstrings(tree)
-        return tree
+        name = waiting.pop()
+        if name not in kernels:
+            kernels.add(name)
+            if name not in trees:
+                trees[name] = _parsed(package / name)
+            waiting += _imported(trees[name]).intersection(names)
+    return SourceHashes(*(_digest(_code(name, trees[name]) for name in chosen) for chosen in (decide, sorted(kernels))))
 
 
 def _modules(package: Path) -> list[Path]:
@@ -103,18 +89,17 @@ def _digest(parts: Iterable[bytes]) -> str:
     return digest.hexdigest()[:16]
 
 
-def _codes(package: Path, trees: _Trees, paths: Iterable[Path]) -> Iterator[bytes]:
-    for path in paths:
-        yield path.relative_to(package).as_posix().encode()
-        yield ast.dump(trees[path]).encode()
+def _parsed(path: Path) -> ast.Module:
+    """A module without texts that stand alone, as docstrings do."""
+    tree = ast.parse(path.read_bytes())
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            node.body = [line for line in node.body if not _is_text(line)]
+    return tree
 
 
-def _drop_docstrings(node: ast.Module | ast.ClassDef | ast.FunctionDef) -> None:
-    """Take every text that stands alone out of a module, its classes and their functions."""
-    node.body = [line for line in node.body if not _is_text(line)]
-    for inner in node.body:
-        if isinstance(inner, ast.ClassDef | ast.FunctionDef):
-            _drop_docstrings(inner)
+def _code(name: str, tree: ast.Module) -> bytes:
+    return name.encode() + ast.dump(tree).encode()
 
 
 def _is_text(line: ast.stmt) -> bool:
@@ -127,11 +112,11 @@ def _has_kernels(tree: ast.Module) -> bool:
     return not names.isdisjoint(_KERNEL_DECORATORS)
 
 
-def _imported(package: Path, tree: ast.Module) -> Iterator[Path]:
-    """Modules of the package that a module imports from."""
+def _imported(tree: ast.Module) -> set[str]:
+    """Files that a module may import from, relative to the package."""
+    found = set()
     for node in tree.body:
-        if isinstance(node, ast.ImportFrom) and node.module and node.module.partition(".")[0] == package.name:
-            place = package.joinpath(*node.module.split(".")[1:])
-            candidates = [place.with_name(f"{place.name}.py"), place / "__init__.py"]
-            candidates += [place / f"{name.name}.py" for name in node.names]
-            yield from (path for path in candidates if path.exists())
+        if isinstance(node, ast.ImportFrom) and node.module:
+            place = "/".join(node.module.split(".")[1:])
+            found |= {f"{place}.py", f"{place}/__init__.py", *(f"{place}/{name.name}.py" for name in node.names)}
+    return found

@@ -1,1 +1,1 @@
-"""Scenes made of mechanics alone: examples, tests with closed forms, and simulators for studies."""
+"""Scenes made of mechanics alone: a needle between plates and a roller in its groove, as simulators for studies."""
