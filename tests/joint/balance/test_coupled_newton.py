@@ -8,7 +8,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from tripod_doe.joint import coupled_balance, equilibrium, models
+from tripod_doe.joint import models
+from tripod_doe.joint.balance import coupled_newton, equilibrium
 from tripod_doe.joint.balance.coupled_newton import settle_together
 from tripod_doe.joint.balance.equilibrium import solve_equilibrium
 from tripod_doe.joint.balance.free_rollers import settle_free
@@ -198,7 +199,7 @@ def test_a_straight_joint_with_skewed_needles_settles(points):
 
 def test_no_point_takes_more_iterations_than_allowed(points, monkeypatch):
     """A failure is bounded: the last step of the transition velocities took up to 27 iterations more than the limit."""
-    monkeypatch.setattr(coupled_balance, "_IN_ALL", 50)
+    monkeypatch.setattr(coupled_newton, "_IN_ALL", 50)
     given = points(
         joint_angle_deg=2.09,
         torque_n_m=238,

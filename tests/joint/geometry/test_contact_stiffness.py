@@ -9,28 +9,28 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from tripod_doe.joint import contact
+from tripod_doe.joint.geometry import contact_stiffness
 from tripod_doe.joint.needles.bearing_tilt import turned_bearing
 
 
 def test_groove_of_ratio_1_008573_gives_the_ellipse_of_20_to_1():
     """Published number: FACTS, last digit printed."""
-    curvature_sum, cos_tau = contact.groove_curvature(np.array([16.0]), np.array([1.008573]))
-    mu, nu, two_k = contact.hertz_coefficients(cos_tau)
+    curvature_sum, cos_tau = contact_stiffness.groove_curvature(np.array([16.0]), np.array([1.008573]))
+    mu, nu, two_k = contact_stiffness.hertz_coefficients(cos_tau)
     assert curvature_sum[0] == pytest.approx(0.063031, abs=5e-7)
     assert cos_tau[0] == pytest.approx(0.98314, abs=5e-6)
     assert mu[0] == pytest.approx(6.3486, abs=1e-4)
     assert nu[0] == pytest.approx(0.31743, abs=1e-5)
     assert mu[0] / nu[0] == pytest.approx(20.0, rel=1e-4)
     assert two_k[0] == pytest.approx(0.43963, abs=5e-6)
-    stiffness = contact.groove_contact_stiffness(two_k, curvature_sum, np.array([1.0]))
+    stiffness = contact_stiffness.groove_contact_stiffness(two_k, curvature_sum, np.array([1.0]))
     assert stiffness[0] == pytest.approx(2.938e6, rel=1e-4)
 
 
 @pytest.mark.parametrize("cos_tau", [1e-3, 0.3, 0.9, 0.99, 0.9999])
 def test_hertz_coefficients_meet_the_integral_that_defines_them(cos_tau):
     """Exact physics: Hertz's integrals evaluated by quadrature, independent of the elliptic functions."""
-    mu, nu, two_k = (float(value) for value in contact.hertz_coefficients(np.array(cos_tau)))
+    mu, nu, two_k = (float(value) for value in contact_stiffness.hertz_coefficients(np.array(cos_tau)))
     kappa = nu / mu
     first = quad(lambda t: 1 / np.sqrt(np.cos(t) ** 2 + kappa**2 * np.sin(t) ** 2), 0, np.pi / 2)[0]
     second = quad(lambda t: np.sqrt(np.cos(t) ** 2 + kappa**2 * np.sin(t) ** 2), 0, np.pi / 2)[0]
@@ -46,18 +46,20 @@ def test_printed_constants_of_table_1_and_equations_5_to_8():
     assert pytest.approx(2.15e5, rel=3e-3) == 2.79e-4 ** (-1.5)
     assert pytest.approx(8.15e4, rel=1e-3) == (3.8e-5) ** (-10 / 9)
     assert pytest.approx(8.85e-3, rel=1e-3) == 3 / 8 * 0.0472 / 2
-    assert contact.needle_contact_stiffness(np.array(10.0), np.array(1.0)) == pytest.approx(8.15e4 * 10 ** (8 / 9))
+    assert contact_stiffness.needle_contact_stiffness(np.array(10.0), np.array(1.0)) == pytest.approx(
+        8.15e4 * 10 ** (8 / 9)
+    )
 
 
 def test_stiffer_steel_scales_the_constants():
     """Contract: proportional to E / (1 - nu^2), for needles to the power 10/9."""
-    elastic = contact.elastic_factor(np.array(414e3), np.array(0.3))
+    elastic = contact_stiffness.elastic_factor(np.array(414e3), np.array(0.3))
     assert elastic == pytest.approx(2)
-    assert contact.groove_contact_stiffness(np.array(0.44), np.array(0.063), elastic) == pytest.approx(
-        2 * contact.groove_contact_stiffness(np.array(0.44), np.array(0.063), np.array(1.0))
+    assert contact_stiffness.groove_contact_stiffness(np.array(0.44), np.array(0.063), elastic) == pytest.approx(
+        2 * contact_stiffness.groove_contact_stiffness(np.array(0.44), np.array(0.063), np.array(1.0))
     )
-    assert contact.needle_contact_stiffness(np.array(10.0), elastic) == pytest.approx(
-        2 ** (10 / 9) * contact.needle_contact_stiffness(np.array(10.0), np.array(1.0))
+    assert contact_stiffness.needle_contact_stiffness(np.array(10.0), elastic) == pytest.approx(
+        2 ** (10 / 9) * contact_stiffness.needle_contact_stiffness(np.array(10.0), np.array(1.0))
     )
 
 
@@ -74,7 +76,7 @@ def loads(shift, clearance, stiffness, count, rotation):
 def test_load_zone_agrees_with_the_sum_over_needles(clearance):
     """Exact physics, needles counted one by one and averaged over their position; 2 % is their ripple."""
     stiffness, count, load = 6.3e5, 27, 800.0
-    kappa, penetration = contact.bearing_load_zone(load, clearance, stiffness, count)
+    kappa, penetration = contact_stiffness.bearing_load_zone(load, clearance, stiffness, count)
     shift = clearance + 2 * penetration
     sums = np.mean(
         [loads(shift, clearance, stiffness, count, a) for a in np.linspace(0, 2 * np.pi / count, 50)], axis=0
@@ -86,11 +88,11 @@ def test_load_zone_agrees_with_the_sum_over_needles(clearance):
 def test_load_zone_limits():
     """Published number: 4.08 F/Z is the largest needle load without clearance (handbooks; 4.085 for m = 10/9)."""
     stiffness = 6.3e5
-    kappa, penetration = contact.bearing_load_zone(800.0, 0.0, stiffness, 27)
+    kappa, penetration = contact_stiffness.bearing_load_zone(800.0, 0.0, stiffness, 27)
     assert stiffness * penetration ** (10 / 9) == pytest.approx(4.085 * 800 / 27, rel=1e-3)
     assert kappa == pytest.approx(1.258, abs=1e-3)
-    assert contact.bearing_load_zone(800.0, 0.4, stiffness, 27)[0] == pytest.approx(1, abs=5e-3)
-    preloaded, _ = contact.bearing_load_zone(800.0, -0.005, stiffness, 27)
+    assert contact_stiffness.bearing_load_zone(800.0, 0.4, stiffness, 27)[0] == pytest.approx(1, abs=5e-3)
+    preloaded, _ = contact_stiffness.bearing_load_zone(800.0, -0.005, stiffness, 27)
     assert preloaded > 5
 
 
@@ -98,8 +100,12 @@ def test_load_zone_limits():
 def test_a_straight_bearing_tilts_as_its_spheres_stand_along_its_needles(clearance):
     """Exact: the load zone is that without offset, and the tilt that of seven rings of equal stiffness."""
     stiffness, load, offset = 6.3e5, 800.0, 1e-3
-    kappa, penetration = contact.bearing_load_zone(load, clearance, stiffness, 27)
-    along = (contact.bearing_load_zone(1.001 * load, clearance, stiffness, 27)[1] - penetration) * 2 / (1e-3 * load)
+    kappa, penetration = contact_stiffness.bearing_load_zone(load, clearance, stiffness, 27)
+    along = (
+        (contact_stiffness.bearing_load_zone(1.001 * load, clearance, stiffness, 27)[1] - penetration)
+        * 2
+        / (1e-3 * load)
+    )
     found = turned_bearing(load, offset, 1e-3 * load, clearance, stiffness, 27, 10.0, 7.0, 0.0)
     assert found[:2] == pytest.approx((kappa, clearance + 2 * penetration), rel=1e-6)
     spread = 10.0**2 / 12 * (1 - 1 / 7**2)

@@ -9,8 +9,8 @@ import pytest
 from operating_points import points
 
 import tripod_doe as td
-from tripod_doe.joint import model_error
 from tripod_doe.joint.geometry.contact_stiffness import bearing_load_zone, needle_contact_stiffness
+from tripod_doe.joint.known_errors import error_estimate
 from tripod_doe.joint.known_errors.error_estimate import COMPARED, RECORDED, known_errors, similar_errors
 from tripod_doe.joint.known_errors.operating_ratios import operating_ratios
 from tripod_doe.joint.models import MODELS
@@ -42,14 +42,14 @@ def test_the_record_is_made_from_the_studies_as_they_stand(pytestconfig):
 
 def test_nine_in_ten_of_the_measured_errors_are_within_their_limit():
     """Exact by its meaning: each measured point left out in turn; the share is known to 5 % from some 100 points."""
-    measured = model_error._measured()
+    measured = error_estimate._measured()
     for model in COMPARED:
         errors = measured.errors[model]
         within = []
         for at in np.flatnonzero(np.isfinite(errors)):
             others = np.arange(errors.size) != at
             alone = replace(measured, places=measured.places[others], errors={model: errors[others]})
-            limit = model_error._median_and_limit(alone.near(model, measured.places[[at]]))[1]
+            limit = error_estimate._median_and_limit(alone.near(model, measured.places[[at]]))[1]
             within.append(errors[at] <= limit[0] if np.isfinite(limit[0]) else None)
         known = [one for one in within if one is not None]
         assert len(known) > 50
@@ -179,7 +179,7 @@ def test_only_second_and_third_order_of_compared_models_are_on_record():
 @pytest.mark.parametrize("demand", [SECOND, THIRD])
 def test_where_nine_in_ten_similar_points_are_within_the_accuracy_a_point_mostly_is(demand):
     """Measured, each point left out in turn: 45 of 51 in the second order to 10 %, 123 of 130 in the third to 1.5 %."""
-    measured = model_error._measured()
+    measured = error_estimate._measured()
     errors = measured.over_allowed("kinetostatic", demand, 0.01)
     asked = ~np.isinf(errors)
     places, within = measured.places[asked], errors[asked] <= 1

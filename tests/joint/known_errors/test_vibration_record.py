@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from operating_points import points
 
-from tripod_doe.joint import vibration_record
+from tripod_doe.joint.known_errors import vibration_record
 from tripod_doe.joint.known_errors.error_estimate import WITHOUT_VIBRATION, known_errors, similar_errors
 from tripod_doe.joint.known_errors.vibration_record import SHARE, vibration_errors, vibration_share
 from tripod_doe.joint.models import MODELS

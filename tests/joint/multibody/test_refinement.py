@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import tripod_doe as td
-from tripod_doe.joint import refinement
 from tripod_doe.joint.accuracy import SMALLEST_THIRD, Goal
+from tripod_doe.joint.multibody import refinement
 from tripod_doe.joint.multibody.passes import Pass
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.parameters import point_values
