@@ -36,7 +36,9 @@ def candidate_cost(candidate: Candidate) -> tuple[float, float]:
     """CPU seconds a force evaluation, and evaluations a run, in a block as studies run it."""
     count = 500 if candidate.values["model"] in ("equilibrium", "kinetostatic") else 1
     columns = {"replicate": np.arange(count, dtype=float)}
-    task = Task("joint", None, "", simulator.source_hash, dict(candidate.values), columns, count, ("thrust_amplitude",))
+    task = Task(
+        "joint", None, None, simulator.source_hash, dict(candidate.values), columns, count, ("thrust_amplitude",)
+    )
     runs = [run_task(task) for _ in range(4)][1:]  # the first one warms up; other work on the machine only adds
     evaluations = runs[0][0].force_evaluations
     return min(cpu for _, cpu, _ in runs) / evaluations.sum(), evaluations.mean()

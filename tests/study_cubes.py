@@ -77,11 +77,12 @@ def make_cube(folder):
     from tripod_doe.study.designs import make_points, point_keys
     from tripod_doe.study.journal import FinishedBlock
     from tripod_doe.study.netcdf import stamp_history
+    from tripod_doe.study.study_folder import StudyFolder
     from tripod_doe.study.task import make_task, run_task
 
     def make(text: str, part: slice = slice(None)) -> xr.Dataset:
         """The cube of a study whose points `part` were run."""
-        study = parse_study(textwrap.dedent(text), folder=folder)
+        study = parse_study(textwrap.dedent(text), folder=StudyFolder(folder))
         points = make_points(study)
         keys = point_keys(study, points)
         chosen = np.flatnonzero(points.allowed)[part]

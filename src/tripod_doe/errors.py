@@ -7,22 +7,53 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import Self, TypeVar
+
+Item = TypeVar("Item")
+
+MOST_MESSAGES = 20
+"""Messages about one file."""
 
 _FEW = 16  # names that can still be read at a glance
 _MOST_MEANT = 4
 _NEAR, _NEAR_SHORT = 0.75, 0.6  # by difflib's ratio: two wrong letters in eight; one or two in a word of four
+_LONGEST_LINE = 4_000  # characters
+_MOST_LINES = 200
+_LONGEST_NAME = 100  # characters of a name for which near ones are looked for
+_CONTROL = re.compile(
+    r"[^\S\n ]|[\x00-\x09\x0b-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]"
+)
 _options = False
 """Whether the user of this process wrote a command line."""
 
 
 class TripodDoeError(Exception):
-    """Base of every error this package raises on purpose; its text is written for the user."""
+    """Base of every error this package raises on purpose; its text is written for the user.
+
+    Messages repeat what stands in files and requests: control characters are written as escapes, so that none reaches a
+    terminal, and long lines and lists are cut.
+    """
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(_readable(str(message)))
 
 
 class InputError(TripodDoeError):
     """A call, a study file or a parameter that cannot be used; nothing was started (exit code 2)."""
+
+    def at(self, place: str) -> Self:
+        """The same error with a place (file, table, key) before every line of its message."""
+        return type(self)("\n".join(f"{place}: {line}" for line in str(self).splitlines()))
+
+
+class ForbiddenError(InputError):
+    """Something in a file from a stranger that is not done for him: a function, or a file from elsewhere."""
+
+
+class TooLargeError(InputError):
+    """Something that goes beyond a limit of the reader of a file."""
 
 
 class CubeError(InputError):
@@ -65,6 +96,32 @@ def option(name: str, value: object = None) -> str:
     return name if value is None else f"{name}={value!r}"
 
 
+def printable(text: str) -> str:
+    """A text with escapes for what may change more of a terminal than a place: control characters but line ends."""
+    return _CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
+
+def _readable(message: str) -> str:
+    lines = printable(message).split("\n")
+    if len(lines) > _MOST_LINES:
+        lines = [*lines[:_MOST_LINES], f"... and {len(lines) - _MOST_LINES:,} lines more"]
+    return "\n".join(line if len(line) <= _LONGEST_LINE else f"{line[:_LONGEST_LINE]}..." for line in lines)
+
+
+def first_messages(items: Sequence[Item], message: Callable[[Item], str]) -> list[str]:
+    """Messages about the first of some wrong items, and how many more there are: no others are even made.
+
+    Parameters
+    ----------
+    items
+        What is wrong.
+    message
+        Makes the message about one; it may look for near matches, which takes long.
+    """
+    lines = [message(item) for item in items[:MOST_MESSAGES]]
+    return lines if len(items) <= MOST_MESSAGES else [*lines, f"and {len(items) - MOST_MESSAGES:,} more like these"]
+
+
 def near_match(name: str, known: Iterable[str]) -> str:
     """Say which known name was probably meant, as the end of a sentence.
 
@@ -94,6 +151,8 @@ def closest(name: str, known: Iterable[str]) -> str:
     Meant is a name with nearly the same letters, or one that holds all words of the name: speed_rpm for speed.
     """
     names = list(known)
+    if len(name) > _LONGEST_NAME:
+        return ""
     words = set(re.findall(r"[^\W_]+", name))
     same_words = [other for other in names if words and words <= set(re.findall(r"[^\W_]+", other))]
     cutoff = _NEAR if len(name) > 4 else _NEAR_SHORT

@@ -18,6 +18,7 @@ from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.netcdf import write_dataset
+from tripod_doe.study.study_folder import StudyFolder
 from tripod_doe.study.task import make_task, run_task
 
 GRID = """
@@ -140,7 +141,7 @@ def test_fixed_parameters_are_those_that_all_points_share(tmp_path):
     given = json.loads(cube_of(text.replace("torque_n_m=60", "groove_spin_friction=0.04"))[0].attrs["fixed_parameters"])
     assert given["groove_spin_friction"] == 0.04
     (tmp_path / "t.csv").write_text("joint_angle_deg\n5\n7\n")
-    table = parse_study('[study]\nname="t"\n[design]\nkind="table"\ntable="t.csv"', folder=tmp_path)
+    table = parse_study('[study]\nname="t"\n[design]\nkind="table"\ntable="t.csv"', folder=StudyFolder(tmp_path))
     points = make_points(table)
     cube, _ = build_cube(table, points, point_keys(table, points), iter(()))
     assert "joint_angle_deg" not in json.loads(cube.attrs["fixed_parameters"])

@@ -9,6 +9,7 @@ import pytest
 
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition import load_study, parse_study
+from tripod_doe.study.study_folder import StudyFolder
 
 HEAD = '[study]\nname = "d"\n'
 FACTOR = "[factors]\njoint_angle_deg = {values = [5, 10]}\n"
@@ -135,10 +136,10 @@ def test_a_factor_that_the_model_ignores_is_named():
 def test_functions_get_their_arguments_checked(tmp_path):
     (tmp_path / "my_function.py").write_text("def f(x, y=2):\n    return {'z': x * y}\n")
     text = '[study]\nname="f"\nfunction="my_function:f"\n'
-    study = parse_study(text + "[factors]\nx={values=[1, 2]}", folder=tmp_path)
+    study = parse_study(text + "[factors]\nx={values=[1, 2]}", folder=StudyFolder(tmp_path))
     assert list(study.simulator.parameters) == ["x", "y"]
     with pytest.raises(InputError, match="needs x"):
-        parse_study(text + "[factors]\ny={values=[1, 2]}", folder=tmp_path)
+        parse_study(text + "[factors]\ny={values=[1, 2]}", folder=StudyFolder(tmp_path))
 
 
 @pytest.mark.parametrize(
@@ -171,5 +172,5 @@ def test_a_function_is_refused_from_the_text_before_anything_is_imported(tmp_pat
     (tmp_path / "harmful.py").write_text("raise SystemExit('imported')\n")
     text = '[study]\nname = "h"\nfunction = "harmful:f"\n'
     with pytest.raises(InputError, match="functions are not allowed here"):
-        parse_study(text, folder=tmp_path, functions=False)
+        parse_study(text, folder=StudyFolder(tmp_path, trusted=False))
     assert str(tmp_path) not in sys.path

@@ -10,12 +10,13 @@ from tripod_doe.errors import InputError
 from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import load_study, parse_study
 from tripod_doe.study.designs import make_points, point_keys, unit_sample
+from tripod_doe.study.study_folder import StudyFolder
 
 HEAD = '[study]\nname = "d"\n'
 
 
 def points_of(text, folder=None):
-    return make_points(parse_study(HEAD + text, folder=folder))
+    return make_points(parse_study(HEAD + text, folder=StudyFolder(folder) if folder else None))
 
 
 def keys_of(text):
@@ -332,10 +333,10 @@ def test_an_ablation_beside_other_factors_is_one_at_each_of_their_grid_points():
 def test_an_ablation_of_a_function_names_its_arguments(tmp_path):
     (tmp_path / "ablated.py").write_text("def f(a, b, load):\n    return {'y': load * (a + b)}\n")
     text = '[study]\nname = "f"\nfunction = "ablated:f"\n[base]\nload = 2\n[design]\nkind = "ablation"\n'
-    points = make_points(parse_study(text + 'factors = ["a", "b"]', folder=tmp_path))
+    points = make_points(parse_study(text + 'factors = ["a", "b"]', folder=StudyFolder(tmp_path)))
     assert list(zip(*points.columns.values(), strict=True)) == [(1, 1), (1, 0), (0, 1), (0, 0)]
     with pytest.raises(InputError, match=r"\[design\]: an ablation needs factors = "):
-        parse_study(text, folder=tmp_path)
+        parse_study(text, folder=StudyFolder(tmp_path))
 
 
 @pytest.mark.parametrize(

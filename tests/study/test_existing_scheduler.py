@@ -25,6 +25,7 @@ from tripod_doe.errors import TripodDoeError
 from tripod_doe.study import dask_workers, on_dask
 from tripod_doe.study.existing_scheduler import ExistingScheduler
 from tripod_doe.study.scenes import load_simulator
+from tripod_doe.study.study_folder import StudyFolder
 from tripod_doe.study.user_code import check_imported, placed, read_user_code
 from tripod_doe.workflow.run import run
 
@@ -258,7 +259,7 @@ def test_code_that_a_worker_does_not_see_is_copied_there(tmp_path, monkeypatch):
     copy = placed(code, "/nowhere")
     assert "far" not in sys.modules  # imported again, from the copy
     assert (Path(copy) / "far" / "inner.py").read_bytes() == code.files["far/inner.py"]
-    load_simulator(function="far:y", folder=copy)
+    load_simulator(function="far:y", folder=StudyFolder(copy))
     check_imported(code)
     with pytest.raises(td.InputError, match="it has another version of far; install the same"):
         check_imported(replace(code, digest="other"))

@@ -58,6 +58,41 @@ def test_numbers_without_bounds_are_infinite(text):
     assert time.perf_counter() - started < 1
 
 
+@pytest.mark.parametrize("kind", [np.int8, np.int32, np.int64, np.uint8, np.uint64])
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("n * n * n * n * n > 5e9", [False, False, True]),
+        ("n ** 5 > 5e9", [False, False, True]),
+        ("2 - n < 0", [False, True, True]),
+        ("-n < 0", [True, True, True]),
+        ("n ** -n < 0.05", [False, True, True]),
+        ("1 / (n - 1) > 1e300", [True, False, False]),
+        ("n / 2 == 1.5", [False, True, False]),
+        ("abs(n - 200) > 150", [True, True, False]),
+        ("(n > 1) + (n > 2) == 2", [False, True, True]),
+        ("-(n > 1) == -1", [False, True, True]),
+    ],
+)
+def test_whole_numbers_are_those_of_float64(kind, text, expected):
+    """Regression: int32 overflowed in silence, and a negative power was an internal error."""
+    assert Expression(text, ["n"])({"n": np.array([1, 3, 100], kind)}).tolist() == expected
+
+
+def test_numbers_that_float64_does_not_hold_are_refused():
+    with pytest.raises(InputError, match="9,007,199,254,740,992"):
+        Expression("n > 9007199254740993", ["n"])
+    with pytest.raises(InputError, match="n has whole numbers beyond"):
+        Expression("n > 1", ["n"])({"n": np.array([2**53 + 1])})
+    assert Expression("n < 100000000000000000000", ["n"])({"n": np.array([2**53])}).tolist() == [True]
+    with pytest.raises(InputError):
+        Expression("n > " + "9" * 400, ["n"])
+
+
+def test_nan_alone_is_no_yes():
+    assert Expression("a - 1", COLUMNS)(COLUMNS).tolist() == [False, True, False]
+
+
 @pytest.mark.parametrize("depth", [90, 101, 1500, 3999, 100_000, 2_000_000])
 @pytest.mark.parametrize("form", ["+{}a", "({}a", "not {}a", "{}a", "a+{}", "a<{}"])
 def test_deep_and_long_conditions_are_refused_or_answered(form, depth):

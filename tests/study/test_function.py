@@ -16,6 +16,7 @@ from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.scenes import load_simulator
 from tripod_doe.study.simulate import simulate
+from tripod_doe.study.study_folder import StudyFolder
 from tripod_doe.study.task import make_task, run_task
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
@@ -36,7 +37,7 @@ def growing(x):
 def answer(tmp_path, function, factors):
     (tmp_path / "told_functions.py").write_text(FUNCTIONS)
     text = f'[study]\nname = "f"\nfunction = "told_functions:{function}"\n{factors}'
-    study = parse_study(text, folder=tmp_path)
+    study = parse_study(text, folder=StudyFolder(tmp_path))
     points = make_points(study)
     return run_task(make_task(study, points, np.arange(points.count)))[0]
 
@@ -52,7 +53,7 @@ def test_a_name_that_a_cube_cannot_hold_is_an_error_of_its_point(tmp_path, name)
     """Regression: an internal error after the last point, or the answer lost behind the steps of the run."""
     (tmp_path / "named_functions.py").write_text(f"def named(x):\n    return {{{name!r}: x}}\n")
     text = '[study]\nname = "f"\nfunction = "named_functions:named"\n[factors]\nx = { values = [1] }\n'
-    study = parse_study(text, folder=tmp_path)
+    study = parse_study(text, folder=StudyFolder(tmp_path))
     result = run_task(make_task(study, make_points(study), np.arange(1)))[0]
     assert result.outcome.tolist() == [td.Outcome.ERROR]
     assert result.detail[0].startswith(f"ValueError: output {name!r}: ")
@@ -87,7 +88,7 @@ def test_each_study_takes_the_function_of_its_own_folder(tmp_path):
         td.run(place / "s.toml", tmp_path / f"out{len(found)}", workers=0, progress=False)
         found.append(float(td.open_cube(tmp_path / f"out{len(found)}")["y"][0]))
         (copy := place / "results").mkdir(exist_ok=True)  # regression: a folder without a module counted as where it is
-        load_simulator(function="same_name:f", folder=str(copy))
+        load_simulator(function="same_name:f", folder=StudyFolder(copy))
     assert found == [2, 3, 2]
 
 
@@ -116,7 +117,7 @@ def test_units_of_a_dataset_are_those_of_the_cube(tmp_path):
 def test_different_units_of_one_output_are_refused(tmp_path):
     (tmp_path / "mixed_functions.py").write_text(MEASURED.format(units="'kN' if x > 1 else 'N'"))
     text = '[study]\nname = "s"\nfunction = "mixed_functions:measured"\n[factors]\nx = { values = [1, 2] }\n'
-    study = parse_study(text, folder=tmp_path)
+    study = parse_study(text, folder=StudyFolder(tmp_path))
     with pytest.raises(InputError, match="force: points have different units 'N' and 'kN'"):
         run_task(make_task(study, make_points(study), np.arange(2)))
 

@@ -17,6 +17,7 @@ from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.scenes import SCENES, load_simulator
+from tripod_doe.study.study_folder import StudyFolder
 from tripod_doe.study.task import make_task, run_task
 
 TEXT = """
@@ -153,7 +154,9 @@ def test_timing_stops_a_point_that_would_take_hours(tmp_path, monkeypatch):
     monkeypatch.setattr(plan_module, "_TIMING_SECONDS", 1.0)
     (tmp_path / "endless.py").write_text("import time\ndef f(x):\n    time.sleep(36000)\n    return {'y': x}\n")
     plan = td.plan(
-        parse_study('[study]\nname="e"\nfunction="endless:f"\n[factors.x]\nvalues=[1, 2]\n', folder=tmp_path)
+        parse_study(
+            '[study]\nname="e"\nfunction="endless:f"\n[factors.x]\nvalues=[1, 2]\n', folder=StudyFolder(tmp_path)
+        )
     )
     assert plan.timed == 0
     assert plan.cpu_hours is None
@@ -174,7 +177,7 @@ def test_points_are_timed_in_a_process_of_their_own_when_it_is_ready(tmp_path, m
     mark = f"import os, pathlib\npathlib.Path({str(tmp_path)!r}, f'imported-{{os.getpid()}}').touch()\n"
     (tmp_path / "marked.py").write_text(mark + "def f(x):\n    return {'y': x}\n")
     text = '[study]\nname="s"\nfunction="marked:f"\n[factors.x]\nlow=0\nhigh=1\ncount=1000\n'
-    plan = td.plan(parse_study(text, folder=tmp_path))
+    plan = td.plan(parse_study(text, folder=StudyFolder(tmp_path)))
     assert plan.timed > 0
     assert plan.cpu_hours[0] > 0
     assert seen == [2]  # by this process and by the one that times

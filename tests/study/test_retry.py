@@ -17,6 +17,7 @@ from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.journal import FinishedBlock
+from tripod_doe.study.study_folder import StudyFolder
 from tripod_doe.study.task import make_task, run_task
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
@@ -67,7 +68,7 @@ def fragile(tmp_path, monkeypatch):
 
 
 def cube_of(text, folder=None, blocks=1):
-    study = parse_study(text, folder=folder)
+    study = parse_study(text, folder=StudyFolder(folder))
     points = make_points(study)
     keys = point_keys(study, points)
     finished = []
@@ -160,7 +161,7 @@ def test_a_smaller_step_needs_something_to_halve(tmp_path, monkeypatch):
     (tmp_path / "plain_function.py").write_text("def f(x):\n    return {'y': x}\n")
     text = '[study]\nname="p"\nfunction="plain_function:f"\n[factors.x]\nvalues=[1]\n[run]\nretry=["smaller-step"]\n'
     with pytest.raises(td.InputError, match="no point has a step or a tolerance"):
-        parse_study(text, folder=tmp_path)
+        parse_study(text, folder=StudyFolder(tmp_path))
 
 
 def test_a_changed_retry_is_another_study(fragile, write_study):

@@ -354,7 +354,7 @@ STEP = '[workflow]\nname = "w"\n[steps.a]\nkind = "study"\nstudy = "first.toml"\
             '[steps.g]\nkind = "figure"\nfigure = "effects"\ninputs = ["f"]\n',
             r"\[steps.g\]: inputs: 'f' is a figure and has no cube",
         ),
-        (STEP.replace("steps.a", 'steps."a/b"'), "use letters, digits"),
+        (STEP.replace("steps.a", 'steps."a/b"'), "use letters a to z, digits"),
     ],
 )
 def test_a_bad_file_is_refused_and_starts_nothing(bench, capsys, text, message):

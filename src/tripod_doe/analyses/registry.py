@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import wraps
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import xarray as xr
@@ -49,6 +48,7 @@ from tripod_doe.analyses.stability.stability import StabilitySettings, stability
 from tripod_doe.analyses.surrogate.surrogate import SURROGATE_DESIGNS, SurrogateSettings, surrogate
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, tolerance
 from tripod_doe.errors import InputError
+from tripod_doe.study.study_folder import StudyFolder
 
 if TYPE_CHECKING:
     from tripod_doe.report.charts.chart import Chart
@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 Table = tuple[list[str], list[list[str]]]
 """Heads and rows."""
 
-Function = Callable[[Mapping[str, xr.Dataset], Any, Path], xr.Dataset]
+Function = Callable[[Mapping[str, xr.Dataset], Any, StudyFolder], xr.Dataset]
 """(cubes by the names of their steps, settings, folder of the workflow file) -> result."""
 
 
@@ -64,7 +64,7 @@ def _of_cube(function: Callable[[xr.Dataset, Any], xr.Dataset]) -> Function:
     """An analysis of the only cube among its inputs."""
 
     @wraps(function)
-    def analysis(cubes: Mapping[str, xr.Dataset], settings: Any, folder: Path) -> xr.Dataset:
+    def analysis(cubes: Mapping[str, xr.Dataset], settings: Any, folder: StudyFolder) -> xr.Dataset:
         (cube,) = cubes.values()
         return function(cube, settings)
 
@@ -75,7 +75,7 @@ def _of_cubes(function: Callable[[Mapping[str, xr.Dataset], Any], xr.Dataset]) -
     """An analysis that reads no files beside its cubes."""
 
     @wraps(function)
-    def analysis(cubes: Mapping[str, xr.Dataset], settings: Any, folder: Path) -> xr.Dataset:
+    def analysis(cubes: Mapping[str, xr.Dataset], settings: Any, folder: StudyFolder) -> xr.Dataset:
         return function(cubes, settings)
 
     return analysis

@@ -60,6 +60,15 @@ def add_study(parser: Parser) -> None:
     parser.add_argument("study", metavar="STUDY.toml", type=Path, help="study file")
 
 
+def add_untrusted(parser: Parser) -> None:
+    """Add the flag for a file from a stranger."""
+    parser.add_argument(
+        "--untrusted",
+        action="store_true",
+        help="for a file from a stranger: refuse functions, and files outside of its folder",
+    )
+
+
 def add_cube(parser: Parser) -> None:
     """Add the argument that names a cube."""
     parser.add_argument("cube", metavar="DIR|CUBE.nc", type=Path, help="result directory or cube")

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from tripod_doe.cli.parser import DONE, Command, Parser
+from tripod_doe.cli.parser import DONE, Command, Parser, add_untrusted
 from tripod_doe.errors import InputError, option
 from tripod_doe.quantities import duration
 
@@ -28,6 +28,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     )
     parser.add_argument("--quick", action="store_true", help="for a workflow: plan the smaller studies of [quick]")
     parser.add_argument("--workers", metavar="N", type=int, default=2, help="worker processes to plan for (default 2)")
+    add_untrusted(parser)
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -40,10 +41,11 @@ def _plan_study(options: argparse.Namespace) -> int:
     from tripod_doe.study.definition import load_study
     from tripod_doe.study.designs import point_count
     from tripod_doe.study.plan import plan
+    from tripod_doe.study.study_folder import StudyFolder
 
     if options.quick:
         raise InputError(f"{option('quick')}: {options.file} is a study; only workflows have a [quick]")
-    study = load_study(options.file)
+    study = load_study(options.file, StudyFolder.of(options.file, options.untrusted))
     if study.file.analysis:
         from tripod_doe.workflow.analyses import check_analyses
 
@@ -70,7 +72,8 @@ def _plan_workflow(options: argparse.Namespace) -> int:
         raise InputError(
             f"{option('out')}: {options.file} is a workflow, and only a study has models chosen by a pilot"
         )
-    print(plan_workflow(options.file, options.quick, not options.no_timing).describe(max(options.workers, 1)))
+    whole = plan_workflow(options.file, options.quick, not options.no_timing, options.untrusted)
+    print(whole.describe(max(options.workers, 1)))
     return DONE
 
 

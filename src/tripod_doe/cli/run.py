@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from tripod_doe.cli.parser import DONE, SOME_FAILED, Command, Parser, add_execution, add_out, add_study
+from tripod_doe.cli.parser import DONE, SOME_FAILED, Command, Parser, add_execution, add_out, add_study, add_untrusted
 from tripod_doe.quantities import count_of, duration, pace
 
 
@@ -45,11 +45,14 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
         "--take-over", action="store_true", help="take the place of a dead process that still holds the directory"
     )
     parser.add_argument("--fail-fast", action="store_true", help="stop at the first point that fails unexpectedly")
+    add_untrusted(parser)
     parser.add_argument("--export", choices=("zarr",), help="write the cube in this form, too, as DIR/cube.zarr")
 
 
 def _run(options: argparse.Namespace) -> int:
+    from tripod_doe.study.definition import load_study
     from tripod_doe.study.failures import failure_lines
+    from tripod_doe.study.study_folder import StudyFolder
     from tripod_doe.workflow.run import run  # Dask and plotting are slow to import
 
     if options.export:
@@ -58,7 +61,7 @@ def _run(options: argparse.Namespace) -> int:
         refuse_without_zarr()
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     summary = run(
-        options.study,
+        load_study(options.study, StudyFolder.of(options.study, options.untrusted)),
         options.out,
         options.workers,
         options.scheduler,

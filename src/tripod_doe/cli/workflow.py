@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from tripod_doe.cli.parser import DONE, SOME_FAILED, Command, Parser, add_execution, add_out
+from tripod_doe.cli.parser import DONE, SOME_FAILED, Command, Parser, add_execution, add_out, add_untrusted
 
 
 def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
@@ -18,6 +18,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     parser.add_argument("--only", metavar="STEP", help="run only this step and the steps that it needs")
     parser.add_argument("--quick", action="store_true", help="run the smaller studies of [quick]")
     add_execution(parser, "worker processes that all studies share")
+    add_untrusted(parser)
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -32,6 +33,7 @@ def _run(options: argparse.Namespace) -> int:
         options.workers,
         options.retry_failed,
         oversubscribe=options.oversubscribe,
+        untrusted=options.untrusted,
     )
     counts = Counter(step.state for step in summary.steps)
     print(", ".join(f"{count} {state}" for state, count in counts.items()), file=sys.stderr)

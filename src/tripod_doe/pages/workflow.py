@@ -18,6 +18,7 @@ from tripod_doe.analyses.contribution.side_by_side import find_side_by_side, of_
 from tripod_doe.analyses.kinds import is_study, kind_of, of_kind
 from tripod_doe.analyses.registry import findings_of, table_of
 from tripod_doe.atomic_files import replace_text
+from tripod_doe.names import path_within
 from tripod_doe.pages.workflow_chart import StepView, chain_chart, step_time
 from tripod_doe.report.answer import answer_first, picture_first
 from tripod_doe.report.charts.chart import WIDE, Chart
@@ -42,11 +43,11 @@ class StoredChart:
 
     def svg(self) -> str:
         """The figure as an SVG element."""
-        return (self.folder / f"{self.name}.svg").read_text(encoding="utf-8")
+        return (path_within(self.folder, f"{self.name}.svg")).read_text(encoding="utf-8")
 
     def csv(self) -> str:
         """Its numbers."""
-        return (self.folder / f"{self.name}.csv").read_text(encoding="utf-8")
+        return (path_within(self.folder, f"{self.name}.csv")).read_text(encoding="utf-8")
 
     @property
     def width(self) -> float:
@@ -70,8 +71,8 @@ def write_charts(charts: Sequence[Chart], step: str, folder: Path) -> None:
     """
     named = [replace(chart, name=f"{step}-{chart.name}") for chart in charts]  # unique in a page of several steps
     for chart in named:
-        replace_text(folder / f"{chart.name}.svg", chart.svg())
-        replace_text(folder / f"{chart.name}.csv", chart.csv())
+        replace_text(path_within(folder, f"{chart.name}.svg"), chart.svg())
+        replace_text(path_within(folder, f"{chart.name}.csv"), chart.csv())
     captions = {chart.name: chart.caption for chart in named}
     replace_text(folder / "figures.json", json.dumps(captions, indent=1))
 

@@ -12,10 +12,9 @@ import threading
 import time
 from typing import Any
 
-from tripod_doe.errors import InputError
+from tripod_doe.errors import ForbiddenError, InputError, TooLargeError
 from tripod_doe.service.fork_server import Answering
 from tripod_doe.service.limits import Limits
-from tripod_doe.service.problems import ForbiddenError, TooLargeError
 
 _PATIENCE = 10  # times its limit that a process may take by the clock
 _WORKER = "tripod_doe.service.answering"

@@ -17,11 +17,11 @@ from io import BufferedWriter, TextIOWrapper
 from pathlib import Path
 from typing import IO, Any, cast
 
-from tripod_doe.errors import InputError, TripodDoeError, option
+from tripod_doe.errors import ForbiddenError, InputError, TooLargeError, TripodDoeError, option
 from tripod_doe.service.limits import Limits
-from tripod_doe.service.problems import ForbiddenError, TooLargeError
-from tripod_doe.service.uploads import STUDY, check_upload, write_upload
+from tripod_doe.service.uploads import STUDY, refuse_many_files, write_upload
 from tripod_doe.study.child_process import answers
+from tripod_doe.study.study_folder import StudyFolder
 
 Answer = tuple[Any, bytes]
 
@@ -31,7 +31,7 @@ def plan(main: str, texts: dict[str, str], limits: dict[str, Any], timing: bool)
     from tripod_doe.service.plans import plan_upload
 
     allowed = Limits(**limits)
-    check_upload(texts, allowed)
+    refuse_many_files(texts, allowed)
     with tempfile.TemporaryDirectory(prefix="tripod-doe-") as name:
         folder = Path(name) / "upload"
         write_upload(folder, texts)
@@ -43,7 +43,7 @@ def check(main: str, folder: str, texts: dict[str, str], limits: dict[str, Any])
     from tripod_doe.service.plans import plan_upload
 
     allowed = Limits(**limits)
-    check_upload(texts, allowed)
+    refuse_many_files(texts, allowed)
     return _in_folder(Path(folder), lambda: plan_upload(Path(folder), main, allowed, timing=False)), b""
 
 
@@ -117,7 +117,8 @@ def choice(folder: str, path: str) -> Answer:
     from tripod_doe.analyses.multifidelity.study_split import describe_split
     from tripod_doe.study.definition import load_study
 
-    study = load_study(Path(folder) / STUDY)
+    place = Path(folder) / STUDY
+    study = load_study(place, StudyFolder.of(place, untrusted=True))
     lines = describe_choice(study, Path(path)).splitlines() if study.accuracy else describe_split(study, Path(path))
     return lines, b""
 
@@ -141,7 +142,7 @@ def _refuse_changes(folder: Path, path: Path) -> None:
     from tripod_doe.study.directory import ResultDirectory
     from tripod_doe.study.study_points import StudyPoints
 
-    study = parse_study((folder / STUDY).read_text(encoding="utf-8"), STUDY, folder, functions=False)
+    study = parse_study((folder / STUDY).read_text(encoding="utf-8"), STUDY, StudyFolder(folder, trusted=False))
     if needs_split(study):
         study = with_samples_so_far(study, path)
     asked = StudyPoints(study, make_points(study))

@@ -15,12 +15,12 @@ from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse, Response
 
-from tripod_doe.errors import InputError, StorageError
+from tripod_doe.errors import ForbiddenError, InputError, StorageError, TooLargeError
 from tripod_doe.service.answer_processes import AllBusyError, AnswerFailedError
 from tripod_doe.service.page import assets, writing
 from tripod_doe.service.page import routes as pages
 from tripod_doe.service.page.trouble import is_page, trouble_page
-from tripod_doe.service.problems import ForbiddenError, Problem, RefusedError, TooLargeError, problems_of
+from tripod_doe.service.problems import Problem, RefusedError, problems_of
 from tripod_doe.service.routes import reports, results, runs, studies, views
 from tripod_doe.service.security import API, BODY, Guard
 from tripod_doe.service.service import Service

@@ -87,7 +87,9 @@ def plan_found(path: Path, limits: Limits) -> dict[str, Any]:
     """
     from tripod_doe.service.plans import plan_study
     from tripod_doe.study.definition import stored_study
+    from tripod_doe.study.study_folder import StudyFolder
 
     with Journal(path, read_only=True) as journal:
         folder = journal.recall(FOLDER)
-    return plan_study(stored_study(path, Path(folder) if folder else path, functions=False), limits, False)
+    place = StudyFolder(Path(folder) if folder else path, trusted=False, most_points=limits.points)
+    return plan_study(stored_study(path, place), limits, False)

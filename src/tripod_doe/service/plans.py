@@ -7,12 +7,13 @@ from typing import Any
 
 from tripod_doe.analyses.model_choice.study_choice import describe_choice
 from tripod_doe.analyses.multifidelity.study_split import describe_split
+from tripod_doe.errors import TooLargeError
 from tripod_doe.service.limits import Limits
-from tripod_doe.service.problems import TooLargeError
 from tripod_doe.service.uploads import STUDY
 from tripod_doe.study.definition import Study, parse_study
 from tripod_doe.study.designs import most_points, point_count
 from tripod_doe.study.plan import Plan, plan
+from tripod_doe.study.study_folder import StudyFolder
 from tripod_doe.workflow.analyses import check_analyses
 from tripod_doe.workflow.definition import load_workflow
 from tripod_doe.workflow.plan import WorkflowPlan
@@ -46,11 +47,12 @@ def plan_upload(folder: Path, main: str, limits: Limits, timing: bool) -> dict[s
     TooLargeError
         If it goes beyond a limit.
     """
+    place = StudyFolder(folder, trusted=False, most_points=limits.points)
     if main == STUDY:
-        study = parse_study((folder / main).read_text(encoding="utf-8"), main, folder, functions=False)
+        study = parse_study((folder / main).read_text(encoding="utf-8"), main, place)
         check_analyses(study)
         return plan_study(study, limits, timing)
-    workflow = load_workflow(folder / main)
+    workflow = load_workflow(folder / main, folder=place)
     steps: dict[str, dict[str, Any]] = {}
     plans = {}
     for name, step in workflow.steps.items():
@@ -79,12 +81,11 @@ def plan_study(study: Study, limits: Limits, timing: bool) -> dict[str, Any]:
 def _plan_within(study: Study, limits: Limits, timing: bool) -> Plan:
     """Plan a study that keeps the limits."""
     counted = max(point_count(study), most_points(study))
-    if counted > limits.points:  # before any point is made
-        remedy = "; set most_points in [design]" if most_points(study) else ""
-        raise TooLargeError(f"{study.origin}: {counted:,} points; at most {limits.points:,} are allowed here{remedy}")
     price = plan(study, timing, recorded=True)
     share = max(counted / max(price.points, 1), 1.0)  # of the points that follow from a pilot, where there is one
-    _check_limits(limits, study.origin, counted, round((price.cube_bytes or 0) * share), price.cpu_hours)
+    _check_limits(
+        limits, study.origin, max(counted, price.points), round((price.cube_bytes or 0) * share), price.cpu_hours
+    )
     return price
 
 

@@ -50,14 +50,6 @@ class RefusedError(Exception):
         return {"errors": [problem.model_dump() for problem in self.problems]}
 
 
-class ForbiddenError(InputError):
-    """Something in an uploaded file that the service does not do for anybody (status 403)."""
-
-
-class TooLargeError(InputError):
-    """Something that goes beyond a limit of the service (status 413)."""
-
-
 def problems_of(error: InputError | str, texts: dict[str, str]) -> list[Problem]:
     """Take the sentences of an error apart.
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from tripod_doe.names import path_within
 from tripod_doe.service.progress import PointCounts, Progress
 from tripod_doe.service.runs import Run
 from tripod_doe.workflow.steps_file import STEPS
@@ -72,7 +73,7 @@ def _journals(run: Run, directory: Path) -> list[Progress]:
     if run.kind != "workflow":
         return [Progress(directory, run.plan["unique"], run.plan["expected_outcomes"])]
     return [
-        Progress(directory / "steps" / name, step["unique"], step["expected_outcomes"])
+        Progress(path_within(directory, "steps", name), step["unique"], step["expected_outcomes"])
         for name, step in run.plan["steps"].items()
         if "unique" in step
     ]

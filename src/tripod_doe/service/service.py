@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import StorageError, TripodDoeError, near_match
+from tripod_doe.names import path_within
 from tripod_doe.service.answer_processes import AllBusyError, AnswerFailedError, AnswerProcesses
 from tripod_doe.service.extremes import Extremes
 from tripod_doe.service.found import check_delivered, found_directories
@@ -201,8 +202,8 @@ class Service:
         run = self.runs.find(run_id)
         if run.kind == "workflow" and step is None:
             steps = self.directory(run_id) / "steps"
-            kinds = {name: told["kind"] for name, told in run.plan["steps"].items()}
-            made = {name: steps / name / "cube.nc" for name, kind in kinds.items() if kind not in _WITHOUT_CUBE}
+            names = [name for name, step in run.plan["steps"].items() if step["kind"] not in _WITHOUT_CUBE]
+            made = {name: path_within(steps, name, "cube.nc") for name in names}
             return {name: str(path) for name, path in made.items() if path.is_file()}
         return {path.stem: str(path) for path in sorted((self.results(run_id, step) / "analysis").glob("*.nc"))}
 
@@ -306,7 +307,7 @@ class Service:
             raise RefusedError(409, f"step: this run is a workflow: name one of its steps ({', '.join(steps)})")
         if step not in steps:
             raise RefusedError(404, f"step: {step[:100]}: no step of this workflow ({', '.join(steps)})")
-        return directory / "steps" / step
+        return path_within(directory, "steps", step)
 
     def analysis_file(self, run_id: str, name: str, step: str | None = None) -> Path:
         """The result of an analysis of a run, or of a study step.

@@ -426,14 +426,15 @@ class Supervisor:
         self._put(run.changed(state=State.RUNNING))  # first: a kill here leaves a run that is seen to be dead
         try:
             remove_report(directory)
-            processes.start_run(directory, self._words(run, directory))
+            processes.start_run(directory, run_words(run, directory, self.settings.workers))
         except InputError as error:
             self._put(replace(self._runs[run_id], state=State.FAILED, message=str(error)))
 
-    def _words(self, run: Run, directory: Path) -> list[str]:
-        """The command line of a run."""
-        command = "workflow" if run.kind == "workflow" else "run"
-        words = [command, str(directory / UPLOAD / main_file(run.kind)), "--out", str(directory)]
-        if self.settings.workers is not None:
-            words += ["--workers", str(self.settings.workers)]
-        return [*words, "--retry-failed"] if run.retry_failed else words
+
+def run_words(run: Run, directory: Path, workers: int | None) -> list[str]:
+    """The command line of a run."""
+    command = "workflow" if run.kind == "workflow" else "run"
+    words = [command, str(directory / UPLOAD / main_file(run.kind)), "--out", str(directory), "--untrusted"]
+    if workers is not None:
+        words += ["--workers", str(workers)]
+    return [*words, "--retry-failed"] if run.retry_failed else words

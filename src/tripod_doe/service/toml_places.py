@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 _PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')"""
 _NAME = rf"{_PART}(?:[ \t]*\.[ \t]*{_PART})*"
@@ -51,7 +52,12 @@ def place_of(text: str, path: list[str]) -> Place | None:
     return best[1] if best else None
 
 
-def _written(text: str) -> Iterator[tuple[list[str], Place, str]]:
+@lru_cache(maxsize=4)  # one error may have many complaints about the same text
+def _written(text: str) -> list[tuple[list[str], Place, str]]:
+    return list(_places(text))
+
+
+def _places(text: str) -> Iterator[tuple[list[str], Place, str]]:
     """Headers and keys at the start of lines, with their whole paths; what stands in long strings is passed over."""
     table: list[str] = []
     closing = ""

@@ -1,15 +1,17 @@
-"""What a client uploads: texts by plain names, checked before any of it is used."""
+"""What a client uploads: texts by plain names.
+
+What its studies and workflows may name is decided where they are read (`tripod_doe.study.study_folder`).
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from tripod_doe.errors import ForbiddenError, TooLargeError
 from tripod_doe.service.limits import Limits
-from tripod_doe.service.problems import ForbiddenError, TooLargeError
-from tripod_doe.study.file import parse_toml
 
 STUDY, WORKFLOW = "study.toml", "workflow.toml"
 """Names under which the submitted text itself is kept."""
@@ -49,63 +51,12 @@ def write_upload(folder: Path, texts: Mapping[str, str]) -> None:
         (folder / name).write_text(text, encoding="utf-8", newline="")
 
 
-def check_upload(texts: Mapping[str, str], limits: Limits) -> None:
-    """Refuse functions of a user's own, files from elsewhere and too many values, from the parsed texts alone.
-
-    Raises
-    ------
-    ForbiddenError
-        For a function, or a file that is not an uploaded one by its plain name.
-    TooLargeError
-        For more values of one factor than a study may have points.
-    InputError
-        If a text is not TOML.
-    """
+def refuse_many_files(texts: Mapping[str, str], limits: Limits) -> None:
+    """Refuse (TooLargeError) an upload of more files than are taken."""
     if len(texts) - 1 > limits.files:
         raise TooLargeError(f"files: {len(texts) - 1:,} files; at most {limits.files:,} are taken here")
-    for origin, text in texts.items():
-        if not _is_toml(origin):
-            continue
-        raw = parse_toml(text, origin)
-        for path, value in _entries(raw):
-            where = f"{origin}: [{'.'.join(path[:-1])}]: {path[-1]} = {str(value)[:_SHOWN]!r}"
-            if path == ["study", "function"]:
-                raise ForbiddenError(f"{where}: functions are not allowed here: run such a study from the command line")
-            if path[-1] in _FILE_KEYS and isinstance(value, str) and not _names_a_step(path):
-                _check_file(where, value, texts)
-            if path[-1] == "count" and isinstance(value, int) and value > limits.points:
-                raise TooLargeError(f"{where}: at most {limits.points:,} points are allowed here")
-
-
-_FILE_KEYS = {"table", "study", "measurement"}
-"""Keys that name a file, in whatever table they stand."""
-
-
-def _names_a_step(path: list[str]) -> bool:
-    """Whether ``table`` is that of a workflow's study step, which names another step."""
-    return path[0] == "steps" and len(path) == 3 and path[-1] == "table"
-
-
-def _check_file(where: str, name: str, texts: Mapping[str, str]) -> None:
-    if not _PLAIN.fullmatch(name):
-        raise ForbiddenError(f"{where}: upload the file and give its plain name, without a folder")
-    if name not in texts:
-        uploaded = ", ".join(texts)
-        raise ForbiddenError(f"{where}: not among the uploaded files ({uploaded})")
 
 
 def _check_plain(name: str, where: str) -> None:
     if not _PLAIN.fullmatch(name) or ".." in name:
         raise ForbiddenError(f"{where}: {name[:_SHOWN]!r}: a plain name is needed: letters, digits, dots, - and _")
-
-
-def _is_toml(name: str) -> bool:
-    return name.endswith(".toml")
-
-
-def _entries(table: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[list[str], Any]]:
-    """All keys of nested tables with their values."""
-    for key, value in table.items():
-        yield [*path, key], value
-        if isinstance(value, Mapping):
-            yield from _entries(value, (*path, key))

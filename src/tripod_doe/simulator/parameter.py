@@ -10,7 +10,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.errors import InputError, near_match
+from tripod_doe.errors import MOST_MESSAGES, InputError, near_match
+
+_LONGEST_SHOWN = 80  # characters of a value in a message
 
 Value = float | int | str | None
 Kind = Literal["number", "integer", "switch", "choice", "argument"]
@@ -64,16 +66,16 @@ class Parameter:
             raise InputError(f"{self.name}: a value is needed ({self.range_text})")
         if self.kind == "choice":
             if not isinstance(value, str) or value not in self.choices:
-                raise InputError(f"{self.name} = {value!r}: unknown{near_match(str(value), self.choices)}")
+                raise InputError(f"{self.name} = {_shown(value)}: unknown{near_match(str(value), self.choices)}")
             return value
         if self.kind == "argument" and isinstance(value, bool | str):
             return value
         if isinstance(value, bool):
             value = int(value) if self.kind == "switch" else value
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise InputError(f"{self.name} = {value!r}: expected a number ({self.range_text})")
-        if not math.isfinite(value):
-            raise InputError(f"{self.name} = {value}: must be finite ({self.range_text})")
+            raise InputError(f"{self.name} = {_shown(value)}: expected a number ({self.range_text})")
+        if not _is_finite(value):
+            raise InputError(f"{self.name} = {_shown(value)}: must be finite ({self.range_text})")
         if self.kind == "integer" and value != int(value):
             raise InputError(f"{self.name} = {value:g}: must be a whole number ({self.range_text})")
         if self.kind == "switch" and value not in (0, 1):
@@ -99,6 +101,19 @@ class Parameter:
         return np.array(values) if self.kind == "argument" else np.array(values, dtype=float)
 
 
+def _is_finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number of more than 308 digits
+        return False
+
+
+def _shown(value: object) -> str:
+    """A value as a message repeats it: the beginning of a long one."""
+    text = repr(value)
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
+
+
 def is_set(value: object) -> bool:
     """Whether a parameter has a value: None and NaN stand for none."""
     return value is not None and value == value
@@ -113,11 +128,14 @@ def check_parameters(parameters: Mapping[str, Parameter], values: Mapping[str, o
         For every unknown name (with the nearest known one) and every value that its parameter refuses.
     """
     checked: dict[str, Value] = {}
-    wrong = []
+    wrong: list[str] = []
     for name, value in values.items():
+        if len(wrong) == MOST_MESSAGES:
+            wrong.append("and maybe more like these")
+            break
         try:
             if name not in parameters:
-                raise InputError(f"{name} = {value!r}: unknown parameter{near_match(name, parameters)}")
+                raise InputError(f"{name} = {_shown(value)}: unknown parameter{near_match(name, parameters)}")
             checked[name] = parameters[name].check(value)
         except InputError as error:
             wrong.append(str(error))

@@ -13,6 +13,7 @@ from tripod_doe.study.definition import Study
 from tripod_doe.study.existing_scheduler import ExistingScheduler
 from tripod_doe.study.local_cluster import QUIET, LocalWorkers
 from tripod_doe.study.on_dask import OnDask
+from tripod_doe.study.study_folder import StudyFolder
 from tripod_doe.study.task import matching_simulator
 from tripod_doe.study.user_code import read_user_code
 
@@ -60,7 +61,7 @@ class DaskWorkers:
             _import_simulator(client, study)
         elif not client.nthreads():
             print(f"{self._scheduler}: no worker has joined yet; waiting for the first", file=sys.stderr)
-        code = read_user_code(function, study.folder) if self._scheduler and function else None
+        code = read_user_code(function, study.folder.path) if self._scheduler and function else None
         return OnDask(client, self._replaced, study.file.run.exclusive, code)
 
     def close(self) -> None:
@@ -96,10 +97,8 @@ class DaskWorkers:
 def _import_simulator(client: Client, study: Study) -> None:
     """Import a simulator on the workers of this machine before its first block; others do so when they get one."""
     table = study.file.study
-    client.run(
-        _get_ready, table.scene, table.function, str(study.folder), study.simulator.source_hash, on_error="ignore"
-    )
+    client.run(_get_ready, table.scene, table.function, study.folder, study.simulator.source_hash, on_error="ignore")
 
 
-def _get_ready(scene: str, function: str | None, folder: str, source_hash: str) -> None:
+def _get_ready(scene: str, function: str | None, folder: StudyFolder, source_hash: str) -> None:
     matching_simulator(scene, function, folder, source_hash)

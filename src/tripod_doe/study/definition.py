@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from tripod_doe.errors import InputError, near_match
+from tripod_doe.errors import InputError, first_messages, near_match
 from tripod_doe.simulator import NUMERICS, Demands, Outcome, Parameter, Simulator, Value, check_parameters
 from tripod_doe.study.accuracy import AUTO, Accuracy, check_accuracy, check_demands
 from tripod_doe.study.file import (
@@ -29,6 +29,7 @@ from tripod_doe.study.file import (
 )
 from tripod_doe.study.retry import NO_RETRIES, RetryPlan, check_retries
 from tripod_doe.study.scenes import load_simulator
+from tripod_doe.study.study_folder import StudyFolder
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class Study:
     warnings: tuple[str, ...]  # what the user should know before it runs
     text: str  # the study file as written
     origin: str  # where it came from, for messages
-    folder: Path  # its folder, from which tables and functions are found
+    folder: StudyFolder  # where the tables and functions are that it names
     # names of the factors that an ablation switches off (0) and on (1); empty for other designs
     switches: tuple[str, ...] = ()
     retry: RetryPlan = NO_RETRIES  # changes tried on points that failed
@@ -67,12 +68,20 @@ class Study:
         return hashlib.sha256(self.text.encode()).hexdigest()[:16]
 
     def fail(self, where: str, error: InputError | str) -> InputError:
-        """An error that names this study file and the key."""
-        return InputError(f"{self.origin}: {where}: {error}")
+        """An error that names this study file and the key; one of a kind stays of that kind."""
+        kind = type(error) if isinstance(error, InputError) else InputError
+        return kind(f"{self.origin}: {where}: {error}")
 
 
-def load_study(path: str | Path) -> Study:
+def load_study(path: str | Path, folder: StudyFolder | None = None) -> Study:
     """Read and check a study file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    folder
+        Where the files and functions are that it names; its own folder if omitted, and any others as well.
 
     Raises
     ------
@@ -80,21 +89,21 @@ def load_study(path: str | Path) -> Study:
         If the file cannot be read or anything in it cannot be used.
     """
     path = Path(path)
-    return parse_study(read_text(path, "study file"), origin=str(path), folder=path.resolve().parent)
+    return parse_study(read_text(path, "study file"), str(path), folder or StudyFolder.of(path))
 
 
 STORED = "study.toml"
 """File of a result directory with the study whose results are there."""
 
 
-def stored_study(directory: Path, folder: Path | None = None, functions: bool = True) -> Study:
+def stored_study(directory: Path, folder: StudyFolder | None = None) -> Study:
     """Read the study of a result directory.
 
     Parameters
     ----------
     directory
         The result directory.
-    folder, functions
+    folder
         As in `parse_study`.
 
     Raises
@@ -104,14 +113,14 @@ def stored_study(directory: Path, folder: Path | None = None, functions: bool = 
     """
     path = directory / STORED
     try:
-        return parse_study(read_text(path, "study"), str(path), folder, functions)
+        return parse_study(read_text(path, "study"), str(path), folder)
     except InputError as error:
-        raise InputError(
+        raise type(error)(
             f"{error}\n  this is the study whose results are in {directory}: put the file that was run in its place"
         ) from error
 
 
-def parse_study(text: str, origin: str = "study", folder: Path | None = None, functions: bool = True) -> Study:
+def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = None) -> Study:
     """Check the text of a study file; see `load_study`.
 
     Parameters
@@ -121,18 +130,15 @@ def parse_study(text: str, origin: str = "study", folder: Path | None = None, fu
     origin
         Where it came from, for messages.
     folder
-        Folder from which tables and functions are found; the current one if omitted.
-    functions
-        Whether the study may name a function of its own; if not, nothing of it is imported.
+        Where the files and functions are that it names; the current folder, and any others, if omitted.
     """
-    folder = folder or Path.cwd()
+    folder = folder or StudyFolder(Path.cwd())
     try:
         file = parse_file(text, origin)
     except InputError as error:
         raise InputError("\n".join([str(error), *_wrong_besides(text, origin)])) from error
-    if file.study.function is not None and not functions:
-        raise InputError(f"{origin}: [study]: function = {file.study.function!r}: functions are not allowed here")
-    simulator = _at(origin, "[study]", lambda: load_simulator(file.study.scene, file.study.function, str(folder)))
+    simulator = _at(origin, "[study]", lambda: load_simulator(file.study.scene, file.study.function, folder))
+    _check_sources(origin, file, folder)
     auto = file.base.get("model") == AUTO
     base = _base(origin, simulator, _given(file.base), file.factors)
     file = _at(origin, "[design]", lambda: _at_operating_points(simulator, file))
@@ -203,7 +209,16 @@ def _at(origin: str, where: str, step: Any) -> Any:
     try:
         return step()
     except InputError as error:
-        raise InputError("\n".join(f"{origin}: {where}: {line}" for line in str(error).splitlines())) from error
+        raise error.at(f"{origin}: {where}") from error
+
+
+def _check_sources(origin: str, file: StudyFile, folder: StudyFolder) -> None:
+    """Refuse tables that may not be read, and factors with more values than may be, before any value is made."""
+    for design in (file.design, *file.designs.values()):
+        if design.table is not None:
+            _at(origin, "[design]", lambda d=design: folder.file(d.table, "table"))
+    for name, table in file.factors.items():
+        _at(origin, f"[factors.{name}]", lambda t=table: folder.refuse_many(t.count or 0, "values"))
 
 
 def _given(base: Mapping[str, Any]) -> dict[str, Any]:
@@ -239,11 +254,10 @@ def _base(origin: str, simulator: Simulator, given: Mapping[str, Value], factors
         base = _at(origin, "[base]", lambda: check_parameters(simulator.parameters, given))
     except InputError as error:
         wrong.append(str(error))
-    wrong += [
-        f"{origin}: [factors.{name}]: unknown parameter{near_match(name, simulator.parameters)}"
-        for name in factors
-        if name not in simulator.parameters
-    ]
+    wrong += first_messages(
+        [name for name in factors if name not in simulator.parameters],
+        lambda name: f"{origin}: [factors.{name}]: unknown parameter{near_match(name, simulator.parameters)}",
+    )
     if wrong:
         raise InputError("\n".join(wrong))
     return base

@@ -159,7 +159,7 @@ class ResultDirectory:
 
     def adopt(self, study: Study) -> None:
         """Make this the study whose results are here."""
-        self._journal.remember({KERNELS: study.simulator.source_hash, FOLDER: str(study.folder.absolute())})
+        self._journal.remember({KERNELS: study.simulator.source_hash, FOLDER: str(study.folder.path.absolute())})
         replace_text(self.path / STORED, study.text)
 
     def missing(self, asked: StudyPoints, retry_failed: bool = False) -> IntArray:

@@ -38,7 +38,8 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "max": np.maximum,
     "sqrt": np.sqrt,
 }
-_LONGEST = 4_000  # characters of a condition
+_LONGEST = 4_000  # characters of a condition: the time to parse one may grow faster than its length
+_WHOLE = 2**53  # from here on not every whole number is one of float64
 _DEEPEST = 100  # operators within each other
 _SHOWN = 80  # characters of a condition that a message repeats
 _ALLOWED = "names, numbers, 'text', + - * / **, < <= > >= == !=, and or not, abs min max sqrt"
@@ -94,6 +95,8 @@ class Expression:
                 if name not in names:
                     raise InputError(f"{self.text!r}: unknown name {name[:_SHOWN]!r}{near_match(name, names)}")
                 self.used.add(name)
+            case ast.Constant(value=int() as value) if not _is_exact(value):
+                raise InputError(f"{self.text!r}: a whole number beyond {_WHOLE:,} that float64 does not hold")
             case ast.Constant(value=int() | float() | str()):
                 pass
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
@@ -115,20 +118,31 @@ class Expression:
             self._check(child, names, depth + 1)
 
     def __call__(self, columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
-        """Evaluate for every row of the columns; a comparison with NaN is false.
+        """Evaluate for every row of the columns, numbers in float64; NaN, and a comparison with it, is false.
+
+        A division by zero or an overflow gives an infinity or NaN, as float64 does.
 
         Raises
         ------
         InputError
-            If values cannot be compared, for instance a number with a text.
+            If values cannot be compared, for instance a number with a text, or whole numbers are too large for float64.
         """
         try:
+            values = {name: self._checked(name, columns[name]) for name in self.used}
             with np.errstate(all="ignore"):
-                answer = np.asarray(self._value(self._tree, columns))
-        except (TypeError, OverflowError) as error:
+                answer = np.asarray(self._value(self._tree, values))
+        except (TypeError, OverflowError, ValueError) as error:
             raise InputError(f"{self.text!r}: {error}") from error
-        rows = np.shape(next(iter(columns.values())))
-        return np.broadcast_to(answer.astype(bool), rows)
+        meets = answer.astype(bool) & ~np.isnan(answer) if answer.dtype.kind == "f" else answer.astype(bool)
+        return np.broadcast_to(meets, np.shape(next(iter(columns.values()))))
+
+    def _checked(self, name: str, column: NDArray[Any]) -> NDArray[Any]:
+        """A column, whole numbers in float64."""
+        if column.dtype.kind not in "iu":
+            return column
+        if column.size and not -_WHOLE <= int(column.min()) <= int(column.max()) <= _WHOLE:
+            raise InputError(f"{self.text!r}: {name} has whole numbers beyond {_WHOLE:,} that float64 may not hold")
+        return column.astype(np.float64)
 
     def _value(self, node: ast.expr, columns: Mapping[str, NDArray[Any]]) -> Any:
         match node:
@@ -139,9 +153,11 @@ class Expression:
             case ast.Constant(value=(int() | float()) as value):
                 return np.float64(value)  # Python's whole numbers grow without bounds: 9**9**9
             case ast.BinOp(left=left, op=op, right=right):
-                return _BINARY[type(op)](self._value(left, columns), self._value(right, columns))
+                return _BINARY[type(op)](_number(self._value(left, columns)), _number(self._value(right, columns)))
+            case ast.UnaryOp(op=ast.Not(), operand=operand):
+                return np.logical_not(self._value(operand, columns))
             case ast.UnaryOp(op=op, operand=operand):
-                return _UNARY[type(op)](self._value(operand, columns))
+                return _UNARY[type(op)](_number(self._value(operand, columns)))
             case ast.BoolOp(op=op, values=values):
                 combine = np.logical_and if isinstance(op, ast.And) else np.logical_or
                 return combine.reduce(np.broadcast_arrays(*(self._value(value, columns) for value in values)))
@@ -150,5 +166,18 @@ class Expression:
                 links = [_COMPARE[type(op)](terms[i], terms[i + 1]) for i, op in enumerate(ops)]
                 return np.logical_and.reduce(np.broadcast_arrays(*links))
             case ast.Call(func=ast.Name(id=function), args=arguments):
-                return _FUNCTIONS[function](*(self._value(argument, columns) for argument in arguments))
+                return _FUNCTIONS[function](*(_number(self._value(argument, columns)) for argument in arguments))
         raise AssertionError(node)
+
+
+def _is_exact(value: int) -> bool:
+    """Whether float64 holds a whole number."""
+    try:
+        return int(float(value)) == value
+    except OverflowError:
+        return False
+
+
+def _number(value: Any) -> Any:
+    """What comparisons give as the numbers 0 and 1, in float64; any other value as it is."""
+    return np.asarray(value, np.float64) if np.asarray(value).dtype == np.bool_ else value

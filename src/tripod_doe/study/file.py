@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails
 
-from tripod_doe.errors import InputError, closest, near_match
+from tripod_doe.errors import InputError, closest, first_messages, near_match
+from tripod_doe.names import check_identifier
 
 _MOST_PARTS = 16
 _LONGEST_SHOWN = 80  # characters of a value
@@ -239,7 +240,7 @@ def parse_toml(text: str, origin: str) -> dict[str, Any]:
         raise InputError(f"{origin}: {long[0][:40]}...: a name of more than {_MOST_PARTS} parts with dots between them")
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # tomllib's own, or Python's of a number of more than 4,300 digits
         raise InputError(f"{origin}: not valid TOML: {error}") from error
     except RecursionError as error:
         raise InputError(f"{origin}: brackets are nested too deeply") from error
@@ -271,12 +272,24 @@ def parse_file(text: str, origin: str = "study") -> StudyFile:
         raw["designs"] = {key: design[key] for key in parts}
         raw["design"] = {key: value for key, value in design.items() if key not in parts}
     try:
+        _check_names(raw)
+    except InputError as error:
+        raise error.at(origin) from error
+    try:
         return StudyFile.model_validate(raw)
     except ValidationError as error:
         raise InputError("\n".join(f"{origin}: {line}" for line in complaints(error, _known_keys))) from error
 
 
-def complaints(error: ValidationError, known: Callable[[list[str]], Iterable[str]]) -> Iterator[str]:
+def _check_names(raw: Mapping[str, Any]) -> None:
+    """Refuse names of analyses and sub-designs that are no identifiers: files are called by them."""
+    for table, written, of in (("analysis", "analysis", "an analysis"), ("designs", "design", "a sub-design")):
+        names = raw.get(table, {})
+        for name in names if isinstance(names, Mapping) else ():
+            check_identifier(name, f"{of}, written [{written}.NAME]")
+
+
+def complaints(error: ValidationError, known: Callable[[list[str]], Iterable[str]]) -> list[str]:
     """Pydantic's complaints about a TOML file in its own words: table, key, value, what is wrong, a near match.
 
     Parameters
@@ -286,21 +299,24 @@ def complaints(error: ValidationError, known: Callable[[list[str]], Iterable[str
     known
         The keys that the table at a path may hold, for near matches.
     """
-    for item in error.errors():
-        path = [str(part) for part in item["loc"] if not str(part).startswith(("float", "int", "str", "bool", "dict"))]
-        where, key = ".".join(path[:-1]), path[-1]
-        place = f"[{where}]" if where else "the file"
-        if item["type"] == "extra_forbidden":
-            yield f"{place}: unknown key {key!r}{near_match(key, known(path[:-1]))}"
-        elif item["type"] == "missing":
-            yield f"{place}: {key} is missing"
-        elif item["type"] == "literal_error":
-            words = re.findall(r"'([^']*)'", item["ctx"]["expected"])
-            yield f"{place}: {key} = {_shown(item['input'])}: unknown{near_match(str(item['input']), words)}"
-        elif item["type"] in ("model_type", "dict_type"):
-            yield f"{place}: {key} = {_shown(item['input'])}: {_as_table(where, key, item['input'])}"
-        else:
-            yield f"{place}: {key} = {_shown(item['input'])}: {said_of(item, key)}"
+    return first_messages(error.errors(include_url=False), lambda item: _complaint(item, known))
+
+
+def _complaint(item: ErrorDetails, known: Callable[[list[str]], Iterable[str]]) -> str:
+    """One complaint of pydantic; see `complaints`."""
+    path = [str(part) for part in item["loc"] if not str(part).startswith(("float", "int", "str", "bool", "dict"))]
+    where, key = ".".join(path[:-1]), path[-1]
+    place = f"[{where}]" if where else "the file"
+    if item["type"] == "extra_forbidden":
+        return f"{place}: unknown key {key!r}{near_match(key, known(path[:-1]))}"
+    if item["type"] == "missing":
+        return f"{place}: {key} is missing"
+    if item["type"] == "literal_error":
+        words = re.findall(r"'([^']*)'", item["ctx"]["expected"])
+        return f"{place}: {key} = {_shown(item['input'])}: unknown{near_match(str(item['input']), words)}"
+    if item["type"] in ("model_type", "dict_type"):
+        return f"{place}: {key} = {_shown(item['input'])}: {_as_table(where, key, item['input'])}"
+    return f"{place}: {key} = {_shown(item['input'])}: {said_of(item, key)}"
 
 
 _EXPECTED = {
@@ -315,9 +331,9 @@ _EXPECTED = {
     "int_parsing": "expected a whole number",
     "int_from_float": "expected a whole number",
     "greater_than": "must be above {gt:g}",
-    "greater_than_equal": "must be at least {ge:g}",
+    "greater_than_equal": "must be at least {ge:,g}",
     "less_than": "must be below {lt:g}",
-    "less_than_equal": "must be at most {le:g}",
+    "less_than_equal": "must be at most {le:,.9g}",
 }
 """What a value must be, by pydantic's name of the complaint and with its numbers."""
 

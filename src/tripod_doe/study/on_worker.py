@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import InputError
@@ -64,8 +65,9 @@ def answer_as_bytes(work: bytes, name: str) -> bytes | str:
     code: UserCode | None
     task, code = pickle.loads(work)
     try:
-        if code:
-            task = replace(task, folder=placed(code, task.folder))
+        if code and task.folder:
+            place = Path(placed(code, str(task.folder.path)))
+            task = replace(task, folder=replace(task.folder, path=place))
         matching_simulator(task.scene, task.function, task.folder, task.source_hash)
         if code:
             check_imported(code)

@@ -167,10 +167,11 @@ def _points_so_far(path: Path, journal: Journal) -> tuple[StudyPoints, StoredRes
     from tripod_doe.study.definition import stored_study
     from tripod_doe.study.designs import make_points
     from tripod_doe.study.stored_results import StoredResults
+    from tripod_doe.study.study_folder import StudyFolder
     from tripod_doe.study.study_points import StudyPoints
 
     folder = journal.recall(FOLDER)
-    study = stored_study(path, Path(folder) if folder else None)
+    study = stored_study(path, StudyFolder(Path(folder)) if folder else None)
     points = make_points(study)
     choice = frozen_choice(study, path) if study.accuracy else None
     if choice is not None:

@@ -10,6 +10,7 @@ from typing import Any
 from tripod_doe.errors import InputError, TripodDoeError, near_match
 from tripod_doe.simulator import Simulator
 from tripod_doe.study.function import FunctionSimulator
+from tripod_doe.study.study_folder import StudyFolder
 
 SCENES = {
     "joint": "tripod_doe.joint.simulator:simulator",
@@ -20,7 +21,7 @@ SCENES = {
 """Scenes by the name that study files and the command line use, each ``package.module:object``."""
 
 
-def load_simulator(scene: str = "joint", function: str | None = None, folder: str | None = None) -> Simulator:
+def load_simulator(scene: str = "joint", function: str | None = None, folder: StudyFolder | None = None) -> Simulator:
     """Find a scene by its name, or a function by ``package.module:function``.
 
     Parameters
@@ -34,6 +35,8 @@ def load_simulator(scene: str = "joint", function: str | None = None, folder: st
 
     Raises
     ------
+    ForbiddenError
+        For a function that a study from a stranger names; nothing is imported.
     InputError
         If there is no such scene, module or function.
     """
@@ -43,7 +46,8 @@ def load_simulator(scene: str = "joint", function: str | None = None, folder: st
         simulator: Simulator = _import_object(SCENES[scene])
         return simulator
     if folder:
-        _search_first(folder, function.partition(":")[0].partition(".")[0])
+        folder.refuse_functions(function)
+        _search_first(str(folder.path), function.partition(":")[0].partition(".")[0])
     called = _import_object(function)
     if not callable(called):
         raise InputError(f"function = {function!r}: this is not a function")

@@ -91,7 +91,7 @@ def simulate_point(scene: str = "joint", **parameters: Any) -> SimulatedPoint:
     simulator = load_simulator(scene)
     keep = tuple(name for name, output in simulator.outputs.items() if not output.on_request)
     values = _checked(simulator, parameters, keep)
-    result, cpu, wall = run_task(Task(scene, None, "", simulator.source_hash, values, {}, 1, keep))
+    result, cpu, wall = run_task(Task(scene, None, None, simulator.source_hash, values, {}, 1, keep))
     outcome = Outcome(int(result.outcome[0]))
     return SimulatedPoint(
         simulator,

@@ -13,6 +13,7 @@ from tripod_doe.errors import InputError
 from tripod_doe.simulator import BlockResult, Demands, Simulator, Value
 from tripod_doe.study.retry import NO_RETRIES, RetryPlan, simulate_with_retries
 from tripod_doe.study.scenes import load_simulator
+from tripod_doe.study.study_folder import StudyFolder
 
 if TYPE_CHECKING:  # for their names only: a single point needs no designs
     from tripod_doe.study.definition import Study
@@ -25,7 +26,7 @@ class Task:
 
     scene: str
     function: str | None
-    folder: str
+    folder: StudyFolder | None  # None for a scene
     source_hash: str
     base: Mapping[str, Value]
     columns: dict[str, NDArray[Any]]
@@ -35,7 +36,7 @@ class Task:
     demands: Demands | None = None
 
 
-def matching_simulator(scene: str, function: str | None, folder: str, source_hash: str) -> Simulator:
+def matching_simulator(scene: str, function: str | None, folder: StudyFolder | None, source_hash: str) -> Simulator:
     """The simulator of a study on this machine.
 
     Raises
@@ -67,7 +68,7 @@ def make_task(study: Study, points: Points, chosen: IntArray) -> Task:
     return Task(
         table.scene,
         table.function,
-        str(study.folder),
+        study.folder,
         study.simulator.source_hash,
         study.base,
         points.at(chosen),

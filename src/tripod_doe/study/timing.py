@@ -13,6 +13,7 @@ import numpy as np
 from tripod_doe.study.child_process import answers, start_child
 from tripod_doe.study.definition import Study, parse_study
 from tripod_doe.study.designs import make_points
+from tripod_doe.study.study_folder import StudyFolder
 from tripod_doe.study.task import make_task, run_task
 
 _SAMPLES = 12
@@ -31,7 +32,8 @@ def time_points(study: Study, seconds: float) -> list[float]:
     seconds
         Time after which it is stopped, compilation not counted; what was measured until then counts.
     """
-    asked = json.dumps({"text": study.text, "origin": study.origin, "folder": str(study.folder)})
+    folder = {"path": str(study.folder.path), "trusted": study.folder.trusted}
+    asked = json.dumps({"text": study.text, "origin": study.origin, "folder": folder})
     with start_child(__name__) as process:
         assert process.stdin is not None
         assert process.stdout is not None
@@ -77,6 +79,7 @@ def timings(study: Study, prepared: Callable[[], object] = lambda: None) -> Iter
 if __name__ == "__main__":
     stream = answers()
     asked = json.load(sys.stdin)
-    timed = parse_study(asked["text"], asked["origin"], Path(asked["folder"]))
+    folder = StudyFolder(Path(asked["folder"]["path"]), asked["folder"]["trusted"])
+    timed = parse_study(asked["text"], asked["origin"], folder)
     for seconds in timings(timed, lambda: print("prepared", file=stream, flush=True)):
         print(seconds, file=stream, flush=True)

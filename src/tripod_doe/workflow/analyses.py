@@ -12,6 +12,7 @@ from pydantic import BaseModel, ValidationError
 from tripod_doe.analyses.registry import ANALYSES, Analysis
 from tripod_doe.analyses.sensitivity.method import CORRELATED
 from tripod_doe.errors import InputError, near_match
+from tripod_doe.names import path_within
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.definition import Study
 from tripod_doe.study.file import said_of
@@ -139,6 +140,6 @@ def run_analyses(study: Study, cube: xr.Dataset, directory: Path) -> dict[str, s
             continue
         kept = {key: cube.attrs[key] for key in ("Conventions", "institution", "source", "references", "study_hash")}
         result = result.assign_attrs(kept | {"title": f"{cube.attrs['title']}: {name}"} | result.attrs)
-        write_dataset(stamp_history(result, f"analysis {name}"), directory / "analysis" / f"{name}.nc")
+        write_dataset(stamp_history(result, f"analysis {name}"), path_within(directory, "analysis", f"{name}.nc"))
         reasons[name] = ""
     return reasons

@@ -23,6 +23,7 @@ from tripod_doe.analyses.registry import ANALYSES, draw
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.interrupts import check_interrupt
+from tripod_doe.names import path_within
 from tripod_doe.pages.workflow import chain_page, step_page, write_charts
 from tripod_doe.pages.workflow_chart import StepView
 from tripod_doe.quantities import duration
@@ -31,6 +32,7 @@ from tripod_doe.study.execution import Execution
 from tripod_doe.study.failures import failure_lines
 from tripod_doe.study.netcdf import stamp_history, write_dataset
 from tripod_doe.study.results import opened_cube
+from tripod_doe.study.study_folder import StudyFolder
 from tripod_doe.workflow.definition import Step, Workflow, fed_study, load_workflow
 from tripod_doe.workflow.file import AnalysisStep, FigureStep, ReportStep, StudyStep
 from tripod_doe.workflow.run import run_on
@@ -62,6 +64,7 @@ def run_workflow(
     retry_failed: bool = False,
     progress: bool = True,
     oversubscribe: bool = False,
+    untrusted: bool = False,
 ) -> WorkflowSummary:
     """Run the missing steps of a workflow, then make its page.
 
@@ -87,6 +90,8 @@ def run_workflow(
         Whether to print each step to standard error, with a progress bar for studies.
     oversubscribe
         Start more workers than this machine has processors, if asked for.
+    untrusted
+        For a file from a stranger: refuse functions, and files outside of its folder.
 
     Raises
     ------
@@ -95,7 +100,7 @@ def run_workflow(
     StorageError
         If writing fails; finished steps and points are kept.
     """
-    workflow = load_workflow(path, quick)
+    workflow = load_workflow(path, quick, StudyFolder.of(path, untrusted))
     wanted = list(workflow.steps) if only is None else workflow.needed_for(only)
     with Execution(workers, oversubscribe=oversubscribe) as execution:
         directory = make_directory(out)
@@ -152,7 +157,7 @@ class _Chain:
 
     def folder(self, name: str) -> Path:
         """Where a step lies; quick runs have places of their own, so that they never stand for results."""
-        return self.directory / ("quick" if self.workflow.quick else "steps") / name
+        return path_within(self.directory, "quick" if self.workflow.quick else "steps", name)
 
     def view(self, step: Step, state: str, seconds: float | None = None, detail: str = "") -> StepView:
         """A step as the page shows it."""

@@ -19,6 +19,7 @@ from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.study.definition import Study, parse_study
 from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.file import read_text
+from tripod_doe.study.study_folder import StudyFolder
 from tripod_doe.workflow.analyses import check_analyses, checked_settings, settings_of
 from tripod_doe.workflow.file import (
     AnalysisStep,
@@ -64,10 +65,10 @@ class Workflow:
 
     file: WorkflowFile  # the parsed file
     steps: Mapping[str, Step]  # steps by name, each after all that it needs
-    # text, origin, folder: the file as written, its path for messages, and its folder
+    # text, origin, folder: the file as written, its path for messages, and where the files are that it names
     text: str
     origin: str
-    folder: Path
+    folder: StudyFolder
     quick: bool  # whether the overrides of [quick] are in force
 
     def needed_for(self, name: str) -> list[str]:
@@ -87,7 +88,7 @@ class Workflow:
         return [other for other in self.steps if other in needed]
 
 
-def load_workflow(path: str | Path, quick: bool = False) -> Workflow:
+def load_workflow(path: str | Path, quick: bool = False, folder: StudyFolder | None = None) -> Workflow:
     """Read and check a workflow file and all study files that it names; nothing is run.
 
     Parameters
@@ -96,6 +97,8 @@ def load_workflow(path: str | Path, quick: bool = False) -> Workflow:
         The workflow file.
     quick
         Whether to apply the overrides of [quick].
+    folder
+        Where the files and functions are that it and its studies name; its own folder if omitted, and any others.
 
     Raises
     ------
@@ -103,7 +106,7 @@ def load_workflow(path: str | Path, quick: bool = False) -> Workflow:
         If a file cannot be read, a key, kind, name or value is not known, or steps depend on each other.
     """
     path = Path(path)
-    text, origin, folder = read_text(path, "workflow file"), str(path), path.resolve().parent
+    text, origin, folder = read_text(path, "workflow file"), str(path), folder or StudyFolder.of(path)
     file = parse_workflow(text, origin)
     tables = {name: parse_step(origin, name, table) for name, table in file.steps.items()}
     for name, table in tables.items():
@@ -167,9 +170,12 @@ def _settings(
     try:
         settings = checked_settings(entry.settings, table.settings)
     except InputError as error:
-        raise InputError(f"{where}: settings: {error}") from error
+        raise error.at(f"{where}: settings") from error
     for key in entry.files:
-        path = workflow.folder / getattr(settings, key)
+        try:
+            path = workflow.folder.file(getattr(settings, key), key)
+        except InputError as error:
+            raise error.at(f"{where}: settings") from error
         try:
             digest.add_bytes(path.read_bytes())
         except OSError as error:
@@ -179,7 +185,10 @@ def _settings(
 
 def _study_of(workflow: Workflow, name: str, table: StudyStep) -> Study:
     """The study of a step with its overrides; an untouched one keeps its text to the letter."""
-    path = workflow.folder / table.study
+    try:
+        path = workflow.folder.file(table.study, "study")
+    except InputError as error:
+        raise error.at(f"{workflow.origin}: [steps.{name}]") from error
     try:
         text = read_text(path, "study file")
         changes: list[tuple[Overrides, str, str]] = [(table, f"[steps.{name}]", "")]
@@ -187,10 +196,10 @@ def _study_of(workflow: Workflow, name: str, table: StudyStep) -> Study:
             changes.append((workflow.file.quick[name], f"[quick.{name}]", " (quick)"))
         for overrides, where, suffix in changes:
             text = _overridden(text, overrides, f"{where}: study {path}", suffix)
-        study = parse_study(text, str(path), path.resolve().parent)
+        study = parse_study(text, str(path), workflow.folder.around(path))
         check_analyses(study)
     except InputError as error:
-        raise InputError(f"{workflow.origin}: [steps.{name}]: {error}") from error
+        raise type(error)(f"{workflow.origin}: [steps.{name}]: {error}") from error
     return study
 
 

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from tripod_doe.analyses.registry import ANALYSES, FIGURES
 from tripod_doe.errors import InputError, near_match
+from tripod_doe.names import check_identifier
 from tripod_doe.study.file import FactorTable, Scalar, complaints, parse_toml
 
 
@@ -121,9 +122,11 @@ def parse_step(origin: str, name: str, table: dict[str, Any]) -> StepTable:
     InputError
         If its name, its kind, a key or the analysis or figure that it names is not known.
     """
+    try:
+        check_identifier(name, "a step, written [steps.NAME]")
+    except InputError as error:
+        raise error.at(origin) from error
     where = f"[steps.{name}]"
-    if not name.replace("-", "").replace("_", "").isalnum():
-        raise InputError(f"{origin}: {where}: a step's name is also that of a directory: use letters, digits, - and _")
     kind, known = str(table.get("kind", "")), [*_KINDS, *ANALYSES]
     if kind not in known:
         told = f"kind = {kind!r}: unknown" if kind else "kind is missing"

@@ -10,6 +10,7 @@ from pathlib import Path
 from tripod_doe.quantities import duration, size
 from tripod_doe.study.definition import Study
 from tripod_doe.study.plan import RECORDED, Plan, plan
+from tripod_doe.study.study_folder import StudyFolder
 from tripod_doe.workflow.definition import load_workflow
 
 
@@ -47,7 +48,7 @@ class WorkflowPlan:
         return "\n".join(lines)
 
 
-def plan_workflow(path: str | Path, quick: bool = False, timing: bool = True) -> WorkflowPlan:
+def plan_workflow(path: str | Path, quick: bool = False, timing: bool = True, untrusted: bool = False) -> WorkflowPlan:
     """Count the points of the studies of a workflow; nothing is run or written.
 
     Parameters
@@ -58,13 +59,16 @@ def plan_workflow(path: str | Path, quick: bool = False, timing: bool = True) ->
         Whether to apply the overrides of [quick].
     timing
         Whether to time points, for at most ten seconds per study, where no price is recorded.
+    untrusted
+        For a file from a stranger: refuse functions, and files outside of its folder.
 
     Raises
     ------
     InputError
         If a file of it cannot be used.
     """
-    studies = {name: step.study for name, step in load_workflow(path, quick).steps.items() if step.study is not None}
+    workflow = load_workflow(path, quick, StudyFolder.of(path, untrusted))
+    studies = {name: step.study for name, step in workflow.steps.items() if step.study is not None}
     return WorkflowPlan({name: _plan_study(study, timing) for name, study in studies.items()})
 
 

@@ -17,6 +17,7 @@ from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.query import records
+from tripod_doe.study.study_folder import StudyFolder
 from tripod_doe.study.task import make_task, run_task
 from tripod_doe.workflow.analyses import check_analyses, run_analyses
 
@@ -71,7 +72,7 @@ def ablate(folder):
         text = f'[study]\nname = "t"\nfunction = "contribution_functions:{function}"\n' + (
             more or f'[design]\nkind = "ablation"\nfactors = ["a", "b", "c"]\n{design}\n'
         )
-        study = parse_study(text, folder=folder)
+        study = parse_study(text, folder=StudyFolder(folder))
         points = make_points(study)
         keys = point_keys(study, points)
         result, cpu, wall = run_task(make_task(study, points, np.arange(points.count)))

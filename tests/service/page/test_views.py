@@ -30,9 +30,11 @@ from tripod_doe.service.gallery import gallery, gallery_upload
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.page.pages import part
 from tripod_doe.service.study_form import changed_text, study_form
-from tripod_doe.service.uploads import check_upload, upload_texts
-from tripod_doe.study.definition import parse_study
+from tripod_doe.service.uploads import upload_texts, write_upload
+from tripod_doe.study.definition import load_study, parse_study
 from tripod_doe.study.designs import make_points
+from tripod_doe.study.study_folder import StudyFolder
+from tripod_doe.workflow.definition import load_workflow
 
 GRID = """
 [study]
@@ -390,7 +392,7 @@ def test_a_field_that_cannot_be_read_is_refused_in_words():
         changed_text("[study", "study.name", "x")
 
 
-def test_the_gallery_holds_only_studies_that_can_be_sent():
+def test_the_gallery_holds_only_studies_that_can_be_sent(tmp_path):
     entries = gallery()
     assert {"template-grid", "template-sensitivity", "template-contribution", "thrust_map"} <= {
         entry["id"] for entry in entries
@@ -398,9 +400,12 @@ def test_the_gallery_holds_only_studies_that_can_be_sent():
     assert {"workflow-small", "workflow-paper", "speed_needle"} <= {entry["id"] for entry in entries}
     for entry in entries:
         upload = gallery_upload(entry["id"])
-        main, texts = upload_texts(upload)
-        assert main == f"{entry['kind']}.toml"
-        check_upload(texts, Limits())  # no function, and no file that is not sent along
+        name, texts = upload_texts(upload)
+        assert name == f"{entry['kind']}.toml"
+        folder = tmp_path / entry["id"]
+        write_upload(folder, texts)
+        load = load_study if entry["kind"] == "study" else load_workflow
+        load(folder / name, folder=StudyFolder(folder, trusted=False))  # no function, and no file that is not sent
         assert len(json.dumps(upload)) < Limits().body_bytes
     with pytest.raises(InputError, match="no study or workflow of this name"):
         gallery_upload("../pyproject")

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -35,6 +34,7 @@ from tripod_doe.errors import InputError, option
 from tripod_doe.joint.orders import ORDERS, amplitude_and_phase
 from tripod_doe.quantities import number
 from tripod_doe.study.model_records import MODEL_ERROR
+from tripod_doe.study.study_folder import StudyFolder
 
 _BEAT = (2, 3, 4)  # the third order and its neighbours, whose sum beats once a revolution (paper 3.3)
 _DECIMALS = 9  # of an angle in deg; what is smaller is rounding
@@ -56,7 +56,7 @@ class ComparisonSettings(BaseModel):
 
 
 @makes_kind("comparison")
-def compare_file(cubes: Mapping[str, xr.Dataset], settings: ComparisonSettings, folder: Path) -> xr.Dataset:
+def compare_file(cubes: Mapping[str, xr.Dataset], settings: ComparisonSettings, folder: StudyFolder) -> xr.Dataset:
     """Compare a measurement's file with a point of the one cube that is given; see `compare`.
 
     Raises
@@ -67,7 +67,8 @@ def compare_file(cubes: Mapping[str, xr.Dataset], settings: ComparisonSettings, 
     if len(cubes) != 1:
         raise InputError(f"a comparison needs one study as its input, it has {len(cubes)}")
     point = model_point(next(iter(cubes.values())), settings.select, settings.nearest)
-    measurement = read_measurement(folder / settings.measurement, settings.pulses_per_revolution, settings.columns)
+    path = folder.file(settings.measurement, "measurement")
+    measurement = read_measurement(path, settings.pulses_per_revolution, settings.columns)
     return compare(measurement, point, settings.reference_angle_deg, settings.speeds_rpm, settings.confidence)
 
 

@@ -30,7 +30,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -47,6 +46,7 @@ from tripod_doe.simulator import Candidate
 from tripod_doe.study.accuracy import AUTO, Accuracy
 from tripod_doe.study.definition import load_study
 from tripod_doe.study.designs import make_points
+from tripod_doe.study.study_folder import StudyFolder
 
 _LIMITS = np.linspace(1.0, 0.0, 101)
 
@@ -99,7 +99,7 @@ def choose(found: PilotErrors, columns: Mapping[str, NDArray[Any]], accuracy: Ac
 
 
 @makes_kind("choose")
-def choose_for_study(cubes: Mapping[str, xr.Dataset], settings: ChooseSettings, folder: Path) -> xr.Dataset:
+def choose_for_study(cubes: Mapping[str, xr.Dataset], settings: ChooseSettings, folder: StudyFolder) -> xr.Dataset:
     """The candidate of every point of a study file, from the cube of any pilot: a design table, see `choose`.
 
     Parameters
@@ -118,7 +118,8 @@ def choose_for_study(cubes: Mapping[str, xr.Dataset], settings: ChooseSettings, 
     """
     if len(cubes) != 1:
         raise InputError(f"choose needs one pilot as its input, not {len(cubes)}")
-    study = load_study(folder / settings.study)
+    path = folder.file(settings.study, "study")
+    study = load_study(path, folder.around(path))
     if study.accuracy is None:
         raise InputError(f'{study.origin}: the study names its model; set model = "{AUTO}" and [accuracy]')
     points = make_points(study)

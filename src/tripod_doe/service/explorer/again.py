@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
 
 import tomlkit
@@ -18,6 +19,7 @@ from tripod_doe.study.cube import SWITCH_ROLE
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.plan import plan
 from tripod_doe.study.simulate import simulate
+from tripod_doe.study.study_folder import StudyFolder
 
 _FACTOR = "replicate"  # of every scene, and without effect
 _OF_STUDY = re.compile(r"^point: \[[\w.]+\]: ")  # where a complaint stands in the study that is made for the price
@@ -41,7 +43,8 @@ def price_of_point(scene: str, parameters: dict[str, Any]) -> tuple[Any, bytes]:
     factors = {_FACTOR: {"values": [parameters.get(_FACTOR, 0)]}}  # a study has one
     study = {"study": {"name": "a point", "scene": scene}, "base": base, "factors": factors}
     try:
-        price = plan(parse_study(tomlkit.dumps(study), "point"), timing=False, recorded=True)
+        checked = parse_study(tomlkit.dumps(study), "point", StudyFolder(Path.cwd(), trusted=False))
+        price = plan(checked, timing=False, recorded=True)
     except InputError as error:
         raise InputError(_OF_STUDY.sub("", str(error))) from error
     failures = [f"{failure.outcome.label}: {failure.reason}" for failure in price.foreseen]

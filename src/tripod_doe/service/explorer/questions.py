@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.errors import InputError, near_match
+from tripod_doe.names import path_within
 from tripod_doe.quantities import duration, number, with_unit
 from tripod_doe.report.responses import factor_names, unit_text
 from tripod_doe.service.explorer.axes import choices, coordinate_axes, design_of, full_view
@@ -102,7 +103,7 @@ def _cube(path: str, view: View) -> AbstractContextManager[xr.Dataset]:
     known = _analyses(path)
     if view.analysis not in known:
         raise InputError(f"analysis = {view.analysis!r}: not in this run; it has {', '.join(known) or 'none'}")
-    return opened(Path(path) / "analysis" / f"{view.analysis}.nc")
+    return opened(path_within(Path(path), "analysis", f"{view.analysis}.nc"))
 
 
 def _analyses(path: str) -> list[str]:

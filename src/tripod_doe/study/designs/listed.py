@@ -70,7 +70,7 @@ def _rows(study: Study, design: DesignTable) -> tuple[list[str], list[list[str]]
     """Header and rows of the CSV file of a table design."""
     if design.table is None:
         raise InputError("a table design needs table = a CSV file")
-    path = study.folder / design.table
+    path = study.folder.file(design.table, "table")
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             header, *rows = [row for row in csv.reader(stream) if row] or [[]]

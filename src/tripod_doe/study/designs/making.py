@@ -46,7 +46,9 @@ def make_points(study: Study) -> Points:
     """
     design = study.file.design
     try:
-        refuse_too_many_points(max(point_count(study), most_points(study)), point_bytes(study))
+        count = max(point_count(study), most := most_points(study))
+        study.folder.refuse_many(count, "points", "; set most_points in [design]" if most else "")
+        refuse_too_many_points(count, point_bytes(study))
         points = _grid(study) if design.kind == "grid" else _list(study, design)
         study.simulator.check_lengths(_length_values(study, points), study.keep)
         allowed = _allowed(points, design.constraints)

@@ -1,0 +1,74 @@
+"""The folder of a study or workflow file: the one place where the files and functions that it names are looked up.
+
+A file of the user's own may name any file and any function. One from a stranger, as every upload to the service, may
+name files inside its folder, and no function: nothing from there is ever imported.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Self
+
+from tripod_doe.errors import ForbiddenError, TooLargeError
+
+_SHOWN = 100  # characters of a name in a message
+_LISTED = 50  # files of a folder that a message names
+
+
+@dataclass(frozen=True)
+class StudyFolder:
+    """Where the files and functions are that a study or workflow names, and what it may name."""
+
+    path: Path
+    trusted: bool = True  # whether functions, and files outside of the folder, may be named
+    most_points: int | None = None  # of a study, and values of a factor; None without a limit
+
+    @classmethod
+    def of(cls, file: str | Path, untrusted: bool = False) -> Self:
+        """The folder of a file; `untrusted` for one from a stranger."""
+        return cls(Path(file).resolve().parent, not untrusted)
+
+    def around(self, file: Path) -> StudyFolder:
+        """The folder of a file that was looked up here, under the same rules."""
+        return replace(self, path=file.resolve().parent)
+
+    def file(self, name: str, key: str) -> Path:
+        """The path of a file by its name, which is relative to this folder and stands under a key.
+
+        Raises
+        ------
+        ForbiddenError
+            In a file from a stranger, for a name that leads out of the folder, or to nothing in it.
+        """
+        if self.trusted:
+            return self.path / name
+        try:
+            path, folder = (self.path / name).resolve(), self.path.resolve()
+            inside = bool(name) and not Path(name).is_absolute() and path.is_relative_to(folder)
+            there = inside and path.is_file()
+        except (OSError, ValueError, RuntimeError):  # a name that no file can have, or links in a circle
+            inside = there = False
+        if not inside:
+            raise ForbiddenError(
+                f"{key} = {name[:_SHOWN]!r}: a file from elsewhere: put it beside this one and give its plain name, "
+                "without a folder"
+            )
+        if not there:
+            known = sorted(other.name for other in folder.iterdir())
+            listed = ", ".join(known[:_LISTED]) + (", ..." if len(known) > _LISTED else "")
+            raise ForbiddenError(f"{key} = {name[:_SHOWN]!r}: not among the files here ({listed})")
+        return path
+
+    def refuse_functions(self, function: str) -> None:
+        """Refuse (ForbiddenError) a function that a file from a stranger names."""
+        if not self.trusted:
+            raise ForbiddenError(
+                f"function = {function[:_SHOWN]!r}: functions are not allowed here: run such a study from the command "
+                "line"
+            )
+
+    def refuse_many(self, count: int, what: str, remedy: str = "") -> None:
+        """Refuse (TooLargeError) more points, or values of a factor, than may be read here."""
+        if self.most_points is not None and count > self.most_points:
+            raise TooLargeError(f"{count:,} {what}; at most {self.most_points:,} points are allowed here{remedy}")
