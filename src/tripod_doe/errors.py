@@ -1,4 +1,4 @@
-"""Errors for people: what is wrong, where, and what to do about it.
+"""Errors for people: they name the fault, its place and the remedy.
 
 Outcomes (`tripod_doe.simulator`) are for cubes: a point that fails is a flagged cell, never an exception.
 """
@@ -26,7 +26,7 @@ _CONTROL = re.compile(
     r"[^\S\n ]|[\x00-\x09\x0b-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]"
 )
 _options = False
-"""Whether the user of this process wrote a command line."""
+"""Whether this process runs a command line."""
 
 
 class TripodDoeError(Exception):
@@ -49,7 +49,7 @@ class InputError(TripodDoeError):
 
 
 class ForbiddenError(InputError):
-    """Something in a file from a stranger that is not done for him: a function, or a file from elsewhere."""
+    """Something that a file from a stranger may not ask for: a function, or a file from elsewhere."""
 
 
 class TooLargeError(InputError):
@@ -98,7 +98,7 @@ def option(name: str, value: object = None) -> str:
 
 def printable(text: str) -> str:
     """A text with escapes for what may change more of a terminal than a place: control characters but line ends."""
-    return _CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+    return _CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
 
 def _readable(message: str) -> str:
@@ -109,7 +109,7 @@ def _readable(message: str) -> str:
 
 
 def first_messages(items: Sequence[Item], message: Callable[[Item], str]) -> list[str]:
-    """Messages about the first of some wrong items, and how many more there are: no others are even made.
+    """Messages about the first of some wrong items, and the number of the others, whose messages are not made.
 
     Parameters
     ----------

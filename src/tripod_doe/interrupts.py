@@ -21,7 +21,7 @@ _noted = threading.Event()
 
 
 def check_interrupt() -> None:
-    """Look whether an interrupt came and was dropped: called between blocks of points and between steps.
+    """Raise an interrupt that Python dropped; called between blocks of points and between steps.
 
     Raises
     ------

@@ -41,14 +41,14 @@ def check_identifier(name: str, of: str) -> str:
 
 
 def path_within(folder: Path, *names: str) -> Path:
-    """The path of a file below a folder, each of the names that of a folder or a file.
+    """Make the path of a file below a folder from the names of its folders and of the file.
 
     Every path that is made of a name from a file or an address is made here.
 
     Raises
     ------
     InputError
-        If a name is not that of one file: it is empty, holds separators or control characters, or begins with a dot.
+        If a name is no file name: it is empty, holds separators or control characters, or begins with a dot.
     """
     for name in names:
         if not name or name.startswith(".") or len(name) > _LONGEST_FILE or _NO_FILE.search(name):

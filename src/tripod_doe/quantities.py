@@ -1,6 +1,6 @@
-"""Numbers and names as people write them: one place for all in a sentence, a table or a line of the terminal.
+"""Numbers and names as text, for sentences, tables and lines of the terminal.
 
-Three significant digits, powers of ten only where nobody would write the digits, and a unit that suits the size.
+Three significant digits, powers of ten only for very large and small numbers, and a unit that suits the size.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from itertools import pairwise
 
 _DIGITS = 3
-_GIVEN_DIGITS = 6  # of a value that somebody wrote down: enough to recognise it
+_GIVEN_DIGITS = 6  # of a value that a user wrote: enough to recognise it
 _PLAIN = (1e-4, 1e7)  # magnitudes that are written without a power of ten
 _GROUPED = 1e4  # from here on, digits are grouped by commas
 _TIMES = (
@@ -27,7 +27,7 @@ _SIZES = ((1e12, "TB"), (1e9, "GB"), (1e6, "MB"), (1e3, "kB"), (1.0, "bytes"))
 
 
 def number(value: float, digits: int = _DIGITS) -> str:
-    """A number to so many significant digits, without trailing zeros: ``0.019``, ``64.4``, ``12,300``, ``3e-14``.
+    """A number to some significant digits, without trailing zeros: ``0.019``, ``64.4``, ``12,300``, ``3e-14``.
 
     Not a number is ``not known``.
     """
@@ -64,11 +64,11 @@ def levels_apart(values: Iterable[float]) -> list[str]:
 
 
 def rounded_up(value: float, digits: int = 2) -> str:
-    """A bound to so many significant digits, rounded away from zero, so that "at most" holds."""
+    """A bound to some significant digits, rounded away from zero, so that "at most" holds."""
     if value == 0 or not math.isfinite(value):
         return number(value)
     unit = 10.0 ** (math.floor(math.log10(abs(value))) - digits + 1)
-    steps = math.ceil(abs(value) / unit * (1 - 1e-12))  # a value that already has so few digits stays as it is
+    steps = math.ceil(abs(value) / unit * (1 - 1e-12))  # a value with few digits already stays as it is
     return number(math.copysign(steps * unit, value), digits + 1)
 
 
@@ -83,12 +83,12 @@ def interval(value: float, half: float) -> str:
         return number(value)
     if value == 0:
         return f"0 +- {number(half, 2)}"
-    told = math.floor(math.log10(abs(value))) - math.floor(math.log10(abs(half))) + 2
-    return f"{number(value, min(max(told, 1), _DIGITS + 1))} +- {number(half, 2)}"
+    wanted = math.floor(math.log10(abs(value))) - math.floor(math.log10(abs(half))) + 2
+    return f"{number(value, min(max(wanted, 1), _DIGITS + 1))} +- {number(half, 2)}"
 
 
 def in_words(name: str) -> str:
-    """A name without underscores, those of persons as they are written: ``poissons_ratio`` is ``Poisson's ratio``."""
+    """A name without underscores, and with names of persons capitalised: ``poissons_ratio`` is ``Poisson's ratio``."""
     return " ".join(_PERSONS.get(word, word) for word in name.split("_"))
 
 
@@ -119,7 +119,7 @@ def duration(seconds: float, digits: int = _DIGITS) -> str:
 
 
 def pace(count: float, seconds: float, thing: str = "point") -> str:
-    """How fast things are made: ``350 points per second``, or ``12 s per point`` where one takes longer than that."""
+    """The rate at which things are made: ``350 points per second``, or ``12 s per point`` at slower rates."""
     if count <= 0 or seconds <= 0:
         return ""
     if count < seconds:

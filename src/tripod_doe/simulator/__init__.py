@@ -1,4 +1,7 @@
-"""What a study and a model agree on: parameters, outputs, outcomes, blocks of results, and the simulator itself."""
+"""The interface between studies and models: parameters, outputs, outcomes, blocks of results, and the simulator.
+
+No model and no study is in here.
+"""
 
 from tripod_doe.simulator.block import WORK, BlockResult, Retries, Values, common_unit
 from tripod_doe.simulator.candidate import Candidate

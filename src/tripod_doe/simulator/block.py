@@ -1,4 +1,4 @@
-"""The results of a block of points: made empty, filled as points end, taken apart, kept by journals and cubes."""
+"""Results of a block of points: made empty, filled as points end, split, stored in journals and cubes."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def common_unit(name: str, unit: str, other: str) -> str:
 
 @dataclass(frozen=True)
 class Retries:
-    """What the retries of a study did to a block; every array starts with the point."""
+    """Changes that retries made to a block; the first axis of every array is the point."""
 
     # number of the last change that was tried, 0 where the first attempt stands, shape (point,)
     attempt: NDArray[np.int8]
@@ -55,7 +55,7 @@ class Retries:
     used: dict[str, NDArray[Any]]
 
     def take(self, rows: NDArray[np.integer[Any]]) -> Retries:
-        """Those of some points, in the order of `rows`."""
+        """The retries of some points, in the order of `rows`."""
         return Retries(
             self.attempt[rows],
             self.first_outcome[rows],
@@ -66,7 +66,7 @@ class Retries:
 
 @dataclass(frozen=True, kw_only=True)
 class BlockResult:
-    """What a simulator answers for a block of points; every array starts with the point."""
+    """Results of a simulator for a block of points; the first axis of every array is the point."""
 
     outcome: NDArray[np.int8]  # `Outcome` values, shape (point,)
     detail: list[str]  # why a point failed, or a note on one that finished; mostly empty there
@@ -82,7 +82,7 @@ class BlockResult:
     # tolerances or steps that points settled by themselves, by the name of the parameter, shape (point,) each; NaN
     # where they did not, or were given one
     settled: dict[str, FloatArray] = field(default_factory=dict)
-    retries: Retries | None = None  # what the retries of the study did, None without retries
+    retries: Retries | None = None  # None without retries
 
     @classmethod
     def blank(

@@ -1,4 +1,4 @@
-"""What model = "auto" may choose: a model with its numerics, and what it costs."""
+"""Candidates of model = "auto": a model with its numerics, and its price."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The time that is counted as the cost of points: all that their thread spends on them, compilation left out."""
+"""Time counted as the cost of points: the time of their thread, without compilation."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ _left_out = _LeftOut()
 
 
 def counted_time() -> tuple[float, float]:
-    """CPU and wall seconds of this thread, of which only differences count; it stands still in `not_counted`."""
+    """CPU and wall seconds of this thread; only differences mean anything. The clock stands still in `not_counted`."""
     return time.thread_time() - _left_out.cpu, time.perf_counter() - _left_out.wall
 
 
 @contextmanager
 def not_counted() -> Iterator[None]:
-    """Leave out the time that the block takes, such a block within it included once."""
+    """Leave out the time of the block; nested blocks are left out once."""
     cpu, wall = counted_time()
     try:
         yield

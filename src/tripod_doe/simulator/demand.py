@@ -1,4 +1,4 @@
-"""How accurate a study asks the outputs of its points to be."""
+"""Accuracy that a study demands of its outputs."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ class Demand:
 
 @dataclass(frozen=True)
 class Demands:
-    """All quantities whose accuracy is asked for."""
+    """All quantities with a demanded accuracy."""
 
-    quantities: tuple[Demand, ...]  # what is asked for
-    # A value below this share of the largest one beside it (a small order beside the third) is measured against that
+    quantities: tuple[Demand, ...]
+    # a value below this share of the largest one beside it (a small order beside the third) is measured against that
     # share of it: relative to its own size, a vanishing order would ask for anything
     floor: float
 

@@ -1,4 +1,4 @@
-"""What is known beforehand of the error that models make, and where they hold: told with every answer."""
+"""Known errors of the models and the ranges in which the models hold, as every answer states them."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _REASONS = 2
 
 @dataclass(frozen=True)
 class ModelErrors:
-    """Relative errors of the models of some points, without those of their numerics."""
+    """Relative errors of the models at some points; numerical errors are not part of them."""
 
-    quantity: str  # what they are errors of, for instance ``third order``
+    quantity: str  # the quantity with the errors, for instance ``third order``
     reference: str  # the model that the others are compared with
     models: NDArray[np.object_]  # the model of every point, shape (point,)
     # median error at points like each that finer models computed, shape (point,); NaN where it is not known
@@ -33,7 +33,7 @@ class ModelErrors:
     departures: Sequence[Departure] = ()  # the ranges in which these models hold, each with the points that leave it
 
     def of(self, rows: NDArray[np.bool_]) -> ModelErrors:
-        """Those of some of the points."""
+        """The errors at some of the points."""
         departures = [
             replace(each, outside=each.outside[rows], values=each.values[rows[each.outside]])
             for each in self.departures
@@ -52,17 +52,17 @@ class ModelErrors:
 class ValidRange:
     """A range outside which a model does not hold."""
 
-    quantity: str  # A parameter, or a ratio that follows from several
+    quantity: str  # a parameter, or a ratio that follows from several
     reason: str  # what the model leaves out that counts beyond
     # low, high: ends of the range; they belong to it
     low: float = -np.inf
     high: float = np.inf
     unit: str = ""  # of the quantity, as people write it; empty without dimension
-    meaning: str = ""  # what the quantity is, where its name does not say it
+    meaning: str = ""  # definition of the quantity, where its name does not say it
 
     @property
     def text(self) -> str:
-        """The range in words: ``swing_ratio (what it is) up to 0.2``."""
+        """The range in words: ``swing_ratio (its definition) up to 0.2``."""
         name = f"{self.quantity} ({self.meaning})" if self.meaning else self.quantity
         unit = f" {self.unit}" if self.unit else ""
         if np.isinf(self.high):
@@ -86,7 +86,7 @@ class Departure:
 
 @dataclass
 class _KnownErrors:
-    """Errors of one model at the points that were counted so far, as far as a sentence needs them."""
+    """Sums over the points of one model counted so far, for the sentence about its error."""
 
     count: int = 0
     known: int = 0
@@ -96,7 +96,7 @@ class _KnownErrors:
     reasons: Counter[str] = field(default_factory=Counter)
 
     def add(self, errors: ModelErrors, own: NDArray[np.bool_]) -> None:
-        """Count some points, of which `own` are those of the model."""
+        """Count some points; `own` marks the points of the model."""
         known = own & np.isfinite(errors.expected)
         self.count += int(own.sum())
         self.known += int(known.sum())
@@ -107,18 +107,18 @@ class _KnownErrors:
 
 
 def _widened(ends: tuple[float, float], values: FloatArray) -> tuple[float, float]:
-    """Ends of a range that holds some values, too."""
+    """Widen a range so that it holds some values."""
     low, high = ends
     return float(values.min(initial=low)), float(values.max(initial=high))
 
 
 class ModelSummary:
-    """The models of many points, counted block by block: what sentences on them need, whatever the number of points.
+    """The models of many points, counted block by block for the sentences about them, in constant memory.
 
     Parameters
     ----------
     which
-        What the points have in common, as a sentence says it after the name of a model.
+        A phrase for the points, which follows the name of a model in a sentence.
     """
 
     def __init__(self, which: str = "") -> None:
@@ -168,27 +168,27 @@ class ModelSummary:
     @property
     def departure_texts(self) -> list[str]:
         """One sentence per range that points leave."""
-        told = []
+        sentences = []
         for (model, left), outside in self._outside.items():
             count = self._errors[model].count
             if outside:
                 where = _share(outside, count) or (" here" if count == 1 else f" at all {count:,} points")
-                found = " to ".join(dict.fromkeys(number(end, digits=2) for end in self._values[model, left]))
-                text = f"{left.text}, {'here' if count == 1 else 'there'} {found}"
-                told.append(f"Model {model}{self._which} is outside its range{where}: {text}; {left.reason}.")
-        return told
+                ends = " to ".join(dict.fromkeys(number(end, digits=2) for end in self._values[model, left]))
+                text = f"{left.text}, {'here' if count == 1 else 'there'} {ends}"
+                sentences.append(f"Model {model}{self._which} is outside its range{where}: {text}; {left.reason}.")
+        return sentences
 
 
 def _in_words(reasons: list[tuple[str, int]]) -> str:
-    """The commonest reasons, each with its count where there are several; of the others the number and an example."""
+    """The most common reasons with their counts; the others as a number and an example."""
     (first, _), *others = reasons
     if not others:
         return first
     named, rest = (reasons, []) if len(reasons) == _REASONS + 1 else (reasons[:_REASONS], reasons[_REASONS:])
-    told = [f"{reason} ({_points(some)})" for reason, some in named]
+    phrases = [f"{reason} ({_points(some)})" for reason, some in named]
     if rest:
-        told.append(f"other reasons ({_points(sum(some for _, some in rest))}), most often {rest[0][0]}")
-    return "; ".join(told)
+        phrases.append(f"other reasons ({_points(sum(some for _, some in rest))}), most often {rest[0][0]}")
+    return "; ".join(phrases)
 
 
 def _points(some: int) -> str:

@@ -1,4 +1,4 @@
-"""Outputs with unit, symbol, meaning and dimensions: what cubes, their sizes and their labels are made from."""
+"""Outputs with unit, symbol, meaning and dimensions; cubes, their sizes and labels are made from them."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class Dimension:
     @property
     def attributes(self) -> dict[str, str]:
         """Unit, meaning and convention, as attributes of the coordinate."""
-        told = {"units": self.unit, "comment": self.convention}
-        return {"long_name": self.meaning or self.name.replace("_", " ")} | {k: v for k, v in told.items() if v}
+        attributes = {"units": self.unit, "comment": self.convention}
+        return {"long_name": self.meaning or self.name.replace("_", " ")} | {k: v for k, v in attributes.items() if v}
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Parameters with unit, symbol, meaning and source: what help, schema, cubes and reports are made from."""
+"""Parameters with unit, symbol, meaning, range and source; help, schema, cubes and reports are made from them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Parameter:
     unit: str  # UDUNITS spelling; ``"1"`` without dimension
     symbol: str  # the field's symbol, as the paper writes it where it does
     meaning: str  # one phrase in the field's words
-    source: str  # A place in the paper, or the word "assumed"
+    source: str  # a place in the paper, or the word "assumed"
     # low, high: range of allowed values, ends included unless `low_open`
     low: float = -math.inf
     high: float = math.inf

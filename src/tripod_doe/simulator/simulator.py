@@ -88,7 +88,7 @@ class Simulator(ABC):
         return []
 
     def recorded_price(self, values: Mapping[str, Value]) -> float | None:
-        """CPU seconds of a usual run with these values, as recorded for the candidate that is most like it.
+        """Recorded CPU seconds of the candidate that is most similar to these values.
 
         None where no candidate has the same choices (model, method) as far as candidates make any.
         """
@@ -132,7 +132,7 @@ class Simulator(ABC):
     def check(
         self, base: Mapping[str, Value], factors: Mapping[str, Collection[Value]], keep: Collection[str]
     ) -> list[str]:
-        """Check what no single value shows, and return warnings.
+        """Check values against each other, and return warnings.
 
         Parameters
         ----------
@@ -154,7 +154,7 @@ class Simulator(ABC):
         return []
 
     def model_errors(self, points: Mapping[str, NDArray[Any]]) -> ModelErrors | None:
-        """What is known of the errors of the models of some points, and where they hold; None with one model only.
+        """Known errors of the models at some points, and where the models hold; None with a single model.
 
         Parameters
         ----------
@@ -164,7 +164,7 @@ class Simulator(ABC):
         return None
 
     def recorded_errors(self, points: Mapping[str, NDArray[Any]], demands: Demands) -> FloatArray | None:
-        """Errors of the models of some points in what a study asks for, as they are on record for similar points.
+        """Recorded errors of the models at points similar to the given ones, for the quantities of a study.
 
         Parameters
         ----------
@@ -182,7 +182,7 @@ class Simulator(ABC):
         return None
 
     def describe_model(self, model: str) -> dict[str, Any]:
-        """What a model ignores and where it holds, as plain data."""
+        """Parameters that a model ignores and ranges where it holds, as plain data."""
         raise KeyError(model)
 
     def missing_effects(self, model: str) -> Mapping[str, str]:
@@ -236,14 +236,14 @@ class Simulator(ABC):
 
     def labels(self, names: Collection[str], values: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
         """Labels along the dimensions of some outputs, for points with these values."""
-        found = (dimension for name in names for dimension in self.outputs[name].dimensions)
-        return {dimension.name: dimension.labels_of(values) for dimension in found}
+        dimensions = (dimension for name in names for dimension in self.outputs[name].dimensions)
+        return {dimension.name: dimension.labels_of(values) for dimension in dimensions}
 
     def dimension_attributes(self, name: str) -> dict[str, str]:
-        """Unit and meaning of a dimension of this name; what the name says where no output declares it."""
+        """Unit and meaning of a dimension by its name; where no output declares it, the name in words."""
         declared = (dimension for output in self.outputs.values() for dimension in output.dimensions)
-        found = next((dimension for dimension in declared if dimension.name == name), None)
-        return (found or Dimension(name, np.empty(0))).attributes
+        same = next((dimension for dimension in declared if dimension.name == name), None)
+        return (same or Dimension(name, np.empty(0))).attributes
 
     @property
     def length_parameters(self) -> set[str]:
@@ -330,7 +330,7 @@ def model_notes(simulator: Simulator, points: Mapping[str, NDArray[Any]]) -> lis
 
 
 def _distance(values: Mapping[str, Value], others: Mapping[str, Value]) -> float:
-    """How far apart positive numbers are, as the sum of the logarithms of their ratios; what is not set is near."""
+    """Distance of two sets of positive numbers: the sum of the logarithms of their ratios; unset ones add nothing."""
     pairs = ((values[name], other) for name, other in others.items())
     numbers = [(a, b) for a, b in pairs if isinstance(a, int | float) and isinstance(b, int | float)]
     return sum(abs(math.log(a / b)) for a, b in numbers if a > 0 < b)
