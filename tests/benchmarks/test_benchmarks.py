@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import ast
 import json
+import random
 import sys
 import uuid
 from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from started import Process
 from tripod_doe.simulator import Outcome
@@ -326,3 +328,26 @@ def test_studies_of_the_memory_benchmark_are_ones(benchmark, tmp_path, name):
     study = parse_study(large.DESIGNS[name].study(1000), folder=StudyFolder(tmp_path))
     check_analyses(study)
     assert 700 < make_points(study).count <= 1024
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["run --workers 0", "workflow --workers 2"])
+def test_kills_of_a_command_lose_nothing(benchmark, tmp_path, name):
+    kills = benchmark("kills")
+    assert kills.storm(tmp_path / "storm", name, 2, 12, 0.02, random.Random(5)) == []
+
+
+@pytest.mark.slow
+def test_a_storm_notices_what_is_lost_and_what_is_written_elsewhere(benchmark, tmp_path):
+    kills = benchmark("kills")
+    disturbed = kills.prepared(tmp_path / "storm", "run --workers 0", 4, 0.0)
+    disturbed.begin()
+    assert disturbed.faults == []
+    disturbed.finish()
+    with xr.open_dataset(disturbed.out / "cube.nc") as cube:
+        changed = cube.load()
+    changed["y"][1] += 1e-9
+    changed.to_netcdf(disturbed.out / "cube.nc")
+    (disturbed.folder / "stray").write_text("")
+    disturbed.compare()
+    assert disturbed.faults == ["out1: cube.nc differs", f"written elsewhere: {disturbed.folder / 'stray'}"]
