@@ -28,6 +28,7 @@ from tripod_doe.study.arrays import opened_arrays
 from tripod_doe.study.definition import Study, load_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.directory import ResultDirectory
+from tripod_doe.study.execution.task import make_task
 from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.plan import plan
 from tripod_doe.study.query import records
@@ -104,7 +105,7 @@ def answers(
     block = min(block, _MOST_BYTES // max(8 * course, 1))
     for start in range(0, missing.size, block):
         chosen = missing[start : start + block]
-        asked.task(chosen)
+        make_task(asked.study, asked.points, chosen)
         result = BlockResult.blank(chosen.size, Outcome.FINISHED)
         result.outputs["thrust_amplitude"] = Values(("order",), np.sin(chosen)[:, None] + 2.0 + orders)
         result.coordinates["order"] = orders

@@ -27,7 +27,7 @@ from tripod_doe.mechanics.assembly import Assembly, State, assemble
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, run
 from tripod_doe.simulator import Candidate
-from tripod_doe.study.task import Task, run_task
+from tripod_doe.study.execution.task import Task, run_task
 
 SKEW = {"initial_skew_1_deg": 0.4, "initial_skew_2_deg": -0.4, "initial_skew_3_deg": 0.4}
 

@@ -25,8 +25,8 @@ import tripod_doe as td
 from tripod_doe.joint.parameters import internal_values
 from tripod_doe.study.definition import load_study, parse_study
 from tripod_doe.study.designs import make_points
+from tripod_doe.study.execution.task import make_task, run_task
 from tripod_doe.study.scenes import load_simulator
-from tripod_doe.study.task import make_task, run_task
 
 HERE = Path(__file__).parent
 BLOCK = 5000

@@ -21,7 +21,7 @@ import tomlkit
 import tripod_doe as td
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points
-from tripod_doe.study.task import make_task, run_task
+from tripod_doe.study.execution.task import make_task, run_task
 
 STUDY = (Path(__file__).parent / "throughput.toml").read_text().replace('[base]\nmodel = "equilibrium"\n\n', "")
 BASES = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from tripod_doe.study.this_process import ThisProcess
+from tripod_doe.study.execution.this_process import ThisProcess
 
 
 class OtherProcess(ThisProcess):

@@ -101,7 +101,11 @@ def test_the_server_computes_nothing_and_what_computes_serves_nothing():
         (["tripod_doe.service.server"], computes),
         (
             [f"tripod_doe.service.{name}" for name in ("answering", "plans", "descriptions")]
-            + ["tripod_doe.study.local_cluster", "tripod_doe.study.task", "tripod_doe.workflow.chain"],
+            + [
+                "tripod_doe.study.execution.local_cluster",
+                "tripod_doe.study.execution.task",
+                "tripod_doe.workflow.chain",
+            ],
             serves,
         ),
     ):

@@ -16,10 +16,10 @@ from tripod_doe.simulator import Departure, ModelErrors, ModelSummary, ValidRang
 from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points, point_keys
+from tripod_doe.study.execution.task import make_task, run_task
 from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.netcdf import write_dataset
 from tripod_doe.study.study_folder import StudyFolder
-from tripod_doe.study.task import make_task, run_task
 
 GRID = """
 [study]

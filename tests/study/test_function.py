@@ -14,10 +14,10 @@ from tripod_doe.simulator import BlockResult
 from tripod_doe.study.cube import COST_VARIABLES, EXCLUDED
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points
+from tripod_doe.study.execution.task import make_task, run_task
 from tripod_doe.study.scenes import load_simulator
 from tripod_doe.study.simulate import simulate
 from tripod_doe.study.study_folder import StudyFolder
-from tripod_doe.study.task import make_task, run_task
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
 

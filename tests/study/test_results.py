@@ -18,7 +18,7 @@ from tripod_doe.study.arrays import opened_arrays
 from tripod_doe.study.definition import load_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.directory import ResultDirectory
-from tripod_doe.study.execution import Execution
+from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.results import is_shown
 from tripod_doe.study.study_points import StudyPoints
 

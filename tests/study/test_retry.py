@@ -16,9 +16,9 @@ from started import Process
 from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points, point_keys
+from tripod_doe.study.execution.task import make_task, run_task
 from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.study_folder import StudyFolder
-from tripod_doe.study.task import make_task, run_task
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
 

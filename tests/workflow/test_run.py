@@ -17,10 +17,10 @@ import xarray as xr
 import tripod_doe as td
 from stand_in_workers import SlowStart
 from started import Process
-from tripod_doe.study import dask_workers
 from tripod_doe.study.definition import load_study
 from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.directory import ResultDirectory
+from tripod_doe.study.execution import dask_cluster
 from tripod_doe.study.journal import Journal
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
@@ -161,7 +161,7 @@ def test_a_point_that_asks_python_to_exit_costs_only_itself_in_this_process(writ
 
 def test_a_study_whose_process_died_goes_on_with_worker_processes(write_study, tmp_path, monkeypatch):
     """A point that crashes the process must not do so each time the study is run again."""
-    monkeypatch.setattr(dask_workers, "DaskWorkers", SlowStart)
+    monkeypatch.setattr(dask_cluster, "DaskWorkers", SlowStart)
     study = write_study(GRID)
     (tmp_path / "out").mkdir()
     with Journal(tmp_path / "out") as journal:

@@ -20,7 +20,7 @@ from typing import IO, Any, cast
 from tripod_doe.errors import ForbiddenError, InputError, TooLargeError, TripodDoeError, option
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.uploads import STUDY, refuse_many_files, write_upload
-from tripod_doe.study.child_process import answers
+from tripod_doe.study.execution.child_process import answers
 from tripod_doe.study.study_folder import StudyFolder
 
 Answer = tuple[Any, bytes]

@@ -27,7 +27,7 @@ from importlib import import_module
 
 import psutil
 
-from tripod_doe.study.child_process import command, environment
+from tripod_doe.study.execution.child_process import command, environment
 
 _IMPORTED = (
     "dask.array",  # which xarray imports with the first cube

@@ -17,7 +17,6 @@ from tripod_doe.study.designs import Points, point_keys
 from tripod_doe.study.failures import Failure, common_failures
 from tripod_doe.study.key_index import KeyIndex
 from tripod_doe.study.slabs import box, slabs
-from tripod_doe.study.task import Task, make_task
 
 if TYPE_CHECKING:  # for its name only
     import xarray as xr
@@ -89,10 +88,6 @@ class StudyPoints:
             for row, kind in zip(rows.tolist(), zip(*words, strict=True), strict=True):
                 found.setdefault(kind, row)
         return np.array(list(found.values()), np.int64)
-
-    def task(self, chosen: IntArray) -> Task:
-        """The task that simulates some points."""
-        return make_task(self.study, self.points, chosen)
 
     def failures(self, cube: xr.Dataset) -> list[Failure]:
         """Points of the cube whose outcome is not good, grouped by outcome and reason, the most frequent first."""

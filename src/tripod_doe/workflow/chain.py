@@ -28,7 +28,7 @@ from tripod_doe.pages.workflow import chain_page, step_page, write_charts
 from tripod_doe.pages.workflow_chart import StepView
 from tripod_doe.quantities import duration
 from tripod_doe.study.directory import make_directory
-from tripod_doe.study.execution import Execution
+from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failures import failure_lines
 from tripod_doe.study.netcdf import stamp_history, write_dataset
 from tripod_doe.study.results import opened_cube

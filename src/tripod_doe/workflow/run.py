@@ -27,8 +27,8 @@ from tripod_doe.study.choice import chosen_keys, chosen_points
 from tripod_doe.study.definition import Study, load_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.directory import ResultDirectory
-from tripod_doe.study.execution import Execution
-from tripod_doe.study.existing_scheduler import ExistingScheduler, tls_files
+from tripod_doe.study.execution.execution import Execution
+from tripod_doe.study.execution.existing_scheduler import ExistingScheduler, tls_files
 from tripod_doe.study.failures import Failure
 from tripod_doe.study.journal import PILOT
 from tripod_doe.study.study_points import StudyPoints

@@ -19,16 +19,17 @@ from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.simulator import BlockResult, Outcome
-from tripod_doe.study.block_queue import BlockQueue
 from tripod_doe.study.definition import Study
-from tripod_doe.study.executor import Answer, AtWork, Executor, Lost
-from tripod_doe.study.existing_scheduler import ExistingScheduler
+from tripod_doe.study.execution.block_queue import BlockQueue
+from tripod_doe.study.execution.executor import Answer, AtWork, Executor, Lost
+from tripod_doe.study.execution.existing_scheduler import ExistingScheduler
+from tripod_doe.study.execution.task import make_task
+from tripod_doe.study.execution.this_process import ThisProcess
 from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.study_points import StudyPoints
-from tripod_doe.study.this_process import ThisProcess
 
 if TYPE_CHECKING:  # Dask takes a second to import, and a small study does without
-    from tripod_doe.study.dask_workers import DaskWorkers
+    from tripod_doe.study.execution.dask_cluster import DaskWorkers
 
 _USUAL_WORKERS = 2
 _WORTH_WORKERS = 15.0  # seconds of work left: two workers take about 8 s of CPU time to start, and some to end
@@ -143,7 +144,7 @@ class Execution:
             while True:
                 check_interrupt()
                 while executor.busy < executor.slots and go_on() and (block := queue.take(executor.slots)) is not None:
-                    executor.submit(block, asked.task(block))
+                    executor.submit(block, make_task(asked.study, asked.points, block))
                 if not executor.busy:
                     break
                 if (news := executor.next_finished()) is None:
@@ -166,7 +167,7 @@ class Execution:
     @property
     def _workers(self) -> DaskWorkers:
         if self._dask is None:
-            from tripod_doe.study.dask_workers import DaskWorkers
+            from tripod_doe.study.execution.dask_cluster import DaskWorkers
 
             self._dask = DaskWorkers(self._wanted or _USUAL_WORKERS, self._scheduler)
         return self._dask

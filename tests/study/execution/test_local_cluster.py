@@ -14,8 +14,8 @@ import psutil
 import pytest
 
 from tripod_doe.errors import TripodDoeError
-from tripod_doe.study import local_cluster
-from tripod_doe.study.local_cluster import LocalWorkers
+from tripod_doe.study.execution import local_cluster
+from tripod_doe.study.execution.local_cluster import LocalWorkers
 
 CLIENT = """
 import sys

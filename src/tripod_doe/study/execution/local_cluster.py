@@ -26,7 +26,7 @@ from multiprocessing import forkserver
 from typing import TYPE_CHECKING
 
 from tripod_doe.errors import TripodDoeError, option
-from tripod_doe.study.child_process import answers, start_child
+from tripod_doe.study.execution.child_process import answers, start_child
 from tripod_doe.study.scenes import modules_of_scenes
 
 if TYPE_CHECKING:  # this program starts its own children before it imports Dask
@@ -102,7 +102,7 @@ def _serve(count: int, modules: list[str]) -> None:
     """Start workers with these modules imported, say where they are, and keep them until they are to close."""
     stream = answers()
     multiprocessing.set_forkserver_preload(
-        ["distributed.nanny", "distributed.worker", f"{__package__}.on_worker", *modules]
+        ["distributed.nanny", "distributed.worker", f"{__package__}.dask_task", *modules]
     )
     forkserver.ensure_running()  # it imports them beside the imports here: on two cores that halves the start
 

@@ -27,10 +27,10 @@ from distributed.comm import CommClosedError
 
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError
-from tripod_doe.study.executor import Answer, Lost
-from tripod_doe.study.on_worker import Unfit, our_version, read_answer, run_block
-from tripod_doe.study.task import Task
-from tripod_doe.study.user_code import UserCode
+from tripod_doe.study.execution.dask_task import Unfit, our_version, read_answer, run_block
+from tripod_doe.study.execution.executor import Answer, Lost
+from tripod_doe.study.execution.task import Task
+from tripod_doe.study.execution.user_code import UserCode
 
 DEATHS = 3
 """Workers that a point takes down by itself before it is given up."""

@@ -7,8 +7,8 @@ import threading
 import time
 
 from tripod_doe.array_types import IntArray
-from tripod_doe.study.executor import Answer, AtWork, Lost
-from tripod_doe.study.task import Task, run_task
+from tripod_doe.study.execution.executor import Answer, AtWork, Lost
+from tripod_doe.study.execution.task import Task, run_task
 
 NAME = "main process"
 """Stands for the worker of points that were computed here."""

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from tripod_doe.array_types import IntArray
 from tripod_doe.simulator import BlockResult
-from tripod_doe.study.task import Task
+from tripod_doe.study.execution.task import Task
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import InputError
-from tripod_doe.study.executor import Answer
-from tripod_doe.study.task import Task, matching_simulator, run_task
-from tripod_doe.study.user_code import UserCode, check_imported, placed
+from tripod_doe.study.execution.executor import Answer
+from tripod_doe.study.execution.task import Task, matching_simulator, run_task
+from tripod_doe.study.execution.user_code import UserCode, check_imported, placed
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ def _by_value() -> Callable[[str, bytes], tuple[str, str, bytes | str]]:
 
         worker = get_worker()
         try:
-            from tripod_doe.study.on_worker import answer_as_bytes, our_version
+            from tripod_doe.study.execution.dask_task import answer_as_bytes, our_version
         except Exception as error:
             problem = f"it has no tripod-doe that can be used ({type(error).__name__}: {error})"
             return str(worker.name), str(worker.address), problem
