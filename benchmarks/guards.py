@@ -41,7 +41,7 @@ sys.path.append(str(Path(__file__).parents[1] / "tests" / "mechanics" / "scenes"
 from example_scenes import dropped_ball, rolling_sphere
 from field import field_points, upper_bound
 
-from tripod_doe.joint.multibody.run_result import JointRun
+from tripod_doe.joint.multibody.run_result import JointRun, Wanted
 from tripod_doe.joint.multibody_run import run_joint
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.parameters import point_values
@@ -295,7 +295,7 @@ def draw_points(points: int, needles: bool, whole_field: bool, rng: np.random.Ge
 def joint_run(values: JointValues[float], needles: bool, method: str, setting: float):
     """A run and its amplitudes of orders 2 and 3, NaN if it stopped on its way."""
     step, tolerance = (np.nan, setting) if METHODS[method].controlled else (setting, np.nan)
-    result = run_joint(replace(values, step=step, relative_tolerance=tolerance), needles, method, SAMPLES)
+    result = run_joint(replace(values, step=step, relative_tolerance=tolerance), needles, method, Wanted(SAMPLES))
     if result.readings is None:
         return result, np.full(2, np.nan)
     return result, np.abs(complex_amplitudes(result.readings.groove_thrust.sum(1)).mean(0))[2:4]

@@ -36,7 +36,7 @@ class Version:
 
     def __init__(self, name: str, count: int, tree: Path, cache: str | None = None) -> None:
         environment = os.environ | {"PYTHONPATH": str(tree / "src")} | ({"NUMBA_CACHE_DIR": cache} if cache else {})
-        command = [sys.executable, str(HERE / "workload.py"), name, str(count)]
+        command = [sys.executable, str(tree / "benchmarks" / "workload.py"), name, str(count)]
         self._process = subprocess.Popen(
             command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )

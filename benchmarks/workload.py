@@ -2,8 +2,8 @@
 
     PYTHONPATH=TREE/src python benchmarks/workload.py NAME COUNT
 
-It uses only what every commit since the kinetostatic model has, so that it also runs older commits: studies as text,
-and their blocks as tasks. `accurate-needles` and `accurate-rollers` run the point of number COUNT (full_model.py).
+regression.py starts the file of each version's own tree. `accurate-needles` and `accurate-rollers` run the point of
+number COUNT (full_model.py).
 """
 
 from __future__ import annotations
@@ -108,12 +108,13 @@ def solve_block(name: str, count: int) -> dict[str, object]:
 def solve_accurately(model: str, number: int, **other: float) -> dict[str, object]:
     """Price, counted work and orders of one point, refined to an accuracy of its orders, with other parameters."""
     from tripod_doe.joint.accuracy import Goal
+    from tripod_doe.joint.multibody.run_result import Wanted
     from tripod_doe.joint.multibody_run import run_joint
     from tripod_doe.joint.orders import complex_amplitudes
     from tripod_doe.joint.parameters import point_values
 
     values, worked = point_values(POINTS[number] | other).point(0), time.process_time()
-    run = run_joint(values, model == "needles", "adaptive-euler", 360, goal=Goal(ACCURACY))
+    run = run_joint(values, model == "needles", "adaptive-euler", Wanted(360), goal=Goal(ACCURACY))
     orders = abs(complex_amplitudes(run.readings.groove_thrust.sum(1)).mean(0))[2:4]
     counted = {"steps": run.steps, "force_evaluations": run.force_evaluations, "solves": run.solves}
     return {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import astuple, dataclass, field
+from dataclasses import astuple, dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -59,13 +59,13 @@ class Model:
     # how it can be solved, the default first, and the numerics parameters that each method uses, with their default
     # values
     methods: Methods
-    ignores: frozenset[str]  # parameters that it cannot represent
     outputs: frozenset[str]  # names of the outputs that it computes
     # (block of points, method, samples per revolution, outputs to keep, which orders must be how accurate or None for
     # the third order's `accuracy`) -> results
     simulate: Callable[[JointValues[FloatArray], str, int, Collection[str], Goal | None], BlockResult]
     # (block of one point, method): compiles all that `simulate` needs
     prepare: Callable[[JointValues[FloatArray], str], None]
+    ignores: frozenset[str] = frozenset()  # parameters that it cannot represent
     # whether a run finds its own tolerance or step where none is given; else the method's own is accurate enough for
     # any that may be asked for
     settles: bool = False
@@ -159,12 +159,9 @@ def _balance(
     solve: Callable[[JointValues[FloatArray], int], Equilibrium],
     tolerance: float,
     energy_limit: float,
-    ignores: frozenset[str],
-    lacks: Mapping[str, str],
-    valid: tuple[ValidRange, ...],
-    moves_needles: bool = False,
+    moves_needles: bool,
 ) -> Model:
-    """A model that balances forces at every rotation angle instead of following a motion."""
+    """Make a model that balances forces at every rotation angle instead of following a motion."""
     missing = {"thrust_amplitude_error", *_RATES, *VIBRATION_OUTPUTS, *(() if moves_needles else _SKEWS)}
     simulate = partial(_simulate_balance, solve, energy_limit)
 
@@ -175,12 +172,9 @@ def _balance(
     return Model(
         name=name,
         methods={"newton": {"relative_tolerance": tolerance}},
-        ignores=ignores,
         outputs=frozenset(JOINT_OUTPUTS) - missing,
         simulate=simulate,
         prepare=prepare,
-        lacks=lacks,
-        valid=valid,
     )
 
 
@@ -250,24 +244,16 @@ def _within(swing: float, needle: float) -> tuple[ValidRange, ...]:
     )
 
 
-_EQUILIBRIUM = _balance(
-    "equilibrium",
-    _solve_equilibrium,
-    1e-9,
-    _ROUNDING,
-    _SETTLED | _OF_NEEDLES | _MASSES,
-    dict.fromkeys(("speed_rpm", *sorted(_MASSES)), "this model has no inertia"),
-    (*_within(swing=0.05, needle=0.2), _SLOW, _NO_CROWN),
+_EQUILIBRIUM = replace(
+    _balance("equilibrium", _solve_equilibrium, 1e-9, _ROUNDING, moves_needles=False),
+    ignores=_SETTLED | _OF_NEEDLES | _MASSES,
+    lacks=dict.fromkeys(("speed_rpm", *sorted(_MASSES)), "this model has no inertia"),
+    valid=(*_within(swing=0.05, needle=0.2), _SLOW, _NO_CROWN),
 )
-_KINETOSTATIC = _balance(
-    "kinetostatic",
-    _solve_kinetostatic,
-    1e-6,
-    _SPIDER_MOTION,
-    _SETTLED,
-    {},
-    _within(swing=3, needle=0.5),
-    moves_needles=True,
+_KINETOSTATIC = replace(
+    _balance("kinetostatic", _solve_kinetostatic, 1e-6, _SPIDER_MOTION, moves_needles=True),
+    ignores=_SETTLED,
+    valid=_within(swing=3, needle=0.5),
 )
 
 
@@ -280,13 +266,14 @@ def _simulate_multibody(
     goal: Goal | None = None,
 ) -> BlockResult:
     """Simulate points one by one: a run costs far more than what points could share."""
+    from tripod_doe.joint.multibody.run_result import Wanted
     from tripod_doe.joint.multibody_run import run_joint
 
     block = BlockResult.blank(points.torque.size)
     setting, usual = next(iter(_MULTIBODY_METHODS[needles][method].items()))
-    split, rates = (not set(names).isdisjoint(keep) for names in (PART_OUTPUTS, _RATES))
+    rates, split = (not set(names).isdisjoint(keep) for names in (_RATES, PART_OUTPUTS))
     for i in range(block.count):
-        result = run_joint(points.point(i), needles, method, samples, rates, split, goal, usual)
+        result = run_joint(points.point(i), needles, method, Wanted(samples, rates, split), goal, usual)
         if result.settled:
             block.settle(setting, i, result.setting)
         block.end(i, result.outcome, result.detail)
@@ -360,7 +347,6 @@ _ROLLERS = Model(
 _NEEDLES = Model(
     name="needles",
     methods=_MULTIBODY_METHODS[True],
-    ignores=frozenset(),
     outputs=frozenset(JOINT_OUTPUTS),
     simulate=partial(_simulate_multibody, True),
     prepare=_prepare_multibody,

@@ -30,10 +30,10 @@ from tripod_doe.joint.multibody.numerical_error import (
     miss_of_given,
 )
 from tripod_doe.joint.multibody.passes import FollowedJoint, Motion
-from tripod_doe.joint.multibody.readings import groove_readings, groove_thrust, needle_skews
+from tripod_doe.joint.multibody.readings import groove_readings, groove_thrust, has_needle_bodies, needle_skews
 from tripod_doe.joint.multibody.refinement import first_tolerance, refine
 from tripod_doe.joint.multibody.revolutions import unrest
-from tripod_doe.joint.multibody.run_result import JointRun, Readings, VibrationReadings
+from tripod_doe.joint.multibody.run_result import JointRun, Readings, VibrationReadings, Wanted
 from tripod_doe.joint.multibody.thrust_parts import thrust_parts
 from tripod_doe.joint.orders import ORDERS, ahead, complex_amplitudes
 from tripod_doe.joint.values import JointValues
@@ -75,9 +75,7 @@ def run_joint(
     values: JointValues[float],
     needles: bool,
     method: str,
-    samples: int,
-    rates: bool = False,
-    split: bool = False,
+    wanted: Wanted,
     goal: Goal | None = None,
     usual: float = math.nan,
 ) -> JointRun:
@@ -91,12 +89,8 @@ def run_joint(
         Model ``needles`` (True) or ``rollers``.
     method
         How it is integrated, with the step or the tolerance among the values where they are given.
-    samples
-        Samples per revolution.
-    rates
-        Whether to find what limits the step.
-    split
-        Whether the thrust is split into the parts of the mechanisms.
+    wanted
+        Results to read off it.
     goal
         What a run without a given tolerance or step is refined to; the accuracy of the third order among the values
         unless given.
@@ -105,13 +99,13 @@ def run_joint(
     """
     if reason := _out_of_range(values):
         return JointRun(Outcome.OUT_OF_RANGE, reason)
-    goal = goal or Goal({3: values.accuracy})
+    goal, samples = goal or Goal({3: values.accuracy}), wanted.samples
     settles = math.isnan(values.step) and math.isnan(values.relative_tolerance)
     lumped, vibrating = assemble(build_joint(values, needles=False)), None
     if found := growing_vibration(values, lumped):
-        vibrating = _vibrating(values, found, samples, goal, split)
+        vibrating = _vibrating(values, found, wanted, goal)
         if settles and method == _DAMPS and (answer := vibrating.answer(needles)):
-            return _with_rates(answer, vibrating.last_turn, values) if rates else answer
+            return _with_rates(answer, vibrating.last_turn, values) if wanted.rates else answer
     assembly = assemble(build_joint(values, needles)) if needles else lumped
     if settles:
         motion = _follow_to(goal, assembly, values, method, samples, usual)
@@ -120,8 +114,8 @@ def run_joint(
     result = motion.result
     done = JointRun(result.outcome, result.detail, followed=result.followed)
     if motion.sampled:
-        readings = _read(assembly, motion, values, samples, split)
-        if rates:
+        readings = _read(assembly, motion, values, wanted)
+        if wanted.rates:
             readings = replace(readings, rates=_rates(result, values, samples))
         thrust = readings.groove_thrust.sum(1)
         small = (found.growth.factor, found.growth.rate, found.hertz) if found else (1.0, 0.0, 0.0)
@@ -138,10 +132,10 @@ def run_joint(
             and _may_be_kicked(motion, vibrating)
         ):
             third = float(abs(complex_amplitudes(thrust).mean(0)[3]))
-            kicked = vibrating or _vibrating(values, Vibration(_DIES_OUT, third, unrest=0.0), samples, goal, split)
+            kicked = vibrating or _vibrating(values, Vibration(_DIES_OUT, third, unrest=0.0), wanted, goal)
             answer = kicked.answer(needles, anyhow=True)
             if answer and answer.outcome == Outcome.FINISHED:
-                return _with_rates(answer, kicked.last_turn, values) if rates else answer
+                return _with_rates(answer, kicked.last_turn, values) if wanted.rates else answer
         done = JointRun(outcome, detail, readings, followed=float(result.times[-1]))
     return replace(
         done,
@@ -158,12 +152,10 @@ def _may_be_kicked(motion: Motion, vibrating: VibratingJoint | None) -> bool:
     return not motion.swings and bool(vibrating or not motion.missed or not motion.repeats)
 
 
-def _vibrating(
-    values: JointValues[float], vibration: Vibration, samples: int, goal: Goal, split: bool
-) -> VibratingJoint:
+def _vibrating(values: JointValues[float], vibration: Vibration, wanted: Wanted, goal: Goal) -> VibratingJoint:
     """A joint that vibrates, to be followed as accurately as a goal asks for."""
     limits, allowed = run_limits(values, 1, _DAMPS), partial(goal.allowed, values=values)
-    return VibratingJoint(values, vibration, samples, limits, allowed, split)
+    return VibratingJoint(values, vibration, wanted, limits, allowed)
 
 
 def _follow_to(
@@ -257,20 +249,20 @@ def run_limits(values: JointValues[float], cycles: float, method: str) -> Limits
     return replace(_LIMITS, energy=energy, turned_over=_TURNED_OVER * transmitted)
 
 
-def _read(assembly: Assembly, motion: Motion, values: JointValues[float], samples: int, split: bool) -> Readings:
+def _read(assembly: Assembly, motion: Motion, values: JointValues[float], wanted: Wanted) -> Readings:
     """Everything that is read off the sampled revolutions of a motion."""
-    result, count = motion.result, motion.sampled
+    result, count, samples = motion.result, motion.sampled, wanted.samples
     times, positions, velocities = (
         x[-count * samples - 1 :] for x in (result.times, result.positions, result.velocities)
     )
     thrust, powers = groove_readings(assembly, positions, velocities)
     last = slice(0, -1)  # the end of the last revolution is the start of the next one
     skew, summary = None, None
-    if "needle 1.1" in assembly.names:
+    if has_needle_bodies(assembly):
         cycles = int(values.cycles)
         skew, summary = needle_skews(assembly, result.positions[: cycles * samples], values, cycles)
         skew = skew[:, -2 * samples :]
-    parts = thrust_parts(assembly, times, positions, velocities, values).sum(1) if split else None
+    parts = thrust_parts(assembly, times, positions, velocities, values).sum(1) if wanted.split else None
     return Readings(
         ahead(_by_revolution(thrust[:, last], count), motion.lag),
         None if parts is None else ahead(_by_revolution(parts[:, last], count), motion.lag),

@@ -10,7 +10,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from tripod_doe.joint.geometry import contact_stiffness
-from tripod_doe.joint.needles.bearing_tilt import turned_bearing
+from tripod_doe.joint.needles.bearing_tilt import NeedleRow, turned_bearing
 
 
 def test_groove_of_ratio_1_008573_gives_the_ellipse_of_20_to_1():
@@ -106,7 +106,7 @@ def test_a_straight_bearing_tilts_as_its_spheres_stand_along_its_needles(clearan
         * 2
         / (1e-3 * load)
     )
-    found = turned_bearing(load, offset, 1e-3 * load, clearance, stiffness, 27, 10.0, 7.0, 0.0)
+    found = turned_bearing(load, offset, 1e-3 * load, NeedleRow(clearance, stiffness, 27.0, 10.0, 7.0, 0.0))
     assert found[:2] == pytest.approx((kappa, clearance + 2 * penetration), rel=1e-6)
     spread = 10.0**2 / 12 * (1 - 1 / 7**2)
     assert found[2] == pytest.approx(load * offset * along / spread, rel=1e-3)
@@ -119,7 +119,7 @@ def test_a_crowned_needle_rocks_on_its_crown():
     Of 41 spheres; those of the usual seven are steps of 1.4 mm.
     """
     for offset in (1.0, 2.0, 3.0):
-        tilt = turned_bearing(200.0, offset, 0.0, 0.015, 6.3e5, 27, 10.0, 41.0, 0.01)[2]
+        tilt = turned_bearing(200.0, offset, 0.0, NeedleRow(0.015, 6.3e5, 27.0, 10.0, 41.0, 0.01))[2]
         assert tilt == pytest.approx(16 * 0.01 * offset / 10.0**2, rel=0.03)
 
 
@@ -130,7 +130,9 @@ def test_a_load_far_off_the_middle_and_a_moment_are_found(crown, lever):
     stations = 10.0 * ((np.arange(7) + 0.5) / 7 - 0.5)
     rooms, turns = 0.03 + 8 * crown * stations**2 / 100, np.linspace(0, 2 * np.pi / 27, 200, endpoint=False)
     for load, offset in itertools.product((50.0, 500.0, 5000.0), (0.0, 2.0, 3.5)):
-        shift, tilt, yaw = turned_bearing(load, offset, lever * load, 0.03, 6.3e5, 27, 10.0, 7.0, crown)[1:]
+        shift, tilt, yaw = turned_bearing(load, offset, lever * load, NeedleRow(0.03, 6.3e5, 27.0, 10.0, 7.0, crown))[
+            1:
+        ]
 
         def carried(centre, shift=shift, tilt=tilt, yaw=yaw):
             moved = shift + tilt * stations + 1j * yaw * (stations - centre)

@@ -8,8 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tripod_doe.joint.multibody.revolutions import StoppedError
-from tripod_doe.joint.multibody.run_result import Readings
+from tripod_doe.joint.multibody.run_result import Readings, StoppedError, Wanted
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.vibration.answer import VibratingJoint
 from tripod_doe.joint.vibration.onset import Vibration
@@ -52,7 +51,7 @@ def vibrating(monkeypatch, joint_values):
     """A joint of which is known what following it comes to; that of needles is 9 N."""
 
     def make(lumped):
-        joint = VibratingJoint(joint_values(), SMOOTH, 30, Limits(), lambda a: 0.02 * a, split=False)
+        joint = VibratingJoint(joint_values(), SMOOTH, Wanted(30), Limits(), lambda a: 0.02 * a)
         outcomes = {False: lumped, True: followed_to(9.0)}
         asked = SimpleNamespace(needles=[])
 
@@ -122,7 +121,7 @@ def test_what_the_budget_leaves_uncertain_says_what_is_lacking(vibrating):
 @pytest.mark.parametrize(("needles", "count", "told"), [(True, 20, True), (True, 26, False), (False, 20, False)])
 def test_needles_that_a_vibration_shakes_together_are_named(monkeypatch, joint_values, needles, count, told):
     """27 needles fit; with one less no pack of them leaves room for another."""
-    joint = VibratingJoint(joint_values(needle_count=count), SMOOTH, 30, Limits(), lambda a: 0.02 * a, split=False)
+    joint = VibratingJoint(joint_values(needle_count=count), SMOOTH, Wanted(30), Limits(), lambda a: 0.02 * a)
     bodies = SimpleNamespace(has_needles=needles, steps=1, solves=1, force_evaluations=1, state=None)
 
     def stop(self, needles):
@@ -137,7 +136,7 @@ def test_needles_that_a_vibration_shakes_together_are_named(monkeypatch, joint_v
 
 def test_what_vibrates_only_after_a_kick_says_so(monkeypatch, joint_values):
     kept_up = Vibration(Growth(1.0, 0.0, 0.0), third=10.0, unrest=0.0)
-    joint = VibratingJoint(joint_values(), kept_up, 30, Limits(), lambda a: 0.02 * a, split=False)
+    joint = VibratingJoint(joint_values(), kept_up, Wanted(30), Limits(), lambda a: 0.02 * a)
     monkeypatch.setattr(VibratingJoint, "_followed", lambda self, needles: followed_to(9.5))
     answer = joint.answer(needles=False)
     assert answer.outcome == Outcome.FINISHED

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tripod_doe.joint.multibody.revolutions import JointInTurns, Revolution, StoppedError
+from tripod_doe.joint.multibody.revolutions import JointInTurns, Revolution
+from tripod_doe.joint.multibody.run_result import StoppedError, Wanted
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.vibration.vibrating_run import follow_vibration
 from tripod_doe.mechanics.integrators.registry import METHODS
@@ -158,7 +159,7 @@ def stopping(monkeypatch, joint_values, joint_assembly):
 
         monkeypatch.setattr(JointInTurns, "_tried", turn)
         monkeypatch.setattr(JointInTurns, "_read", lambda self, result: result)
-        return JointInTurns(joint_assembly(False), joint_values(), METHODS["bdf2"], 60, Limits(), 10**6), tried
+        return JointInTurns(joint_assembly(False), joint_values(), METHODS["bdf2"], Wanted(60), Limits(), 10**6), tried
 
     return make
 

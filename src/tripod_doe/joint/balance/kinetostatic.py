@@ -60,7 +60,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.balance.equilibrium import Equilibrium, point_constants, solve_balance
 from tripod_doe.joint.balance.needle_correction import Followers
 from tripod_doe.joint.geometry.roller_inertia import roller_inertia
-from tripod_doe.joint.needles.bearing_tilt import turned_bearing
+from tripod_doe.joint.needles.bearing_tilt import NeedleRow, turned_bearing
 from tripod_doe.joint.needles.needle_constants import needle_constants
 from tripod_doe.joint.needles.needle_motion import FARTHEST
 from tripod_doe.joint.values import JointValues
@@ -86,10 +86,7 @@ def _turned_bearings(points: JointValues[FloatArray]) -> tuple[FloatArray, Float
 def _turned(points: JointValues[FloatArray], offset: FloatArray, lever: FloatArray) -> FloatArray:
     """`turned_bearing` for every point, shape (4, point); the moment is the load's at a lever."""
     load = points.groove_load
-    columns = (
-        load,
-        offset,
-        load * lever,
+    needles = (
         points.bearing_radial_clearance,
         points.needle_stiffness,
         points.needle_count,
@@ -97,7 +94,9 @@ def _turned(points: JointValues[FloatArray], offset: FloatArray, lever: FloatArr
         points.spheres_per_needle,
         points.needle_crown,
     )
-    return np.array([turned_bearing(*each) for each in np.column_stack(columns)]).reshape(-1, 4).T
+    loads = np.column_stack([load, offset, load * lever])
+    rows = map(NeedleRow._make, np.column_stack(needles))
+    return np.array([turned_bearing(*each, row) for each, row in zip(loads, rows, strict=True)]).reshape(-1, 4).T
 
 
 def _moving_constants(

@@ -18,7 +18,7 @@ from tripod_doe.joint.balance.added_motion import added_motion
 from tripod_doe.joint.balance.point_constants import TILT, PointConstants, flank, point_constants_of
 from tripod_doe.joint.balance.roller_forces import leaning_contact
 from tripod_doe.joint.balance.samples import Memory, motion_at
-from tripod_doe.joint.needles.bearing_tilt import turned_bearing
+from tripod_doe.joint.needles.bearing_tilt import NeedleRow, turned_bearing
 from tripod_doe.joint.needles.needle_constants import NeedleConstants
 from tripod_doe.joint.needles.needle_motion import (
     FARTHEST,
@@ -208,8 +208,8 @@ class Followers:
         offsets = max(np.abs(roller.offsets).max() for roller in self._rollers)
         farthest = min(max(offsets, 0.01 * c.length), FARTHEST * c.length)
         crown = 0.25 * c.drop * c.length * c.length
-        bearing = turned_bearing(load, farthest, 0.0, c.clearance, c.stiffness, c.needles, c.length, c.spheres, crown)
-        tilt: float = bearing[2] / farthest
+        needles = NeedleRow(c.clearance, c.stiffness, c.needles, c.length, c.spheres, crown)
+        tilt: float = turned_bearing(load, farthest, 0.0, needles)[2] / farthest
         return tilt
 
     def keep(self, i: int) -> None:

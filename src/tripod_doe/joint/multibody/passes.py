@@ -10,7 +10,8 @@ import numpy as np
 
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.joint.multibody.numerical_error import LEAD
-from tripod_doe.joint.multibody.readings import groove_thrust
+from tripod_doe.joint.multibody.readings import groove_thrust, has_needle_bodies
+from tripod_doe.joint.multibody.run_result import StoppedError
 from tripod_doe.joint.orders import ahead, complex_amplitudes
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.assembly import Assembly, State
@@ -21,14 +22,6 @@ from tripod_doe.simulator import Outcome
 
 _BEGUN_ANEW = 3
 """How often the first pass is begun anew, with half the steps, where it stops on its way."""
-
-
-class StoppedError(Exception):
-    """A run stopped on its way."""
-
-    def __init__(self, stopped: Run) -> None:
-        super().__init__(stopped.detail)
-        self.stopped = stopped
 
 
 @dataclass(frozen=True)
@@ -83,7 +76,7 @@ class FollowedJoint:
     @property
     def remembers(self) -> bool:
         """Whether needles are bodies: their skew is what all steps before made of it."""
-        return "needle 1.1" in self.assembly.names
+        return has_needle_bodies(self.assembly)
 
     @property
     def _time_of_sample(self) -> float:

@@ -157,3 +157,8 @@ def ring(
     axis = turned(shaft[:, 3:], np.array([np.cos(angle), np.sin(angle), 0.0]))[:, None]
     arms: FloatArray = needles[..., :3] - spider[:, None]
     return needles, axis, arms
+
+
+def has_needle_bodies(assembly: Assembly) -> bool:
+    """Whether the needles of a joint are bodies."""
+    return "needle 1.1" in assembly.names

@@ -14,7 +14,8 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import resample
 
 from tripod_doe.array_types import ComplexArray, FloatArray
-from tripod_doe.joint.multibody.readings import groove_readings, needle_skews
+from tripod_doe.joint.multibody.readings import groove_readings, has_needle_bodies, needle_skews
+from tripod_doe.joint.multibody.run_result import StoppedError, Wanted
 from tripod_doe.joint.multibody.thrust_parts import thrust_parts
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
 from tripod_doe.joint.values import JointValues
@@ -43,14 +44,6 @@ _HALVED = 3
 _OFTEN, _TOLD = 2 / 3, 2
 """Share of the revolutions that stop above which all are followed with half: one that stops half-way, and is followed
 again with half, costs two and a half; and how many must have stopped for that."""
-
-
-class StoppedError(Exception):
-    """A run stopped on its way."""
-
-    def __init__(self, stopped: Run) -> None:
-        super().__init__(stopped.detail)
-        self.stopped = stopped
 
 
 @dataclass(frozen=True)
@@ -89,10 +82,9 @@ class JointInTurns:
     assembly: Assembly
     values: JointValues[float]
     method: Method  # how it is followed
-    samples: int  # samples per revolution of the results
+    wanted: Wanted  # results to read off each revolution
     limits: Limits  # what a revolution may show
     budget: int  # force evaluations that are left
-    split: bool = False  # whether the thrust is split into the parts of the mechanisms
     state: State | None = None  # where it has come to; None at its start
     last_turn: Run | None = None  # the last revolution that was followed
     halved: int = 0  # how often tolerances or steps are halved from the start of each revolution
@@ -107,7 +99,7 @@ class JointInTurns:
     @property
     def has_needles(self) -> bool:
         """Whether needles are bodies."""
-        return "needle 1.1" in self.assembly.names
+        return has_needle_bodies(self.assembly)
 
     @property
     def evaluations_per_revolution(self) -> float:
@@ -202,7 +194,7 @@ class JointInTurns:
         Steps resolve the vibration, so that a cubic through what is read at them is as good as they are.
         """
         rate = max(_RATE, result.steps / self._duration)
-        samples = math.lcm(3, self.samples)
+        samples = math.lcm(3, self.wanted.samples)
         angles = np.arange(samples * math.ceil(rate * self._duration / samples))
         times = result.times[0] + self._duration * angles / angles.size
         states = (result.times, result.positions, result.velocities)
@@ -214,13 +206,15 @@ class JointInTurns:
         thrust, power = map(at_equal_distances, groove_readings(self.assembly, *states[1:]))
         total, skew, summary = thrust.sum(0), None, None
         if self.has_needles:
-            nearest = np.searchsorted(result.times, times[:: angles.size // self.samples])
+            nearest = np.searchsorted(result.times, times[:: angles.size // self.wanted.samples])
             skew, summary = needle_skews(self.assembly, result.positions[nearest], self.values, 1)
-        parts = at_equal_distances(thrust_parts(self.assembly, *states, self.values).sum(1)) if self.split else None
+        parts = (
+            at_equal_distances(thrust_parts(self.assembly, *states, self.values).sum(1)) if self.wanted.split else None
+        )
         return Revolution(
-            resample(thrust, self.samples, axis=-1),
+            resample(thrust, self.wanted.samples, axis=-1),
             _orders_of_thirds(total),
-            None if parts is None else resample(parts, self.samples, axis=-1),
+            None if parts is None else resample(parts, self.wanted.samples, axis=-1),
             power.mean(1),
             _unrests(total, 3),
             skew,

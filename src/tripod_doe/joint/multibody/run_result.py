@@ -1,4 +1,4 @@
-"""What a run of a multibody model came to."""
+"""The result of a run of a multibody model, and what is asked of it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,25 @@ from dataclasses import dataclass
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.mechanics.checks.rates import Rates
+from tripod_doe.mechanics.run import Run
 from tripod_doe.simulator import Outcome
+
+
+class StoppedError(Exception):
+    """A run stopped on its way."""
+
+    def __init__(self, stopped: Run) -> None:
+        super().__init__(stopped.detail)
+        self.stopped = stopped
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Results that a run is asked for."""
+
+    samples: int  # samples per revolution
+    rates: bool = False  # whether to find what limits the step
+    split: bool = False  # whether to split the thrust into the parts of the mechanisms
 
 
 @dataclass(frozen=True)

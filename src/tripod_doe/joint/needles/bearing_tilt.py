@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,8 +18,19 @@ _LEAST = 1e-9
 """Stiffness of what no ring holds, over that of a needle."""
 
 
+class NeedleRow(NamedTuple):
+    """The needles of a bearing, in mm and N; stiffness and clearance as for `bearing_load_zone`."""
+
+    clearance: float
+    stiffness: float  # of one needle against one part
+    number: float
+    length: float
+    spheres: float  # spheres that stand for a needle
+    crown: float  # of a needle
+
+
 @kernel
-def turned_bearing(load, offset, moment, clearance, stiffness, needle_count, length, spheres, crown):
+def turned_bearing(load, offset, moment, needles):
     """How a load off the middle of the needles, which may be crowned, and a moment about it turn a roller.
 
     Each ring of spheres is a bearing of its own: at the station x along the needles the roller has moved by D + b x
@@ -28,14 +40,14 @@ def turned_bearing(load, offset, moment, clearance, stiffness, needle_count, len
 
     Parameters
     ----------
-    load, clearance, stiffness, needle_count
-        As for `bearing_load_zone`.
+    load
+        In N.
     offset
         Of the load from the middle of the needles, mm.
     moment
         About the load, N mm.
-    length, spheres, crown
-        Of a needle, in mm, and how many spheres stand for it.
+    needles
+        `NeedleRow`.
 
     Returns
     -------
@@ -43,6 +55,7 @@ def turned_bearing(load, offset, moment, clearance, stiffness, needle_count, len
         The sum of the needle loads over the bearing load, the shift D in mm, tilt b and yaw y in rad. One sphere a
         needle holds no roller upright: it is taken to be so.
     """
+    clearance, stiffness, needle_count, length, spheres, crown = needles
     load, farthest = max(load, 1e-9), _WITHIN * 0.5 * length * (1.0 - 1.0 / spheres)
     offset, bow = min(max(offset, -farthest), farthest), 8.0 * crown
     twist = moment / length if spheres > 1.0 else 0.0

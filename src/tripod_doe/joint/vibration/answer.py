@@ -19,8 +19,8 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.accuracy import SMALLEST_THIRD
 from tripod_doe.joint.geometry.feasibility import room_for_needles
 from tripod_doe.joint.multibody.joint_scene import build_joint
-from tripod_doe.joint.multibody.revolutions import JointInTurns, StoppedError
-from tripod_doe.joint.multibody.run_result import JointRun, VibrationReadings
+from tripod_doe.joint.multibody.revolutions import JointInTurns
+from tripod_doe.joint.multibody.run_result import JointRun, StoppedError, VibrationReadings, Wanted
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.values import JointValues
 from tripod_doe.joint.vibration.onset import Vibration, damping_against
@@ -43,27 +43,24 @@ class VibratingJoint:
         Its operating point.
     vibration
         What grows.
-    samples
-        Samples per revolution.
+    wanted
+        Results to read off it.
     limits
         What a revolution may show.
     allowed
         Errors that orders of such amplitudes may have, infinite where any will do; shape (order,) each.
-    split
-        Whether the thrust is split into the parts of the mechanisms.
     """
 
     def __init__(
         self,
         values: JointValues[float],
         vibration: Vibration,
-        samples: int,
+        wanted: Wanted,
         limits: Limits,
         allowed: Callable[[FloatArray], FloatArray],
-        split: bool,
     ) -> None:
-        self._values, self._vibration, self._samples, self._limits = values, vibration, samples, limits
-        self._allowed, self._split, self._joints = allowed, split, list[JointInTurns]()
+        self._values, self._vibration, self._wanted, self._limits = values, vibration, wanted, limits
+        self._allowed, self._joints = allowed, list[JointInTurns]()
 
     def answer(self, needles: bool, anyhow: bool = False) -> JointRun | None:
         """Follow the joint with its vibration; `anyhow` if that is the only answer that there is.
@@ -136,10 +133,9 @@ class VibratingJoint:
             assemble(build_joint(self._values, needles)),
             self._values,
             method,
-            self._samples,
+            self._wanted,
             self._limits,
             budget,
-            self._split,
         )
         builds_up = self._vibration.builds_up and not needles
         self._joints.append(joint)
