@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 
 import tripod_doe as td
@@ -34,3 +36,21 @@ def test_a_file_that_cannot_be_made_is_an_error(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(td.StorageError, match="nothing that was finished is lost"):
         replace_text(tmp_path / "file" / "below.txt", "text")
+
+
+def test_a_link_that_was_planted_where_a_file_is_written_is_not_followed(tmp_path):
+    """Regression: a link under the name of the new file overwrote another file of the owner."""
+    precious = tmp_path / "precious"
+    precious.write_text("precious")
+    (tmp_path / ".file.txt.new").symlink_to(precious)
+    path = replace_text(tmp_path / "file.txt", "text")
+    assert precious.read_text() == "precious"
+    assert path.read_text() == "text"
+    assert not path.is_symlink()
+
+
+def test_a_device_or_pipe_is_not_replaced(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(td.StorageError, match="something else is there, and stays"):
+        replace_text(tmp_path / "pipe", "text")
+    assert (tmp_path / "pipe").is_fifo()

@@ -1,6 +1,7 @@
 """Files replaced as a whole: written beside the old one and renamed over it, so that a kill leaves the old or the new.
 
-A reader never sees half a file, and a full disk never costs the file that was there.
+A reader never sees half a file, and a full disk never costs the file that was there. Links that somebody else has put
+into a folder lead nowhere: a file is written under a name that is made anew, and a folder with links is refused.
 """
 
 from __future__ import annotations
@@ -10,7 +11,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from tripod_doe.errors import StorageError
+from tripod_doe.errors import InputError, StorageError
+
+_DATABASE = "journal.sqlite"  # and its companions: SQLite follows links
 
 
 @contextmanager
@@ -32,9 +35,14 @@ def replace_file(path: Path) -> Iterator[Path]:
         raise StorageError(f"{path}: cannot write this file: something else is there, and stays; choose another name")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        fresh.unlink(missing_ok=True)  # left by a kill, or a link to another file
+        os.close(os.open(fresh, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         yield fresh
-        with fresh.open("rb+") as stream:
-            os.fsync(stream.fileno())
+        written = os.open(fresh, os.O_RDONLY | os.O_NOFOLLOW)
+        try:
+            os.fsync(written)
+        finally:
+            os.close(written)
         os.replace(fresh, path)
     except (OSError, RuntimeError) as error:  # netCDF4 reports a full disk as a RuntimeError
         with suppress(OSError):
@@ -50,3 +58,20 @@ def replace_text(path: Path, text: str) -> Path:
     with replace_file(path) as fresh:
         fresh.write_text(text, encoding="utf-8")
     return path
+
+
+def refuse_links(directory: Path) -> None:
+    """Refuse a folder of results in which a folder or the journal is a link: what is written there would go elsewhere.
+
+    Raises
+    ------
+    InputError
+        With the name of the link.
+    """
+    with suppress(FileNotFoundError, NotADirectoryError), os.scandir(directory) as entries:
+        for entry in entries:
+            if entry.is_symlink() and (entry.is_dir() or entry.name.startswith(_DATABASE)):
+                raise InputError(
+                    f"{directory}: {entry.name} is a link to {os.readlink(entry.path)!r}, outside of these results; "
+                    "nothing is written through it: delete it, or choose another directory"
+                )

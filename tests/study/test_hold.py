@@ -143,3 +143,42 @@ def test_a_lock_that_outlives_its_process_on_this_host_is_taken_over_at_once(tmp
     said(tmp_path, {"host": socket.gethostname(), "process": child.pid, "since": time.time()})
     Hold(tmp_path).release()
     stale.release()
+
+
+@pytest.mark.parametrize("link", ["symlink_to", "hardlink_to"])
+def test_a_lock_that_is_a_link_empties_no_other_file(tmp_path, link):
+    """Regression: a planted .lock emptied the file that it led to."""
+    precious, place = tmp_path / "precious", tmp_path / "out"
+    precious.write_text("precious")
+    place.mkdir()
+    getattr(place / ".lock", link)(precious)
+    with pytest.raises(td.InputError, match="cannot write here"):
+        Hold(place)
+    assert precious.read_text() == "precious"
+
+
+def test_a_lock_is_its_owners_alone(tmp_path):
+    hold = Hold(tmp_path)
+    assert (tmp_path / ".lock").stat().st_mode & 0o077 == 0
+    hold.release()
+
+
+@pytest.mark.parametrize("name", ["report", "analysis", "steps", "journal.sqlite", "journal.sqlite-wal"])
+@pytest.mark.parametrize("command", ["run", "report", "workflow"])
+def test_a_directory_with_planted_links_is_refused(tmp_path, capsys, name, command):
+    """Regression: `run` and `report` wrote through a link out of the directory."""
+    (tmp_path / "h.toml").write_text(STUDY)
+    (tmp_path / "w.toml").write_text('[workflow]\nname = "w"\n[steps.s]\nkind = "study"\nstudy = "h.toml"\n')
+    elsewhere, out = tmp_path / "elsewhere", tmp_path / "out"
+    elsewhere.mkdir()
+    out.mkdir()
+    target = elsewhere / "a.sqlite" if name.startswith("journal") else elsewhere
+    (out / name).symlink_to(target)
+    words = {
+        "run": ["run", str(tmp_path / "h.toml"), "--out", str(out), "--workers", "0"],
+        "report": ["report", str(out)],
+        "workflow": ["workflow", str(tmp_path / "w.toml"), "--out", str(out), "--workers", "0"],
+    }[command]
+    assert main(words) == 2
+    assert f"{name} is a link to {str(target)!r}" in capsys.readouterr().err
+    assert not list(elsewhere.iterdir())

@@ -22,7 +22,7 @@ from tripod_doe.analyses.registry import findings_of, section_charts, table_of
 from tripod_doe.analyses.sensitivity import RANKED
 from tripod_doe.analyses.sensitivity.sentences import sensitivity_parts
 from tripod_doe.analyses.surrogate.what_if_page import WhatIfPage, what_if_pages
-from tripod_doe.atomic_files import replace_text
+from tripod_doe.atomic_files import refuse_links, replace_text
 from tripod_doe.errors import InputError
 from tripod_doe.report.answer import answer_first, picture_first
 from tripod_doe.report.charts.chart import Chart
@@ -104,6 +104,7 @@ def write_report(directory: Path, findings: Sequence[str] | None = None) -> Path
     directory = Path(directory)
     if directory.is_file():
         raise InputError(f"{directory}: this is a file; a report is made of the result directory it lies in")
+    refuse_links(directory)
     complete = is_shown(directory)  # else the analyses there, if any, are of fewer points than the cube
     analyses = read_analyses(directory) if complete else {}
     files = [name for name in _FILES if complete and (directory / name).is_file()]

@@ -17,7 +17,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
-from tripod_doe.atomic_files import replace_text
+from tripod_doe.atomic_files import refuse_links, replace_text
 from tripod_doe.errors import InputError, option
 from tripod_doe.quantities import size
 from tripod_doe.simulator import Outcome
@@ -41,7 +41,7 @@ def make_directory(path: str | Path) -> Path:
     Raises
     ------
     InputError
-        If it cannot be made.
+        If it cannot be made, or holds links by which results would be written elsewhere.
     """
     path = Path(path)
     try:
@@ -54,6 +54,7 @@ def make_directory(path: str | Path) -> Path:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{option('out', str(path))}: cannot make this directory: {error.strerror}") from error
+    refuse_links(path)
     return path
 
 

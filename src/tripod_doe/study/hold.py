@@ -8,11 +8,13 @@ nobody knows that process to be gone.
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import json
 import os
 import secrets
 import socket
+import stat
 import time
 from pathlib import Path
 from typing import Any
@@ -52,7 +54,7 @@ class Hold:
         self._signed = self._sign()
 
     def _locked(self, take_over: bool) -> int:
-        lock = os.open(self._file, os.O_CREAT | os.O_RDWR)
+        lock = _opened(self._file)
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             holder = _holder(self._file)
@@ -104,6 +106,22 @@ class Hold:
             self.check()
             os.ftruncate(self._lock, 0)
         os.close(self._lock)
+
+
+def _opened(file: Path) -> int:
+    """Open the lock's file, which is the owner's alone; a link to a file elsewhere would be emptied.
+
+    Raises
+    ------
+    OSError
+        If it cannot be opened, or is no plain file of its own.
+    """
+    lock = os.open(file, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+    state = os.fstat(lock)
+    if not stat.S_ISREG(state.st_mode) or state.st_nlink > 1:
+        os.close(lock)
+        raise OSError(errno.ELOOP, f"{file.name} is a link, or no file")
+    return lock
 
 
 def _holder(file: Path) -> dict[str, Any]:

@@ -20,7 +20,7 @@ import dask
 import xarray as xr
 
 from tripod_doe.analyses.registry import ANALYSES, draw
-from tripod_doe.atomic_files import replace_text
+from tripod_doe.atomic_files import refuse_links, replace_text
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.names import path_within
@@ -104,6 +104,7 @@ def run_workflow(
     wanted = list(workflow.steps) if only is None else workflow.needed_for(only)
     with Execution(workers, oversubscribe=oversubscribe) as execution:
         directory = make_directory(out)
+        refuse_links(directory / "steps")
         chain = _Chain(workflow, directory, execution, retry_failed, progress)
         views = chain.run(wanted)
     for name in workflow.steps.keys() - views.keys():
