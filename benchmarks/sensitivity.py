@@ -22,8 +22,15 @@ from SALib.analyze import pawn as salib_pawn
 from SALib.analyze import rbd_fast as salib_rbd_fast
 from SALib.analyze import sobol as salib_sobol
 
-from tripod_doe.analyses import sensitivity as s
 from tripod_doe.analyses.factorial_effects.factorial_effects import EffectsSettings, factorial_effects
+from tripod_doe.analyses.sensitivity.delta import DeltaSettings, borgonovo_delta
+from tripod_doe.analyses.sensitivity.dgsm import DgsmSettings, derivative_measures
+from tripod_doe.analyses.sensitivity.fast import FastSettings, fast_indices
+from tripod_doe.analyses.sensitivity.morris import MorrisSettings, morris_effects
+from tripod_doe.analyses.sensitivity.pawn import PawnSettings, pawn_indices
+from tripod_doe.analyses.sensitivity.rbd_fast import RbdFastSettings, rbd_fast_indices
+from tripod_doe.analyses.sensitivity.shapley import ShapleySettings, shapley_effects
+from tripod_doe.analyses.sensitivity.sobol import SobolSettings, sobol_indices
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.designs import unit_sample
 from tripod_doe.study.file import parse_file
@@ -87,47 +94,47 @@ def beside_salib(names: list[str]) -> None:
     cases = {
         "sobol": (
             'kind = "saltelli"\nsamples = 8192',
-            s.sobol_indices,
-            s.SobolSettings(**once),
+            sobol_indices,
+            SobolSettings(**once),
             lambda x, y: salib_sobol.analyze(PROBLEM, y, seed=1),
         ),
         "morris": (
             'kind = "morris"\nsamples = 16667',
-            s.morris_effects,
-            s.MorrisSettings(**once),
+            morris_effects,
+            MorrisSettings(**once),
             lambda x, y: salib_morris.analyze(PROBLEM, x, y, seed=1),
         ),
         "rbd-fast": (
             'kind = "rbd-fast"\nsamples = 100000',
-            s.rbd_fast_indices,
-            s.RbdFastSettings(**once),
+            rbd_fast_indices,
+            RbdFastSettings(**once),
             lambda x, y: salib_rbd_fast.analyze(PROBLEM, x, y, seed=1),
         ),
         "fast": (
             'kind = "fast"\nsamples = 20000',
-            s.fast_indices,
-            s.FastSettings(**once),
+            fast_indices,
+            FastSettings(**once),
             lambda x, y: salib_fast.analyze(PROBLEM, y, num_resamples=20, seed=1),
         ),
         "dgsm": (
             'kind = "finite-differences"\nsamples = 16667',
-            s.derivative_measures,
-            s.DgsmSettings(**once),
+            derivative_measures,
+            DgsmSettings(**once),
             lambda x, y: salib_dgsm.analyze(PROBLEM, x, y, seed=1),
         ),
         "pawn": (
             'kind = "latin-hypercube"\nsamples = 100000',
-            s.pawn_indices,
-            s.PawnSettings(**once),
+            pawn_indices,
+            PawnSettings(**once),
             lambda x, y: salib_pawn.analyze(PROBLEM, x, y, seed=1),
         ),
         "delta": (
             'kind = "latin-hypercube"\nsamples = 100000',
-            s.borgonovo_delta,
-            s.DeltaSettings(**once),
+            borgonovo_delta,
+            DeltaSettings(**once),
             lambda x, y: salib_delta.analyze(PROBLEM, x, y, num_resamples=20, seed=1),
         ),
-        "shapley": ('kind = "latin-hypercube"\nsamples = 100000', s.shapley_effects, s.ShapleySettings(**once), None),
+        "shapley": ('kind = "latin-hypercube"\nsamples = 100000', shapley_effects, ShapleySettings(**once), None),
         "effects": ('kind = "rbd-fast"\nsamples = 100000', factorial_effects, EffectsSettings(**once), None),
     }
     for name in names or cases:
@@ -152,15 +159,15 @@ def coverage(seeds: int = 100) -> None:
     methods = [
         (
             f'kind = "saltelli"\nsamples = {n}\nsecond_order = false',
-            s.sobol_indices,
-            s.SobolSettings(precision=1),
+            sobol_indices,
+            SobolSettings(precision=1),
             ("S1", "ST"),
         )
         for n in ("64", "256", "1024", "1024\nscramblings = 8", "4096\nscramblings = 8")
     ]
     methods += [
-        ('kind = "rbd-fast"\nsamples = 1024', s.rbd_fast_indices, s.RbdFastSettings(precision=1), ("S1",)),
-        ('kind = "latin-hypercube"\nsamples = 1024', s.shapley_effects, s.ShapleySettings(precision=1), ("shapley",)),
+        ('kind = "rbd-fast"\nsamples = 1024', rbd_fast_indices, RbdFastSettings(precision=1), ("S1",)),
+        ('kind = "latin-hypercube"\nsamples = 1024', shapley_effects, ShapleySettings(precision=1), ("shapley",)),
     ]
     for design, analyse, settings, keys in methods:
         hits: dict[str, list[np.ndarray]] = {key: [] for key in keys}

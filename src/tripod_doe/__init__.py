@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from tripod_doe.analyses.comparison.model_point import model_point
     from tripod_doe.analyses.contribution.contribution import contribution_shares
     from tripod_doe.analyses.findings import find
-    from tripod_doe.analyses.sensitivity import morris_effects, sobol_indices
+    from tripod_doe.analyses.sensitivity.morris import morris_effects
+    from tripod_doe.analyses.sensitivity.sobol import sobol_indices
     from tripod_doe.errors import CubeError, InputError, StorageError, TripodDoeError
     from tripod_doe.pages.study import write_report
     from tripod_doe.simulator import Outcome, Output, Parameter
@@ -49,7 +50,7 @@ _HOME = {
     "find": "analyses.findings",
     "load_study": "study.definition",
     "model_point": "analyses.comparison.model_point",
-    "morris_effects": "analyses.sensitivity",
+    "morris_effects": "analyses.sensitivity.morris",
     "open_cube": "study.results",
     "plan": "study.plan",
     "query": "study.query",
@@ -57,7 +58,7 @@ _HOME = {
     "run": "workflow.run",
     "run_workflow": "workflow.chain",
     "simulate": "study.simulate",
-    "sobol_indices": "analyses.sensitivity",
+    "sobol_indices": "analyses.sensitivity.sobol",
     "study_schema": "study.schema",
     "WorkflowSummary": "workflow.chain",
     "workflow_schema": "workflow.file",

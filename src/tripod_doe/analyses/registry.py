@@ -24,25 +24,15 @@ from tripod_doe.analyses.factorial_effects.factorial_effects import EFFECT_DESIG
 from tripod_doe.analyses.kinds import is_study, kind_made_by, kind_of
 from tripod_doe.analyses.model_choice.selection import ChooseSettings, choose_for_study
 from tripod_doe.analyses.multifidelity.multifidelity import MultifidelitySettings, multifidelity
-from tripod_doe.analyses.sensitivity import (
-    SAMPLED_DESIGNS,
-    DeltaSettings,
-    DgsmSettings,
-    FastSettings,
-    MorrisSettings,
-    PawnSettings,
-    RbdFastSettings,
-    ShapleySettings,
-    SobolSettings,
-    borgonovo_delta,
-    derivative_measures,
-    fast_indices,
-    morris_effects,
-    pawn_indices,
-    rbd_fast_indices,
-    shapley_effects,
-    sobol_indices,
-)
+from tripod_doe.analyses.sample import SAMPLED_DESIGNS
+from tripod_doe.analyses.sensitivity.delta import DeltaSettings, borgonovo_delta
+from tripod_doe.analyses.sensitivity.dgsm import DgsmSettings, derivative_measures
+from tripod_doe.analyses.sensitivity.fast import FastSettings, fast_indices
+from tripod_doe.analyses.sensitivity.morris import MorrisSettings, morris_effects
+from tripod_doe.analyses.sensitivity.pawn import PawnSettings, pawn_indices
+from tripod_doe.analyses.sensitivity.rbd_fast import RbdFastSettings, rbd_fast_indices
+from tripod_doe.analyses.sensitivity.shapley import ShapleySettings, shapley_effects
+from tripod_doe.analyses.sensitivity.sobol import SobolSettings, sobol_indices
 from tripod_doe.analyses.speed_accuracy.speed_accuracy import SpeedAccuracySettings, speed_accuracy
 from tripod_doe.analyses.stability.stability import StabilitySettings, stability_borders
 from tripod_doe.analyses.surrogate.surrogate import SURROGATE_DESIGNS, SurrogateSettings, surrogate

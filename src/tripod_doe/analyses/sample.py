@@ -21,6 +21,9 @@ from tripod_doe.study.designs import FAMILIES, factor_groups, unit_sample
 from tripod_doe.study.file import DesignTable, FactorTable, parse_file
 from tripod_doe.study.slab_reading import all_finite
 
+SAMPLED_DESIGNS = ("latin-hypercube", "sobol", "halton", "rbd-fast")
+"""Designs whose points each stand alone and follow the distributions of the factors."""
+
 
 @dataclass(frozen=True)
 class Sample:

@@ -11,11 +11,11 @@
   function doubles(text) { return new Float64Array(bytes(text)); }
   function singles(text) { return new Float32Array(bytes(text)); }
 
-  // The surrogate: inputs -> components, as analyses/surrogate/what_if.py has it.
+  // The surrogate: inputs -> components, as analyses/surrogate/learner.py has it.
   function Surrogate(told) {
     var width = told.inputs.length, count = told.components, powers = new Int8Array(bytes(told.exponents));
-    var coefficients = doubles(told.coefficients), learnt = doubles(told.learnt), weights = doubles(told.weights);
-    var lengths = doubles(told.lengths), terms = powers.length / width, points = learnt.length / width;
+    var coefficients = doubles(told.coefficients), centres = doubles(told.centres), weights = doubles(told.weights);
+    var lengths = doubles(told.lengths), terms = powers.length / width, points = centres.length / width;
     var products = [], value = new Float64Array(terms), smooth = [], plain = [];
     for (var t = 0; t < terms; t++) {
       var product = [];
@@ -33,7 +33,7 @@
       for (var n = 0; n < points; n++) {
         var square = 0;
         for (var i = 0; i < width; i++) {
-          var gap = (place[i] - learnt[n * width + i]) / lengths[c * width + i];
+          var gap = (place[i] - centres[n * width + i]) / lengths[c * width + i];
           square += gap * gap;
         }
         sum += weights[c * points + n] * Math.exp(-0.5 * square);
@@ -88,16 +88,16 @@
     var told = JSON.parse(section.querySelector("script[type='application/json']").textContent);
     var surrogate = new Surrogate(told), places = doubles(told.places), names = Object.keys(told.factors), values = {};
     names.forEach(function (name) { values[name] = told.start[name]; });
-    told.quantities.forEach(function (each) { each.values = singles(each.values); each.misses = singles(each.misses); });
+    told.quantities.forEach(function (each) { each.values = singles(each.values); each.errors = singles(each.errors); });
     var parts = [].concat.apply([], told.quantities.map(function (each) { return each.parts; }));
     var every = Array.from({ length: told.components }, function (_, c) { return c; });
-    var wave = told.wave && { values: singles(told.wave.values), misses: singles(told.wave.misses) };
+    var wave = told.wave && { values: singles(told.wave.values), errors: singles(told.wave.errors) };
 
     function state(values) {
       var place = encode(told, values), found = surrogate.predict(place, wave ? every : parts);
       var near = nearest(places, place, told.neighbours);
       return { place: place, components: found, near: near, quantities: told.quantities.map(function (each) {
-        return { value: amount(each, found), half: each.factor * rms(each.misses, near) };
+        return { value: amount(each, found), half: each.factor * rms(each.errors, near) };
       }) };
     }
     // Part of the variance by the scatter of each factor about these values, to first order.
@@ -150,7 +150,7 @@
         var upper = [], lower = [], middle = [], computed = [], count = told.wave.orders.length * 2, first = now.near[0];
         shapes.forEach(function (shape, a) {
           var predicted = force(shape, now.components, 0), known = force(shape, wave.values, first * count);
-          var square = now.near.reduce(function (sum, n) { return sum + Math.pow(force(shape, wave.misses, n * count), 2); }, 0);
+          var square = now.near.reduce(function (sum, n) { return sum + Math.pow(force(shape, wave.errors, n * count), 2); }, 0);
           var half = told.wave.factor * Math.sqrt(square / now.near.length), place = x(a).toFixed(1) + ",";
           middle.push(place + y(predicted).toFixed(1));
           computed.push(place + y(known).toFixed(1));

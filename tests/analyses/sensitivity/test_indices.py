@@ -12,8 +12,15 @@ from SALib.analyze import delta, dgsm, fast, morris, pawn, rbd_fast, sobol
 from scipy.stats import norm
 
 from tripod_doe.analyses import outputs, resampling
-from tripod_doe.analyses import sensitivity as s
 from tripod_doe.analyses.factorial_effects.factorial_effects import factorial_effects
+from tripod_doe.analyses.sensitivity.delta import DeltaSettings, borgonovo_delta
+from tripod_doe.analyses.sensitivity.dgsm import derivative_measures
+from tripod_doe.analyses.sensitivity.fast import FastSettings, fast_indices
+from tripod_doe.analyses.sensitivity.morris import MorrisSettings, morris_effects
+from tripod_doe.analyses.sensitivity.pawn import PawnSettings, pawn_indices
+from tripod_doe.analyses.sensitivity.rbd_fast import rbd_fast_indices
+from tripod_doe.analyses.sensitivity.shapley import shapley_effects
+from tripod_doe.analyses.sensitivity.sobol import SobolSettings, sobol_indices
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
 from tripod_doe.study import size, slab_reading
@@ -35,7 +42,7 @@ def unit_of(cube):
 def test_analytic_indices_lie_within_the_intervals(case):
     """Exact: published indices; one fixed seed, all six within 95 % intervals."""
     function, bounds, truth = CASES[case]
-    found = s.sobol_indices(cube_of('kind = "saltelli"\nsamples = 512\nseed = 4', function, bounds))
+    found = sobol_indices(cube_of('kind = "saltelli"\nsamples = 512\nseed = 4', function, bounds))
     for key, exact in truth.items():
         if key in found:
             assert (np.abs(found[key] - exact) <= found[f"{key}_conf"] + 1e-12).all(), key
@@ -46,7 +53,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
     hits = []
     for seed in range(30):
         cube = cube_of(f'kind = "saltelli"\nsamples = 64\nsecond_order = false\nseed = {seed}', ishigami, ANGLE)
-        found = s.sobol_indices(cube, s.SobolSettings(precision=1))
+        found = sobol_indices(cube, SobolSettings(precision=1))
         hits += [np.abs(found[key] - ISHIGAMI[key]) <= found[f"{key}_conf"] for key in ("S1", "ST")]
     assert 0.9 <= np.mean(hits) <= 0.99
 
@@ -54,19 +61,19 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
 def test_all_outputs_at_once_are_those_of_salib_one_by_one():
     """Exact to rounding: indices and, where SALib's draws can be repeated, intervals."""
     cube = cube_of('kind = "saltelli"\nsamples = 64\nseed = 1', two)
-    ours = s.sobol_indices(cube, s.SobolSettings(seed=4))
+    ours = sobol_indices(cube, SobolSettings(seed=4))
     for k in range(2):
         theirs = sobol.analyze(PROBLEM, cube["y"].values[:, k], seed=5)
         for key in ("S1", "S1_conf", "ST", "ST_conf", "S2", "S2_conf"):
             assert ours[key].isel(k=k).values == pytest.approx(theirs[key], abs=1e-12, nan_ok=True)
     cube = cube_of('kind = "morris"\nsamples = 30\nseed = 1', two)
-    ours = s.morris_effects(cube, s.MorrisSettings(seed=4))
+    ours = morris_effects(cube, MorrisSettings(seed=4))
     for k in range(2):
         theirs = morris.analyze(PROBLEM, unit_of(cube), cube["y"].values[:, k], seed=4)
         for key in ("mu", "mu_star", "mu_star_conf", "sigma"):
             assert ours[key].isel(k=k).values == pytest.approx(np.asarray(theirs[key], float), abs=1e-9)
     cube = cube_of('kind = "finite-differences"\nsamples = 64', two)
-    ours = s.derivative_measures(cube)
+    ours = derivative_measures(cube)
     for k in range(2):
         theirs = dgsm.analyze(PROBLEM, unit_of(cube), cube["y"].values[:, k], seed=4)
         for key in ("vi", "dgsm"):
@@ -76,7 +83,7 @@ def test_all_outputs_at_once_are_those_of_salib_one_by_one():
 def test_curves_and_samples_give_what_salib_gives():
     """Exact to rounding."""
     cube = cube_of('kind = "fast"\nsamples = 129\nseed = 1', two)
-    ours = s.fast_indices(cube)
+    ours = fast_indices(cube)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of SALib, on its intervals
         for k in range(2):
@@ -88,8 +95,8 @@ def test_curves_and_samples_give_what_salib_gives():
     for samples in (120, 121):
         cube = cube_of(f'kind = "rbd-fast"\nsamples = {samples}\nseed = 1', two)
         x = unit_of(cube)
-        first, slices = s.rbd_fast_indices(cube), s.pawn_indices(cube, s.PawnSettings(resamples=10))
-        areas = s.borgonovo_delta(cube, s.DeltaSettings(resamples=10))
+        first, slices = rbd_fast_indices(cube), pawn_indices(cube, PawnSettings(resamples=10))
+        areas = borgonovo_delta(cube, DeltaSettings(resamples=10))
         number = int(np.round(min(int(np.ceil(samples ** (2 / (7 + np.tanh((1500 - samples) / 500))))), 48)))
         for k in range(2):
             y = cube["y"].values[:, k]
@@ -112,23 +119,23 @@ def test_shapley_effects_of_correlated_factors():
         x = norm.ppf(u)
         return np.stack([x[:, 0] + 0 * x[:, 1], x.sum(axis=1)], axis=1)
 
-    found = s.shapley_effects(cube_of(f'kind = "latin-hypercube"\nsamples = 1024\nseed = 2\n{pairs}', outputs))
+    found = shapley_effects(cube_of(f'kind = "latin-hypercube"\nsamples = 1024\nseed = 2\n{pairs}', outputs))
     exact = np.array([[1 - r**2 / 2, r**2 / 2, 0], np.array([1 + r, 1 + r, 1]) / (3 + 2 * r)]).T
     assert found["shapley"].sum("factor").values == pytest.approx([1, 1])
     assert (np.abs(found["shapley"] - exact) <= 1.5 * found["shapley_conf"] + 0.01).all()
     assert found["resolved"].sel(factor="speed_rpm").values.tolist() == [0, 1]
     correlated = cube_of(f'kind = "sobol"\nsamples = 64\n{pairs}', outputs)
     with pytest.raises(InputError, match="independent factors, those of this study are correlated"):
-        s.rbd_fast_indices(correlated)
+        rbd_fast_indices(correlated)
 
 
 def test_groups_have_one_index():
     """Exact: of 2 x1 + x2 + 3 x1 x2 and a third factor without effect, the group of the first two has all variance."""
     groups = {"joint_angle_deg": "both", "torque_n_m": "both"}
-    found = s.sobol_indices(cube_of('kind = "saltelli"\nsamples = 256\nseed = 1', linear_interaction, groups=groups))
+    found = sobol_indices(cube_of('kind = "saltelli"\nsamples = 256\nseed = 1', linear_interaction, groups=groups))
     assert found["factor"].values.tolist() == ["both", "speed_rpm"]
     assert found["ST"].values == pytest.approx([1, 0], abs=0.05)
-    found = s.morris_effects(cube_of('kind = "morris"\nsamples = 16', linear_interaction, groups=groups))
+    found = morris_effects(cube_of('kind = "morris"\nsamples = 16', linear_interaction, groups=groups))
     assert found["mu_star"].values[0] > 1
     assert np.isfinite(found["mu"].values).tolist() == [False, True]
 
@@ -141,12 +148,12 @@ def test_a_phase_has_the_indices_of_its_direction():
 
     cube = cube_of('kind = "saltelli"\nsamples = 256\nseed = 1', phases)
     cube["y"].attrs["wraps_at"] = "+-180 degree"
-    found = s.sobol_indices(cube)
+    found = sobol_indices(cube)
     assert found["ST"].isel(k=0).values == pytest.approx([16 / 17, 1 / 17, 0], abs=0.05)
     assert found["ST"].isel(k=1).isnull().all()
     cube = cube_of('kind = "morris"\nsamples = 16', phases)
     cube["y"].attrs["wraps_at"] = "+-180 degree"
-    assert s.morris_effects(cube)["mu"].isel(k=0).values == pytest.approx([40, 10, 0])
+    assert morris_effects(cube)["mu"].isel(k=0).values == pytest.approx([40, 10, 0])
 
 
 def test_a_waveform_beside_other_outputs_has_indices_at_each_angle():
@@ -155,7 +162,7 @@ def test_a_waveform_beside_other_outputs_has_indices_at_each_angle():
 
     cube = cube_of('kind = "saltelli"\nsamples = 64', wave).rename(y="thrust", k="rotation_deg")
     cube["other"] = cube["thrust"].max("rotation_deg")
-    found = s.sobol_indices(cube)
+    found = sobol_indices(cube)
     assert found["thrust_ST"].dims == ("factor", "rotation_deg")
     assert found["ST"].dims == ("factor",)
     assert found["thrust_ST"].isel(rotation_deg=0).values == pytest.approx([0, 1, 0], abs=0.2)
@@ -171,13 +178,13 @@ def test_a_course_that_is_read_in_parts_has_the_same_indices(monkeypatch, tmp_pa
     cube["thrust"][[17, 90]] = np.nan
     cube["outcome"][[17, 90]] = Outcome.DIVERGED
     cube["other"] = cube["thrust"].max("rotation_deg")
-    expected = s.sobol_indices(cube)
+    expected = sobol_indices(cube)
     cube.to_netcdf(tmp_path / "cube.nc")
     monkeypatch.setattr(outputs, "_MOST_NUMBERS", 1500)
     monkeypatch.setattr(slab_reading, "_SLAB_BYTES", 4000)
     with xr.open_dataset(tmp_path / "cube.nc", cache=False) as stored:
         assert len(list(outputs._parts(stored, "thrust", 512))) == 4
-        found = s.sobol_indices(stored)
+        found = sobol_indices(stored)
     xr.testing.assert_allclose(found, expected, rtol=1e-12)
     assert found.attrs == expected.attrs
 
@@ -214,7 +221,7 @@ def test_an_analysis_that_needs_too_much_memory_says_so_before_it_reads(monkeypa
     ):
         monkeypatch.setattr(size, "_free_memory", lambda free=free: free)
         with pytest.raises(InputError, match=told):
-            s.sobol_indices(cube)
+            sobol_indices(cube)
 
 
 def test_a_bootstrap_that_is_drawn_in_parts_has_the_same_draws(monkeypatch):
@@ -228,11 +235,11 @@ def test_a_bootstrap_that_is_drawn_in_parts_has_the_same_draws(monkeypatch):
 def test_convergence_says_how_many_more():
     """Exact: half the interval takes four times as many; a precision that is met is enough."""
     cube = cube_of('kind = "saltelli"\nsamples = 256\nseed = 2', ishigami, ANGLE)
-    loose = s.sobol_indices(cube, s.SobolSettings(precision=1))
+    loose = sobol_indices(cube, SobolSettings(precision=1))
     assert loose["samples"].values.tolist() == [32, 64, 128, 256]
     assert loose["ST_over_samples"].values[-1] == pytest.approx(loose["ST"].values)
     assert float(loose["samples_needed"]) <= 256
-    tight, tighter = (s.sobol_indices(cube, s.SobolSettings(precision=p))["samples_needed"] for p in (0.02, 0.01))
+    tight, tighter = (sobol_indices(cube, SobolSettings(precision=p))["samples_needed"] for p in (0.02, 0.01))
     assert float(tighter) == 4 * float(tight) > 256
 
 
@@ -240,7 +247,7 @@ def test_no_factor_is_ranked_below_the_numerical_error():
     """Regression: an effect of 0.01 where the runs report an error of 0.1 is flagged, and no sentence names it."""
     cube = cube_of('kind = "morris"\nsamples = 16', lambda x: 3 * x[:, 0] + 0.01 * x[:, 1])
     cube["y_error"] = ("point", np.full(cube.sizes["point"], 0.1), {"role": "record of the run"})
-    found = s.morris_effects(cube)
+    found = morris_effects(cube)
     assert found["resolved"].values.tolist() == [1, 2, 2]
 
 
@@ -254,17 +261,17 @@ def planted(cube, rows):
 def test_scattered_failures_drop_their_blocks():
     """Exact: ten failures cost ten blocks; the indices stay within the intervals of the whole, and no region is told."""
     cube = cube_of('kind = "saltelli"\nsamples = 256\nseed = 3', ishigami, ANGLE)
-    whole = s.sobol_indices(cube)
+    whole = sobol_indices(cube)
     rows = np.random.default_rng(1).choice(256, 10, replace=False) * 8 + np.arange(10) % 8
-    found = s.sobol_indices(planted(cube, rows))
+    found = sobol_indices(planted(cube, rows))
     assert (found.attrs["points_dropped"], found.attrs["points_used"]) == (80, 8 * 246)
     assert "failing_region" not in found.attrs
     for key in ("S1", "ST"):
         assert (np.abs(found[key] - whole[key]) <= whole[f"{key}_conf"]).all()
     with pytest.raises(InputError, match='10 of 256 blocks of 8 points are lost, and holes = "refuse"'):
-        s.sobol_indices(planted(cube, rows), s.SobolSettings(holes="refuse"))
+        sobol_indices(planted(cube, rows), SobolSettings(holes="refuse"))
     trajectories = cube_of('kind = "morris"\nsamples = 40', linear_interaction)
-    found = s.morris_effects(planted(trajectories, [5, 6, 80]))
+    found = morris_effects(planted(trajectories, [5, 6, 80]))
     assert (found.attrs["points_dropped"], found.attrs["points_used"]) == (8, 152)
 
 
@@ -274,26 +281,26 @@ def test_failures_in_one_corner_are_told_as_a_region():
     x = unit_of(cube)
     corner = np.flatnonzero((x[:, 0] > 0.93) & (x[:, 2] > 0.93))
     assert corner.size >= 10
-    broken, whole = planted(cube, corner), s.sobol_indices(cube)
-    found = s.sobol_indices(broken)
+    broken, whole = planted(cube, corner), sobol_indices(cube)
+    found = sobol_indices(broken)
     assert found.attrs["points_dropped"] % 8 == 0
     region = found.attrs["failing_region"]
     assert "joint_angle_deg > 0.9" in region
     assert "speed_rpm > 0.9" in region
     assert f"({corner.size} of the " in region
-    for answer in (found, s.sobol_indices(broken, s.SobolSettings(holes="rest", most_dropped=0))):
+    for answer in (found, sobol_indices(broken, SobolSettings(holes="rest", most_dropped=0))):
         for key in ("S1", "ST"):
             assert (np.abs(answer[key] - whole[key]) <= whole[f"{key}_conf"]).all()
     assert answer.attrs["answered_for"] == "the rest"
     with pytest.raises(InputError, match=r"most_dropped = 0; most failed where .* set holes = \"rest\""):
-        s.sobol_indices(broken, s.SobolSettings(most_dropped=0))
+        sobol_indices(broken, SobolSettings(most_dropped=0))
 
 
 def test_a_curve_with_a_failed_point_has_no_index():
     cube = cube_of('kind = "fast"\nsamples = 129\nseed = 1', linear_interaction)
-    found = s.fast_indices(planted(cube, [130]), s.FastSettings(most_dropped=0.5))
+    found = fast_indices(planted(cube, [130]), FastSettings(most_dropped=0.5))
     assert np.isfinite(found["S1"].values).tolist() == [True, False, True]
-    assert found["S1"].values[[0, 2]] == pytest.approx(s.fast_indices(cube)["S1"].values[[0, 2]])
+    assert found["S1"].values[[0, 2]] == pytest.approx(fast_indices(cube)["S1"].values[[0, 2]])
     assert found.attrs["points_dropped"] == 129
 
 
@@ -350,7 +357,7 @@ def test_scramblings_give_intervals_that_hold():
     design = 'kind = "saltelli"\nsamples = 512\nsecond_order = false\nscramblings = 8\nseed = {}'
     hits = []
     for seed in range(40):
-        found = s.sobol_indices(cube_of(design.format(seed), ishigami, ANGLE), s.SobolSettings(precision=1))
+        found = sobol_indices(cube_of(design.format(seed), ishigami, ANGLE), SobolSettings(precision=1))
         hits += [np.abs(found[key] - ISHIGAMI[key]) <= found[f"{key}_conf"] for key in ("S1", "ST")]
     assert 0.90 <= np.mean(hits) <= 0.99
 

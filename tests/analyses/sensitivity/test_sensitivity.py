@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tripod_doe.analyses.sensitivity import MorrisSettings, SobolSettings, morris_effects, sobol_indices
+from tripod_doe.analyses.sensitivity.morris import MorrisSettings, morris_effects
+from tripod_doe.analyses.sensitivity.sobol import SobolSettings, sobol_indices
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.definition import parse_study

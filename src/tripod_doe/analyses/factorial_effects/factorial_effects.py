@@ -16,6 +16,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from pydantic import Field
 
+from tripod_doe.analyses.encoding import is_numeric, scaled
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.outputs import (
     OutputTable,
@@ -71,7 +72,7 @@ class Terms:
 
 def _coded(name: str, column: NDArray[np.generic], table: FactorTable) -> list[tuple[str, FloatArray, float]]:
     """Columns of one factor: name, values, and their change from low to high."""
-    if column.dtype.kind not in "fiu":
+    if not is_numeric(column):
         words = list(dict.fromkeys(map(str, table.values or np.unique(column.astype(str)))))
         if len(words) == 2:
             return [(name, np.where(column.astype(str) == words[1], 1.0, -1.0), 2.0)]
@@ -82,7 +83,7 @@ def _coded(name: str, column: NDArray[np.generic], table: FactorTable) -> list[t
     high = table.high if table.high is not None else max(given, default=numbers.max())
     if table.scale == "log":
         numbers, low, high = np.log(numbers), np.log(low), np.log(high)
-    return [(name, (2 * numbers - low - high) / (high - low), 2.0)] if high > low else []
+    return [(name, scaled(numbers, low, high), 2.0)] if high > low else []
 
 
 def _terms(sample: Sample, settings: EffectsSettings) -> Terms:

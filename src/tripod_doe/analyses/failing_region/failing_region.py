@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.analyses.encoding import is_numeric
 from tripod_doe.quantities import number
 
 _DEPTH = 2  # conditions of a region: more than two nobody can picture
@@ -86,7 +87,7 @@ def failing_region(columns: Mapping[str, NDArray[np.generic]], failed: NDArray[n
     failed
         Which points failed.
     """
-    numeric = {name: np.asarray(column, float) for name, column in columns.items() if column.dtype.kind in "fiu"}
+    numeric = {name: np.asarray(column, float) for name, column in columns.items() if is_numeric(column)}
     total = int(failed.sum())
     if total < _FEWEST or total == failed.size or not numeric:
         return None

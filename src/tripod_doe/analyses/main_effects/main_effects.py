@@ -24,13 +24,12 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_doe.analyses.encoding import Column, is_numeric
 from tripod_doe.analyses.main_effects.curve_shape import Shape, curve_shapes
 from tripod_doe.analyses.main_effects.one_factor import Comparison, compare_settings, setting_of_others
 from tripod_doe.analyses.main_effects.regression import Fit, Separation, fit_factor, separation
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.one_thread import one_thread
-
-Column = NDArray[np.generic]
 
 _MOST_ROWS = 4096  # points of a regression: more make its intervals narrower than anybody needs
 _ROUNDING = 1e-9  # part of the largest value within which two values are the same
@@ -147,7 +146,7 @@ def _by_curves(
     shape = Shape(int(curve_shapes(mean[None], error)[0]))
     return FactorEffect(
         name,
-        columns[name].dtype.kind in "fiu",
+        is_numeric(columns[name]),
         Ground.CURVES,
         shape,
         levels,
@@ -168,7 +167,7 @@ def _by_steps(
     averaged, held = _surroundings(name, columns, np.isin(setting, compared.several))
     return FactorEffect(
         name,
-        columns[name].dtype.kind in "fiu",
+        is_numeric(columns[name]),
         Ground.STEPS,
         error=error,
         largest=compared.largest,
@@ -184,7 +183,7 @@ def _by_steps(
 def _by_regression(name: str, columns: Mapping[str, Column], response: FloatArray, error: float) -> FactorEffect:
     """Fit where the columns separate the factor; words and single points are left to the other grounds."""
     rows = np.random.default_rng(0).permutation(response.size)[:_MOST_ROWS]
-    numeric, response = columns[name].dtype.kind in "fiu", response[rows]
+    numeric, response = is_numeric(columns[name]), response[rows]
     columns = {other: column[rows] for other, column in columns.items() if np.unique(column[rows]).size > 1}
     found = separation(columns, name) if name in columns else Separation(False, too_few=True)
     if not (numeric and found.separated):

@@ -11,12 +11,10 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_doe.analyses.encoding import Column, encoded, inputs_of, is_numeric
 from tripod_doe.analyses.main_effects.curve_shape import Shape, curve_shapes
 from tripod_doe.array_types import FloatArray
-
-Column = NDArray[np.generic]
 
 _SHARED = 0.5  # share of the variance of a factor's column that others may explain: its interval is 1.4 times as wide
 _POINTS_PER_COLUMN = 3
@@ -65,25 +63,15 @@ class Fit:
     error: float  # half width of the 99.9 % interval of a difference of two such means
 
 
-def _scaled(column: Column) -> FloatArray:
-    """A numeric column from -1 to 1."""
-    numbers = column.astype(float)
-    scaled: FloatArray = (2 * numbers - numbers.max() - numbers.min()) / np.ptp(numbers)
-    return scaled
-
-
-def _numeric(column: Column) -> bool:
-    return column.dtype.kind in "fiu"
+def _encoded(column: Column) -> FloatArray:
+    return encoded({"": column}, inputs_of({"": column}))
 
 
 def _basis(column: Column) -> FloatArray:
     """Columns of one factor, centred: straight line and square of a number, one for each but the first word."""
-    if _numeric(column):
-        line = _scaled(column)
-        parts = [line, line**2] if np.unique(column).size > 2 else [line]
-    else:
-        parts = [np.asarray(column == word, float) for word in np.unique(column)[1:]]
-    basis = np.stack(parts, axis=1)
+    basis = _encoded(column)
+    if is_numeric(column) and np.unique(column).size > 2:
+        basis = np.concatenate([basis, basis**2], axis=1)
     centred: FloatArray = basis - basis.mean(axis=0)
     return centred
 
@@ -96,7 +84,7 @@ def _others(columns: Mapping[str, Column], factor: str) -> FloatArray:
 
 def _products(columns: Mapping[str, Column]) -> FloatArray:
     """Products of any two factors that are numbers, centred, shape (point, pair)."""
-    lines = [_scaled(column) for column in columns.values() if _numeric(column)]
+    lines = [_encoded(column)[:, 0] for column in columns.values() if is_numeric(column)]
     products = [(one - one.mean()) * (other - other.mean()) for one, other in combinations(lines, 2)]
     if not products:
         return np.empty((len(next(iter(columns.values()))), 0))
@@ -136,11 +124,13 @@ def separation(columns: Mapping[str, Column], factor: str) -> Separation:
 
 def _aliased(columns: Mapping[str, Column], factor: str) -> Separation:
     """Look for the column of a factor among the products of two and of three others."""
-    if not _numeric(columns[factor]):
+    if not is_numeric(columns[factor]):
         return Separation(True)
-    line = _scaled(columns[factor])
+    line = _encoded(columns[factor])[:, 0]
     line = line - line.mean()
-    numbers = {name: _scaled(column) for name, column in columns.items() if name != factor and _numeric(column)}
+    numbers = {
+        name: _encoded(column)[:, 0] for name, column in columns.items() if name != factor and is_numeric(column)
+    }
     centred = {name: column - column.mean() for name, column in numbers.items()}
     for width in (2, 3):
         for names in combinations(centred, width):

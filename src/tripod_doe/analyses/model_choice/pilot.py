@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import tomlkit
-from numpy.typing import NDArray
 
-from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.analyses.encoding import in_unit_cube
+from tripod_doe.array_types import IntArray
 from tripod_doe.simulator import Candidate, Outcome
 from tripod_doe.study.accuracy import Accuracy
 from tripod_doe.study.definition import Study, parse_study
@@ -26,7 +26,7 @@ def pilot_points(study: Study, points: Points, count: int | None = None) -> IntA
     study.
     """
     columns = points.columns
-    places = normalised(columns, columns)
+    places = in_unit_cube(columns, columns)
     usable = np.flatnonzero(points.allowed)
     _, first = np.unique(places[usable], axis=0, return_index=True)
     usable = usable[np.sort(first)]
@@ -49,27 +49,6 @@ def least_points(study: Study, points: Points) -> int:
 def _wanted(study: Study, factors: Mapping[str, object]) -> int:
     assert study.accuracy is not None
     return max(study.accuracy.least_points, _POINTS_A_FACTOR * len(factors) + 1)
-
-
-def normalised(columns: Mapping[str, NDArray[Any]], over: Mapping[str, NDArray[Any]]) -> FloatArray:
-    """Points as places in a unit cube, shape (point, coordinate); a parameter with words has one coordinate per word.
-
-    Parameters
-    ----------
-    columns
-        Points, each column of shape (point,).
-    over
-        Points whose ranges and words span the cube.
-    """
-    places: list[FloatArray] = []
-    for name, column in columns.items():
-        if over[name].dtype.kind in "OU":
-            words = sorted({str(word) for word in over[name]})
-            places += [(column.astype(str) == word).astype(float) for word in words]
-        else:
-            low, high = float(over[name].min()), float(over[name].max())
-            places.append((column - low) / (high - low) if high > low else np.zeros(column.size))
-    return np.stack(places, axis=1) if places else np.zeros((1, 0))
 
 
 def pilot_study(study: Study, points: Points, runs: Sequence[tuple[Candidate, IntArray]]) -> Study:

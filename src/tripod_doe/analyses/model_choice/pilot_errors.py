@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from tripod_doe.analyses.model_choice.pilot import normalised
+from tripod_doe.analyses.encoding import in_unit_cube
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Candidate, Demand, Outcome
@@ -112,7 +112,7 @@ def pilot_errors(pilot: xr.Dataset, names: list[str], accuracy: Accuracy) -> Pil
     if len(ran) < 2:
         raise InputError("the pilot ran fewer than two candidates: nothing can be compared")
     own = {name: cells[name] for name in names}
-    _, first, point_of = np.unique(normalised(own, own).round(12), axis=0, return_index=True, return_inverse=True)
+    _, first, point_of = np.unique(in_unit_cube(own, own).round(12), axis=0, return_index=True, return_inverse=True)
     table = np.full((first.size, len(ran)), -1)
     for position, number in enumerate(ran):
         chosen = np.flatnonzero(candidate_of == number)

@@ -37,8 +37,8 @@ import xarray as xr
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from tripod_doe.analyses.encoding import in_unit_cube
 from tripod_doe.analyses.kinds import makes_kind
-from tripod_doe.analyses.model_choice.pilot import normalised
 from tripod_doe.analyses.model_choice.pilot_errors import AS_GOOD, HOPELESS, PilotErrors, pilot_errors
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
@@ -82,7 +82,7 @@ def choose(found: PilotErrors, columns: Mapping[str, NDArray[Any]], accuracy: Ac
     """
     prediction = _Prediction(found)
     limit, misses = prediction.limit(accuracy.confidence)
-    expected = prediction.errors(normalised(columns, found.columns))
+    expected = prediction.errors(in_unit_cube(columns, found.columns))
     candidate = _cheapest(expected.max(axis=2), found.prices, limit)
     every = np.arange(candidate.size)
     choice = labelled(found, columns, accuracy, candidate, expected[every, candidate])
@@ -163,7 +163,7 @@ class _Prediction:
 
     def __init__(self, found: PilotErrors) -> None:
         self._found = found
-        self._places = normalised(found.columns, found.columns)
+        self._places = in_unit_cube(found.columns, found.columns)
         every = np.arange(found.count)
         blind = np.stack([self._differences(every != i, self._places[i : i + 1])[0] for i in every])
         self._missed = np.square(np.nan_to_num(blind - found.differences))

@@ -1,8 +1,4 @@
-"""Elementary effects from Morris' trajectories and derivatives from finite differences, vectorised over outputs.
-
-Equal to SALib's to rounding, except the interval of the derivative measure: SALib's is that of the mean squared
-derivative, ours that of the measure itself.
-"""
+"""Morris' elementary effects from trajectories, for all outputs at once; equal to SALib's to rounding."""
 
 from __future__ import annotations
 
@@ -11,7 +7,7 @@ import xarray as xr
 
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.outputs import OutputTable
-from tripod_doe.analyses.resampling import bootstrap_weights, half_width
+from tripod_doe.analyses.resampling import half_width
 from tripod_doe.analyses.sample import Sample
 from tripod_doe.analyses.sensitivity.method import Answers, Method, apply
 from tripod_doe.analyses.settings import SensitivitySettings
@@ -25,18 +21,12 @@ class MorrisSettings(SensitivitySettings):
     precision: float = 0.1
 
 
-class DgsmSettings(SensitivitySettings):
-    """[analysis.NAME] of kind dgsm."""
-
-    precision: float = 0.1
-
-
-def _changes(sample: Sample, table: OutputTable, components: IntArray) -> FloatArray:
+def values_in_blocks(sample: Sample, table: OutputTable, components: IntArray) -> FloatArray:
     """Values in blocks, shape (block, row, component)."""
     return table.values[:, components].reshape(sample.blocks, sample.block, components.size)
 
 
-def _wrapped(difference: FloatArray, wraps: bool) -> FloatArray:
+def shorter_way(difference: FloatArray, wraps: bool) -> FloatArray:
     """Differences of phases by the shorter way."""
     return (difference + 180) % 360 - 180 if wraps else difference
 
@@ -44,7 +34,7 @@ def _wrapped(difference: FloatArray, wraps: bool) -> FloatArray:
 def _morris(sample: Sample, table: OutputTable, components: IntArray, settings: SensitivitySettings) -> Answers:
     groups = factor_groups(sample.tables)
     moves = np.diff(sample.unit.reshape(sample.blocks, sample.block, -1), axis=1)
-    steps = _wrapped(np.diff(_changes(sample, table, components), axis=1), table.wraps)
+    steps = shorter_way(np.diff(values_in_blocks(sample, table, components), axis=1), table.wraps)
     every, names = np.arange(sample.blocks), list(sample.tables)
     effects, single = [], []
     for members in groups.values():
@@ -72,31 +62,7 @@ def _drawn_means(values: FloatArray, random: np.random.Generator, resamples: int
     return weights @ values
 
 
-def _dgsm(sample: Sample, table: OutputTable, components: IntArray, settings: SensitivitySettings) -> Answers:
-    values = _changes(sample, table, components)
-    unit = sample.unit.reshape(sample.blocks, sample.block, -1)
-    weights = bootstrap_weights(sample.blocks, settings.resamples, settings.seed)
-    weights = np.concatenate([np.full((1, sample.blocks), 1 / sample.blocks), weights])
-    base = values[:, 0] - values[:, 0].mean(axis=0)
-    variance = weights @ base**2 - (weights @ base) ** 2
-    found = []
-    for at in range(len(sample.tables)):
-        change = _wrapped(values[:, 1 + at] - values[:, 0], table.wraps)
-        slope = change / (unit[:, 1 + at, at] - unit[:, 0, at])[:, None]
-        found.append(weights @ slope**2)
-    squared = np.stack(found)  # (factor, resample, component)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        measure = squared / (np.pi**2 * np.where(variance > 0, variance, np.nan))
-    return {
-        "vi": squared[:, 0],
-        "vi_conf": half_width(np.moveaxis(squared[:, 1:], 1, 0), settings.confidence),
-        "dgsm": measure[:, 0],
-        "dgsm_conf": half_width(np.moveaxis(measure[:, 1:], 1, 0), settings.confidence),
-        "size": np.sqrt(squared[:, 0]),
-    }
-
-
-MORRIS = Method(
+METHOD = Method(
     _morris,
     designs=("morris",),
     ranked="mu_star",
@@ -104,17 +70,6 @@ MORRIS = Method(
         "mu": "mean elementary effect",
         "mu_star": "mean magnitude of the elementary effects",
         "sigma": "standard deviation of the elementary effects",
-    },
-    pure=False,
-)
-
-DGSM = Method(
-    _dgsm,
-    designs=("finite-differences",),
-    ranked="dgsm",
-    meanings={
-        "dgsm": "upper bound of the total Sobol' index from derivatives",
-        "vi": "mean squared derivative over the quantile of the factor",
     },
     pure=False,
 )
@@ -144,30 +99,4 @@ def morris_effects(cube: xr.Dataset, settings: MorrisSettings | None = None) -> 
     InputError
         If the cube is of another design, or too few complete trajectories are left.
     """
-    return apply(MORRIS, cube, settings or MorrisSettings())
-
-
-@makes_kind("dgsm")
-def derivative_measures(cube: xr.Dataset, settings: DgsmSettings | None = None) -> xr.Dataset:
-    """Derivative-based measures: vi = E[(dY / du)^2] over the quantile u of a factor, and dgsm = vi / (pi^2 V[Y]).
-
-    A total Sobol' index is at most dgsm (Sobol' and Kucherenko 2009); over quantiles this holds for any distribution.
-
-    Parameters
-    ----------
-    cube
-        Cube of a finite-differences design.
-    settings
-        Which outputs, and the level of the intervals.
-
-    Returns
-    -------
-    xarray.Dataset
-        vi, vi_conf, dgsm, dgsm_conf (factor, and the dimensions of the output); see `method.apply`.
-
-    Raises
-    ------
-    InputError
-        If the cube is of another design, or too few complete blocks are left.
-    """
-    return apply(DGSM, cube, settings or DgsmSettings())
+    return apply(METHOD, cube, settings or MorrisSettings())

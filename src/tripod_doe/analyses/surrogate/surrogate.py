@@ -1,19 +1,15 @@
-"""A surrogate of each output over the factors, chosen by cross-validation, with its error from points it has not seen.
+"""A surrogate of each output over the factors, with its error at points that it was not fitted to.
 
-Candidates are a polynomial of the third degree, a Gaussian process and boosted trees, all by scikit-learn. The result
-tells how far a picture or a what-if may rest on one; it is no result of a model, and no claim is judged by it.
+It says how far a picture or a what-if may rest on it; it is no result of a model, and no claim is judged by it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import xarray as xr
 from pydantic import Field
-from threadpoolctl import threadpool_limits
 
+from tripod_doe.analyses.encoding import encoded, inputs_of
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.outputs import (
     OutputTable,
@@ -23,9 +19,9 @@ from tripod_doe.analyses.outputs import (
     read_outputs,
     stacked,
 )
-from tripod_doe.analyses.sample import Sample, read_sample
-from tripod_doe.analyses.sensitivity.distributions import SAMPLED_DESIGNS
+from tripod_doe.analyses.sample import SAMPLED_DESIGNS, read_sample
 from tripod_doe.analyses.settings import SensitivitySettings
+from tripod_doe.analyses.surrogate.learner import KINDS, learn
 from tripod_doe.analyses.surrogate.what_if import what_if
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
@@ -34,9 +30,7 @@ from tripod_doe.study.flat_points import flat_points
 SURROGATE_DESIGNS = (*SAMPLED_DESIGNS, "grid", "full-factorial", "central-composite", "box-behnken", "table")
 """Designs whose points a surrogate can learn from."""
 
-_DEGREE = 3
 _FEWEST = 10  # points that a cross-validation needs
-_PROCESS_POINTS = 1000  # a Gaussian process costs the third power of its points
 
 
 class SurrogateSettings(SensitivitySettings):
@@ -46,84 +40,18 @@ class SurrogateSettings(SensitivitySettings):
     folds: int = Field(5, ge=2, description="parts of the points, each predicted by a surrogate of the others")
 
 
-def _polynomial(width: int, seed: int) -> Any:
-    from sklearn.linear_model import RidgeCV
-    from sklearn.pipeline import make_pipeline
-    from sklearn.preprocessing import PolynomialFeatures, StandardScaler
-
-    terms = PolynomialFeatures(_DEGREE, include_bias=False)
-    return make_pipeline(terms, StandardScaler(), RidgeCV(np.logspace(-8, 2, 11)))
-
-
-def _process(width: int, seed: int) -> Any:
-    from sklearn.gaussian_process import GaussianProcessRegressor
-    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
-
-    kernel = ConstantKernel(1.0, (1e-3, 1e4)) * RBF(np.ones(width), (1e-2, 1e3)) + WhiteKernel(1e-6, (1e-12, 1.0))
-    return GaussianProcessRegressor(kernel, normalize_y=True, random_state=seed)
-
-
-def _boosting(width: int, seed: int) -> Any:
-    from sklearn.ensemble import HistGradientBoostingRegressor
-
-    return HistGradientBoostingRegressor(random_state=seed)
-
-
-CANDIDATES: dict[str, Callable[[int, int], Any]] = {
-    "polynomial": _polynomial,
-    "gaussian-process": _process,
-    "boosted-trees": _boosting,
-}
-"""Surrogates by name: (number of inputs, seed) -> regressor of scikit-learn."""
-
-
-def _inputs(sample: Sample) -> FloatArray:
-    """Factors from -1 to 1, a column for each word but the first, shape (point, input)."""
-    columns = []
-    for column in sample.columns.values():
-        if column.dtype.kind in "fiu":
-            numbers = column.astype(float)
-            span = np.ptp(numbers)
-            columns.append((2 * numbers - numbers.max() - numbers.min()) / (span if span > 0 else 1.0))
-        else:
-            columns += [(column == word).astype(float) for word in np.unique(column.astype(str))[1:]]
-    return np.stack(columns, axis=1)
-
-
-def _predictions(inputs: FloatArray, values: FloatArray, settings: SurrogateSettings) -> dict[str, FloatArray]:
-    """What each candidate predicts at points that it has not seen, shape (point,)."""
-    import warnings
-
-    from sklearn.exceptions import ConvergenceWarning
-    from sklearn.model_selection import KFold, cross_val_predict
-
-    folds = KFold(min(settings.folds, len(values)), shuffle=True, random_state=settings.seed)
-    found = {}
-    with warnings.catch_warnings(), threadpool_limits(1):  # small problems: threads would wait for each other
-        warnings.simplefilter("ignore", ConvergenceWarning)  # a bound of a length scale: its error tells
-        for name, make in CANDIDATES.items():
-            if name == "gaussian-process" and len(values) > _PROCESS_POINTS:
-                continue
-            regressor = make(inputs.shape[1], settings.seed)
-            found[name] = np.asarray(cross_val_predict(regressor, inputs, values, cv=folds), float)
-    return found
-
-
-def _of_output(sample: Sample, table: OutputTable, settings: SurrogateSettings) -> xr.Dataset:
-    """Errors of the best candidate of each component; NaN for those that do not vary."""
-    inputs, count = _inputs(sample), table.values.shape[1]
-    error, largest, part = (np.full(count, np.nan) for _ in range(3))
-    chosen = np.full(count, -1.0)
-    for at in np.flatnonzero(table.varies):
+def _of_output(places: FloatArray, table: OutputTable, settings: SurrogateSettings) -> xr.Dataset:
+    """Errors of the surrogate of each component; NaN for those that do not vary."""
+    answers = {key: np.full(table.values.shape[1], np.nan) for key in _MEANINGS}
+    chosen, at = np.full(table.values.shape[1], -1.0), np.flatnonzero(table.varies)
+    if at.size:
         values = table.values[:, at]
-        misses = {name: guess - values for name, guess in _predictions(inputs, values, settings).items()}
-        best = min(misses, key=lambda name: float((misses[name] ** 2).mean()))
-        error[at] = np.sqrt((misses[best] ** 2).mean())
-        largest[at] = np.abs(misses[best]).max()
-        part[at] = 1 - (misses[best] ** 2).mean() / values.var()
-        chosen[at] = list(CANDIDATES).index(best)
-    answers = {"error_rms": error, "error_largest": largest, "predicted_part": part, "chosen": chosen}
-    return xr.Dataset({key: table.labelled(answer, ()) for key, answer in answers.items()})
+        learned = learn(places, values, settings.seed, settings.folds)
+        chosen[at] = learned.kinds
+        answers["error_rms"][at] = np.sqrt((learned.errors**2).mean(axis=0))
+        answers["error_largest"][at] = np.abs(learned.errors).max(axis=0)
+        answers["predicted_part"][at] = 1 - (learned.errors**2).mean(axis=0) / values.var(axis=0)
+    return xr.Dataset({key: table.labelled(answer, ()) for key, answer in (answers | {"chosen": chosen}).items()})
 
 
 _MEANINGS = {
@@ -148,7 +76,7 @@ def surrogate(cube: xr.Dataset, settings: SurrogateSettings | None = None) -> xr
     -------
     xarray.Dataset
         error_rms, error_largest, predicted_part and the flag chosen, with the dimensions of the output, and with
-        several outputs also along ``output``. Phases are learnt relative to their circular mean.
+        several outputs also along ``output``. Phases are learned relative to their circular mean.
 
     Raises
     ------
@@ -164,7 +92,8 @@ def surrogate(cube: xr.Dataset, settings: SurrogateSettings | None = None) -> xr
         raise InputError(f"a surrogate needs at least {_FEWEST} points, {sample.rows.size} finished")
     names = [name for name in names if not is_course(cube, name)]
     tables = list(read_outputs(cube, names, sample.rows))
-    parts = [_of_output(sample, table, settings) for table in tables]
+    places = encoded(sample.columns, inputs_of(sample.columns))
+    parts = [_of_output(places, table, settings) for table in tables]
     result = stacked(dict(zip(names, parts, strict=True)), names)
     if any(table.varies.any() for table in tables):
         result = result.merge(what_if(sample, tables, cube, settings.seed), combine_attrs="no_conflicts")
@@ -176,8 +105,8 @@ def surrogate(cube: xr.Dataset, settings: SurrogateSettings | None = None) -> xr
         .astype(np.int8)
         .assign_attrs(
             long_name="surrogate with the smallest error",
-            flag_values=np.arange(-1, len(CANDIDATES), dtype=np.int8),
-            flag_meanings=" ".join(["constant", *CANDIDATES]),
+            flag_values=np.arange(-1, len(KINDS), dtype=np.int8),
+            flag_meanings=" ".join(["constant", *KINDS]),
         )
     )
     for label in result.coords:

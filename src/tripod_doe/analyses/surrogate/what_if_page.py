@@ -14,6 +14,7 @@ import xarray as xr
 from markupsafe import Markup
 from numpy.typing import NDArray
 
+from tripod_doe.analyses.encoding import Input
 from tripod_doe.analyses.kinds import of_kind
 from tripod_doe.analyses.surrogate.what_if import WhatIf, neighbours, read_what_if
 from tripod_doe.array_types import FloatArray, IntArray
@@ -37,10 +38,10 @@ class Quantity:
     label: str
     unit: str
     parts: tuple[int, ...]  # the component, or the cosine and sine part of an order, whose amplitude is shown
-    # values, misses: at the computed points, and by how much the surrogate without them was too large, shape (point,)
+    # values, errors: at the computed points, and by how much the surrogate without them was too large, shape (point,)
     values: FloatArray
-    misses: FloatArray
-    factor: float  # half width of the band, over the root mean square of the misses at the nearest points
+    errors: FloatArray
+    factor: float  # half width of the band, over the root mean square of the errors at the nearest points
 
     def of(self, components: FloatArray) -> FloatArray:
         """The number from predicted components, shape (point, component) -> (point,)."""
@@ -66,10 +67,10 @@ class WhatIfPage:
     def at(self, **values: float | str) -> list[tuple[float, float]]:
         """Each quantity with half its band, for some values of the factors."""
         place = self.surrogate.encoded(**values)
-        components = self.surrogate.predict(place)
+        components = self.surrogate.surrogates.predict(place)
         near = _nearest(self.surrogate.places, place)[0]
         return [
-            (float(each.of(components)[0]), each.factor * float(np.sqrt((each.misses[near] ** 2).mean())))
+            (float(each.of(components)[0]), each.factor * float(np.sqrt((each.errors[near] ** 2).mean())))
             for each in self.quantities
         ]
 
@@ -78,16 +79,16 @@ class WhatIfPage:
         told = self.surrogate.factors[factor]
         values = np.linspace(told["low"], told["high"], _STEPS)
         places = np.concatenate([self.surrogate.encoded(**{**self.start, factor: value}) for value in values])
-        components = self.surrogate.predict(places)
+        components = self.surrogate.surrogates.predict(places)
         return values, np.stack([each.of(components) for each in self.quantities], axis=1)
 
     def drawn(self) -> list[FloatArray]:
-        """Each quantity at places drawn from the computed points, factor by factor, with misses drawn beside them."""
+        """Each quantity at places drawn from the computed points, factor by factor, with errors drawn beside them."""
         random, places = np.random.default_rng(0), self.surrogate.places
         rows = {factor: random.choice(len(places), _DRAWS) for factor in self.surrogate.factors}
-        columns = [places[rows[entry["factor"]], at] for at, entry in enumerate(self.surrogate.inputs)]
-        components = self.surrogate.predict(np.stack(columns, axis=1))
-        return [each.of(components) - random.choice(each.misses, _DRAWS) for each in self.quantities]
+        columns = [places[rows[each.factor], at] for at, each in enumerate(self.surrogate.inputs)]
+        components = self.surrogate.surrogates.predict(np.stack(columns, axis=1))
+        return [each.of(components) - random.choice(each.errors, _DRAWS) for each in self.quantities]
 
     @property
     def rows(self) -> list[tuple[str, str, str]]:
@@ -121,12 +122,12 @@ class WhatIfPage:
         """All numbers as JSON: arrays as base64 of their bytes, those that are only shown in single precision."""
         surrogate, waves = self.surrogate, self.waves
         told: dict[str, Any] = {
-            "inputs": surrogate.inputs,
+            "inputs": [_input(each) for each in surrogate.inputs],
             "factors": dict(self.settings),
             "start": self.start,
             "components": len(surrogate.components),
             "neighbours": neighbours(self.points),
-            "exponents": _bytes(surrogate.exponents, np.int8),
+            "exponents": _bytes(surrogate.surrogates.exponents, np.int8),
             "quantities": [
                 {
                     "label": each.label,
@@ -135,13 +136,14 @@ class WhatIfPage:
                     "factor": each.factor,
                     "largest": float(np.abs(each.values).max()),
                     "values": _bytes(each.values, np.float32),
-                    "misses": _bytes(each.misses, np.float32),
+                    "errors": _bytes(each.errors, np.float32),
                 }
                 for each in self.quantities
             ],
         }
-        for name in ("coefficients", "learnt", "weights", "lengths", "places"):
-            told[name] = _bytes(getattr(surrogate, name), np.float64)
+        for name in ("coefficients", "centres", "weights", "lengths"):
+            told[name] = _bytes(getattr(surrogate.surrogates, name), np.float64)
+        told["places"] = _bytes(surrogate.places, np.float64)
         if waves:
             factor, largest = _wave_band(surrogate, waves)
             told["wave"] = {
@@ -150,7 +152,7 @@ class WhatIfPage:
                 "largest": largest,
                 "unit": self.quantities[0].unit,
                 "values": _bytes(surrogate.values, np.float32),
-                "misses": _bytes(surrogate.misses, np.float32),
+                "errors": _bytes(surrogate.surrogates.errors, np.float32),
             }
         return Markup(json.dumps(told).replace("</", "<\\/"))
 
@@ -163,6 +165,13 @@ def what_if_pages(analyses: Mapping[str, xr.Dataset]) -> list[WhatIfPage]:
         if surrogate is not None:
             found.append(WhatIfPage(name, surrogate, _quantities(surrogate)))
     return found
+
+
+def _input(each: Input) -> dict[str, Any]:
+    """An input as the page's script reads it."""
+    if each.word is not None:
+        return {"factor": each.factor, "word": each.word}
+    return {"factor": each.factor, "middle": (each.low + each.high) / 2, "half": (each.high - each.low) / 2 or 1.0}
 
 
 def _rounded(factor: Mapping[str, Any]) -> float:
@@ -178,7 +187,7 @@ def _bytes(values: NDArray[Any], kind: type) -> str:
 
 def _quantities(surrogate: WhatIf) -> list[Quantity]:
     """The orders of the force that count, or the first outputs."""
-    values, misses, components = surrogate.values, surrogate.misses, surrogate.components
+    values, errors, components = surrogate.values, surrogate.surrogates.errors, surrogate.components
     count = len(components) // 2  # of orders: their cosine parts, then their sine parts
     orders = [each.order for each in components[:count]]
     if components[0].order is None:
@@ -196,9 +205,9 @@ def _quantities(surrogate: WhatIf) -> list[Quantity]:
     for parts, label, unit in choice:
         plain = Quantity(label, unit_text(unit), parts, values[:, 0], values[:, 0], 1.0)
         known = plain.of(values)
-        missed = plain.of(values + misses) - known
-        local = np.sqrt((missed[near] ** 2).mean(axis=1))
-        found.append(Quantity(label, unit_text(unit), parts, known, missed, _factor(np.abs(missed), local)))
+        error = plain.of(values + errors) - known
+        local = np.sqrt((error[near] ** 2).mean(axis=1))
+        found.append(Quantity(label, unit_text(unit), parts, known, error, _factor(np.abs(error), local)))
     return found
 
 
@@ -208,10 +217,10 @@ def _order_label(order: int | None) -> str:
     return ORDINALS[order] if order < len(ORDINALS) else f"order {order}"
 
 
-def _factor(missed: FloatArray, local: FloatArray) -> float:
-    """The factor on the local misses with which a band holds its part of the unseen points."""
+def _factor(error: FloatArray, local: FloatArray) -> float:
+    """The factor on the local errors with which a band holds its part of the unseen points."""
     known = local > 0
-    return float(np.quantile(missed[known] / local[known], _COVERED)) if known.any() else 1.0
+    return float(np.quantile(error[known] / local[known], _COVERED)) if known.any() else 1.0
 
 
 def _nearest(places: FloatArray, at: FloatArray, itself: bool = False) -> IntArray:
@@ -227,7 +236,7 @@ def _wave_band(surrogate: WhatIf, waves: list[int]) -> tuple[float, float]:
     """Factor of the band of the waveform, and the largest force of the computed points."""
     angles = np.arange(_ANGLES) * 2 * np.pi / _ANGLES * np.array(waves)[:, None]
     shapes = np.concatenate([np.cos(angles), -np.sin(angles)])
-    missed = surrogate.misses @ shapes
+    error = surrogate.surrogates.errors @ shapes
     near = _nearest(surrogate.places, surrogate.places, itself=True)
-    local = np.stack([np.sqrt((missed[rows] ** 2).mean(axis=0)) for rows in near])
-    return _factor(np.abs(missed).ravel(), local.ravel()), float(np.abs(surrogate.values @ shapes).max())
+    local = np.stack([np.sqrt((error[rows] ** 2).mean(axis=0)) for rows in near])
+    return _factor(np.abs(error).ravel(), local.ravel()), float(np.abs(surrogate.values @ shapes).max())

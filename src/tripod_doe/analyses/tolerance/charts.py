@@ -56,8 +56,6 @@ def quantile_chart(key: str, name: str, what: str, part: xr.Dataset, unit: str) 
 
 def _with_curve(asked: pd.DataFrame, part: xr.Dataset) -> pd.DataFrame:
     """Further quantiles between those that were asked for, without intervals, by which the curve is drawn."""
-    if "distribution" not in part:  # an older analysis
-        return asked
     curve = pd.DataFrame({"probability": part["share"].values, "quantile": part["distribution"].values})
     data = pd.concat([asked, curve[~curve["probability"].isin(asked["probability"])]])
     return data.sort_values("probability", ignore_index=True)

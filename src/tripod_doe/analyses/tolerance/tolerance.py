@@ -24,8 +24,7 @@ from tripod_doe.analyses.outputs import (
     stacked,
 )
 from tripod_doe.analyses.resampling import bootstrap_weights, half_width
-from tripod_doe.analyses.sample import Sample, read_sample
-from tripod_doe.analyses.sensitivity.distributions import SAMPLED_DESIGNS
+from tripod_doe.analyses.sample import SAMPLED_DESIGNS, Sample, read_sample
 from tripod_doe.analyses.settings import SHARES, Probabilities, SensitivitySettings
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match

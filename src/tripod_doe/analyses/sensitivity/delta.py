@@ -1,0 +1,117 @@
+"""Borgonovo's delta: half the mean area between the density of an output and its density with a factor known.
+
+The estimate of `SALib.analyze.delta` without its correction by resampling: SALib's own function with scipy's densities
+took 1.24 s in place of 0.12 s for 13 orders at 256 points, and two minutes for a waveform.
+
+From few points delta never vanishes; a factor counts as resolved where its index exceeds, by its interval, the index of
+a factor that is pure chance.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import xarray as xr
+from pydantic import Field
+
+from tripod_doe.analyses.kinds import makes_kind
+from tripod_doe.analyses.outputs import OutputTable
+from tripod_doe.analyses.resampling import half_width, random_halves
+from tripod_doe.analyses.sample import SAMPLED_DESIGNS, Sample
+from tripod_doe.analyses.sensitivity.method import Answers, Method, apply
+from tripod_doe.analyses.sensitivity.pawn import with_chance
+from tripod_doe.analyses.settings import SensitivitySettings
+from tripod_doe.array_types import FloatArray, IntArray
+
+_DENSITY_POINTS = 100  # at which densities are compared, as in SALib
+_MOST_POINTS = 4096  # a density from more points is no better known, and each costs a sum over all
+
+
+class DeltaSettings(SensitivitySettings):
+    """[analysis.NAME] of kind delta."""
+
+    resamples: int = Field(20, ge=10, description="random halves for the intervals")
+
+
+def _classes(column: FloatArray) -> list[IntArray]:
+    """Points in classes of equal size, as many as Plischke, Borgonovo and Smith (2013) take."""
+    exponent = 2.0 / (7.0 + np.tanh((1500.0 - column.size) / 500.0))
+    count = min(int(np.ceil(column.size**exponent)), 48)
+    edges = np.linspace(0, column.size, count + 1).astype(int)
+    order = np.argsort(column, kind="stable")
+    return [order[low:high] for low, high in pairwise(edges)]
+
+
+def _density(values: FloatArray, at: FloatArray) -> FloatArray:
+    """Gaussian kernel density with Silverman's width."""
+    width = values.std(ddof=1) * (values.size * 3 / 4) ** -0.2
+    scaled = (at[:, None] - values) / width
+    density: FloatArray = np.exp(-0.5 * scaled**2).sum(axis=1) / (values.size * width * np.sqrt(2 * np.pi))
+    return density
+
+
+def _indices(values: FloatArray, factors: FloatArray) -> FloatArray:
+    """Half the mean distance of the density in a class to the density of all points, shape (factor, component)."""
+    classes = [_classes(column) for column in factors.T]
+    indices = np.zeros((len(classes), values.shape[1]))
+    for component, column in enumerate(values.T):
+        at = np.linspace(column.min(), column.max(), _DENSITY_POINTS)
+        whole = _density(column, at)
+        for factor, groups in enumerate(classes):
+            for inside in (column[rows] for rows in groups):
+                if inside.size > 1 and np.ptp(inside) > 0:
+                    gap = np.trapezoid(np.abs(whole - _density(inside, at)), at)
+                    indices[factor, component] += inside.size / (2 * column.size) * gap
+    return indices
+
+
+def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings: SensitivitySettings) -> Answers:
+    rows = np.arange(min(sample.rows.size, _MOST_POINTS))
+    factors, values = with_chance(sample, settings.seed)[rows], table.values[rows][:, components]
+    whole = _indices(values, factors)
+    halves = [
+        _indices(values[half], factors[half])[:-1]
+        for half in random_halves(rows.size, settings.resamples, settings.seed)
+    ]
+    return {
+        "delta": whole[:-1],
+        "delta_conf": half_width(np.stack(halves), settings.confidence),
+        "chance": whole[-1],
+    }
+
+
+METHOD = Method(
+    _estimate,
+    designs=SAMPLED_DESIGNS,
+    ranked="delta",
+    meanings={"delta": "Borgonovo's delta", "chance": "index of a factor that is pure chance"},
+    dims={"chance": ()},
+    threshold="chance",
+    independent=False,
+)
+
+
+@makes_kind("delta")
+def borgonovo_delta(cube: xr.Dataset, settings: DeltaSettings | None = None) -> xr.Dataset:
+    """Borgonovo's delta from the first 4096 points, since its cost grows with their square.
+
+    Parameters
+    ----------
+    cube
+        Cube of a sampled design; its factors may be correlated.
+    settings
+        Outputs, and level of the intervals.
+
+    Returns
+    -------
+    xarray.Dataset
+        delta, delta_conf (factor, and the dimensions of the output), and chance, the delta of a factor without effect;
+        see `method.apply`.
+
+    Raises
+    ------
+    InputError
+        If the cube is of another design, or too few points are left.
+    """
+    return apply(METHOD, cube, settings or DeltaSettings())
