@@ -12,8 +12,9 @@ import pytest
 
 import tripod_doe
 from started import Process
+from tripod_doe.mechanics.compilation import sources
 from tripod_doe.mechanics.compilation.kernels import KernelLocator
-from tripod_doe.mechanics.compilation.sources import hash_sources, source_hashes
+from tripod_doe.mechanics.compilation.sources import cache_root, hash_sources, source_hashes
 
 SOURCE = Path(tripod_doe.__file__).parent
 
@@ -141,3 +142,43 @@ def test_machine_code_of_a_kernel_elsewhere_is_kept_by_the_sources_and_the_text_
         tmp_path / "cache" / f"kernels-{source_hashes().kernels}"
     }
     assert len(folders) == 2
+
+
+@pytest.fixture
+def without_home(tmp_path, monkeypatch):
+    """A user without a home that can be written; gives the name of the temporary cache that lasts."""
+    (tmp_path / "no_folder").write_text("")
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "no_folder"))
+    monkeypatch.setattr(sources.tempfile, "tempdir", str(tmp_path))
+    sources._temporary_cache.cache_clear()
+    yield tmp_path / f"tripod_doe-{os.geteuid()}"
+    sources._temporary_cache.cache_clear()
+
+
+def test_without_a_home_the_cache_is_a_temporary_folder_of_the_user_alone(without_home):
+    assert cache_root() == without_home
+    assert without_home.stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.parametrize("planted", ["open to others", "a link", "of another user"])
+def test_a_temporary_cache_that_another_user_may_have_filled_is_not_used(without_home, tmp_path, monkeypatch, planted):
+    """Machine code and templates are loaded as they are: who writes there runs code."""
+    target = tmp_path / "planted"
+    target.mkdir(mode=0o700)
+    if planted == "a link":
+        without_home.symlink_to(target)
+    else:
+        target.rename(without_home)
+    if planted == "open to others":
+        without_home.chmod(0o777)
+    if planted == "of another user":
+        if os.geteuid():
+            pytest.skip("only root can give a folder away")
+        os.chown(without_home, 12345, -1)
+    folder = cache_root()
+    assert folder != without_home
+    assert folder.parent == tmp_path
+    assert folder.stat().st_mode & 0o777 == 0o700
+    assert cache_root() == folder
+    monkeypatch.delenv("NUMBA_CACHE_DIR")

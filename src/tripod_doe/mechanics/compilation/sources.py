@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import os
+import stat
 import tempfile
 from collections.abc import Iterable
 from contextlib import suppress
@@ -36,16 +37,37 @@ class SourceHashes:
 
 
 def cache_root() -> Path:
-    """Folder of compiled kernels: NUMBA_CACHE_DIR if set, else the user's cache, else a temporary folder."""
+    """Folder of compiled kernels: NUMBA_CACHE_DIR if set, else the user's cache, else a temporary folder of the user.
+
+    Machine code and templates are loaded from it as they are, so others must not be able to write there.
+    """
     if chosen := os.environ.get("NUMBA_CACHE_DIR"):
         return Path(chosen)
-    temporary = Path(tempfile.gettempdir()) / f"tripod_doe-{os.getuid()}"
     candidate = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "tripod_doe"
+    if _is_own_folder(candidate, stat.S_IWOTH) and os.access(candidate, os.W_OK):
+        return candidate
+    return _temporary_cache()
+
+
+def _is_own_folder(path: Path, writable: int = stat.S_IWGRP | stat.S_IWOTH) -> bool:
+    """Whether a folder, made if it is missing, belongs to this user and has none of the bits `writable`."""
     try:
-        candidate.mkdir(parents=True, exist_ok=True)
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        status = path.stat(follow_symlinks=False)
     except OSError:
-        return temporary
-    return candidate if os.access(candidate, os.W_OK) else temporary
+        return False
+    return stat.S_ISDIR(status.st_mode) and status.st_uid == os.geteuid() and not status.st_mode & writable
+
+
+@cache
+def _temporary_cache() -> Path:
+    """A temporary folder with a lasting name; where another user has taken it, a new one for this process and its own."""
+    lasting = Path(tempfile.gettempdir()) / f"tripod_doe-{os.geteuid()}"
+    if _is_own_folder(lasting):
+        return lasting
+    fresh = tempfile.mkdtemp(prefix="tripod_doe-")
+    os.environ["NUMBA_CACHE_DIR"] = fresh  # shared with the processes that this one starts
+    return Path(fresh)
 
 
 @cache
