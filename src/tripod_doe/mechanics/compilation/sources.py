@@ -61,7 +61,7 @@ def _is_own_folder(path: Path, writable: int = stat.S_IWGRP | stat.S_IWOTH) -> b
 
 @cache
 def _temporary_cache() -> Path:
-    """A temporary folder with a lasting name; where another user has taken it, a new one for this process and its own."""
+    """A temporary folder with a lasting name; where another user has taken it, a new one for these processes."""
     lasting = Path(tempfile.gettempdir()) / f"tripod_doe-{os.geteuid()}"
     if _is_own_folder(lasting):
         return lasting
