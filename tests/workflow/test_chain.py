@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import signal
 import sys
 import time
@@ -405,3 +406,24 @@ def test_pages_of_workflows_and_their_reports_hold_question_and_answer(bench):
     for text in (page.read_text(encoding="utf-8") for page in pages):
         assert "Does it &lt;b&gt;hold&lt;/b&gt;?" in text
         assert re.search(r"<h2>Answer</h2>\s*<p>\S", text)
+
+
+@pytest.mark.parametrize(
+    ("changed", "kinds"),
+    [
+        ("analyses/sensitivity/sobol.py", {"analysis", "figure", "report"}),
+        ("report/page.html", {"figure", "report"}),
+        ("pages/study.py", {"figure", "report"}),
+    ],
+)
+def test_steps_are_made_again_when_the_code_that_makes_them_changes(tmp_path, monkeypatch, changed, kinds):
+    """The package is copied, so that one of its files can change."""
+    example = Path(__file__).parents[2] / "workflows" / "small.toml"
+    package = tmp_path / "tripod_doe"
+    shutil.copytree(Path(td.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(td, "__file__", str(package / "__init__.py"))
+    before = load_workflow(example).steps
+    assert (package / changed).exists()
+    (package / changed).write_text((package / changed).read_text() + "\n# another version\n")
+    after = load_workflow(example).steps
+    assert {step.table.kind for name, step in after.items() if step.hash != before[name].hash} == kinds

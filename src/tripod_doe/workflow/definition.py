@@ -34,6 +34,10 @@ from tripod_doe.workflow.file import (
     parse_workflow,
 )
 
+_MAKE_ANALYSES = ("analyses",)
+_MAKE_PAGES = ("analyses", "report", "pages")
+"""Folders of this package whose code makes the result of a step."""
+
 
 @dataclass(frozen=True)
 class Step:
@@ -151,9 +155,9 @@ def _check_step(workflow: Workflow, name: str, table: StepTable, before: Mapping
             raise InputError(f"{where}: inputs: {needed!r} is a {before[needed].table.kind} and has no cube")
     if isinstance(table, AnalysisStep):
         settings = _settings(workflow, where, name, table, before, digest)
-        digest.add_code("analysis")
+        digest.add_code(*_MAKE_ANALYSES)
         return Step(name, table, digest.text(), settings=settings)
-    digest.add_code("report")
+    digest.add_code(*_MAKE_PAGES)
     return Step(name, table, digest.text())
 
 
@@ -278,11 +282,15 @@ class _Digest:
         self._sha.update(len(data).to_bytes(8, "little"))
         self._sha.update(data)
 
-    def add_code(self, folder: str) -> None:
-        """The source of a part of this package, so that a changed analysis is made again."""
-        root = Path(tripod_doe.__file__).parent / folder
-        for path in sorted(path for path in root.rglob("*") if path.suffix in (".py", ".html", ".css")):
-            self.add_bytes(path.read_bytes())
+    def add_code(self, *folders: str) -> None:
+        """Add the sources of parts of this package, so that a changed analysis or page is made again."""
+        for folder in folders:
+            root = Path(tripod_doe.__file__).parent / folder
+            sources = sorted(path for path in root.rglob("*") if path.suffix in (".py", ".html", ".css", ".js"))
+            if not sources:
+                raise FileNotFoundError(f"{root}: no sources")
+            for path in sources:
+                self.add_bytes(path.read_bytes())
 
     def text(self) -> str:
         """The hash of all that was added, 16 hex digits."""
