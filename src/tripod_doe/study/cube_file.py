@@ -20,11 +20,10 @@ from numpy.typing import NDArray
 from xarray.backends import NetCDF4DataStore
 
 from tripod_doe.study.designs import Points
-from tripod_doe.study.netcdf import TEXT_TABLE, opened_store
+from tripod_doe.study.netcdf import CHECKSUM, CHUNK_BYTES, TEXT_TABLE, opened_store
 from tripod_doe.study.netcdf_lock import NETCDF_LOCK
 from tripod_doe.study.slabs import Slab, box
 
-_CHUNK_BYTES = 2_000_000
 _COURSE_BYTES = 2000  # of a point, above which a chunk has a part of them
 _SAMPLE_BYTES, _STRETCHES = 64_000, 16  # of the first slab, by which it is decided whether compression pays
 _PAYS = 0.5  # part of the bytes that are left where it does
@@ -89,7 +88,8 @@ class CubeFile:
             for name, table in self._texts.items()
         }
         with NETCDF_LOCK:
-            xr.Dataset(tables, attrs=attributes).dump_to_store(self._store)
+            encoding: dict[Any, dict[str, Any]] = dict.fromkeys(tables, CHECKSUM)
+        xr.Dataset(tables, attrs=attributes).dump_to_store(self._store, encoding=encoding)
 
     def _coded(self, name: Any, variable: xr.Variable) -> xr.Variable:
         """A variable without texts along the points."""
@@ -106,7 +106,7 @@ class CubeFile:
         import dask.array
 
         variables: dict[Any, xr.Variable] = {}
-        encoding: dict[Any, dict[str, Any]] = {name: {"_FillValue": None} for name in self._levels}
+        encoding: dict[Any, dict[str, Any]] = {name: {"_FillValue": None} | CHECKSUM for name in self._levels}
         for name, variable in coded.items():
             if variable.dims[:1] != ("point",):
                 variables[name] = variable
@@ -120,9 +120,9 @@ class CubeFile:
         coords = xr.Coordinates({**self._levels, **{name: variables[name] for name in part.coords}}, indexes={})
         added = xr.Dataset({name: variables[name] for name in new if name not in coords}, coords)
         with NETCDF_LOCK:
-            added.dump_to_store(self._store, encoding={name: encoding.get(name, {}) for name in added.variables})
+            added.dump_to_store(self._store, encoding={name: encoding.get(name, CHECKSUM) for name in added.variables})
             for name in new:
-                self._store.ds.variables[name].set_var_chunk_cache(size=_CHUNK_BYTES)  # slabs are whole chunks
+                self._store.ds.variables[name].set_var_chunk_cache(size=CHUNK_BYTES)  # slabs are whole chunks
         for name in new:
             self._missing[name] = _missing(coded[name])
             if not isinstance(self._missing[name], float):
@@ -135,7 +135,7 @@ class CubeFile:
 
     def _encoding(self, variable: xr.Variable, is_coordinate: bool) -> dict[str, Any]:
         """How a variable is stored: its chunks, and compressed where a part of its values says that this pays."""
-        encoding: dict[str, Any] = {"chunksizes": self._chunk(variable)}
+        encoding: dict[str, Any] = {"chunksizes": self._chunk(variable)} | CHECKSUM
         if variable.dtype.kind == "f":
             encoding["_FillValue"] = None if is_coordinate else np.nan
         if _shrinks(variable.values):
@@ -146,8 +146,8 @@ class CubeFile:
         """Of a course all points of a slab, and as many labels as fit: analyses read a part of it at all points."""
         size, components = variable.dtype.itemsize, variable.shape[1:]
         if size * math.prod(components) > _COURSE_BYTES:
-            components = box(components, size * math.prod(self._lengths), _CHUNK_BYTES)
-        points = box(self._points.shape, size * math.prod(components), _CHUNK_BYTES)
+            components = box(components, size * math.prod(self._lengths), CHUNK_BYTES)
+        points = box(self._points.shape, size * math.prod(components), CHUNK_BYTES)
         return (*map(min, points, self._lengths), *components)
 
 

@@ -12,7 +12,9 @@ import numpy as np
 
 from tripod_doe.atomic_files import replace_file
 from tripod_doe.errors import CubeError, option
+from tripod_doe.study.file_digest import is_damaged, seal
 from tripod_doe.study.netcdf_lock import NETCDF_LOCK
+from tripod_doe.study.slabs import box
 
 if TYPE_CHECKING:  # a query reads cubes without xarray
     import xarray as xr
@@ -23,6 +25,15 @@ POINT_ATTRIBUTES = {"long_name": "number of the point in the design", "units": "
 
 _READ_WHOLE, _STRETCH, _STRETCHES = 1_000_000, 1000, 8
 """Numbers of points that are all looked at; else how many of a stretch, and stretches."""
+
+CHUNK_BYTES = 2_000_000
+"""Bytes of a chunk of a variable."""
+
+CHECKSUM = {"fletcher32": True, "contiguous": False}
+"""Encoding of variables with a checksum of each chunk, which HDF5 holds against what it reads."""
+
+MOST_CHECKED = 100_000_000
+"""Bytes of a file up to which its digest is held against its content when it is opened: 0.2 s."""
 
 TEXT_TABLE = "text_table"
 """Attribute of a variable of numbers: the name of the variable with the texts to which they refer."""
@@ -43,10 +54,19 @@ def write_dataset(dataset: xr.Dataset, path: Path) -> None:
     StorageError
         If it cannot be written; the old file stays.
     """
-    floats = [name for name, variable in dataset.variables.items() if variable.dtype.kind == "f"]
-    encoding = {name: {"_FillValue": np.nan if name in dataset.data_vars else None} for name in floats}
+    encoding = {name: _encoding(variable, name in dataset.coords) for name, variable in dataset.variables.items()}
     with NETCDF_LOCK, opened_store(path) as store:
         dataset.dump_to_store(store, encoding=encoding)
+
+
+def _encoding(variable: xr.Variable, is_coordinate: bool) -> dict[str, Any]:
+    """How a variable is stored: with checksums of its chunks, and NaN where it has no value."""
+    encoding: dict[str, Any] = {}
+    if variable.dtype.kind == "f":
+        encoding["_FillValue"] = None if is_coordinate else np.nan
+    if variable.size and variable.dims:
+        encoding |= {"chunksizes": box(variable.shape, variable.dtype.itemsize, CHUNK_BYTES)} | CHECKSUM
+    return encoding
 
 
 @contextmanager
@@ -73,6 +93,7 @@ def opened_store(path: Path) -> Iterator[NetCDF4DataStore]:
         finally:
             with NETCDF_LOCK:
                 store.close()
+        seal(fresh)
 
 
 @contextmanager
@@ -89,10 +110,39 @@ def reading(path: Path) -> Iterator[None]:
     try:
         yield
     except (OSError, RuntimeError, ValueError, KeyError) as error:
-        raise CubeError(
-            f"{path}: not a readable cube ({error}); run the study again with the same {option('out')}: "
-            "it is rebuilt from the journal"
-        ) from error
+        raise CubeError(f"{path}: damaged, or no netCDF file ({error}); {remedy(path)}") from error
+
+
+def refuse_damaged(path: Path, most: int | None = MOST_CHECKED) -> None:
+    """Refuse a file that is not as it was written, by its digest.
+
+    Parameters
+    ----------
+    path
+        The file; one without a digest is taken as it is.
+    most
+        Bytes up to which it is read for that; None for all files.
+
+    Raises
+    ------
+    CubeError
+        If it is damaged.
+    """
+    with reading(path):
+        if is_damaged(path, most):
+            raise CubeError(f"{path}: damaged: its content does not fit its checksum; {remedy(path)}")
+
+
+def remedy(path: Path) -> str:
+    """What makes a damaged file of a result directory anew, in words."""
+    rerun = f"run the study again with the same {option('out')}"
+    if path.name == "choice.nc":
+        return f"delete it and {rerun}: the choice is made again from its pilot"
+    if path.parent.name == "analysis":
+        return f"{rerun}: it is made again from the cube"
+    if (path.parent / "journal.sqlite").exists():
+        return f"{rerun}: it is made again from the journal, and no point is computed"
+    return "make it again, or copy it again from where it was made"
 
 
 def read_dataset(path: Path) -> xr.Dataset:
@@ -103,6 +153,7 @@ def read_dataset(path: Path) -> xr.Dataset:
     CubeError
         If the file is missing or damaged.
     """
+    refuse_damaged(path, most=None)
     with lazy_dataset(path) as stored, reading(path):
         return stored.load()
 
@@ -152,6 +203,7 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
 
     from tripod_doe.study.text_tables import with_texts
 
+    refuse_damaged(path)
     with reading(path):
         with NETCDF_LOCK:  # not while values are read: Dask's threads, which take it for each, would wait for this one
             stored = xr.open_dataset(

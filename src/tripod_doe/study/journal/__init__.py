@@ -3,7 +3,7 @@
 The cube that is made of them is no part of it.
 """
 
-from tripod_doe.study.journal.damage import FOLDER, KERNELS, SHOWN
+from tripod_doe.study.journal.damage import FOLDER, KERNELS, SHOWN, STUDY, damage, text_digest
 from tripod_doe.study.journal.finished_block import FinishedBlock
 from tripod_doe.study.journal.journal import (
     PILOT,

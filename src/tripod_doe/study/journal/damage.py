@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import sqlite3
 import time
@@ -23,8 +24,9 @@ from tripod_doe.study.journal.rows import (
     write_journal,
 )
 
-SHOWN, FOLDER, KERNELS = "shown", "folder", "kernel_source_hash"
-"""Notes: the state of the journal that the cube shows, the folder of the study file, and the kernels of new blocks."""
+SHOWN, FOLDER, KERNELS, STUDY = "shown", "folder", "kernel_source_hash", "study_digest"
+"""Notes: the state of the journal that the cube shows, the folder of the study file, the kernels of new blocks, and
+the digest of the study's text."""
 
 REPAIRS = "repairs"
 """Note: how often the journal was repaired."""
@@ -45,6 +47,11 @@ _VERSIONS, _FRACTIONS = (1, 2), bytes((0, 64, 32, 32))  # what follows in the he
 _COMMIT = 0.5  # seconds that a commit may take between its log and its end
 _BLOCKS = f"SELECT {', '.join(BLOCK_COLUMNS)} FROM block ORDER BY id"
 _NOTES = f"SELECT {', '.join(NOTE_COLUMNS)} FROM note"
+
+
+def text_digest(text: str) -> str:
+    """Digest of the text of a study, as a note."""
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def is_damage(error: sqlite3.Error) -> bool:

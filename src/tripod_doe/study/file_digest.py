@@ -1,0 +1,71 @@
+"""The digest of a netCDF file, which stands in the same file behind all that netCDF reads.
+
+So it is replaced and copied with the file, and what changes the file with netCDF removes it. A damaged bit anywhere is
+noticed, also where HDF5 has no checksum: in names, attributes and texts.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+
+_MARK = b"tripod-doe sha256 "
+_LENGTH = len(_MARK) + 64 + 1
+_CHUNK = 1 << 20  # bytes that are read at a time
+_MOST_KNOWN = 1000
+
+_known: dict[Path, tuple[int, ...]] = {}  # files that were whole, with what changes when they do
+
+
+def seal(path: Path) -> None:
+    """Write the digest of a file at its end."""
+    with path.open("rb+") as stream:
+        digest = _digest(stream.fileno(), path.stat().st_size)
+        stream.seek(0, os.SEEK_END)
+        stream.write(_MARK + digest + b"\n")
+
+
+def is_sealed(path: Path) -> bool:
+    """Whether a file has a digest at its end."""
+    with path.open("rb") as stream:
+        return bool(_stored_digest(stream.fileno()))
+
+
+def is_damaged(path: Path, most: int | None = None) -> bool:
+    """Whether a file is not as it was written; one without a digest is taken as it is.
+
+    Parameters
+    ----------
+    path
+        The file; one that was whole is not read again as long as its size and times stay.
+    most
+        Bytes up to which it is read; None for all files.
+    """
+    with path.open("rb") as stream:
+        state = os.fstat(stream.fileno())
+        version = (state.st_dev, state.st_ino, state.st_size, state.st_mtime_ns, state.st_ctime_ns)
+        if _known.get(path.absolute()) == version or (most is not None and state.st_size > most):
+            return False
+        stored = _stored_digest(stream.fileno())
+        if stored and _digest(stream.fileno(), state.st_size - _LENGTH) != stored:
+            return True
+    if len(_known) >= _MOST_KNOWN:
+        _known.clear()
+    _known[path.absolute()] = version
+    return False
+
+
+def _stored_digest(file: int) -> bytes:
+    """The digest at the end of a file; empty where none is."""
+    start = os.fstat(file).st_size - _LENGTH
+    end = os.pread(file, _LENGTH, start) if start > 0 else b""
+    return end[len(_MARK) : -1] if end.startswith(_MARK) else b""
+
+
+def _digest(file: int, length: int) -> bytes:
+    digest, at = hashlib.sha256(), 0
+    while at < length and (part := os.pread(file, min(_CHUNK, length - at), at)):
+        digest.update(part)
+        at += len(part)
+    return digest.hexdigest().encode()
