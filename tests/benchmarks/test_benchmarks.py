@@ -40,6 +40,12 @@ def test_sentences_of_one_design_of_a_kind_are_true(benchmark, capsys):
     assert capsys.readouterr().out == "grid: no sentence of 1 designs lies\n"
 
 
+def test_flips_are_refused_or_harmless(benchmark, capsys):
+    """It ends with an AssertionError where one is not."""
+    benchmark("flips").main(["--flips", "25", "--runs", "5"])
+    assert capsys.readouterr().out.count("run again: as before") == 5
+
+
 @pytest.mark.parametrize("name", ["equilibrium", "kinetostatic"])
 def test_balances_of_the_regression_count_the_same_work_twice(benchmark, name):
     workload = benchmark("workload")

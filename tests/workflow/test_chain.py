@@ -23,6 +23,7 @@ from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.registry import ANALYSES, Analysis
 from tripod_doe.cli import main
 from tripod_doe.study import results
+from tripod_doe.study.file_digest import is_damaged
 from tripod_doe.workflow.definition import load_workflow
 
 pytestmark = pytest.mark.usefixtures("charts_not_drawn")
@@ -156,6 +157,14 @@ def test_only_what_changed_and_what_needs_it_runs_again(bench):
     (bench.out / "steps" / "picture" / "figures.json").unlink()  # a result that went missing is made again
     states = bench.run()
     assert (states["picture"], states["second"]) == ("finished", "reused")
+    cube = bench.out / "steps" / "first" / "cube.nc"
+    content = bytearray(cube.read_bytes())
+    content[len(content) // 2] ^= 4
+    cube.write_bytes(content)
+    states = bench.run()  # so is one that was damaged
+    assert (states["first"], states["second"]) == ("finished", "reused")
+    assert bench.calls() == []
+    assert not is_damaged(cube)
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""The command line: run, plan, query, simulate, report, workflow, compare, serve, schema, init, completion.
+"""The command line: run, plan, query, simulate, report, workflow, compare, check, serve, schema, init, completion.
 
 Answers go to standard output; progress and messages go to standard error. Exit codes: 0 done, 1 internal error,
 2 wrong call or input (nothing started), 3 done, but something failed that was not expected, 130 interrupted.
@@ -15,7 +15,7 @@ import traceback
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-from tripod_doe.cli import compare, completion, init, plan, query, report, run, schema, serve, simulate, workflow
+from tripod_doe.cli import check, compare, completion, init, plan, query, report, run, schema, serve, simulate, workflow
 from tripod_doe.cli.parser import DONE, INTERNAL, WRONG_INPUT, Parser
 from tripod_doe.errors import InputError, TripodDoeError, speaking_of_options
 from tripod_doe.interrupts import INTERRUPTED, check_interrupt, leave_interrupted, take_interrupts
@@ -28,6 +28,7 @@ COMMANDS = {
     "query": query.COMMAND,
     "simulate": simulate.COMMAND,
     "compare": compare.COMMAND,
+    "check": check.COMMAND,
     "serve": serve.COMMAND,
     "init": init.COMMAND,
     "schema": schema.COMMAND,
@@ -93,6 +94,10 @@ def _run_command(arguments: Sequence[str]) -> int:
         sys.stderr.close()
         return DONE
     except Exception as error:
+        if str(error).startswith("NetCDF:"):  # a part of a large cube, read when it was used
+            damaged = f"a netCDF file of these results is damaged ({error}); tripod-doe check DIR names it"
+            print(f"tripod-doe: {damaged}", file=sys.stderr)
+            return WRONG_INPUT
         return _told(error)
 
 

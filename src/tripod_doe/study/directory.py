@@ -26,7 +26,7 @@ from tripod_doe.study.definition import STORED, Study, canonical, stored_study
 from tripod_doe.study.hold import Hold
 from tripod_doe.study.journal import FOLDER, KERNELS, STUDY, FinishedBlock, Journal, text_digest
 from tripod_doe.study.plan import cube_bytes
-from tripod_doe.study.results import opened_cube
+from tripod_doe.study.results import opened_cube, stored_study
 from tripod_doe.study.stored_results import StoredResults
 from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.study.written_cube import write_cube
@@ -140,7 +140,8 @@ class ResultDirectory:
                 f"{self.path}: its points were computed by another version of the kernels ({kernels}, now "
                 f"{study.simulator.source_hash}); choose another {option('out')}"
             )
-        old = canonical(stored_study(self.path, study.folder))
+        same = self._journal.recall(STUDY) == text_digest(study.text.encode())  # the file there may be damaged
+        old = canonical(study if same else stored_study(self.path, study.folder))
         new = canonical(study)
         changed = sorted(key for key in old.keys() | new.keys() if old.get(key) != new.get(key))
         if grew and not any(key.startswith(("keep", "run")) for key in changed):
@@ -161,7 +162,7 @@ class ResultDirectory:
     def adopt(self, study: Study) -> None:
         """Make this the study whose results are here."""
         notes = {KERNELS: study.simulator.source_hash, FOLDER: str(study.folder.path.absolute())}
-        self._journal.remember(notes | {STUDY: text_digest(study.text)})
+        self._journal.remember(notes | {STUDY: text_digest(study.text.encode())})
         replace_text(self.path / STORED, study.text)
 
     def missing(self, asked: StudyPoints, retry_failed: bool = False) -> IntArray:

@@ -113,15 +113,15 @@ def reading(path: Path) -> Iterator[None]:
         raise CubeError(f"{path}: damaged, or no netCDF file ({error}); {remedy(path)}") from error
 
 
-def refuse_damaged(path: Path, most: int | None = MOST_CHECKED) -> None:
+def refuse_damaged(path: Path, whole: bool = False) -> None:
     """Refuse a file that is not as it was written, by its digest.
 
     Parameters
     ----------
     path
         The file; one without a digest is taken as it is.
-    most
-        Bytes up to which it is read for that; None for all files.
+    whole
+        Whether a large file is read for that, too.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def refuse_damaged(path: Path, most: int | None = MOST_CHECKED) -> None:
         If it is damaged.
     """
     with reading(path):
-        if is_damaged(path, most):
+        if is_damaged(path, None if whole else MOST_CHECKED):
             raise CubeError(f"{path}: damaged: its content does not fit its checksum; {remedy(path)}")
 
 
@@ -153,7 +153,7 @@ def read_dataset(path: Path) -> xr.Dataset:
     CubeError
         If the file is missing or damaged.
     """
-    refuse_damaged(path, most=None)
+    refuse_damaged(path, whole=True)
     with lazy_dataset(path) as stored, reading(path):
         return stored.load()
 

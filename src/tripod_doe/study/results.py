@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from tripod_doe.errors import CubeError, option
-from tripod_doe.study.journal import FOLDER, SHOWN, Journal, journal_path
+from tripod_doe.study.journal import FOLDER, SHOWN, STUDY, Journal, journal_path, text_digest
 from tripod_doe.study.netcdf import lazy_dataset, read_dataset
 
 if TYPE_CHECKING:  # a query reads cubes without xarray
@@ -161,6 +161,22 @@ def write_cube_so_far(path: Path, folder: Path) -> None:
         _write(*_points_so_far(path, journal), folder)
 
 
+def refuse_changed_study(directory: Path, journal: Journal) -> None:
+    """Refuse the study file of a result directory where it is not the one that was stored there.
+
+    Raises
+    ------
+    CubeError
+        If it was damaged or edited.
+    """
+    path = directory / "study.toml"
+    if path.exists() and journal.recall(STUDY) not in (None, text_digest(path.read_bytes())):
+        raise CubeError(
+            f"{path}: damaged or edited: it is not the study of these results; run the study again with the same "
+            f"{option('out')}, which stores it there"
+        )
+
+
 def _points_so_far(path: Path, journal: Journal) -> tuple[StudyPoints, StoredResults]:
     """The study of a directory, and where its results are."""
     from tripod_doe.study.choice import chosen_points, frozen_choice
@@ -171,6 +187,7 @@ def _points_so_far(path: Path, journal: Journal) -> tuple[StudyPoints, StoredRes
     from tripod_doe.study.study_points import StudyPoints
 
     folder = journal.recall(FOLDER)
+    refuse_changed_study(path, journal)
     study = stored_study(path, StudyFolder(Path(folder)) if folder else None)
     points = make_points(study)
     choice = frozen_choice(study, path) if study.accuracy else None

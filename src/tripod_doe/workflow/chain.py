@@ -30,6 +30,7 @@ from tripod_doe.quantities import duration
 from tripod_doe.study.directory import make_directory
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failures import failure_lines
+from tripod_doe.study.file_digest import is_damaged
 from tripod_doe.study.netcdf import stamp_history, write_dataset
 from tripod_doe.study.results import opened_cube
 from tripod_doe.study.study_folder import StudyFolder
@@ -178,6 +179,8 @@ class _Chain:
             return None
         marks = [folder / _MARKS.get(step.table.kind, "cube.nc"), *self._exported(step)]
         if of != step.hash or not all(mark.exists() for mark in marks):
+            return None
+        if any(is_damaged(mark) for mark in marks if mark.is_file()):
             return None
         return self.view(step, "reused", seconds, detail)
 

@@ -9,6 +9,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -218,3 +219,17 @@ def test_a_block_names_the_kernels_that_computed_it(tmp_path):
     connection = sqlite3.connect(journal_path(tmp_path))
     assert connection.execute("SELECT kernels FROM block ORDER BY id").fetchall() == [("abc",), ("def",)]
     connection.close()
+
+
+def test_long_blocks_are_synced_each_and_short_ones_together(tmp_path):
+    """A power cut costs a second of work at most, and a study of many short points does not wait for the disk."""
+    with Journal(tmp_path) as journal:
+        asked = []
+        journal._connection.set_trace_callback(asked.append)
+        for seconds in (1.0, 0.001, 0.001, 1.0, 0.001):
+            journal.commit(replace(block(0), wall_seconds=seconds))
+        journal._synced_at -= 2.0
+        journal.commit(replace(block(0), wall_seconds=0.001))
+        journal._connection.set_trace_callback(None)
+    levels = [text.split()[-1] for text in asked if "synchronous" in text]
+    assert levels == ["FULL", "NORMAL", "NORMAL", "FULL", "NORMAL", "FULL"]

@@ -5,12 +5,19 @@ The cube that is made of them is no part of it.
 
 from tripod_doe.study.journal.damage import FOLDER, KERNELS, SHOWN, STUDY, damage, text_digest
 from tripod_doe.study.journal.finished_block import FinishedBlock
-from tripod_doe.study.journal.journal import (
-    PILOT,
-    FinishedEnds,
-    Journal,
-    Mark,
-    journal_path,
-)
+from tripod_doe.study.journal.journal import PILOT, FinishedEnds, Journal, Mark, journal_path
 
-__all__ = ["FOLDER", "KERNELS", "PILOT", "SHOWN", "FinishedBlock", "FinishedEnds", "Journal", "Mark", "journal_path"]
+__all__ = [
+    "FOLDER",
+    "KERNELS",
+    "PILOT",
+    "SHOWN",
+    "STUDY",
+    "FinishedBlock",
+    "FinishedEnds",
+    "Journal",
+    "Mark",
+    "damage",
+    "journal_path",
+    "text_digest",
+]

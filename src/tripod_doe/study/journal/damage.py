@@ -49,9 +49,9 @@ _BLOCKS = f"SELECT {', '.join(BLOCK_COLUMNS)} FROM block ORDER BY id"
 _NOTES = f"SELECT {', '.join(NOTE_COLUMNS)} FROM note"
 
 
-def text_digest(text: str) -> str:
+def text_digest(text: bytes) -> str:
     """Digest of the text of a study, as a note."""
-    return hashlib.sha256(text.encode()).hexdigest()
+    return hashlib.sha256(text).hexdigest()
 
 
 def is_damage(error: sqlite3.Error) -> bool:
