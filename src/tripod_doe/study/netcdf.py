@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
@@ -110,7 +111,7 @@ def reading(path: Path) -> Iterator[None]:
     try:
         yield
     except (OSError, RuntimeError, ValueError, KeyError) as error:
-        raise CubeError(f"{path}: damaged, or no netCDF file ({error}); {remedy(path)}") from error
+        raise CubeError(f"{path}: not a readable cube ({error}); {remedy(path)}") from error
 
 
 def refuse_damaged(path: Path, whole: bool = False) -> None:
@@ -205,7 +206,9 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
 
     refuse_damaged(path)
     with reading(path):
-        with NETCDF_LOCK:  # not while values are read: Dask's threads, which take it for each, would wait for this one
+        # not while values are read: Dask's threads, which take it for each, would wait for this one
+        with NETCDF_LOCK, warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "The specified chunks separate")  # they are the caller's wish
             stored = xr.open_dataset(
                 path,
                 engine="netcdf4",
