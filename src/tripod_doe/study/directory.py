@@ -26,7 +26,7 @@ from tripod_doe.study.definition import STORED, Study, canonical, stored_study
 from tripod_doe.study.hold import Hold
 from tripod_doe.study.journal import FOLDER, KERNELS, STUDY, FinishedBlock, Journal, text_digest
 from tripod_doe.study.plan import cube_bytes
-from tripod_doe.study.results import opened_cube, stored_study
+from tripod_doe.study.results import opened_cube
 from tripod_doe.study.stored_results import StoredResults
 from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.study.written_cube import write_cube
