@@ -293,7 +293,8 @@ def charts_of(figure: str, results: Mapping[str, xr.Dataset]) -> list[Chart]:
 
 def section_charts(section: str, results: Mapping[str, xr.Dataset]) -> list[Chart]:
     """The charts of a section of a study's page, figure by figure."""
-    shown = {name: data for name, data in results.items() if ANALYSES[kind_of(data)].section == section}
+    rows = {name: ANALYSES.get(kind_of(data)) for name, data in results.items()}
+    shown = {name: results[name] for name, row in rows.items() if row and row.section == section}
     figures = dict.fromkeys(figure for row in ANALYSES.values() if row.section == section for figure in row.figures)
     return [chart for figure in figures for chart in charts_of(figure, shown)]
 
