@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from pathlib import Path
 
 from tripod_doe.errors import InputError
@@ -12,6 +13,7 @@ _LONGEST = 100  # characters of a name
 _LONGEST_FILE = 250  # characters of the name of a file
 _SHOWN = 60  # characters of a wrong name in a message
 _DEVICES = re.compile(r"(?:con|prn|aux|nul|com[0-9]|lpt[0-9])(?:\..*)?", re.IGNORECASE)
+_CUBE_NAME = re.compile(r"\w[^\x00-\x1f\x7f/\ud800-\udfff]*")  # as netCDF has it
 _NO_FILE = re.compile(r"[\x00-\x1f\x7f/\\]")
 
 
@@ -56,6 +58,28 @@ def path_within(folder: Path, *names: str) -> Path:
         if _DEVICES.fullmatch(name):
             raise InputError(f"{_shown(name)}: not a name of a file: Windows keeps it for a device")
     return folder.joinpath(*names)
+
+
+def check_cube_name(name: str, of: str) -> str:
+    """A name of a variable or dimension that a netCDF file can hold, checked before anything is computed for it.
+
+    Raises
+    ------
+    InputError
+        If it holds a slash or control character, does not begin with a letter, a digit or _, ends with a space, is too
+        long, or is written in a form of Unicode that comes back as another.
+    """
+    if (
+        not _CUBE_NAME.fullmatch(name)
+        or name != name.rstrip()
+        or len(name) > _LONGEST
+        or unicodedata.normalize("NFC", name) != name
+    ):
+        raise InputError(
+            f"{of} {_shown(name)}: a cube cannot hold this name: begin with a letter, a digit or _, and use no slash, "
+            f"no control character, no space at the end, and at most {_LONGEST} characters"
+        )
+    return name
 
 
 def _shown(name: str) -> str:

@@ -6,6 +6,7 @@ Three significant digits, powers of ten only for very large and small numbers, a
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from itertools import pairwise
 
@@ -24,6 +25,14 @@ _TIMES = (
 )
 _PERSONS = {"youngs": "Young's", "poissons": "Poisson's"}
 _SIZES = ((1e12, "TB"), (1e9, "GB"), (1e6, "MB"), (1e3, "kB"), (1.0, "bytes"))
+
+
+_FORMULA = re.compile(r"[=+\-@\t\r]")
+
+
+def csv_cell(value: object) -> object:
+    """A value as a cell of a CSV file, which a spreadsheet must not take for a formula: a text like one gets a '."""
+    return f"'{value}" if isinstance(value, str) and _FORMULA.match(value) else value
 
 
 def number(value: float, digits: int = _DIGITS) -> str:

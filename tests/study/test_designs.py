@@ -393,6 +393,13 @@ def test_a_fractional_factorial_has_its_resolution_and_tells_its_aliases():
     assert "resolution IV" in low.notes[0]  # the best that eight points can have
 
 
+def test_a_table_with_a_column_twice_is_refused(tmp_path):
+    """Regression: the last one counted, in silence."""
+    (tmp_path / "t.csv").write_text("torque_n_m,speed_rpm, torque_n_m\n1,2,3\n")
+    with pytest.raises(InputError, match=r"t\.csv': column 'torque_n_m' stands there 2 times"):
+        points_of('[design]\nkind = "table"\ntable = "t.csv"\n', tmp_path)
+
+
 def test_a_full_factorial_takes_levels_words_and_ends():
     points = points_of(
         "[factors]\ntorque_n_m = {low = 25, high = 100}\nspeed_rpm = {values = [300, 600, 1200]}\n"

@@ -48,16 +48,41 @@ def test_arguments_come_as_they_are_written(tmp_path):
     assert result.outputs["y"].data.tolist() == [6, 6, 12, 8]
 
 
-@pytest.mark.parametrize("name", ["rms/force", " ", "x", "outcome", *COST_VARIABLES, "worker", EXCLUDED])
-def test_a_name_that_a_cube_cannot_hold_is_an_error_of_its_point(tmp_path, name):
+UNFIT = ["rms/force", " ", "", "-a", "=a", "(a)", "a ", "a\x01", "\ud800", "e\u0301", "a" * 300]
+
+
+@pytest.mark.parametrize("name", [*UNFIT, "x", "outcome", "point", *COST_VARIABLES, "worker", EXCLUDED])
+def test_a_name_that_a_cube_cannot_hold_is_refused_at_the_first_point(tmp_path, name):
     """Regression: an internal error after the last point, or the answer lost behind the steps of the run."""
     (tmp_path / "named_functions.py").write_text(f"def named(x):\n    return {{{name!r}: x}}\n")
     text = '[study]\nname = "f"\nfunction = "named_functions:named"\n[factors]\nx = { values = [1] }\n'
     study = parse_study(text, folder=StudyFolder(tmp_path))
-    result = run_task(make_task(study, make_points(study), np.arange(1)))[0]
-    assert result.outcome.tolist() == [td.Outcome.ERROR]
-    assert result.detail[0].startswith(f"ValueError: output {name!r}: ")
+    with pytest.raises(InputError, match=r"^output '.*: (a cube cannot hold this name|this name is taken)"):
+        run_task(make_task(study, make_points(study), np.arange(1)))
     sys.modules.pop("named_functions", None)
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        *(f"xr.Dataset({{'y': ({dim!r}, [1.0])}})" for dim in ("-d", "x", "point", "a/b")),
+        "{'y': [1.0], 'y_0': 2.0}",
+        "xr.Dataset({'y': 1.0}, {'-label': [1.0]})",
+    ],
+)
+def test_a_dimension_that_a_cube_cannot_hold_is_refused_at_the_first_point(tmp_path, answer):
+    (tmp_path / "dimension_functions.py").write_text(f"import xarray as xr\ndef f(x):\n    return {answer}\n")
+    text = '[study]\nname = "f"\nfunction = "dimension_functions:f"\n[factors]\nx = { values = [1] }\n'
+    study = parse_study(text, folder=StudyFolder(tmp_path))
+    with pytest.raises(InputError, match=r"^(dimension|output) "):
+        run_task(make_task(study, make_points(study), np.arange(1)))
+
+
+def test_an_argument_that_a_cube_cannot_hold_is_refused_before_anything_runs(tmp_path):
+    (tmp_path / "argument_functions.py").write_text("def f(point):\n    return {'y': 1.0}\n")
+    text = '[study]\nname = "f"\nfunction = "argument_functions:f"\n[factors]\npoint = { values = [1] }\n'
+    with pytest.raises(InputError, match="argument point: every cube holds this name"):
+        parse_study(text, folder=StudyFolder(tmp_path))
 
 
 def test_an_answer_that_a_point_does_not_give_is_nan(tmp_path):

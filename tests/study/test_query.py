@@ -150,6 +150,19 @@ def test_a_cube_without_a_finished_point_says_so(cube):
         query(cube.drop_vars("f"), "f")
 
 
+def test_a_text_like_a_formula_is_none_in_a_spreadsheet():
+    columns = {
+        "a": np.array(["=cmd|' /C calc'!A0", "+1", "-x", "@x", "ok"], object),
+        "b": np.array([-1.5, 1, 2, 3, np.nan]),
+    }
+    lines = records_text(columns, "csv").split("\n")
+    assert lines == ["a,b", "'=cmd|' /C calc'!A0,-1.5", "'+1,1.0", "'-x,2.0", "'@x,3.0", "ok,"]
+
+
+def test_what_a_terminal_would_obey_is_written_as_an_escape():
+    assert "\x1b" not in records_text({"a": np.array(["\x1b[2J"], object)}, "table")
+
+
 def test_records_as_text():
     """JSON and CSV hold every digit and no NaN; a table is aligned for people."""
     columns = {"x": np.array([1.0, np.nan]), "word": np.array(["a", "b,c"], object), "n": np.array([3, 4])}
@@ -160,10 +173,26 @@ def test_records_as_text():
     assert records_text({"x": np.array([])}, "json") == "[]"
 
 
-@pytest.mark.parametrize("text", ["x", "=3", "x=", "x=a:b"])
+@pytest.mark.parametrize("text", ["x", "=3", "x="])
 def test_selections_that_are_none(text):
     with pytest.raises(InputError, match=r"^select="):
         parse_selection(text)
+
+
+def test_a_range_of_words_is_none_of_numbers(cube):
+    with pytest.raises(InputError, match=r"^select='x': 'a:b': a range is two numbers"):
+        query(cube, "f", ["x=a:b"])
+
+
+@pytest.mark.parametrize("label", ["1", "1e3", "1.0", "nan", "a:b", "1:2", "a,b", "inf", "0x1"])
+def test_labels_that_read_like_numbers_or_ranges_are_selected_as_texts(label):
+    """Regression: "1" was looked for as "1.0"."""
+    labels = ["1", "1e3", "1.0", "nan", "a:b", "1:2", "a,b", "inf", "0x1", "2", "1000"]
+    cube = xr.Dataset({"f": ("point", np.arange(11.0))}, {"kind": ("point", np.array(labels, object))})
+    for select in ([f"kind={label}"], {"kind": label}):
+        assert query(cube, "f", select)["f"].values.tolist() == [labels.index(label)]
+    assert query(cube, "f", ["kind=2,1"])["f"].values.tolist() == [0, 9]
+    assert query(cube, "f", {"kind": 2})["f"].values.tolist() == [9]
 
 
 def test_flags_are_answered_and_asked_for_by_their_meanings(cube, tmp_path):

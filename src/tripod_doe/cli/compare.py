@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from tripod_doe.cli.parser import DONE, Command, Parser, add_cube, add_format, add_selection
-from tripod_doe.errors import InputError
 
 
 def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
@@ -61,8 +59,6 @@ def _run(options: argparse.Namespace) -> int:
     from tripod_doe.analyses.comparison.sentences import comparison_json, comparison_text
     from tripod_doe.study.results import opened_cube
 
-    if options.reference_angle is not None and not math.isfinite(options.reference_angle):
-        raise InputError(f"--reference-angle {options.reference_angle}: must be a finite angle in degrees")
     with opened_cube(options.cube) as cube:
         point = model_point(cube, options.select, options.nearest).load()
     columns = dict(map(parse_column, options.column))

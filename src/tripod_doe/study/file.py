@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails
 
 from tripod_doe.errors import InputError, closest, first_messages, near_match
@@ -20,7 +20,9 @@ _LONG_NAME = re.compile(
     rf"""(?<![\w-])((?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}"""  # never looks back
 )
 
-Scalar = Annotated[float | int | str | bool, Field(union_mode="smart")]
+Scalar = Annotated[Annotated[float, AllowInfNan(True)] | int | str | bool, Field(union_mode="smart")]
+"""What a parameter checks itself."""
+
 DesignKind = Literal[
     "grid",
     "zip",
@@ -46,7 +48,7 @@ DesignKind = Literal[
 
 
 class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class StudyTable(_Table):
@@ -175,7 +177,7 @@ class RunTable(_Table):
 class AccuracyTable(_Table):
     """[accuracy]: OUTPUT_ORDER = relative error, to which runs are refined, or by which model = "auto" chooses."""
 
-    model_config = ConfigDict(extra="allow", frozen=True)
+    model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
     __pydantic_extra__: dict[str, float]
 
     confidence: float = Field(

@@ -10,9 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
+from tripod_doe.names import check_cube_name
 from tripod_doe.simulator import WORK, BlockResult, Outcome, Parameter, Simulator, Value, Values
 
-_TAKEN_NAMES = frozenset({"outcome", "outcome_detail", "excluded", "worker", "cpu_seconds", "wall_seconds", *WORK})
+_TAKEN_NAMES = frozenset(
+    {"point", "outcome", "outcome_detail", "excluded", "worker", "cpu_seconds", "wall_seconds", *WORK}
+)
 """What every cube holds, with its costs: an output of such a name would be lost behind it."""
 
 
@@ -62,7 +65,7 @@ class FunctionSimulator(Simulator):
         Raises
         ------
         InputError
-            If points have answers of different shapes.
+            If points have answers of different shapes, or of names that a cube cannot hold: others would have, too.
         """
         count = len(next(iter(points.values())))
         block = BlockResult.blank(count, Outcome.FINISHED, simulated_seconds=np.nan)
@@ -71,10 +74,10 @@ class FunctionSimulator(Simulator):
             arguments = {name: _plain(column[row]) for name, column in points.items()}
             try:
                 values, labels = _outputs(self._function(**arguments))
-                _check_names(values, arguments)
             except Exception as error:
                 block.end(row, Outcome.ERROR, f"{type(error).__name__}: {error}")
                 continue
+            _check_names(values, labels, arguments)
             for name, given in values.items():
                 if not keep or name in keep:
                     block.put(name, given.dims, row, given.data, given.unit)
@@ -102,13 +105,17 @@ def _outputs(answer: Any) -> tuple[dict[str, Values], dict[str, NDArray[Any]]]:
     return values, {str(dim): np.asarray(labels) for dim, labels in answer.coords.items()}
 
 
-def _check_names(values: Collection[str], arguments: Collection[str]) -> None:
-    """Refuse names of outputs that a cube cannot hold: netCDF files part groups by slashes."""
-    for name in values:
-        if not name.strip() or "/" in name:
-            raise ValueError(f"output {name!r}: a name must not be empty, nor hold a slash")
-        if name in arguments or name in _TAKEN_NAMES:
-            raise ValueError(f"output {name!r}: this name is taken by an argument, or by what every cube holds")
+def _check_names(values: Mapping[str, Values], labels: Collection[str], arguments: Collection[str]) -> None:
+    """Refuse names of outputs and of their dimensions that a cube cannot hold, or holds already."""
+    dims = dict.fromkeys([*(dim for each in values.values() for dim in each.dims), *labels])
+    for of, names, others in (("output", values, dims), ("dimension", dims, values)):
+        for name in names:
+            check_cube_name(name, of)
+            if name in arguments or name in _TAKEN_NAMES or name in others:
+                raise InputError(
+                    f"{of} {name!r}: this name is taken by an argument, by another output or dimension, or by what "
+                    "every cube holds"
+                )
 
 
 def _arguments(reference: str, function: Callable[..., Any]) -> dict[str, Parameter]:
@@ -116,6 +123,9 @@ def _arguments(reference: str, function: Callable[..., Any]) -> dict[str, Parame
     for name, argument in inspect.signature(function).parameters.items():
         if argument.kind in (argument.VAR_POSITIONAL, argument.VAR_KEYWORD, argument.POSITIONAL_ONLY):
             raise InputError(f"function = {reference!r}: its arguments must be named, so not {argument}")
+        if name in _TAKEN_NAMES:
+            raise InputError(f"function = {reference!r}: argument {name}: every cube holds this name; choose another")
+        check_cube_name(name, f"function = {reference!r}: argument")
         default = None if argument.default is argument.empty else argument.default
         meaning = f"argument {name} of {reference}"
         parameters[name] = Parameter(name, default, "1", "", meaning, "user function", kind="argument")

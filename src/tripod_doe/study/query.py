@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
-from tripod_doe.errors import InputError, near_match, option
+from tripod_doe.errors import InputError, near_match, option, printable
+from tripod_doe.quantities import csv_cell
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.arrays import CubeArrays, Variable, cube_arrays
 from tripod_doe.study.expressions import Expression
@@ -239,7 +240,7 @@ def records_text(columns: Columns, form: str) -> str:
         buffer = io.StringIO()
         writer = csv.writer(buffer, lineterminator="\n")
         writer.writerow(names)
-        writer.writerows([["" if value != value else value for value in row] for row in rows])
+        writer.writerows([["" if value != value else csv_cell(value) for value in row] for row in rows])
         return buffer.getvalue().rstrip("\n")
     lines = [names, *([_table_word(value) for value in row] for row in rows)]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
@@ -279,4 +280,4 @@ def _json_value(value: Any) -> Any:
 def _table_word(value: Any) -> str:
     if isinstance(value, float):
         return "NaN" if math.isnan(value) else f"{value:.6g}"
-    return str(value)
+    return printable(str(value))

@@ -29,9 +29,10 @@ class Selection:
     """One selection: a coordinate, and the values or the range that it may take."""
 
     name: str
-    values: tuple[float | str, ...] = ()
+    values: tuple[float | str, ...] = ()  # numbers where they are, else texts
     low: float = -math.inf
     high: float = math.inf
+    texts: tuple[str, ...] = ()  # what labels that are texts may be: all of it as it was written, and its parts
 
 
 def parse_selection(text: str) -> Selection:
@@ -46,13 +47,14 @@ def parse_selection(text: str) -> Selection:
     name = name.strip().replace("-", "_")
     if not equals or not name or not wanted:
         raise InputError(f"{option('select', text)}: write name=value, name=a,b,c or name=a:b")
+    texts = tuple(dict.fromkeys([wanted, *(part.strip() for part in wanted.split(","))]))
     if ":" in wanted:
         try:
             low, high = (float(end) if end.strip() else None for end in wanted.split(":"))
-        except ValueError as error:
-            raise InputError(f"{option('select', text)}: a range is two numbers, a:b") from error
-        return Selection(name, (), -math.inf if low is None else low, math.inf if high is None else high)
-    return Selection(name, tuple(_word(part.strip()) for part in wanted.split(",")))
+        except ValueError:  # no range, but labels may be texts with such a sign
+            return Selection(name, (wanted,), texts=texts)
+        return Selection(name, (), -math.inf if low is None else low, math.inf if high is None else high, texts)
+    return Selection(name, tuple(_word(part.strip()) for part in wanted.split(",")), texts=texts)
 
 
 def _end(given: Any, default: float) -> float:
@@ -79,7 +81,8 @@ def selections(select: Mapping[str, Chosen] | Sequence[Selection | str]) -> list
             found.append(Selection(name, (), low, high))
         else:
             several = [wanted] if isinstance(wanted, str | float | int | np.generic) else list(wanted)
-            found.append(Selection(name, tuple(one if isinstance(one, str) else float(one) for one in several)))
+            numbers = tuple(one if isinstance(one, str) else float(one) for one in several)
+            found.append(Selection(name, numbers, texts=tuple(map(str, several))))
     return found
 
 
@@ -151,7 +154,7 @@ def _nearest(wanted: float | str, stretches: Iterator[tuple[IntArray, NDArray[An
 def _matching(values: NDArray[Any], selection: Selection) -> NDArray[np.bool_]:
     """Which labels a selection takes."""
     if values.dtype.kind not in "fiub":
-        return np.isin(values.astype(str), [str(wanted) for wanted in selection.values])
+        return np.isin(values.astype(str), selection.texts)
     if not selection.values:
         slack = _MATCH * np.abs(values)  # linspace's 0.30000000000000004 lies in 0.1:0.3
         return np.asarray((values >= selection.low - slack) & (values <= selection.high + slack))
@@ -159,6 +162,8 @@ def _matching(values: NDArray[Any], selection: Selection) -> NDArray[np.bool_]:
     for wanted in selection.values:
         if isinstance(wanted, str):
             place = option("select", selection.name)
+            if ":" in wanted:
+                raise InputError(f"{place}: {wanted!r}: a range is two numbers, a:b")
             raise InputError(f"{place}: {wanted!r} is not a number; select each coordinate by an argument of its own")
         slack = _MATCH * max(abs(wanted), 1e-300)
         keep |= (values >= np.float64(wanted - slack)) & (values <= np.float64(wanted + slack))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -86,6 +87,8 @@ def checked_settings(model: type[BaseModel], table: Mapping[str, Any]) -> BaseMo
     InputError
         If a key is unknown, with the nearest known one, or missing, or its value is refused.
     """
+    if key := next((key for key, value in table.items() if not _is_finite(value)), None):
+        raise InputError(f"{key} = {table[key]!r}: numbers must be finite")
     try:
         return model.model_validate(table)
     except ValidationError as error:
@@ -97,6 +100,15 @@ def checked_settings(model: type[BaseModel], table: Mapping[str, Any]) -> BaseMo
         if item["type"] == "missing":
             raise InputError(f"{key} is missing") from error
         raise InputError(f"{key} = {item['input']!r}: {said_of(item, key)}") from error
+
+
+def _is_finite(value: object) -> bool:
+    """Whether a value of a TOML file, or all in a list or table, are finite where they are numbers."""
+    if isinstance(value, Mapping):
+        value = list(value.values())
+    return (
+        all(map(_is_finite, value)) if isinstance(value, list) else not isinstance(value, float) or math.isfinite(value)
+    )
 
 
 def _settings(study: Study, name: str) -> tuple[Analysis, BaseModel]:

@@ -40,6 +40,8 @@ _BEAT = (2, 3, 4)  # the third order and its neighbours, whose sum beats once a 
 _DECIMALS = 9  # of an angle in deg; what is smaller is rounding
 _NOTHING = 1e-9  # part of the largest amplitude below which a model's order has no phase
 
+_LARGEST_ANGLE = 36_000.0  # degrees: a hundred turns; a larger angle has lost its digits, or was none
+
 
 class ComparisonSettings(BaseModel):
     """Settings of a comparison as a step of a workflow."""
@@ -140,6 +142,10 @@ def compare(
     """
     from scipy.special import stdtrit  # quantiles of Student's t
 
+    if reference_angle_deg is not None and not abs(reference_angle_deg) <= _LARGEST_ANGLE:
+        raise InputError(
+            f"{option('reference_angle', reference_angle_deg)}: give an angle within {_LARGEST_ANGLE:,.0f} degrees of 0"
+        )
     tracked = track_orders(measurement.rotation_deg, measurement.thrust_n, measurement.time_s)
     at_speed = orders_at_speeds(tracked, point)
     if at_speed is not None:

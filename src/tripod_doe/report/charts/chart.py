@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from tripod_doe.quantities import levels_apart
+from tripod_doe.quantities import csv_cell, levels_apart
 from tripod_doe.report.charts.tooltips import add_tooltips, mark_points
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
@@ -131,7 +131,8 @@ class Chart:
 
     def csv(self) -> str:
         """The numbers as CSV, in full precision."""
-        return self.data.to_csv(index=False)
+        words = {name: self.data[name].map(csv_cell) for name in self.data.select_dtypes(exclude="number").columns}
+        return self.data.assign(**words).to_csv(index=False)
 
 
 def _lay_out(figure: Figure) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from collections import Counter
 from collections.abc import Mapping
 
 import numpy as np
@@ -84,6 +85,9 @@ def _table(request: Request) -> Made:
     """A CSV file with a header: one column a factor; fields of a parameter without default may be empty."""
     study, design = request.study, request.table
     header, rows = _rows(study, design)
+    (name, count), *_ = Counter(header).most_common(1) or [("", 0)]
+    if count > 1:
+        raise InputError(f"table = {design.table!r}: column {name!r} stands there {count} times; keep one of them")
     for name in request.factors:
         if name not in header:
             raise InputError(f"table = {design.table!r}: no column {name!r}{closest(name, header)}")
