@@ -9,7 +9,7 @@ import xarray as xr
 from tripod_doe.analyses.findings import find
 from tripod_doe.pages.study import make_page
 from tripod_doe.report import subset as parts
-from tripod_doe.report.subset import shown_part, told_part
+from tripod_doe.report.subset import shown_subset, subset_sentences
 from tripod_doe.report.tables import failed_points
 from tripod_doe.study import slab_reading
 from tripod_doe.study.slab_reading import all_finite, largest_magnitude
@@ -48,14 +48,14 @@ def test_a_part_has_the_values_of_its_points(few, tmp_path):
     whole = listed()
     whole.to_netcdf(tmp_path / "cube.nc")
     with xr.open_dataset(tmp_path / "cube.nc", cache=False) as stored:
-        part = shown_part(stored)
+        part = shown_subset(stored)
         assert part.sizes["point"] == 40
         xr.testing.assert_equal(
             part.load().drop_vars("outcome_detail"), whole.isel(point=part["point"].values).drop_vars("outcome_detail")
         )
         assert not stored["y"].variable._in_memory
     assert part["outcome_detail"].values.tolist() == whole["outcome_detail"].values[part["point"].values].tolist()
-    assert shown_part(part).sizes["point"] == 40
+    assert shown_subset(part).sizes["point"] == 40
 
 
 def test_a_grid_is_thinned_along_its_longest_dimensions_and_keeps_their_ends(few):
@@ -63,12 +63,12 @@ def test_a_grid_is_thinned_along_its_longest_dimensions_and_keeps_their_ends(few
         {"outcome": (("a", "b", "c"), np.zeros((60, 9, 2), np.int8))},
         coords={"a": np.arange(60.0), "b": np.arange(9.0), "c": ["u", "v"]},
     )
-    part = shown_part(grid)
+    part = shown_subset(grid)
     assert part["outcome"].size <= 40
     assert part.sizes["c"] == 2
     for dim in ("a", "b"):
         assert part[dim].values[[0, -1]].tolist() == grid[dim].values[[0, -1]].tolist()
-    assert told_part(part) == [
+    assert subset_sentences(part) == [
         f"Sentences and figures on the points are made of {part['outcome'].size} of the 1,080 points (every so many "
         "levels); counts, costs and analyses, of all."
     ]
@@ -82,7 +82,7 @@ def test_a_page_says_what_it_is_made_of_and_counts_all_points(few):
     page = make_page(cube, {})
     assert "40 of the 200 points" in page
     assert "190" in page
-    assert told_part(shown_part(listed(30))) == []
+    assert subset_sentences(shown_subset(listed(30))) == []
 
 
 def test_a_part_of_several_models_has_all_points_by_the_truth(few):
@@ -90,10 +90,10 @@ def test_a_part_of_several_models_has_all_points_by_the_truth(few):
     level = np.where(np.arange(200) % 13 == 12, "fine", "rough").astype(object)
     study = '[study]\nname = "s"\n[factors.level]\nvalues = ["rough", "fine"]\n[design]\nkind = "multifidelity"\nfidelity = "level"\n'
     cube = listed().assign_coords(level=("point", level)).assign_attrs(study=study)
-    part = shown_part(cube)
+    part = shown_subset(cube)
     assert part.sizes["point"] == 40
     assert (part["level"].values == "fine").sum() == (level == "fine").sum() == 15
-    assert "(all 15 by fine, others drawn at random with a fixed seed)" in told_part(part)[0]
+    assert "(all 15 by fine, others drawn at random with a fixed seed)" in subset_sentences(part)[0]
 
 
 def test_failed_points_and_the_largest_number_are_those_of_all_points(few):

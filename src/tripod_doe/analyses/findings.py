@@ -22,12 +22,12 @@ from tripod_doe.report.responses import (
     factor_text,
     finished,
     listed,
+    points_in_words,
+    representative_points,
     responses,
-    telling_points,
-    told_points,
     waiting,
 )
-from tripod_doe.report.subset import shown_part, told_part
+from tripod_doe.report.subset import shown_subset, subset_sentences
 from tripod_doe.simulator import Outcome
 
 _FLAT = 1e-6  # part of the largest value below which a value is zero, and a difference none
@@ -49,16 +49,16 @@ def find(cube: xr.Dataset) -> list[str]:
         The most important first.
     """
     good, total = int(finished(cube).sum()), int(asked(cube).sum())
-    part = shown_part(cube)
+    part = shown_subset(cube)
     if good == 0:
         return _unfinished(cube, part, good, total)
-    sentences, shown = [], telling_points(part)
+    sentences, shown = [], representative_points(part)
     if bool(finished(shown).any()):
         every_order = "thrust_amplitude" in cube and asked_orders(cube) is None
         sentences = [_dominant_order(shown)] if every_order else []
-        sentences += _responses(shown) + _missing_effects(shown) + told_part(part)
+        sentences += _responses(shown) + _missing_effects(shown) + subset_sentences(part)
         if design_kind(cube) == "multifidelity":
-            sentences.append(f"Ranges of results, effects of factors and figures of both are {told_points(shown)}.")
+            sentences.append(f"Ranges of results, effects of factors and figures of both are {points_in_words(shown)}.")
     if "attempt" in cube and (changed := int(((cube["attempt"] > 0) & finished(cube)).sum())):
         sentences.append(f"{changed:,} of {total:,} points finished only after a retry.")
     if "accuracy_met" in cube:
@@ -70,25 +70,25 @@ def find(cube: xr.Dataset) -> list[str]:
 def _unfinished(cube: xr.Dataset, part: xr.Dataset, good: int, total: int) -> list[str]:
     """How many points failed, with the reasons and the region (that of a part), and how many are not computed yet."""
     left = int(waiting(cube).sum())
-    failed, told = total - good - left, []
+    failed, sentences = total - good - left, []
     if failed:
         none = failed == total
         start = f"None of {total:,} points finished" if none else f"{failed:,} of {total:,} points did not finish"
-        told.append(f"{start}: {_reasons(cube)}.")
+        sentences.append(f"{start}: {_reasons(cube)}.")
         if region := failing_region_of(part):
             share = "All" if region.failed == region.all_failed else "Most"
-            told.append(f"{share} of them are close together: points fail {region.text}.")
+            sentences.append(f"{share} of them are close together: points fail {region.text}.")
     if left:
-        told.append(f"{left:,} of {total:,} points {'is' if left == 1 else 'are'} not computed yet.")
-    return told
+        sentences.append(f"{left:,} of {total:,} points {'is' if left == 1 else 'are'} not computed yet.")
+    return sentences
 
 
 def _responses(cube: xr.Dataset) -> list[str]:
     """The range of each response and the effects of the factors on it, then what the design does not separate."""
     sentences, lost = [], []
     for response in responses(cube):
-        if told := _range(response, cube):
-            sentences.append(told)
+        if range_text := _range(response, cube):
+            sentences.append(range_text)
         if missing := int((finished(cube) & response.values.isnull()).sum()):
             total = int(finished(cube).sum())
             sentences.append(f"{_named(response)} has no finite value at {missing:,} of {total:,} finished points.")
@@ -111,20 +111,20 @@ def _missing_effects(cube: xr.Dataset) -> list[str]:
 
 
 def _notes(cube: xr.Dataset) -> list[str]:
-    """What the design cannot tell, and how many finished points have a note, with the first note."""
+    """Limits of the design, and the number of finished points with a note, with the first note."""
     design = [f"The design: {note}." for note in str(cube.attrs.get("design_notes", "")).splitlines()]
     if "outcome_detail" not in cube:
         return design
     details = cube["outcome_detail"].values[finished(cube).values]
     noted = details[details != ""]
-    told = f"{noted.size:,} points finished with a note (outcome_detail)"
-    return design + ([f"{told}, the first: {noted[0]}."] if noted.size else [])
+    text = f"{noted.size:,} points finished with a note (outcome_detail)"
+    return design + ([f"{text}, the first: {noted[0]}."] if noted.size else [])
 
 
 def _chosen(cube: xr.Dataset) -> str:
     """State at how many points each model was chosen, and how many will probably miss the accuracy."""
     inside = asked(cube).values
-    told = ""
+    counts_text = ""
     if not is_chosen(cube):
         count = f"all {int(inside.sum()):,} points run with the full model"
         return f"The study has too few points for a pilot that could choose its models: {count}."
@@ -132,10 +132,12 @@ def _chosen(cube: xr.Dataset) -> str:
         used = cube["model_used"]
         words = dict(zip(used.attrs.get("flag_values", ()), used.attrs.get("flag_meanings", "").split(), strict=True))
         models, counts = np.unique(used.values[inside], return_counts=True)
-        told = ": " + ", ".join(f"{words.get(m, f'{m:g}')} at {n:,}" for m, n in zip(models, counts, strict=True))
+        counts_text = ": " + ", ".join(
+            f"{words.get(m, f'{m:g}')} at {n:,}" for m, n in zip(models, counts, strict=True)
+        )
     unmet = int((cube["accuracy_met"].values[inside] == 0).sum())
     short = f"; {unmet:,} are not expected to meet the accuracy" if unmet else ""
-    return f"The model was chosen for each point{told} of {int(inside.sum()):,} points{short}.{_not_asked(cube)}"
+    return f"The model was chosen for each point{counts_text} of {int(inside.sum()):,} points{short}.{_not_asked(cube)}"
 
 
 def _not_asked(cube: xr.Dataset) -> str:
@@ -144,9 +146,9 @@ def _not_asked(cube: xr.Dataset) -> str:
     if orders is None:
         return ""
     others = " and the waveform" if "thrust" in cube else ""
-    told = listed([ORDINALS[order] for order in orders])
+    asked = listed([ORDINALS[order] for order in orders])
     return (
-        f" Accuracy was asked for the {told} only: other orders{others} are not shown, since they come from models of "
+        f" Accuracy was asked for the {asked} only: other orders{others} are not shown, since they come from models of "
         "different error."
     )
 
@@ -167,10 +169,10 @@ def _dominant_order(cube: xr.Dataset) -> str:
     rotating = amplitude.isel(order=slice(1, None)).fillna(-1)
     beyond = rotating.max("order") - rotating.sel(order=first)
     other = int(((beyond > _left_over(cube)) & finished(cube)).sum())
-    told = f"; at {other:,} of {int(finished(cube).sum()):,} points another order is larger" if other else ""
+    text = f"; at {other:,} of {int(finished(cube).sum()):,} points another order is larger" if other else ""
     return (
         f"The {ORDINALS[first]} of the thrust force is the largest: {number(float(mean.sel(order=first)))} N{over}; "
-        f"the next is the {ORDINALS[second]} with {number(float(mean.sel(order=second)))} N{told}."
+        f"the next is the {ORDINALS[second]} with {number(float(mean.sel(order=second)))} N{text}."
     )
 
 
@@ -213,12 +215,12 @@ def _place(cube: xr.Dataset, at: int) -> str:
     varying = {name: column for name, column in columns.items() if varies(column)}
     if not 0 < len(varying) <= _MOST_NAMED:
         return ""
-    told = []
+    parts = []
     for name, column in varying.items():
         value = column[at].item()
         given = level if np.unique(column).size <= _MOST_GIVEN else number  # a sampled value has too many digits
-        told.append(factor_text(cube, name, value, given))
-    return f" (at {', '.join(told)})"
+        parts.append(factor_text(cube, name, value, given))
+    return f" (at {', '.join(parts)})"
 
 
 def _one_level(cube: xr.Dataset) -> list[str]:
@@ -226,9 +228,9 @@ def _one_level(cube: xr.Dataset) -> list[str]:
     every = point_columns(cube, np.ones(cube["outcome"].shape, bool))
     done = point_columns(cube, finished(cube).values)
     lost = [name for name in every if varies(every[name]) and done[name].size and not varies(done[name])]
-    told = []
+    parts = []
     for name in lost:
         value = done[name][0].item()
-        told.append(factor_text(cube, name, value))
-    several = "these factors" if len(told) > 1 else "this factor"
-    return [f"Only points with {listed(told)} finished: the effect of {several} is not known."] if told else []
+        parts.append(factor_text(cube, name, value))
+    several = "these factors" if len(parts) > 1 else "this factor"
+    return [f"Only points with {listed(parts)} finished: the effect of {several} is not known."] if parts else []

@@ -180,9 +180,9 @@ def _table(cube: xr.Dataset, name: str, rows: IntArray) -> OutputTable:
         values, centre = _around_mean(values)
     error = np.zeros(values.shape[1])
     if f"{name}_error" in cube and cube[f"{name}_error"].dims == variable.dims:
-        told = read_positions(cube[f"{name}_error"].variable, {"point": rows}).astype(float).reshape(rows.size, -1)
-        known = np.isfinite(told)
-        error = np.where(known, told, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+        reported = read_positions(cube[f"{name}_error"].variable, {"point": rows}).astype(float).reshape(rows.size, -1)
+        known = np.isfinite(reported)
+        error = np.where(known, reported, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
     return OutputTable(name, variable, values, centre, wraps, error)
 
 

@@ -35,12 +35,12 @@ from tripod_doe.report.responses import (
     factor_names,
     factor_unit,
     finished,
+    points_in_words,
+    representative_points,
     spoken,
-    telling_points,
-    told_points,
     waiting,
 )
-from tripod_doe.report.subset import shown_part
+from tripod_doe.report.subset import shown_subset
 from tripod_doe.report.tables import (
     cost_rows,
     factor_rows,
@@ -138,8 +138,8 @@ def make_page(
     findings
         What `find` says of the cube, where that is known already.
     """
-    part = shown_part(cube)
-    shown = telling_points(part)
+    part = shown_subset(cube)
+    shown = representative_points(part)
     said = [sentence for name, result in analyses.items() for sentence in findings_of(name, result)]
     sentences, more = answer_first(_in_order(cube, find(cube) if findings is None else findings, said))
     picture, content = _content(cube, part, shown, analyses)
@@ -173,7 +173,7 @@ def make_page(
         what_ifs=questions,
         sections=_sections(filled | _ALWAYS, questions),
         silent=silent,
-        told_points=told_points(shown),
+        points_in_words=points_in_words(shown),
         outcomes=outcome_counts(cube),
         factor_heads=[(spoken(name), factor_unit(cube, name)) for name in factor_names(cube)],
         numerics=numerics_rows(cube),
@@ -201,7 +201,7 @@ def _content(
 ) -> tuple[Chart | None, dict[str, Any]]:
     """The picture at the top of the page, and what fills each of its sections: charts without that one, and rows.
 
-    Rows are of the whole cube, charts of the part whose points are shown, those on the joint of what tells of it.
+    Rows are of the whole cube, charts of the points that are shown, or of those that represent the joint.
     """
     parts = contributions(analyses)
     shares = [[] if part.missing else contribution_charts(part) for part in parts]

@@ -38,8 +38,8 @@ class StoredChart:
     @property
     def title(self) -> str:
         """What is shown, in a few words; empty in files of older versions."""
-        found = re.search(r"<title>(.*?)</title>", self.svg())
-        return unescape(found[1]) if found else ""
+        match = re.search(r"<title>(.*?)</title>", self.svg())
+        return unescape(match[1]) if match else ""
 
     def svg(self) -> str:
         """The figure as an SVG element."""
@@ -52,8 +52,8 @@ class StoredChart:
     @property
     def width(self) -> float:
         """Width in points as drawn; a page gives wide figures more room."""
-        found = re.search(r'<svg[^>]* width="([\d.]+)pt"', self.svg())
-        return float(found[1]) if found else 0.0
+        match = re.search(r'<svg[^>]* width="([\d.]+)pt"', self.svg())
+        return float(match[1]) if match else 0.0
 
     @property
     def wide(self) -> bool:
@@ -166,11 +166,14 @@ def _page(
     text: str,
 ) -> str:
     """Fill the template; analyses answer before studies do, what a notice says beyond one sentence is folded."""
-    told = [part for part in parts if part.findings]
-    analyses = [part.findings for part in told if not part.link]
-    studies = [part.findings for part in told if part.link]
-    firsts, more = [found[0] for found in analyses], [each for found in analyses for each in found[1:]]
-    sentences, _ = answer_first([*firsts, *more, *(found[0] for found in studies)])
+    stated = [part for part in parts if part.findings]
+    analyses = [part.findings for part in stated if not part.link]
+    studies = [part.findings for part in stated if part.link]
+    firsts, more = (
+        [sentences_of[0] for sentences_of in analyses],
+        [each for sentences_of in analyses for each in sentences_of[1:]],
+    )
+    sentences, _ = answer_first([*firsts, *more, *(sentences_of[0] for sentences_of in studies)])
     titles = Counter(part.title for part in parts)
     shown = [
         replace(

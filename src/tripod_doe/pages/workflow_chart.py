@@ -145,5 +145,5 @@ def _draw_box(axes: Axes, step: StepView, place: tuple[int, int]) -> None:
     )
     name = step.name if len(step.name) <= 22 else step.name[:21] + "\N{HORIZONTAL ELLIPSIS}"
     axes.text(x + 0.09, y + 0.42, name, fontsize=8.5, fontweight="bold", color=INK, va="center")
-    told = " · ".join(part for part in (step.kind, step.state, step_time(step)) if part)
-    axes.text(x + 0.09, y + 0.18, told, fontsize=7, color=INK, va="center")
+    text = " · ".join(part for part in (step.kind, step.state, step_time(step)) if part)
+    axes.text(x + 0.09, y + 0.18, text, fontsize=7, color=INK, va="center")

@@ -1,4 +1,4 @@
-"""What a cube tells of the choice of its models by a pilot: what was asked for, which model answers, its error."""
+"""Choice of the models in a cube: orders that were asked for, the model of each point, its estimated error."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def asked_orders(cube: xr.Dataset) -> list[int] | None:
     """Orders of the thrust whose accuracy was asked for; None where all points have one model: then all are alike."""
     if not is_chosen(cube) or "thrust_amplitude" not in cube:
         return None
-    found = (re.fullmatch(rf"thrust_amplitude_(\d+){_ESTIMATE}", str(name)) for name in cube.data_vars)
-    return sorted(int(match[1]) for match in found if match)
+    matches = (re.fullmatch(rf"thrust_amplitude_(\d+){_ESTIMATE}", str(name)) for name in cube.data_vars)
+    return sorted(int(match[1]) for match in matches if match)
 
 
 def chosen_models(cube: xr.Dataset) -> NDArray[np.object_]:

@@ -66,12 +66,12 @@ def _words(output: str, order: int | None) -> str:
 
 def quantile_text(answers: xr.Dataset, unit: str) -> str:
     """Quantiles of a distribution, each with its interval, or with the one end that the points bound, or none."""
-    told = []
+    text = []
     for probability in answers["probability"].values:
         at = answers.sel(probability=probability)
         low, value, high = (float(at[key]) for key in ("quantile_low", "quantile", "quantile_high"))
-        told.append(f"{100 * probability:g} % below {with_unit(number(value), unit)} ({_bounds(low, high)})")
-    return ", ".join(told)
+        text.append(f"{100 * probability:g} % below {with_unit(number(value), unit)} ({_bounds(low, high)})")
+    return ", ".join(text)
 
 
 def _bounds(low: float, high: float) -> str:

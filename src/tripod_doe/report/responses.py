@@ -17,7 +17,7 @@ from tripod_doe.report.chosen_models import asked_orders
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import COST_VARIABLES, EXCLUDED, RECORD_ROLE, RESPONSE_ROLE, SWITCH_ROLE
 
-_TELLING = "telling_points"  # attribute of some points of a cube: which ones they are
+_REPRESENTATIVE = "representative_points"  # attribute of some points of a cube: which ones they are
 
 ORDINALS = (
     "mean thrust force",
@@ -38,14 +38,14 @@ ORDINALS = (
 
 _CHECKS = ("energy_residual", "largest_penetration_um")  # of the numerics: shown among the settings
 ERRORS = ("thrust_amplitude_error", "thrust_amplitude_scatter")
-"""Outputs that tell the numerical error of the orders."""
+"""Outputs with the numerical error of the orders."""
 
 _VISIBLE = 5e-3  # orders smaller than this part of the largest one are not worth a sentence
 _MOST_OWN = 6  # numbers of a function
 _UNITS = {"1": "", "degree": "deg", "mm s-1": "mm/s", "kg m-3": "kg/m3", "s mm-1": "s/mm", "s-1": "1/s"}
 _CLASSES = 10  # classes of a sampled factor
 _MOST_LEVELS = 40  # a factor with more values than this is a sampled one
-_REPETITION = "replicate"  # the factor that tells runs of one point apart
+_REPETITION = "replicate"  # the factor that numbers repeated runs of one point
 _UNIT_SUFFIX = re.compile(r"(?:_per)?_(deg|n_m|n|rpm|mm_s|mm|um|kg_m2|kg_m3|kg|gpa|s_per_mm|s|w)$")
 
 
@@ -159,29 +159,31 @@ def asked(cube: xr.Dataset) -> xr.DataArray:
     return cube[EXCLUDED] == 0 if EXCLUDED in cube else xr.ones_like(cube["outcome"], dtype=bool)
 
 
-def telling_points(cube: xr.Dataset) -> xr.Dataset:
-    """The points over which a mean tells of the joint; most cubes as they are.
+def representative_points(cube: xr.Dataset) -> xr.Dataset:
+    """The points over which a mean describes the joint; all points of most cubes.
 
     Of an ablation these are the points with all its switches on, without the switches; of a multifidelity study those
     of the model that counts as the truth, since a mean over several models is that of none. What each mechanism
-    contributes, and what all models together say, is told by the analyses.
+    contributes, and what all models together say, is stated by the analyses.
     """
     if switches := [name for name in factor_names(cube) if cube[name].attrs.get("role") == SWITCH_ROLE]:
         on = np.all([cube[name].values == 1 for name in switches], axis=0)
         return (
-            cube.isel(point=np.flatnonzero(on)).drop_vars(switches).assign_attrs({_TELLING: "with all mechanisms on"})
+            cube.isel(point=np.flatnonzero(on))
+            .drop_vars(switches)
+            .assign_attrs({_REPRESENTATIVE: "with all mechanisms on"})
         )
     if design_kind(cube) != "multifidelity":
         return cube
     fidelity, truth = truth_of(cube)
     own = np.flatnonzero(cube[fidelity].values == truth)
-    told = f"of the {own.size:,} points by {truth}, which counts as the truth"
-    return cube.isel(point=own).drop_vars(fidelity).assign_attrs({_TELLING: told})
+    points_text = f"of the {own.size:,} points by {truth}, which counts as the truth"
+    return cube.isel(point=own).drop_vars(fidelity).assign_attrs({_REPRESENTATIVE: points_text})
 
 
-def told_points(telling: xr.Dataset) -> str:
-    """Which points of a cube tell of the joint, as the end of a sentence; empty where all do."""
-    return str(telling.attrs.get(_TELLING, ""))
+def points_in_words(points: xr.Dataset) -> str:
+    """Which points represent the joint, as the end of a sentence; empty where all do."""
+    return str(points.attrs.get(_REPRESENTATIVE, ""))
 
 
 def truth_of(cube: xr.Dataset) -> tuple[str, object]:
@@ -221,14 +223,14 @@ def responses(cube: xr.Dataset) -> list[Response]:
     if "thrust_amplitude" in cube:
         amplitude = cube["thrust_amplitude"]
         largest = float(amplitude.max()) if amplitude.notnull().any() else 0.0
-        found = []
+        chosen = []
         wanted = asked_orders(cube)
         for order in (3, 2, 1) if wanted is None else wanted:
             values = amplitude.sel(order=order, drop=True)
             if order == 3 or wanted is not None or float(values.max()) > _VISIBLE * largest:
                 error = _error_of_order(cube, order)
-                found.append(Response(f"thrust_amplitude_order_{order}", ORDINALS[order], "N", values, error))
-        return found + _own(cube, [name for name in names if cube[name].attrs.get("role") == RESPONSE_ROLE])
+                chosen.append(Response(f"thrust_amplitude_order_{order}", ORDINALS[order], "N", values, error))
+        return chosen + _own(cube, [name for name in names if cube[name].attrs.get("role") == RESPONSE_ROLE])
     return _own(cube, [name for name in names if _is_own(cube, name) and name not in _CHECKS][:_MOST_OWN])
 
 
@@ -247,8 +249,8 @@ def _error_of_order(cube: xr.Dataset, order: int) -> float:
 
 def _is_own(cube: xr.Dataset, name: str) -> bool:
     variable = cube[name]
-    told = name in COST_VARIABLES or variable.attrs.get("role") == RECORD_ROLE
-    return not told and variable.dtype.kind == "f" and variable.dims == cube["outcome"].dims
+    recorded = name in COST_VARIABLES or variable.attrs.get("role") == RECORD_ROLE
+    return not recorded and variable.dtype.kind == "f" and variable.dims == cube["outcome"].dims
 
 
 def _own_label(cube: xr.Dataset, name: str) -> str:

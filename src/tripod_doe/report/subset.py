@@ -1,4 +1,4 @@
-"""What sentences and figures on a cube are made of: all its points, or of a very large one a part that is told."""
+"""The points that sentences and figures are made of: all, or of a very large cube a subset that the page states."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ _LONG = 40  # numbers of a point above which a variable is a course, of which on
 _PART_OF, _HOW = "part_of", "how_chosen"  # attributes of a part: number of points of the whole, how they are chosen
 
 
-def shown_part(cube: xr.Dataset) -> xr.Dataset:
+def shown_subset(cube: xr.Dataset) -> xr.Dataset:
     """The points that sentences and figures are made of, read from the file once.
 
-    Up to `MOST_POINTS` all; else of a grid every so many levels along its longest dimensions, of a list points that are
+    Up to `MOST_POINTS` all; else of a grid evenly spaced levels along its longest dimensions, of a list points that are
     drawn at random with a fixed seed, in their order. A multifidelity study first gives all points by the model that
     counts as the truth, of which sentences and figures on the joint are made. Courses over the rotation angle stay in
     the file until a point of them is asked for.
@@ -42,7 +42,7 @@ def shown_part(cube: xr.Dataset) -> xr.Dataset:
     return part.assign_attrs({_PART_OF: count, _HOW: how})
 
 
-def told_part(part: xr.Dataset) -> list[str]:
+def subset_sentences(part: xr.Dataset) -> list[str]:
     """A sentence that says what a part is of the whole; none where it is the whole."""
     if _PART_OF not in part.attrs:
         return []
@@ -70,7 +70,7 @@ def _rows(cube: xr.Dataset) -> tuple[dict[str, IntArray], str]:
         for dim, size in sizes.items()
         if shown[dim] < size
     }
-    return rows, "every so many levels"
+    return rows, "evenly spaced levels"
 
 
 def _rows_of_list(cube: xr.Dataset, count: int) -> tuple[dict[str, IntArray], str]:

@@ -18,7 +18,7 @@ _LARGE = {
     re.compile(r'<a class="data" [^>]*>Data \(CSV\)</a>'): "Its data are",
     re.compile(r"<svg role=.*?</svg>", re.DOTALL): "This figure is",
 }
-"""What a page can do without, and how it is told."""
+"""What a page can do without, and the subject of the sentence that says so."""
 
 
 @cache
@@ -31,7 +31,7 @@ def _templates() -> Environment:
         lstrip_blocks=True,
         bytecode_cache=compiled_templates(),
     )
-    environment.filters |= {"told": number, "typeset": _typeset, "csv_link": _csv_link, "svg": _svg}
+    environment.filters |= {"number": number, "typeset": _typeset, "csv_link": _csv_link, "svg": _svg}
     return environment
 
 
@@ -42,11 +42,11 @@ def render(template: str, **content: object) -> str:
 
 def _of_limited_size(page: str) -> str:
     """A page without its largest tables of data, and then figures, if they make it too large; it says so."""
-    for part, told in _LARGE.items():
-        for found in sorted(part.findall(page), key=len, reverse=True):
+    for part, subject in _LARGE.items():
+        for block in sorted(part.findall(page), key=len, reverse=True):
             if len(page.encode()) <= _MOST_BYTES:
                 return page
-            page = page.replace(found, f"{told} left out: this page would be larger than {size(_MOST_BYTES)}.")
+            page = page.replace(block, f"{subject} left out: this page would be larger than {size(_MOST_BYTES)}.")
     return page
 
 
@@ -54,7 +54,7 @@ def _typeset(text: str) -> str:
     """Plain-text sentences with the signs of print."""
     text = re.sub(r"(?:^|\s)\+- ", "\u00a0±\u00a0", text).replace("R2 ", "R²\u00a0").replace("R^2", "R²")
     text = re.sub(r"\+-(?=\d)", "±", text)
-    text = re.sub(r"\b(?:at (?:most|least)|Figs?\.) (?=[-\d])", lambda found: found[0].replace(" ", "\u00a0"), text)
+    text = re.sub(r"\b(?:at (?:most|least)|Figs?\.) (?=[-\d])", lambda match: match[0].replace(" ", "\u00a0"), text)
     text = text.replace("Sobol' ", "Sobol’ ")
     text = text.replace("N m", "N\u00a0m")
     text = re.sub(r"(?<=\d) (?=(?:N|deg|mm|um|rpm|%))", "\u00a0", text)

@@ -13,9 +13,9 @@ from tripod_doe.analyses.model_choice.pilot_results import pilot_results
 from tripod_doe.analyses.model_choice.study_choice import make_choice
 from tripod_doe.analyses.multifidelity.study_split import (
     needs_split,
+    split_lines,
     split_study,
     stored_split,
-    told_split,
     with_samples_so_far,
 )
 from tripod_doe.analyses.registry import findings_of
@@ -224,7 +224,7 @@ def _split_samples(
             computed = _compute(pilot, missing, directory, execution, fail_fast, progress)
         study, split = split_study(pilot.study, directory.read(pilot), directory.path)
         if progress:
-            print("\n".join(told_split(split)), file=sys.stderr)
+            print("\n".join(split_lines(split)), file=sys.stderr)
     return StudyPoints(study, make_points(study)), computed
 
 

@@ -20,8 +20,8 @@ class Cases:
     @property
     def text(self) -> str:
         """The skews of all cases."""
-        told = (f"case {case} ({', '.join(level(skew) for skew in self.skews(case))})" for case in (1, 2, 3, 4))
-        return f"{', '.join(told)} deg on trunnions 1, 2, 3; chosen, since the paper does not print them"
+        text = (f"case {case} ({', '.join(level(skew) for skew in self.skews(case))})" for case in (1, 2, 3, 4))
+        return f"{', '.join(text)} deg on trunnions 1, 2, 3; chosen, since the paper does not print them"
 
     def skews(self, case: int) -> tuple[float, float, float]:
         """Initial skews of a case in degrees: 1 and 2 uneven, 3 equal, 4 as 2 reversed, 0 none."""

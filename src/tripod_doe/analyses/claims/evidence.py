@@ -1,4 +1,4 @@
-"""Points of any number of cubes, found by what they are and not by where they lie: the evidence for claims."""
+"""Evidence for claims: points of any number of cubes, chosen by their parameters."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Point:
         return Outcome(int(self.data["outcome"]))
 
     def value(self, name: str) -> Any:
-        """A parameter of it, the default where the study does not tell."""
+        """A parameter of it, the default where the study does not set it."""
         known = JOINT_PARAMETERS.get(name)
         return self.parameters.get(name, known.default if known else None)
 
@@ -146,7 +146,7 @@ class Evidence:
         """Points of another scene, known by the parameters that only it has; raises as `joint` does."""
         return self._finished(wanted, [point for point in self._points if set(wanted) <= set(point.parameters)], wanted)
 
-    def _finished(self, identity: Mapping[str, Any], among: list[Point], told: Mapping[str, Any]) -> list[Point]:
+    def _finished(self, identity: Mapping[str, Any], among: list[Point], excluded: Mapping[str, Any]) -> list[Point]:
         best: dict[tuple[Any, ...], Point] = {}
         for point in among:
             if _matches(point, identity):
@@ -155,7 +155,7 @@ class Evidence:
         where = (
             ", ".join(
                 f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
-                for name, value in told.items()
+                for name, value in excluded.items()
                 if value is not ANY
             )
             or "the reference values"
@@ -172,8 +172,8 @@ class Evidence:
 
 def _worth(point: Point) -> tuple[bool, float]:
     """Finished points first, then the tighter tolerance."""
-    found = point.data.get("relative_tolerance_used", math.inf)
-    tolerance = float(point.parameters.get("relative_tolerance", found))
+    answers = point.data.get("relative_tolerance_used", math.inf)
+    tolerance = float(point.parameters.get("relative_tolerance", answers))
     return point.outcome is not Outcome.FINISHED, math.inf if math.isnan(tolerance) else tolerance
 
 

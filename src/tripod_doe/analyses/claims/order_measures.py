@@ -14,7 +14,7 @@ from tripod_doe.quantities import number
 
 def third_dominates(evidence: Evidence, cases: Cases) -> Measured:
     """Next largest order over the third, the larger of cases 1 and 2."""
-    found = []
+    candidates = []
     for case in (1, 2):
         point = point_of(evidence, cases, case)
         sizes = point.output("thrust_amplitude").values.copy()
@@ -22,8 +22,8 @@ def third_dominates(evidence: Evidence, cases: Cases) -> Measured:
         other = int(np.argmax(sizes))
         third = point.amplitude(3).value
         note = f"Next largest is order {other}: {number(sizes[other])} N, the third {number(third, 4)} N (case {case})."
-        found.append(ratio(point.amplitude(other), point.amplitude(3), note=note))
-    return max(found, key=lambda ratio: ratio.value)
+        candidates.append(ratio(point.amplitude(other), point.amplitude(3), note=note))
+    return max(candidates, key=lambda ratio: ratio.value)
 
 
 def over_torque(evidence: Evidence, cases: Cases) -> Measured:
@@ -40,14 +40,14 @@ def over_speed(evidence: Evidence, cases: Cases) -> Measured:
 
 def straight_over_angle(evidence: Evidence, cases: Cases) -> Measured:
     """R^2 of the line of the third order over the joint angle, the smaller of cases 1 and 2."""
-    found = []
+    candidates = []
     for case in (1, 2):
         angles, amplitudes = line_over(evidence, cases, case, "joint_angle_deg", 3)
         slope, offset, straight = fit_line(angles, amplitudes)
         sign = "plus" if offset >= 0 else "minus"
         note = f"Case {case}: {number(slope)} N/deg times the joint angle {sign} {number(abs(offset))} N."
-        found.append(Measured(straight, math.nan, f"{note} {pairs_told(angles, amplitudes, ' deg')}"))
-    return min(found, key=lambda fit: fit.value)
+        candidates.append(Measured(straight, math.nan, f"{note} {pairs_told(angles, amplitudes, ' deg')}"))
+    return min(candidates, key=lambda fit: fit.value)
 
 
 def offset_over_angle(evidence: Evidence, cases: Cases) -> Measured:
@@ -116,11 +116,11 @@ def without_skew(evidence: Evidence, cases: Cases) -> Measured:
 
 def second_over_angle(evidence: Evidence, cases: Cases) -> Measured:
     """Spread of the second order over the joint angle, the larger of cases 1 and 2."""
-    found = []
+    candidates = []
     for case in (1, 2):
         angles, amplitudes = line_over(evidence, cases, case, "joint_angle_deg", 2)
-        found.append(spread_of(amplitudes, note=f"Case {case}. {pairs_told(angles, amplitudes, ' deg')}"))
-    return max(found, key=lambda spread: spread.value)
+        candidates.append(spread_of(amplitudes, note=f"Case {case}. {pairs_told(angles, amplitudes, ' deg')}"))
+    return max(candidates, key=lambda spread: spread.value)
 
 
 def equal_skews(evidence: Evidence, cases: Cases) -> Measured:
@@ -167,8 +167,8 @@ def local_orders(evidence: Evidence, cases: Cases) -> Measured:
     size = {order: float(np.abs(point.at_grooves(order)).mean()) for order in range(1, 13)}
     others = max(size[order] for order in range(4, 13))
     ranked = sorted(size, key=lambda order: -size[order])
-    told = ", ".join(f"order {order} {number(size[order])} N" for order in ranked[: max(5, ranked.index(2) + 1)])
-    return Measured(others / min(size[order] for order in (1, 2, 3)), note=f"Means of the grooves: {told}.")
+    text = ", ".join(f"order {order} {number(size[order])} N" for order in ranked[: max(5, ranked.index(2) + 1)])
+    return Measured(others / min(size[order] for order in (1, 2, 3)), note=f"Means of the grooves: {text}.")
 
 
 def needle_sliding(evidence: Evidence, cases: Cases) -> Measured:

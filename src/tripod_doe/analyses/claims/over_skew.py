@@ -52,11 +52,11 @@ def claims_over_skew(cubes: Mapping[str, xr.Dataset], settings: ClaimsOverSkewSe
     ]
     over = xr.Variable("skew_deg", settings.skews_deg, {"long_name": "skew of cases 2 to 4", "units": "degree"})
     joined = xr.concat([table[["value", "error", "verdict"]] for table in tables], over)
-    told = tables[0][["statement", "place", "quantity", "unit", "low", "high"]]
+    text = tables[0][["statement", "place", "quantity", "unit", "low", "high"]]
     without_points = check_claims({}, ClaimsSettings(model=settings.model))["verdict"] != Verdict.NOT_DECIDED
     decided = (joined["verdict"] != Verdict.NOT_DECIDED).any("skew_deg") & ~without_points
     if not bool(decided.any()):
         raise InputError(f"no claim is decided for any of the skews {', '.join(f'{s:g}' for s in settings.skews_deg)}")
-    result = xr.merge([joined.transpose("claim", "skew_deg"), told]).isel(claim=np.flatnonzero(decided.values))
+    result = xr.merge([joined.transpose("claim", "skew_deg"), text]).isel(claim=np.flatnonzero(decided.values))
     result["verdict"].attrs = VERDICT_FLAGS
     return result.assign_attrs(title=settings.title, model=settings.model)

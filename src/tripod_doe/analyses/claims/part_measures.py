@@ -39,8 +39,8 @@ def share_of(mechanism: str) -> Callable[[Evidence, Cases], Measured]:
             raise MissingPointError("points of the ablation did not finish")
         nearest = min(known, key=lambda name: abs(known[name] - paper))
         error = 100 * math.sqrt(2) * point.amplitude(3).error / point.amplitude(3).value
-        told = ", ".join(f"{_DEFINITIONS[name]} {share:.1f} %" for name, share in shares.items())
-        return Measured(known[nearest], error, f"Definition closest to the paper: {_DEFINITIONS[nearest]}; {told}.")
+        text = ", ".join(f"{_DEFINITIONS[name]} {share:.1f} %" for name, share in shares.items())
+        return Measured(known[nearest], error, f"Definition closest to the paper: {_DEFINITIONS[nearest]}; {text}.")
 
     return measure
 
@@ -59,20 +59,20 @@ def _ablates(cube: Any, point: Point, cases: Cases) -> bool:
 
 def skew_stays(evidence: Evidence, cases: Cases) -> Measured:
     """Largest change of the mean skew up to the last revolution, cases 1 and 2, in percent."""
-    found = []
+    candidates = []
     for case in (1, 2):
         summary = point_of(evidence, cases, case).output("needle_skew_summary_deg").isel(cycle=-1)
         mean, least, most = (summary.sel(statistic=name).values for name in ("mean", "min", "max"))
         start = np.array(cases.skews(case))
-        told = ", ".join(
+        text = ", ".join(
             f"{level(s)} -> {m:.2f} (range {low:.2f} to {high:.2f})"
             for s, m, low, high in zip(start, mean, least, most, strict=True)
         )
         change = 100 * float(np.abs(mean / start - 1).max())
-        found.append(
-            Measured(change, note=f"Case {case}, trunnions 1 to 3 in deg: {told}, change at most {change:.0f} %.")
+        candidates.append(
+            Measured(change, note=f"Case {case}, trunnions 1 to 3 in deg: {text}, change at most {change:.0f} %.")
         )
-    return Measured(max(each.value for each in found), note=" ".join(each.note for each in found))
+    return Measured(max(each.value for each in candidates), note=" ".join(each.note for each in candidates))
 
 
 def degrees_of_freedom(evidence: Evidence, cases: Cases) -> Measured:
@@ -109,14 +109,14 @@ def friction_from_rest(evidence: Evidence, cases: Cases) -> Measured:
 
 def _loci(evidence: Evidence) -> dict[str, tuple[float, float]]:
     """Drift and travel in mm by which plate has more friction."""
-    found = {}
+    candidates = {}
     for point in evidence.scene(friction_a=ANY, friction_b=ANY):
         a, b = float(point.value("friction_a")), float(point.value("friction_b"))
         key = "equal" if a == b else "A" if a > b else "B"
-        found[key] = float(point.output("axial_drift_mm")), float(point.output("travel_mm"))
-    if len(found) < 3:
+        candidates[key] = float(point.output("axial_drift_mm")), float(point.output("travel_mm"))
+    if len(candidates) < 3:
         raise MissingPointError("the needle between plates was not run with equal and with both unequal frictions")
-    return found
+    return candidates
 
 
 def locus_straight(evidence: Evidence, cases: Cases) -> Measured:
@@ -128,5 +128,5 @@ def locus_straight(evidence: Evidence, cases: Cases) -> Measured:
 def loci_apart(evidence: Evidence, cases: Cases) -> Measured:
     """Drift with more friction at plate A over drift with more at plate B."""
     loci = _loci(evidence)
-    told = ", ".join(f"{key}: {drift:+.3g} mm" for key, (drift, _) in loci.items())
-    return Measured(loci["A"][0] / loci["B"][0], note=f"Drift for each plate with more friction: {told}.")
+    text = ", ".join(f"{key}: {drift:+.3g} mm" for key, (drift, _) in loci.items())
+    return Measured(loci["A"][0] / loci["B"][0], note=f"Drift for each plate with more friction: {text}.")

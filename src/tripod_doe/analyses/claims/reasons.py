@@ -1,4 +1,4 @@
-"""Why claims of the paper do not hold: reasons found by varying the model at the reference point."""
+"""Why claims of the paper do not hold: reasons from varying the model at the reference point."""
 
 from __future__ import annotations
 

@@ -30,9 +30,9 @@ def find_in_claims(claims: xr.Dataset, name: str = "") -> list[str]:
         for at in np.flatnonzero(verdicts == verdict):
             row = claims.isel(claim=int(at))
             seen = f" ({claim_value(row)}; required: {claim_limits(row)})" if verdict is Verdict.DOES_NOT_HOLD else ""
-            told = row["reason"].item()
+            text = row["reason"].item()
             sentences.append(
-                f"{verdict.label.capitalize()}: {row['statement'].item()}, {row['place'].item()}{seen}. {_start(told)}"
+                f"{verdict.label.capitalize()}: {row['statement'].item()}, {row['place'].item()}{seen}. {_start(text)}"
             )
     return sentences
 
@@ -142,12 +142,12 @@ def find_over_skew(claims: xr.Dataset, name: str = "") -> list[str]:
         f"{'' if decided else ' at which they are decided'}, {len(groups[False])} at none, and {len(sentences)} "
         f"depend on it (model {claims.attrs['model']})."
     )
-    told = [
+    text = [
         f"Claims that hold at {which} skew: {'; '.join(groups[held])}."
         for which, held in (("every", True), ("no", False))
         if groups[held]
     ]
-    return [first, *sentences, *told]
+    return [first, *sentences, *text]
 
 
 def _course(row: xr.Dataset, known: np.ndarray) -> str:
@@ -158,8 +158,8 @@ def _course(row: xr.Dataset, known: np.ndarray) -> str:
 
 
 def _listed(values: np.ndarray) -> str:
-    told = [level(value) for value in values]
-    return told[0] if len(told) == 1 else f"{', '.join(told[:-1])} and {told[-1]}"
+    text = [level(value) for value in values]
+    return text[0] if len(text) == 1 else f"{', '.join(text[:-1])} and {text[-1]}"
 
 
 def over_skew_table(claims: xr.Dataset) -> tuple[list[str], list[list[str]]]:

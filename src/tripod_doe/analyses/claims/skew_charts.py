@@ -120,10 +120,10 @@ def kept_skew_charts(cube: xr.Dataset) -> list[Chart]:
     always = f" Bearings that keep every initial skew: {'; '.join(names) or 'none'}."
     charts = []
     for rank, (_, part) in enumerate(table.groupby("initial_deg")):
-        told = _those_that_keep(cube, part, others) + always
-        charts.append(_kept_chart(cube, part, (along, rest), ("mean_deg", f"kept-{rank + 1}"), told))
-        told = "Second order over the third; dashed: limit of the claim above which a beat is visible."
-        charts.append(_kept_chart(cube, part, (along, rest), ("beat_percent", f"beat-{rank + 1}"), told))
+        text = _those_that_keep(cube, part, others) + always
+        charts.append(_kept_chart(cube, part, (along, rest), ("mean_deg", f"kept-{rank + 1}"), text))
+        text = "Second order over the third; dashed: limit of the claim above which a beat is visible."
+        charts.append(_kept_chart(cube, part, (along, rest), ("beat_percent", f"beat-{rank + 1}"), text))
     return charts
 
 

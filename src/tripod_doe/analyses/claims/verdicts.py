@@ -65,7 +65,7 @@ _VARIABLES = {
 
 @makes_kind("claims")
 def check_claims(cubes: Mapping[str, xr.Dataset], settings: ClaimsSettings) -> xr.Dataset:
-    """Decide every claim by the points of these cubes, found by their parameters.
+    """Decide every claim by the points of these cubes, chosen by their parameters.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def _decide(rule: Rule, evidence: Evidence, cases: Cases) -> dict[str, Any]:
         measured = Measured(math.nan, math.nan, "not decided: the value could not be computed")
     reach = measured.error if math.isfinite(measured.error) else 0.0
     ends = {_inside(rule, measured.value + change) for change in (-reach, 0.0, reach)}
-    told = [rule.why_not] if verdict is Verdict.DOES_NOT_HOLD and rule.why_not else []
+    reasons = [rule.why_not] if verdict is Verdict.DOES_NOT_HOLD and rule.why_not else []
     return {
         "statement": rule.statement,
         "place": rule.place,
@@ -120,7 +120,7 @@ def _decide(rule: Rule, evidence: Evidence, cases: Cases) -> dict[str, Any]:
         "high": math.nan if rule.high is None else rule.high,
         "verdict": verdict,
         "sure": np.int8(verdict is not Verdict.NOT_DECIDED and len(ends) == 1),
-        "reason": " ".join([*told, *([measured.note] if measured.note else [])]),
+        "reason": " ".join([*reasons, *([measured.note] if measured.note else [])]),
         "points": "; ".join(" ".join(map(str, [name, *sorted(used)])) for name, used in evidence.used.items()),
     }
 

@@ -224,7 +224,7 @@ def _alignment(measured: ComplexArray, model: ComplexArray, reference: float | N
     if reference is not None:
         return reference, f"given: {zero} is at a rotation angle of {reference:g} deg"
     if not (abs(measured[3]) > _NOTHING * np.abs(model).max() and abs(model[3])):
-        return 0.0, f"not fitted: no reference angle is given, and {zero} cannot be found without a third order"
+        return 0.0, f"not fitted: no reference angle is given, and {zero} does not follow without a third order"
     third = np.degrees(np.angle(measured[3] / model[3])) / 3
     candidates = [float((third + turn + 180) % 360 - 180) for turn in (0, 120, 240)]
     residual = [np.abs(measured * np.exp(-1j * np.radians(shift) * ORDERS) - model).sum() for shift in candidates]
@@ -243,14 +243,14 @@ def _order_variables(each: ComplexArray, model: ComplexArray, scatter: FloatArra
     direction = np.exp(-1j * np.radians(phase))
     along, across = (part.std(axis=0, ddof=1) * factor for part in ((each * direction).real, (each * direction).imag))
     model_amplitude, model_phase = amplitude_and_phase(model)
-    told = (amplitude > np.hypot(along, across)) | (np.maximum(along, across) == 0)
-    told &= amplitude > _NOTHING * amplitude.max()
+    known = (amplitude > np.hypot(along, across)) | (np.maximum(along, across) == 0)
+    known &= amplitude > _NOTHING * amplitude.max()
     model_told = model_amplitude > _NOTHING * model_amplitude.max()
     sure, both = np.degrees(np.arctan2(across, amplitude)), np.hypot(along, scatter)
     _, difference = amplitude_and_phase(mean * np.conj(model))
     difference = np.round(difference, _DECIMALS) + 0.0
-    difference[~(told & model_told)] = np.nan
-    phase, sure = (np.where(told, np.round(angle, _DECIMALS), np.nan) for angle in (phase, sure))
+    difference[~(known & model_told)] = np.nan
+    phase, sure = (np.where(known, np.round(angle, _DECIMALS), np.nan) for angle in (phase, sure))
     rows = {
         "measured_amplitude": (amplitude, "N", "amplitude of the measured mean over revolutions"),
         "measured_amplitude_uncertainty": (along, "N", "its uncertainty from the scatter between revolutions"),

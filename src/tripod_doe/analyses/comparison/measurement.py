@@ -1,6 +1,6 @@
 """A measured thrust force over the rotation angle: read from a file, with the angle from a tachometer where needed.
 
-Columns, found by their names or what people call them (`record_file`); others are ignored:
+Columns, recognised by their names or common synonyms (`record_file`); others are ignored:
 
 - ``thrust_n``: thrust force on the housing in N, positive towards the intermediate shaft; empty or NaN at a dropout;
 - ``rotation_deg``: rotation angle of the housing in degrees, growing; a jump back by a whole turn is taken as one;

@@ -58,12 +58,12 @@ def model_point(cube: xr.Dataset, select: Sequence[str] = (), nearest: bool = Fa
         return _over_speed(chosen.squeeze([dim for dim in design if dim != _SPEED])).assign_attrs(cube.attrs)
     if counts:
         none = [dim for dim, count in counts.items() if count == 0]
-        told = (
+        text = (
             f"no point has this {none[0]}; {option('nearest', True)} takes the nearest value"
             if none
             else "choose one point: " + " ".join(option("select", f"{dim}={_levels(chosen[dim])}") for dim in counts)
         )
-        raise InputError(f"the selection leaves {int(np.prod(list(counts.values())))} points; {told}")
+        raise InputError(f"the selection leaves {int(np.prod(list(counts.values())))} points; {text}")
     point = chosen.squeeze(design)
     if (outcome := Outcome(int(point["outcome"]))) is not Outcome.FINISHED:
         raise InputError(f"this point of the cube has no thrust force: its outcome is {outcome.label}; choose another")

@@ -46,10 +46,10 @@ def record_doubts(measurement: Measurement, model: ComplexArray) -> list[str]:
         doubts += _angle_doubts(measurement, strongest, order)
     ratio = float(amplitude[at]) / expected
     if _THOUSAND[0] < ratio < _THOUSAND[1] or _THOUSAND[0] < 1 / ratio < _THOUSAND[1]:
-        told = "a thousand times" if ratio > 1 else "a thousandth of"
+        text = "a thousand times" if ratio > 1 else "a thousandth of"
         unit = "mN" if ratio > 1 else "kN"
         doubts.append(
-            f"Check the unit of the force: measured amplitudes are about {told} the model's, as if the record were in "
+            f"Check the unit of the force: measured amplitudes are about {text} the model's, as if the record were in "
             f"{unit}; write the unit into the heading, for instance thrust [{unit}]."
         )
     return doubts

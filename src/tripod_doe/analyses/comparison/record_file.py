@@ -209,14 +209,14 @@ def _positions(headings: Sequence[str], given: Mapping[str, str]) -> dict[str, i
             )
         positions[role] = headings.index(heading)
     for role in ROLES.keys() - positions.keys():
-        found = [i for i, heading in enumerate(headings) if heading == role]
-        found = found or [i for i, heading in enumerate(headings) if _names(role, heading)]
-        if len(found) > 1:
-            names = " or ".join(repr(headings[i]) for i in found)
-            told = option("column", f"{role}={headings[found[0]]}")
-            raise InputError(f"{names} may be {role}: choose one, for instance {told}")
-        if found:
-            positions[role] = found[0]
+        places = [i for i, heading in enumerate(headings) if heading == role]
+        places = places or [i for i, heading in enumerate(headings) if _names(role, heading)]
+        if len(places) > 1:
+            names = " or ".join(repr(headings[i]) for i in places)
+            hint = option("column", f"{role}={headings[places[0]]}")
+            raise InputError(f"{names} may be {role}: choose one, for instance {hint}")
+        if places:
+            positions[role] = places[0]
     return {role: positions[role] for role in ROLES if role in positions}
 
 

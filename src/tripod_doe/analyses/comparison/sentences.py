@@ -106,12 +106,12 @@ def _depth(envelope: np.ndarray[Any, Any]) -> float:
 
 
 def _cautions(comparison: xr.Dataset) -> list[str]:
-    attrs, told = comparison.attrs, []
+    attrs, sentences = comparison.attrs, []
     model_speed = attrs.get("model_speed_rpm")
     if "speed_rpm" in comparison and model_speed is not None:
         speed = comparison["speed_rpm"].values
         if np.abs(speed - model_speed).max() > _SPEED_APART * model_speed:
-            told.append(
+            sentences.append(
                 f"The speed of the record is {number(float(speed.min()))} to {number(float(speed.max()))} rpm, that of "
                 f"the model's point {level(model_speed)} rpm."
             )
@@ -122,11 +122,11 @@ def _cautions(comparison: xr.Dataset) -> list[str]:
     )
     if "model_error" in attrs:
         off = number(100 * attrs["model_error"], 2)
-        told.append(f"Model {attrs['model']}: typical error of the third order {off} % against the finest model.")
+        sentences.append(f"Model {attrs['model']}: typical error of the third order {off} % against the finest model.")
     if attrs.get("columns"):
-        told.append(f"Columns: {attrs['columns']}.")
+        sentences.append(f"Columns: {attrs['columns']}.")
     lost = [f"{attrs[key]} {what}{'s' * (attrs[key] > 1)} {words}" for key, what, words in counts if attrs[key]]
-    return told + ([f"Lost: {', '.join(lost)}."] if lost else [])
+    return sentences + ([f"Lost: {', '.join(lost)}."] if lost else [])
 
 
 def comparison_text(comparison: xr.Dataset) -> str:

@@ -170,17 +170,17 @@ def _bar_chart(part: Contribution) -> Chart:
     """Stacked bars, negative shares to the left of zero: one bar per definition, or per operating point."""
     if len(part.labels) == 1:
         bars = {DEFINITIONS[name]: values[0] for name, values in part.shares.items()}
-        told = "by each definition of a share"
+        text = "by each definition of a share"
     else:
         bars = dict(zip(part.labels, part.shares[part.fairest], strict=True))
-        told = f"by {DEFINITIONS[part.fairest]}, at {len(bars)} operating points"
+        text = f"by {DEFINITIONS[part.fairest]}, at {len(bars)} operating points"
     if part.paper is not None:
         bars["paper, 3.5"] = part.paper
     with drawing(5.4, 1.25 + 0.36 * len(bars)) as (figure, axes):
         _draw(axes, bars, [spoken(name) for name in part.mechanisms])
     model = f" with model {part.model}" if part.model else ""
     caption = (
-        f"Shares of the mechanisms in {part.what}{model}, {told}. Left of zero, a mechanism opposes the sum. The "
+        f"Shares of the mechanisms in {part.what}{model}, {text}. Left of zero, a mechanism opposes the sum. The "
         "diamond is the sum of a bar; its distance from 100 % is what does not add up."
     )
     return Chart(part.key, f"Shares of the mechanisms in {part.what}", caption, figure, _frame(part))

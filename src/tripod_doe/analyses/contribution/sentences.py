@@ -67,7 +67,7 @@ def _who_makes_it(part: Contribution) -> str:
     known = np.isfinite(values).any(axis=0)
     median = np.where(known, np.nanmedian(np.where(known, values, 0.0), axis=0), np.nan)
     ranked = [int(at) for at in np.argsort(-np.nan_to_num(median), kind="stable")]
-    told = [f"{spoken(part.mechanisms[at])} {percent(values[:, at])}" for at in ranked if not median[at] < -_PRINTED]
+    text = [f"{spoken(part.mechanisms[at])} {percent(values[:, at])}" for at in ranked if not median[at] < -_PRINTED]
     against = [
         f"{spoken(part.mechanisms[at])} with {percent(values[:, at])}" for at in ranked if median[at] < -_PRINTED
     ]
@@ -78,7 +78,7 @@ def _who_makes_it(part: Contribution) -> str:
     over = f", {part.summarised}" if len(part.labels) > 1 else ""
     return (
         f"Of {part.what}{f' ({part.amplitude})' if part.amplitude else ''}, by {DEFINITIONS[part.fairest]}{over}: "
-        f"{', '.join(told)}{opposed}{closure} (analysis {part.analysis})."
+        f"{', '.join(text)}{opposed}{closure} (analysis {part.analysis})."
     )
 
 
@@ -126,13 +126,13 @@ def _nearest_to_paper(part: Contribution) -> list[str]:
         return []
     nearest = min(differences, key=lambda name: differences[name])
     others = [f"{DEFINITIONS[name]}: {value:.1f}" for name, value in differences.items() if name != nearest]
-    told = f" ({', '.join(others)})" if others else ""
+    text = f" ({', '.join(others)})" if others else ""
     at = [label for label, is_there in zip(part.labels, part.like_paper, strict=True) if is_there]
     where = f", at {'; '.join(at)}," if any(at) else ""
     printed = ", ".join(f"{spoken(name)} {share:.0f} %" for name, share in PAPER_SHARES.items())
     return [
         f"The paper's shares of {part.what} ({printed}) are{where} closest to those by {DEFINITIONS[nearest]}: the "
-        f"largest difference is {differences[nearest]:.1f} percentage points{told}."
+        f"largest difference is {differences[nearest]:.1f} percentage points{text}."
     ]
 
 
@@ -189,7 +189,7 @@ def _agreement(part: Contribution) -> list[str]:
     direct = part.shares.get("share_direct")
     if direct is None or not np.isfinite(direct).any():
         return []
-    told = [
+    text = [
         f"{meaning} {compared}"
         for name, meaning in DEFINITIONS.items()
         if name in part.shares and name != "share_direct"
@@ -197,13 +197,13 @@ def _agreement(part: Contribution) -> list[str]:
     ]
     rest = percent(100 - direct.sum(axis=1))
     compared = (
-        f" Within {_AGREE:.0f} percentage points {'; '.join(told)}. They need not agree: with a mechanism off, the "
+        f" Within {_AGREE:.0f} percentage points {'; '.join(text)}. They need not agree: with a mechanism off, the "
         "motion and the directions of the friction forces change; the decomposition keeps the motion with all on."
     )
     return [
         f"Direct decomposition of {part.what}: what each mechanism's force adds at the grooves while all are on. It "
         f"leaves {rest} to inertia, numerical error and mechanisms that are not switched here."
-        f"{compared if told else ''}"
+        f"{compared if text else ''}"
     ]
 
 

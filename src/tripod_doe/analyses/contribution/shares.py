@@ -81,7 +81,7 @@ class Contribution:
 
     @property
     def many(self) -> bool:
-        """Whether there are so many operating points that only their distribution can be stated."""
+        """Whether shares are stated as a distribution, for there are too many operating points."""
         return int(self.shared.sum()) >= _MANY
 
     @property

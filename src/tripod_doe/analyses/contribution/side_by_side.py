@@ -27,7 +27,7 @@ def of_one_ladder(data: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
     dict
         By their names in `data`; empty unless there are at least two models.
     """
-    found = {
+    candidates = {
         name: each
         for name, each in of_kind(data, "contribution").items()
         if each.attrs.get("model") in MODELS
@@ -35,9 +35,9 @@ def of_one_ladder(data: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
         and set(each["mechanism"].values) == set(MECHANISMS)
         and set(_ORDERS) <= set(each["order"].values.tolist())
     }
-    ranks = {name: list(MODELS).index(each.attrs["model"]) for name, each in found.items()}
-    ordered = sorted(found, key=lambda name: ranks[name])
-    return {name: found[name] for name in ordered} if len(set(ranks.values())) == len(ranks) > 1 else {}
+    ranks = {name: list(MODELS).index(each.attrs["model"]) for name, each in candidates.items()}
+    ordered = sorted(candidates, key=lambda name: ranks[name])
+    return {name: candidates[name] for name in ordered} if len(set(ranks.values())) == len(ranks) > 1 else {}
 
 
 def _amplitudes(ladder: Mapping[str, xr.Dataset], order: int) -> list[float]:
@@ -89,8 +89,8 @@ def find_side_by_side(ladder: Mapping[str, xr.Dataset]) -> list[str]:
     for order in _ORDERS:
         *cheap, finest = _amplitudes(ladder, order)
         off = [100 * (value / finest - 1) for value in cheap]
-        told = f"the {ORDINALS[order]} ({number(finest)} N; {_each(models, [f'{value:+.1f} %' for value in off])})"
-        (right if max(map(abs, off)) <= _RIGHT else wrong).append(told)
+        text = f"the {ORDINALS[order]} ({number(finest)} N; {_each(models, [f'{value:+.1f} %' for value in off])})"
+        (right if max(map(abs, off)) <= _RIGHT else wrong).append(text)
         shares = {mechanism: _shares(ladder, order, mechanism) for mechanism in MECHANISMS}
         apart = {name: max(abs(value - values[-1]) for value in values[:-1]) for name, values in shares.items()}
         good = [name for name in MECHANISMS if apart[name] <= _RIGHT_SHARE]

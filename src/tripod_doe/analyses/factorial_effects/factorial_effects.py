@@ -2,7 +2,7 @@
 
 A number is coded from -1 at its low to 1 at its high, on a logarithmic scale where it has one; a word by what sets it
 apart from the first. Terms are single factors, products of two (``a:b``), and squares (``a^2``) where a factor has more
-than two levels, each as far as the design tells it from those before.
+than two levels, each as far as the design separates it from those before.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class EffectsSettings(SensitivitySettings):
 
 @dataclass(frozen=True)
 class Terms:
-    """Terms of a regression and what they cannot be told from."""
+    """Terms of a regression, and the terms that are aliased with them."""
 
     names: list[str]  # of the terms
     columns: FloatArray  # their values, shape (point, term)
@@ -87,7 +87,7 @@ def _coded(name: str, column: NDArray[np.generic], table: FactorTable) -> list[t
 
 
 def _terms(sample: Sample, settings: EffectsSettings) -> Terms:
-    """The terms that the points can tell apart, single factors first."""
+    """The terms that the points separate, single factors first."""
     singles = [
         [part for part in _coded(name, sample.columns[name], sample.tables[name]) if np.ptp(part[1]) > 0]
         for name in sample.tables
@@ -103,10 +103,10 @@ def _terms(sample: Sample, settings: EffectsSettings) -> Terms:
     if settings.squares:
         numbers = [part for parts in singles for part in parts if np.unique(np.abs(part[1]).round(9)).size > 1]
         candidates += [(f"{name}^2", values**2, 1.0) for name, values, reach in numbers if reach == 2]
-    return _told_apart(candidates, sample.rows.size)
+    return _separable_terms(candidates, sample.rows.size)
 
 
-def _told_apart(candidates: list[tuple[str, FloatArray, float]], count: int) -> Terms:
+def _separable_terms(candidates: list[tuple[str, FloatArray, float]], count: int) -> Terms:
     names, reach, columns = ["mean"], [1.0], [np.ones(count)]
     basis = [columns[0] / np.sqrt(count)]
     aliases: dict[str, list[str]] = {}
@@ -248,12 +248,12 @@ def factorial_effects(cube: xr.Dataset, settings: EffectsSettings | None = None)
 
 def _of_output(terms: Terms, table: OutputTable, confidence: float) -> xr.Dataset:
     """The fit of one output; NaN for components that do not vary."""
-    found: dict[str, FloatArray] = {}
+    answers: dict[str, FloatArray] = {}
     varies = table.varies
     for components in [*table.chunks()] or [np.array([0])]:  # where none varies, one shows the shapes
         for key, answer in _fit(terms, table.values[:, components], confidence).items():
-            blank = found.setdefault(key, np.full((*answer.shape[:-1], table.values.shape[1]), np.nan))
+            blank = answers.setdefault(key, np.full((*answer.shape[:-1], table.values.shape[1]), np.nan))
             blank[..., components] = np.where(varies[components], answer, np.nan)
     return xr.Dataset(
-        {key: table.labelled(answer, ("term",) if answer.ndim == 2 else ()) for key, answer in found.items()}
+        {key: table.labelled(answer, ("term",) if answer.ndim == 2 else ()) for key, answer in answers.items()}
     )

@@ -49,15 +49,15 @@ def find_in_effects(result: xr.Dataset, name: str) -> list[str]:
             )
         )
         sure = sorted((row for row in rows if row[3] <= _SURE), key=lambda row: -abs(row[1]))
-        told = [
+        text = [
             f"{term_text(str(term))} {with_unit(interval(float(effect), float(half)), unit)}"
             for term, effect, half, _ in sure[:_MOST_NAMED]
         ]
         weak = f"; {count_of(len(rows) - len(sure), 'term')} not significant" if len(sure) < len(rows) else ""
         explained = f", R2 {number(float(part['r_squared']), 4)}" if np.isfinite(part["r_squared"]) else ""
-        if told:
+        if text:
             sentences.append(
-                f"Largest effects on {what}, from low to high: {listed(told)}{weak}{explained} (analysis {name})."
+                f"Largest effects on {what}, from low to high: {listed(text)}{weak}{explained} (analysis {name})."
             )
         else:
             sentences.append(f"No effect on {what} is significant{explained} (analysis {name}).")

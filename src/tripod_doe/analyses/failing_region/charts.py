@@ -34,5 +34,5 @@ def failing_region_chart(cube: xr.Dataset) -> Chart | None:
         axes.set_ylabel(axis_label(cube, y) if y else "")
         legend_above(axes, 2)
     data = pd.DataFrame({x: across, y or "none": up, "finished": good})
-    caption = f"Points fail {region.text}. The dashed lines bound that region; a classification tree found it."
+    caption = f"Points fail {region.text}. The dashed lines bound that region; by a classification tree."
     return Chart("failing-region", "Where points fail", caption, figure, data)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.encoding import is_numeric
 from tripod_doe.quantities import number
 
-_DEPTH = 2  # conditions of a region: more than two nobody can picture
+_DEPTH = 2  # conditions of a region: more are hard to picture
 _FEWEST = 5  # failed points that can show a region
 _MOST_FAIL = 0.5  # share of the points of a region that fail
 _MOST_LIE = 0.75  # share of the failed points that lie in it
@@ -64,17 +64,17 @@ class FailingRegion:
 
 def _in_words(conditions: tuple[Condition, ...]) -> str:
     """Conditions as a sentence has them; both sides of one factor as ``0.15 < joint_angle_deg < 2.65``."""
-    told: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for factor in dict.fromkeys(condition.factor for condition in conditions):
         own = [condition for condition in conditions if condition.factor == factor]
         below = [number(condition.threshold, 4) for condition in own if condition.above]
-        told[factor] = own[0].text
+        texts[factor] = own[0].text
         if len(own) == 2 and len(below) == 1:
             above = next(number(condition.threshold, 4) for condition in own if not condition.above)
-            told[factor] = f"{below[0]} < {factor} < {above}"
+            texts[factor] = f"{below[0]} < {factor} < {above}"
         elif len(own) == 2:  # two on one side: the narrower one
-            told[factor] = (max if own[0].above else min)(own, key=lambda condition: condition.threshold).text
-    return " and ".join(told.values())
+            texts[factor] = (max if own[0].above else min)(own, key=lambda condition: condition.threshold).text
+    return " and ".join(texts.values())
 
 
 def failing_region(columns: Mapping[str, NDArray[np.generic]], failed: NDArray[np.bool_]) -> FailingRegion | None:
@@ -113,10 +113,10 @@ def _conditions(tree: object, leaf: int, names: list[str]) -> tuple[Condition, .
     """The conditions on the way from the root of a tree to one of its leaves."""
     left, right = getattr(tree, "children_left"), getattr(tree, "children_right")  # noqa: B009
     feature, threshold = getattr(tree, "feature"), getattr(tree, "threshold")  # noqa: B009
-    found: list[Condition] = []
+    conditions: list[Condition] = []
     node = leaf
     while node != 0:
         above = node in right
         node = int(np.flatnonzero((right if above else left) == node)[0])
-        found.append(Condition(names[feature[node]], bool(above), float(threshold[node])))
-    return tuple(reversed(found))
+        conditions.append(Condition(names[feature[node]], bool(above), float(threshold[node])))
+    return tuple(reversed(conditions))

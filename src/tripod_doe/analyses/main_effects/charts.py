@@ -65,15 +65,15 @@ class ResponseCharts:
 
 def effect_charts(cube: xr.Dataset) -> list[ResponseCharts]:
     """Charts of each response that varies, over each numeric factor."""
-    found = []
+    groups = []
     for response in responses(cube):
         if not bool(response.values.notnull().any()):
             continue
         grid = cube["outcome"].dims != ("point",)
         charts = _grid_charts(response, cube) if grid else _point_charts(response, cube)
         if charts:
-            found.append(ResponseCharts(response, charts))
-    return found
+            groups.append(ResponseCharts(response, charts))
+    return groups
 
 
 def all_effect_charts(cube: xr.Dataset) -> list[Chart]:

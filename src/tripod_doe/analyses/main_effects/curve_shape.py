@@ -68,8 +68,8 @@ def _falls_then_rises(curves: FloatArray, error: float) -> NDArray[np.bool_]:
     before, after = np.where(at <= lowest, curves, bottom), np.where(at >= lowest, curves, bottom)
     one_way = (_largest_rise(before) <= error) & (_largest_rise(-after) <= error)
     higher = (curves[:, [0, -1]] - bottom > error).all(axis=1)
-    found: NDArray[np.bool_] = one_way & higher
-    return found
+    turned: NDArray[np.bool_] = one_way & higher
+    return turned
 
 
 def extreme_levels(level: FloatArray, curve: FloatArray, shape: Shape, error: float) -> FloatArray:

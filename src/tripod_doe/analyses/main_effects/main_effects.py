@@ -1,6 +1,6 @@
-"""What the points of a design let one say of each factor's effect on a response, and where they do not separate it.
+"""Effect of each factor on a response, as far as the points of the design separate it.
 
-A statement on one factor stands on one of three grounds, tried in this order; they are found in the columns of the
+A statement on one factor stands on one of three grounds, tried in this order; they follow from the columns of the
 points that finished, whatever the design was called.
 
 1. *All levels at one setting of the others* (grids, one factor at a time, their products): the change is that of the
@@ -185,9 +185,9 @@ def _by_regression(name: str, columns: Mapping[str, Column], response: FloatArra
     rows = np.random.default_rng(0).permutation(response.size)[:_MOST_ROWS]
     numeric, response = is_numeric(columns[name]), response[rows]
     columns = {other: column[rows] for other, column in columns.items() if np.unique(column[rows]).size > 1}
-    found = separation(columns, name) if name in columns else Separation(False, too_few=True)
-    if not (numeric and found.separated):
-        return FactorEffect(name, numeric, Ground.NOT_SEPARATED, separation=found)
+    separated = separation(columns, name) if name in columns else Separation(False, too_few=True)
+    if not (numeric and separated.separated):
+        return FactorEffect(name, numeric, Ground.NOT_SEPARATED, separation=separated)
     fit = fit_factor(columns, name, response, error)
     error = max(error, fit.error)
     shape = Shape(int(curve_shapes(fit.mean[None], error)[0])) if fit.mean.size else Shape.NONE

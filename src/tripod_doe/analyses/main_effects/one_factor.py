@@ -24,7 +24,7 @@ def setting_of_others(codes: IntArray) -> IntArray:
     Returns
     -------
     numpy.ndarray
-        Number of the setting of the other factors, same shape. Found by sums of random 64-bit keys, one a level, so
+        Number of the setting of the other factors, same shape. From sums of random 64-bit keys, one per level, so
         that a million points take no sorting of rows; two settings share a sum with a probability below 1e-7.
     """
     random = np.random.default_rng(0)

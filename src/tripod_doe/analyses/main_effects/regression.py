@@ -22,7 +22,7 @@ _CLASSES = 10  # most classes of a factor
 _FEWEST_CLASSES = 4  # with less there is no course to see
 _MEMBERS = 20  # points a class needs: its mean, its slope, and enough to see their scatter
 _LEVERAGE = 1e-6  # least part of a point's residual that the fit leaves to it
-_SURE = 0.999  # level at which an effect is told: one false sentence in a thousand
+_SURE = 0.999  # level at which an effect is stated: one false sentence in a thousand
 _INTERVAL = 0.95  # level of the intervals that are printed
 
 
@@ -50,11 +50,11 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Fit:
-    """What a regression on all factors tells of one."""
+    """Result of a regression on all factors for one of them."""
 
     trend: Estimate  # change of the response over the range of the factor
     # how far the ends of that range lie above its middle on average; zero for two levels, and where there are too few
-    # points to tell a square from the interactions of factors that are not quite independent
+    # points to separate a square from the interactions of factors that are not quite independent
     bend: Estimate
     # level, mean: means of the factor and of the response in classes of equally many points, at equal values of all
     # other factors; empty where there are not enough points, or where their course depends on interactions
@@ -100,7 +100,7 @@ def _explained(column: FloatArray, by: FloatArray) -> float:
 
 
 def separation(columns: Mapping[str, Column], factor: str) -> Separation:
-    """Decide by the columns of a design whether an effect of one factor can be told from those of the others.
+    """Decide by the columns of a design whether the effect of one factor is separated from the others.
 
     It cannot where more than half of the variance of its straight line or of its square is explained by the straight
     lines and squares of all the others together, or by the product of two or three of them (an alias, as in designs
@@ -174,7 +174,7 @@ def fit_factor(columns: Mapping[str, Column], factor: str, response: FloatArray,
 
 
 def _course(mean: FloatArray, error: float) -> Shape:
-    """Shape of class means; one direction only where the ends tell it too, for in between much is within the error."""
+    """Shape of class means; one direction only where the ends differ, too; changes in between may be errors."""
     shape = Shape(int(curve_shapes(mean[None], error)[0]))
     flat = shape in (Shape.RISING, Shape.FALLING) and abs(float(mean[-1] - mean[0])) <= error
     return Shape.NONE if flat else shape
@@ -189,9 +189,11 @@ def _bend(own: FloatArray, others: FloatArray, response: FloatArray, error: floa
 
 
 def _estimate(value: float, deviation: float, free: int, error: float) -> Estimate:
-    """A number with its standard deviation, of so many degrees of freedom."""
-    sure, told = (_quantile((1 + share) / 2, free) for share in (_SURE, _INTERVAL))
-    return Estimate(value, told * deviation, abs(value) + sure * deviation, abs(value) > max(sure * deviation, error))
+    """An estimate from its standard deviation with `free` degrees of freedom."""
+    sure, printed = (_quantile((1 + share) / 2, free) for share in (_SURE, _INTERVAL))
+    return Estimate(
+        value, printed * deviation, abs(value) + sure * deviation, abs(value) > max(sure * deviation, error)
+    )
 
 
 def _quantile(share: float, free: int) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.main_effects.curve_shape import Shape
 from tripod_doe.analyses.main_effects.main_effects import FactorEffect, Ground, factor_effects
 from tripod_doe.analyses.main_effects.regression import Separation
-from tripod_doe.analyses.main_effects.wording import EffectTeller, at_head
+from tripod_doe.analyses.main_effects.wording import EffectWording, at_head
 from tripod_doe.report.responses import Response, factor_label, factor_names, listed
 
 _MINOR = 0.05  # change over the range of the response below which a factor shares one sentence with others
@@ -51,21 +51,21 @@ def find_effects(response: Response, cube: xr.Dataset, effects: Sequence[FactorE
     """
     values = response.values.values
     span = float(np.nanmax(values) - np.nanmin(values))
-    teller = EffectTeller(response, cube, span)
-    told = [effect for effect in effects if effect.ground is not Ground.NOT_SEPARATED]
-    weak = [effect for effect in told if effect.largest <= _MINOR * span]
-    unseen = [effect for effect in told if effect.ground is Ground.REGRESSION and not _is_seen(effect)]
-    strong = [effect for effect in told if effect not in weak and effect not in unseen]
+    wording = EffectWording(response, cube, span)
+    separated = [effect for effect in effects if effect.ground is not Ground.NOT_SEPARATED]
+    weak = [effect for effect in separated if effect.largest <= _MINOR * span]
+    unseen = [effect for effect in separated if effect.ground is Ground.REGRESSION and not _is_seen(effect)]
+    strong = [effect for effect in separated if effect not in weak and effect not in unseen]
     mixed = [effect for effect in strong if effect.both_ways]
     for effect in sorted(strong, key=lambda effect: -effect.rise):
         if effect not in mixed:
-            yield teller.sentence(effect)
+            yield wording.sentence(effect)
     if mixed:
-        yield teller.no_direction(mixed)
+        yield wording.no_direction(mixed)
     if weak:
-        yield teller.weak(weak)
+        yield wording.weak(weak)
     if unseen:
-        yield teller.unseen(unseen)
+        yield wording.unseen(unseen)
 
 
 def _is_seen(effect: FactorEffect) -> bool:
@@ -79,21 +79,21 @@ def unseparated(cube: xr.Dataset, effects: Iterable[FactorEffect]) -> list[str]:
     """State which factors the design does not separate, and why."""
     lost = {effect.factor: effect.separation for effect in effects if effect.ground is Ground.NOT_SEPARATED}
     groups = _tied_groups(lost)
-    sentences = [_told_together(cube, names, [name for name in names if name in lost]) for names in groups]
-    left = {name: found for name, found in lost.items() if not any(name in group for group in groups)}
-    for name, found in left.items():
-        if found.interaction:
-            product = listed([factor_label(cube, other) for other in found.tied_to])
+    sentences = [_tied_sentence(cube, names, [name for name in names if name in lost]) for names in groups]
+    left = {name: answers for name, answers in lost.items() if not any(name in group for group in groups)}
+    for name, answers in left.items():
+        if answers.interaction:
+            product = listed([factor_label(cube, other) for other in answers.tied_to])
             sentences.append(
                 f"This design does not separate the effect of {factor_label(cube, name)} from the interaction of "
                 f"{product}."
             )
     reasons = {
-        "there are too few points": [name for name, found in left.items() if found.too_few],
+        "there are too few points": [name for name, answers in left.items() if answers.too_few],
         "the factors vary mostly together": [
-            name for name, found in left.items() if not (found.separated or found.too_few or found.interaction)
+            name for name, answers in left.items() if not (answers.separated or answers.too_few or answers.interaction)
         ],
-        "no two points differ in one factor alone": [name for name, found in left.items() if found.separated],
+        "no two points differ in one factor alone": [name for name, answers in left.items() if answers.separated],
     }
     for why, names in reasons.items():
         if names:
@@ -102,7 +102,7 @@ def unseparated(cube: xr.Dataset, effects: Iterable[FactorEffect]) -> list[str]:
     return sentences
 
 
-def _told_together(cube: xr.Dataset, names: list[str], lost: list[str]) -> str:
+def _tied_sentence(cube: xr.Dataset, names: list[str], lost: list[str]) -> str:
     """Factors that change together; of some of them there may be points that differ in them alone."""
     if len(lost) == len(names):
         return f"{at_head(cube, names)} change together in this design, which does not separate their effects."
@@ -114,9 +114,9 @@ def _told_together(cube: xr.Dataset, names: list[str], lost: list[str]) -> str:
 def _tied_groups(lost: Mapping[str, Separation]) -> list[list[str]]:
     """Factors that change together, in groups, each named once."""
     groups: list[list[str]] = []
-    for name, found in lost.items():
-        if found.tied_to and not found.interaction:
-            members = [name, *found.tied_to]
+    for name, why in lost.items():
+        if why.tied_to and not why.interaction:
+            members = [name, *why.tied_to]
             joined = [group for group in groups if set(group) & set(members)]
             groups = [group for group in groups if group not in joined]
             groups.append(list(dict.fromkeys(each for group in [*joined, members] for each in group)))

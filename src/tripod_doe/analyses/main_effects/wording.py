@@ -1,4 +1,4 @@
-"""The sentence on the effect of one factor, or of several alike: `effects` says which of them are told."""
+"""Wording of the sentence on one factor, or on several alike; `sentences` chooses them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _INVISIBLE = 1e-6  # part of the largest value of a response below which a value
 _STRAIGHT = 0.98  # R^2 above which a line is a fair summary
 _EXACT = 0.9999  # R^2 above which no difference from it can be seen
 _THROUGH_ZERO = 0.02  # offset of that line over its largest value below which it is a proportion
-_MANIFOLD = 2.0  # a single setting that changes so many times more than the mean is worth a remark
+_MANIFOLD = 2.0  # change at a single setting, over the mean change, that is worth a remark
 _MOST_UNSEEN = 8  # factors without a visible effect that a sentence names
 _MOST_HELD = 3  # values of other factors that a sentence can list
 
@@ -49,7 +49,7 @@ def _capital(text: str) -> str:
 
 
 @dataclass(frozen=True)
-class EffectTeller:
+class EffectWording:
     """Words for the effects on one response."""
 
     # response, cube: what is stated, and its cube for the names of the factors
@@ -75,7 +75,7 @@ class EffectTeller:
             return self._trend(effect)
         if not effect.numeric or (effect.level.size == 2 and _both_signs(effect)):
             return self._words(effect)
-        told = {
+        text = {
             Shape.NONE: self._flat,
             Shape.RISING: self._one_way,
             Shape.FALLING: self._one_way,
@@ -83,7 +83,7 @@ class EffectTeller:
             Shape.PEAK: self._optimum,
             Shape.MIXED: self._mixed,
         }[effect.shape](effect)
-        return f"{told}{self._alike(effect)}."
+        return f"{text}{self._alike(effect)}."
 
     def _signed(self, effect: FactorEffect) -> str:
         """A factor whose value grows or falls: where it is negative, that is not its size, as the torque of coast."""
@@ -128,14 +128,14 @@ class EffectTeller:
 
     def _alike(self, effect: FactorEffect) -> str:
         """How single settings of the others differ from the mean over them, with semicolons in front."""
-        other, told = effect.settings - effect.alike, ""
+        other, text = effect.settings - effect.alike, ""
         if effect.ground is not Ground.CURVES or effect.shape is Shape.NONE:
             return ""
         if other and effect.shape is not Shape.MIXED:
-            told = f"; the trend differs at {other:,} of {count_of(effect.settings, 'setting')} of the others"
+            text = f"; the trend differs at {other:,} of {count_of(effect.settings, 'setting')} of the others"
         if effect.largest > _MANIFOLD * effect.rise:
-            told += f"; at single settings of the others the change reaches {self.value(effect.largest)}"
-        return told
+            text += f"; at single settings of the others the change reaches {self.value(effect.largest)}"
+        return text
 
     def _one_way(self, effect: FactorEffect) -> str:
         """A rise or a fall: proportional, along a straight line, or by its ends."""
@@ -192,8 +192,8 @@ class EffectTeller:
             return f"{head}, symmetrically: {', '.join(dict.fromkeys(ends))}{self.where(effect)}"
         sides = []
         for rows in (np.flatnonzero(levels < 0)[::-1], np.flatnonzero(levels > 0)):
-            told = [f"{self.value(float(curve[at]))} at {self.at(effect, levels[at].item())}" for at in rows[[0, -1]]]
-            sides.append(" to ".join(dict.fromkeys(told)))
+            text = [f"{self.value(float(curve[at]))} at {self.at(effect, levels[at].item())}" for at in rows[[0, -1]]]
+            sides.append(" to ".join(dict.fromkeys(text)))
         return f"{head}: {', and '.join(sides)}{self.where(effect)}"
 
     def _mixed(self, effect: FactorEffect) -> str:
@@ -250,9 +250,9 @@ class EffectTeller:
             held = f" ({self._held(first)})" if first.held else ""
             over = f"{self._signed(first)}: {steps}{factor_label(self.cube, first.factor)} alone{held}"
             return f"{self.start} has no single direction over {over}, by up to {self.value(first.largest)}."
-        told = [self._briefly(first, f"{steps}this factor alone", ", by up to ")]
-        told += [self._briefly(each, f"{each.rising:,}, {each.falling:,} of {each.settings:,}") for each in others]
-        return f"{self.start} has no single direction over {listed(told)}."
+        text = [self._briefly(first, f"{steps}this factor alone", ", by up to ")]
+        text += [self._briefly(each, f"{each.rising:,}, {each.falling:,} of {each.settings:,}") for each in others]
+        return f"{self.start} has no single direction over {listed(text)}."
 
     def _briefly(self, effect: FactorEffect, steps: str, most: str = "; ") -> str:
         """A factor with its steps in brackets; those of further factors in the order of the first one's words."""
@@ -264,15 +264,15 @@ class EffectTeller:
         """A trend, a bend or both by regression, where there are not enough points for a course."""
         assert effect.fit is not None
         trend, bend = effect.fit.trend, effect.fit.bend
-        label, told = factor_label(self.cube, effect.factor), []
+        label, text = factor_label(self.cube, effect.factor), []
         if trend.sure:
             verb = "increases" if trend.value > 0 else "decreases"
-            told.append(f"{verb} with {self._signed(effect)}, by {self._estimate(trend)} over its range")
+            text.append(f"{verb} with {self._signed(effect)}, by {self._estimate(trend)} over its range")
         if bend.sure:
             place = "above" if bend.value > 0 else "below"
-            told.append(f"is curved over {label}: the ends lie {self._estimate(bend)} {place} the middle")
+            text.append(f"is curved over {label}: the ends lie {self._estimate(bend)} {place} the middle")
         return (
-            f"By regression on all factors, {self.name} {', and '.join(told)} (95 % interval, "
+            f"By regression on all factors, {self.name} {', and '.join(text)} (95 % interval, "
             f"{effect.settings:,} points)."
         )
 

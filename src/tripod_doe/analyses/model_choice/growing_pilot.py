@@ -1,8 +1,8 @@
-"""The pilot of a study with model = "auto", run in stages until what it found suffices for a choice.
+"""The pilot of a study with model = "auto", run in stages until it suffices for a choice.
 
 Without a record of errors it starts with the cheapest candidate and the full model. A candidate between the two is
 added if it could save more than it costs. Where errors on record suggest a choice (`recorded`), it starts with the
-middle of the design, which tells how fine a full model the accuracy needs, and grows by doubling until the choice is
+middle of the design, which shows how fine the full model must be, and grows by doubling until the choice is
 confirmed, or cannot be any more; then it goes on as one without a record.
 
 In both, a full model of smaller numerical error is added where that of the full model exceeds the accuracy at more
@@ -45,7 +45,7 @@ def first_candidates(accuracy: Accuracy) -> list[Candidate]:
 
 
 def confirming_sizes(study: Study, points: Points, record: RecordedChoice | None) -> list[int]:
-    """Sizes of the pilots that could confirm a choice by record, the first of which only tells how fine it must be.
+    """Sizes of the pilots that could confirm a choice by record; the first only shows how fine the full model must be.
 
     Empty where none could: they must be smaller than the pilot without a record, and than half of the study. Empty,
     too, where the full model would then run at more points than in the pilot without a record, which may find better.
@@ -87,17 +87,17 @@ class GrowingPilot:
                 return choice
         return self._select(runs, places) if places.size else None
 
-    def found(self) -> PilotErrors:
-        """What the pilot found, as far as it ran."""
+    def errors_so_far(self) -> PilotErrors:
+        """The errors that the pilot has measured so far."""
         return pilot_errors(open_cube(self.directory), list(self.usable), accuracy_of(self.study))
 
-    def confirmed(self, record: RecordedChoice, found: PilotErrors) -> xr.Dataset | None:
+    def confirmed(self, record: RecordedChoice, measured: PilotErrors) -> xr.Dataset | None:
         """The choice by record, where as many points as asked for are expected to be within the accuracy."""
-        hits, known = record.hits(found, self._allowed_places(found))
+        hits, known = record.hits(measured, self._allowed_places(measured))
         share = record.expected(hits, known)
         if known < CONFIRMING or share < accuracy_of(self.study).confidence:
             return None
-        return record.labelled(found, self.usable, self.study, share)
+        return record.labelled(measured, self.usable, self.study, share)
 
     def _confirm(self, record: RecordedChoice, sizes: list[int]) -> tuple[xr.Dataset | None, Runs]:
         """Let the pilot grow until it confirms a choice by record, or cannot; with what it ran."""
@@ -105,12 +105,12 @@ class GrowingPilot:
         for size in sizes:
             places = pilot_points(self.study, self.points, size)
             runs = [(each, places) for each in record.chosen] + self._full_runs(runs, places)
-            found = self._as_fine_as_needed(runs, places)
+            measured = self._as_fine_as_needed(runs, places)
             if size < CONFIRMING:
                 continue
-            if (choice := self.confirmed(record, found)) is not None:
+            if (choice := self.confirmed(record, measured)) is not None:
                 return choice, runs
-            hits, known = record.hits(found, self._allowed_places(found))
+            hits, known = record.hits(measured, self._allowed_places(measured))
             more = sizes[-1] - size
             if record.expected(hits + more, known + more) < accuracy_of(self.study).confidence:
                 break
@@ -122,9 +122,9 @@ class GrowingPilot:
         cheap = [each for each, _ in ran if not each.full and each != accuracy.candidates[0]]
         runs = [(each, places) for each in (accuracy.candidates[0], *cheap)] + self._full_runs(ran, places)
         while True:
-            found = self._as_fine_as_needed(runs, places)
-            choice = choose(found, self.usable, accuracy)
-            between = _candidate_between(found, choice, accuracy, [candidate for candidate, _ in runs])
+            measured = self._as_fine_as_needed(runs, places)
+            choice = choose(measured, self.usable, accuracy)
+            between = _candidate_between(measured, choice, accuracy, [candidate for candidate, _ in runs])
             if between is None:
                 return choice
             runs.append((between, places))
@@ -143,36 +143,38 @@ class GrowingPilot:
         given = self.points.factors.at(places)
         while True:
             self.run(pilot_study(self.study, self.points, runs), self.directory)
-            found = self.found()
-            rows = np.flatnonzero(found.known)
-            sure = {_values(found.columns, int(row)) for row in rows}
+            measured = self.errors_so_far()
+            rows = np.flatnonzero(measured.known)
+            sure = {_values(measured.columns, int(row)) for row in rows}
             unsure = np.array([at for row, at in enumerate(places) if _values(given, row) not in sure], np.int64)
-            finer = _finer_candidate(found, accuracy_of(self.study))
+            finer = _finer_candidate(measured, accuracy_of(self.study))
             if finer is None or not unsure.size:
-                return found
+                return measured
             runs.append((finer, unsure))
 
-    def _allowed_places(self, found: PilotErrors) -> IntArray:
+    def _allowed_places(self, measured: PilotErrors) -> IntArray:
         """Positions of the pilot's points among those of the study that may run."""
-        known = [dict(zip(found.columns, _values(found.columns, row), strict=True)) for row in range(found.count)]
+        known = [
+            dict(zip(measured.columns, _values(measured.columns, row), strict=True)) for row in range(measured.count)
+        ]
         same = (np.all([self.usable[name] == value for name, value in point.items()], axis=0) for point in known)
         return np.array([np.flatnonzero(each)[0] for each in same])
 
 
-def _finer_candidate(found: PilotErrors, accuracy: Accuracy) -> Candidate | None:
+def _finer_candidate(measured: PilotErrors, accuracy: Accuracy) -> Candidate | None:
     """A finer candidate than all that ran; None where those are accurate at enough points, or where there is none."""
-    finer = accuracy.candidates[accuracy.candidates.index(found.candidates[-1]) + 1 :]
-    return finer[0] if finer and 1 - found.known.mean() > 1 - accuracy.confidence else None
+    finer = accuracy.candidates[accuracy.candidates.index(measured.candidates[-1]) + 1 :]
+    return finer[0] if finer and 1 - measured.known.mean() > 1 - accuracy.confidence else None
 
 
 def _candidate_between(
-    found: PilotErrors, choice: xr.Dataset, accuracy: Accuracy, tried: list[Candidate]
+    measured: PilotErrors, choice: xr.Dataset, accuracy: Accuracy, tried: list[Candidate]
 ) -> Candidate | None:
     """A candidate that the pilot should run besides, since it could save more than it costs; None if there is none."""
-    paid = found.prices[choice["candidate"].values]
-    for candidate in accuracy.candidates[: accuracy.candidates.index(found.candidates[-1])]:
+    paid = measured.prices[choice["candidate"].values]
+    for candidate in accuracy.candidates[: accuracy.candidates.index(measured.candidates[-1])]:
         saving = float(np.maximum(paid - candidate.price, 0).sum())
-        if candidate not in tried and saving > candidate.price * found.count:
+        if candidate not in tried and saving > candidate.price * measured.count:
             return candidate
     return None
 

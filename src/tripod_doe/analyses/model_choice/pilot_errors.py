@@ -3,7 +3,7 @@
 A candidate differs from the reference by d, which has a numerical error n of its own. As n is exceeded once in twenty,
 it is two standard deviations, and the error of the candidate is sqrt(d^2 + (n / 2)^2). That is on the safe side: where
 the numerical errors of different points have nothing to do with each other, d holds them already. Of a full model, n
-itself is the error: nothing tells by how much it is smaller.
+itself is the error: how much smaller the error is, is not known.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class PilotErrors:
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """Whether the reference is known to the accuracy itself, so that others can be told by it; (pilot point,)."""
+        """Whether the reference meets the accuracy itself, so that it can judge others, shape (pilot point,)."""
         return np.asarray((self.numerical <= 1).all(axis=1))
 
     @property
@@ -124,8 +124,8 @@ def pilot_errors(pilot: xr.Dataset, names: list[str], accuracy: Accuracy) -> Pil
         raise InputError(
             f"the pilot's reference ({candidates[-1].label}) finished at no point: nothing can be compared"
         )
-    found = [_errors(pilot, demand, table[known], reference[known], accuracy.floor) for demand in accuracy.demands]
-    differences, numerical = (np.stack(parts, axis=-1) for parts in zip(*found, strict=True))
+    pairs = [_errors(pilot, demand, table[known], reference[known], accuracy.floor) for demand in accuracy.demands]
+    differences, numerical = (np.stack(parts, axis=-1) for parts in zip(*pairs, strict=True))
     columns = {name: column[first][known] for name, column in own.items()}
     return PilotErrors(
         columns, candidates, differences, numerical, _prices(pilot, table, candidates), (table >= 0).sum(axis=0)

@@ -46,13 +46,13 @@ def pilot_results(asked: StudyPoints, missing: IntArray, directory: Path) -> Ite
     study = asked.study
     waiting = {asked.keys[index].tobytes(): int(index) for index in missing}
     for block in _blocks(directory):
-        found = [
+        pairs = [
             (row, waiting.pop(key.tobytes()))
             for row, (key, outcome) in enumerate(zip(block.keys, block.result.outcome, strict=True))
             if outcome == Outcome.FINISHED and key.tobytes() in waiting
         ]
-        if found:
-            rows, indices = np.array(found).T
+        if pairs:
+            rows, indices = np.array(pairs).T
             part = block.result.take(rows, study.keep)
             result = untried(study.simulator, asked.columns(indices), part, study.retry)
             share = rows.size / block.keys.size

@@ -5,9 +5,9 @@ A simulator may have on record, from comparisons made once and for all, what its
 the similar points as the study asks for, else the one that is within it most often; where that is not even half of
 them, the full model.
 
-The pilot tells whether the record holds for this study. It grows from the middle of the design to its farthest points;
+The pilot checks whether the record holds for this study. It grows from the middle of the design to its farthest points;
 each of its points counts like one similar point on record, but those at which the full model does not know itself to
-the accuracy, which tell nothing. The share of all points that will be within the accuracy is expected by the rule of
+the accuracy, which do not count. The share of all points that will be within the accuracy is expected by the rule of
 succession, (within + 1) / (known + 2), of both together: so a miss must be outweighed by further points. Where the
 share that the study asks for is out of reach, or the pilot would be as large as one that needs no record, the record
 does not count.
@@ -56,39 +56,39 @@ class RecordedChoice:
         return [self.candidates[number] for number in np.unique(self.number[self.cheap])]
 
     def expected(self, hits: int, known: int) -> float:
-        """Share of all points that will be within the accuracy, after a pilot with so many hits at so many points."""
+        """Share of all points that will be within the accuracy, after a pilot with `hits` at `known` points."""
         recorded = self.similar * float(self.share[self.cheap].mean())
         share = (recorded + hits + 1) / (self.similar + known + 2)
         return float(1 - self.cheap.mean() * (1 - share))
 
-    def hits(self, found: PilotErrors, at: IntArray) -> tuple[int, int]:
+    def hits(self, measured: PilotErrors, at: IntArray) -> tuple[int, int]:
         """At how many pilot points the cheap candidate is within the accuracy, of those at which that is known.
 
         Parameters
         ----------
-        found
-            What the pilot found.
+        measured
+            Errors from the pilot.
         at
             Positions of its points among those of the study.
         """
         column = np.array(
             [
-                found.candidates.index(self.candidates[number]) if cheap else -1
+                measured.candidates.index(self.candidates[number]) if cheap else -1
                 for number, cheap in zip(self.number[at], self.cheap[at], strict=True)
             ]
         )
-        rows = np.flatnonzero((column >= 0) & found.known)
-        return int(found.accepted[rows, column[rows]].sum()), rows.size
+        rows = np.flatnonzero((column >= 0) & measured.known)
+        return int(measured.accepted[rows, column[rows]].sum()), rows.size
 
     def labelled(
-        self, found: PilotErrors, columns: Mapping[str, NDArray[Any]], study: Study, share: float
+        self, measured: PilotErrors, columns: Mapping[str, NDArray[Any]], study: Study, share: float
     ) -> xr.Dataset:
         """The choice, as `selection.choose` gives it.
 
         Parameters
         ----------
-        found
-            What the confirming pilot found.
+        measured
+            Errors from the confirming pilot.
         columns
             Factors of the points, each of shape (point,).
         study
@@ -96,23 +96,23 @@ class RecordedChoice:
         share
             Share of the points expected to be within the accuracy.
         """
-        full = [at for at, candidate in enumerate(found.candidates) if candidate.full]
-        usual = next((at for at in full[::-1] if 2 * found.runs[at] >= found.count), full[0])
+        full = [at for at, candidate in enumerate(measured.candidates) if candidate.full]
+        usual = next((at for at in full[::-1] if 2 * measured.runs[at] >= measured.count), full[0])
         numbers = np.array(
             [
-                found.candidates.index(self.candidates[number]) if cheap else usual
+                measured.candidates.index(self.candidates[number]) if cheap else usual
                 for number, cheap in zip(self.number, self.cheap, strict=True)
             ]
         )
-        error = np.where(self.cheap[:, None], self.error, found.numerical.max(axis=0))
-        return labelled(found, columns, accuracy_of(study), numbers, error).assign_attrs(
+        error = np.where(self.cheap[:, None], self.error, measured.numerical.max(axis=0))
+        return labelled(measured, columns, accuracy_of(study), numbers, error).assign_attrs(
             {
                 "limit": 1.0,
                 "misses": 0,
                 "recorded_share": share,
-                "price_study_s": float(found.prices[numbers].sum()),
-                "price_pilot_s": found.price,
-                "price_reference_s": float(found.prices[-1] * numbers.size),
+                "price_study_s": float(measured.prices[numbers].sum()),
+                "price_pilot_s": measured.price,
+                "price_reference_s": float(measured.prices[-1] * numbers.size),
             }
         )
 
@@ -132,12 +132,12 @@ def choice_by_record(study: Study, points: Points) -> RecordedChoice | None:
         columns = dict(study.simulator.columns(study.base, given, rows.size))
         for name, value in candidate.values.items():
             columns[name] = np.full(rows.size, value, object if isinstance(value, str) else float)
-        found = study.simulator.recorded_errors(columns, demands)
-        if found is None:
+        recorded = study.simulator.recorded_errors(columns, demands)
+        if recorded is None:
             return None
-        found, similar = np.nan_to_num(found, nan=HOPELESS, posinf=HOPELESS), found.shape[1]
-        shares.append((found.max(axis=2) <= 1).mean(axis=1))
-        errors.append(np.sqrt(np.square(found).mean(axis=1)))
+        recorded, similar = np.nan_to_num(recorded, nan=HOPELESS, posinf=HOPELESS), recorded.shape[1]
+        shares.append((recorded.max(axis=2) <= 1).mean(axis=1))
+        errors.append(np.sqrt(np.square(recorded).mean(axis=1)))
     share, every = np.stack(shares, axis=1), np.arange(rows.size)
     enough = share >= accuracy.confidence
     number = np.where(enough.any(axis=1), enough.argmax(axis=1), share.argmax(axis=1))

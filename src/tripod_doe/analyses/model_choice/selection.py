@@ -61,13 +61,13 @@ class ChooseSettings(BaseModel):
     )
 
 
-def choose(found: PilotErrors, columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr.Dataset:
+def choose(measured: PilotErrors, columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr.Dataset:
     """Choose a candidate for every point.
 
     Parameters
     ----------
-    found
-        Errors and prices that a pilot found.
+    measured
+        Errors and prices from a pilot.
     columns
         Factors of the points, each of shape (point,).
     accuracy
@@ -78,22 +78,22 @@ def choose(found: PilotErrors, columns: Mapping[str, NDArray[Any]], accuracy: Ac
     xarray.Dataset
         Along ``point``: the factors, the chosen parameters, the number of the candidate, the estimated relative error
         of every quantity and whether it meets the accuracy. Along ``candidate``: price and number of points. Along
-        ``pilot_point``: the factors and the relative errors that were found.
+        ``pilot_point``: the factors and the measured relative errors.
     """
-    prediction = _Prediction(found)
+    prediction = _Prediction(measured)
     limit, misses = prediction.limit(accuracy.confidence)
-    expected = prediction.errors(in_unit_cube(columns, found.columns))
-    candidate = _cheapest(expected.max(axis=2), found.prices, limit)
+    expected = prediction.errors(in_unit_cube(columns, measured.columns))
+    candidate = _cheapest(expected.max(axis=2), measured.prices, limit)
     every = np.arange(candidate.size)
-    choice = labelled(found, columns, accuracy, candidate, expected[every, candidate])
-    study = float(found.prices[candidate].sum())
+    choice = labelled(measured, columns, accuracy, candidate, expected[every, candidate])
+    study = float(measured.prices[candidate].sum())
     return choice.assign_attrs(
         {
             "limit": max(limit, 0.0),
             "misses": misses,
             "price_study_s": study,
-            "price_pilot_s": found.price,
-            "price_reference_s": float(found.prices[-1] * candidate.size),
+            "price_pilot_s": measured.price,
+            "price_reference_s": float(measured.prices[-1] * candidate.size),
         }
     )
 
@@ -124,8 +124,8 @@ def choose_for_study(cubes: Mapping[str, xr.Dataset], settings: ChooseSettings, 
         raise InputError(f'{study.origin}: the study names its model; set model = "{AUTO}" and [accuracy]')
     points = make_points(study)
     columns = {name: column[points.allowed] for name, column in points.columns.items()}
-    found = pilot_errors(next(iter(cubes.values())), list(columns), study.accuracy)
-    return choose(found, columns, study.accuracy)
+    measured = pilot_errors(next(iter(cubes.values())), list(columns), study.accuracy)
+    return choose(measured, columns, study.accuracy)
 
 
 def full_candidates(accuracy: Accuracy) -> tuple[Candidate, ...]:
@@ -137,7 +137,7 @@ def without_pilot(columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr
     """The full model at every point of a study that is too small for a pilot; its errors are unknown."""
     candidates = full_candidates(accuracy)[:1]
     count = len(next(iter(columns.values())))
-    found = PilotErrors(
+    measured = PilotErrors(
         {name: column[:0] for name, column in columns.items()},
         candidates,
         np.zeros((0, 1, len(accuracy.demands))),
@@ -145,7 +145,9 @@ def without_pilot(columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr
         np.array([candidates[0].price]),
         np.zeros(1, int),
     )
-    choice = labelled(found, columns, accuracy, np.zeros(count, int), np.full((count, len(accuracy.demands)), np.nan))
+    choice = labelled(
+        measured, columns, accuracy, np.zeros(count, int), np.full((count, len(accuracy.demands)), np.nan)
+    )
     price = float(candidates[0].price * count)
     return choice.assign_attrs(
         {
@@ -161,47 +163,47 @@ def without_pilot(columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr
 class _Prediction:
     """Errors of all candidates, predicted from a pilot at any place of the design, and the largest accepted one."""
 
-    def __init__(self, found: PilotErrors) -> None:
-        self._found = found
-        self._places = in_unit_cube(found.columns, found.columns)
-        every = np.arange(found.count)
+    def __init__(self, measured: PilotErrors) -> None:
+        self._pilot = measured
+        self._places = in_unit_cube(measured.columns, measured.columns)
+        every = np.arange(measured.count)
         blind = np.stack([self._differences(every != i, self._places[i : i + 1])[0] for i in every])
-        self._missed = np.square(np.nan_to_num(blind - found.differences))
+        self._missed = np.square(np.nan_to_num(blind - measured.differences))
         self._blind = np.stack([self._errors(every != i, self._places[i : i + 1], blind[i : i + 1])[0] for i in every])
 
     def errors(self, places: FloatArray) -> FloatArray:
         """Estimated errors over the allowed ones at places, shape (place, candidate, quantity)."""
-        every = np.ones(self._found.count, bool)
+        every = np.ones(self._pilot.count, bool)
         return self._errors(every, places, self._differences(every, places))
 
     def _differences(self, known: NDArray[np.bool_], places: FloatArray) -> FloatArray:
         """Differences to the reference, interpolated between the known points where each candidate finished."""
-        found = np.stack(
+        differences = np.stack(
             [
                 _interpolate(self._places[usable], candidate[usable], places)
-                for candidate in np.moveaxis(self._found.differences, 1, 0)
+                for candidate in np.moveaxis(self._pilot.differences, 1, 0)
                 for usable in [known & np.isfinite(candidate).all(axis=1)]
             ],
             axis=1,
         )
-        return np.clip(found, -HOPELESS, HOPELESS)
+        return np.clip(differences, -HOPELESS, HOPELESS)
 
     def _errors(self, known: NDArray[np.bool_], places: FloatArray, differences: FloatArray) -> FloatArray:
         weights = _weights(self._places[known], places)
-        numerical = np.square(np.tensordot(weights, self._found.numerical[known], 1))
+        numerical = np.square(np.tensordot(weights, self._pilot.numerical[known], 1))
         missed = np.tensordot(weights, self._missed[known], 1)
-        uncertain = numerical[:, None] * np.square(self._found.uncertain[:, None])
+        uncertain = numerical[:, None] * np.square(self._pilot.uncertain[:, None])
         errors = np.sqrt(np.square(differences) + uncertain + missed)
-        failed = np.asarray(np.isnan(self._found.differences[known]).any(axis=2))
+        failed = np.asarray(np.isnan(self._pilot.differences[known]).any(axis=2))
         around = np.argsort(-weights, axis=1, kind="stable")[:, : places.shape[1] + 1]
         near = np.asarray(failed[around].any(axis=1))
         return np.where(near[:, :, None], HOPELESS, np.minimum(errors, HOPELESS))
 
     def limit(self, confidence: float) -> tuple[float, int]:
         """Largest accepted predicted error, over the allowed one, and the number of pilot points that it misses."""
-        rows, accepted, misses = np.arange(self._found.count), self._found.accepted, []
+        rows, accepted, misses = np.arange(self._pilot.count), self._pilot.accepted, []
         for limit in _LIMITS:
-            candidate = _cheapest(self._blind.max(axis=2), self._found.prices, float(limit))
+            candidate = _cheapest(self._blind.max(axis=2), self._pilot.prices, float(limit))
             misses.append(int((~accepted[rows, candidate]).sum()))
         most_below = np.maximum.accumulate(misses[::-1])[::-1]
         allowed = (most_below + 1) / (rows.size + 1) <= 1 - confidence + 1e-12
@@ -248,7 +250,7 @@ def _cheapest(expected: FloatArray, prices: FloatArray, limit: float) -> IntArra
 
 
 def labelled(
-    found: PilotErrors,
+    measured: PilotErrors,
     columns: Mapping[str, NDArray[Any]],
     accuracy: Accuracy,
     candidate: IntArray,
@@ -256,8 +258,10 @@ def labelled(
 ) -> xr.Dataset:
     """A choice with its labels: `candidate` by number, shape (point,), `error` over the allowed, (point, quantity)."""
     allowed = np.array([demand.allowed for demand in accuracy.demands])
-    numbers, labels = np.arange(len(found.candidates), dtype=np.int32), [way.label for way in found.candidates]
-    chosen = {name: np.array([way.values[name] for way in found.candidates])[candidate] for name in accuracy.parameters}
+    numbers, labels = np.arange(len(measured.candidates), dtype=np.int32), [way.label for way in measured.candidates]
+    chosen = {
+        name: np.array([way.values[name] for way in measured.candidates])[candidate] for name in accuracy.parameters
+    }
     met = np.where(np.isnan(error).any(axis=1), -1, (error <= 1).all(axis=1)).astype(np.int8)
     return xr.Dataset(
         {
@@ -280,22 +284,22 @@ def labelled(
             ),
             "price": (
                 "candidate_number",
-                found.prices,
+                measured.prices,
                 {"long_name": "CPU time per run, from counted work", "units": "s"},
             ),
             "points_of_candidate": (
                 "candidate_number",
-                np.bincount(candidate, minlength=len(found.candidates)).astype(np.int32),
+                np.bincount(candidate, minlength=len(measured.candidates)).astype(np.int32),
                 {"long_name": "points that run with the candidate", "units": "1"},
             ),
             "pilot_error": (
                 ("pilot_point", "candidate_number", "quantity"),
-                found.errors * allowed,
-                {"long_name": "relative error found by the pilot, at most ten times the allowed one", "units": "1"},
+                measured.errors * allowed,
+                {"long_name": "relative error measured by the pilot, at most ten times the allowed one", "units": "1"},
             ),
             **{
                 f"pilot_{name}": ("pilot_point", _text(column), {"long_name": f"{name} of the pilot point"})
-                for name, column in found.columns.items()
+                for name, column in measured.columns.items()
             },
         },
         coords={
@@ -307,7 +311,7 @@ def labelled(
             "accuracy": json.dumps({demand.name: demand.allowed for demand in accuracy.demands}),
             "confidence": accuracy.confidence,
             "floor": accuracy.floor,
-            "pilot_unknown": int((~found.known).sum()),
+            "pilot_unknown": int((~measured.known).sum()),
         },
     )
 

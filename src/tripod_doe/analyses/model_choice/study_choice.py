@@ -59,9 +59,9 @@ def make_choice(
         choice = pilot.choose(record)
     elif (directory / PILOT / "cube.nc").exists():  # the study grew
         record = choice_by_record(study, points) if "recorded_share" in frozen.attrs else None
-        found = pilot.found()
-        choice = pilot.confirmed(record, found) if record else None
-        choice = choose(found, usable, accuracy) if choice is None else choice
+        measured = pilot.errors_so_far()
+        choice = pilot.confirmed(record, measured) if record else None
+        choice = choose(measured, usable, accuracy) if choice is None else choice
     if choice is None:
         choice = without_pilot(usable, accuracy)
     choice = choice.assign_coords(point_key=("point", keys, {"long_name": "fingerprint of the point"}))
@@ -164,9 +164,9 @@ def _told(choice: xr.Dataset) -> list[str]:
     ]
     for at, label in enumerate(choice["candidate_label"].values):
         row = choice.isel(candidate_number=at)
-        found = row["pilot_error"].max("pilot_point")
+        measured = row["pilot_error"].max("pilot_point")
         errors = ", ".join(
-            f"{name} {number(float(e), 2)}" for name, e in zip(choice["quantity"].values, found.values, strict=True)
+            f"{name} {number(float(e), 2)}" for name, e in zip(choice["quantity"].values, measured.values, strict=True)
         )
         lines.append(
             f"candidate    {label}: {int(row['points_of_candidate']):,} points, CPU time "

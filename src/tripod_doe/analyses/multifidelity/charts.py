@@ -1,4 +1,4 @@
-"""What several models at once gain over the dearest one alone, and the distribution that they show."""
+"""Distribution of an output by several models, and their gain over the most expensive one alone."""
 
 from __future__ import annotations
 

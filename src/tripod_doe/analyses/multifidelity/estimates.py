@@ -78,8 +78,8 @@ def _coefficients(truth: FloatArray, cheap: FloatArray) -> FloatArray:
     one, other = truth - truth.mean(axis=1, keepdims=True), cheap - cheap.mean(axis=1, keepdims=True)
     power = (other**2).mean(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        found: FloatArray = np.where(power > 0, (one * other).mean(axis=1) / power, 0.0)
-    return found
+        coefficients: FloatArray = np.where(power > 0, (one * other).mean(axis=1) / power, 0.0)
+    return coefficients
 
 
 def shares_of(counts: list[int]) -> FloatArray:
@@ -143,15 +143,15 @@ def _influences(
     products: list[FloatArray], coefficients: FloatArray, shares: FloatArray, counts: list[int]
 ) -> list[FloatArray]:
     """What each sample adds to the estimates, by stratum, shape (statistic, sample): an estimate is a sum of means."""
-    found = []
+    influences = []
     ends = [0, *counts]
     for stratum, (start, stop) in enumerate(pairwise(ends)):
         total = statistics(products[0], 0.0) if stratum == 0 else 0.0
         for k in range(max(stratum, 1), len(products)):
             own = coefficients[k] if stratum == 0 else coefficients[k].mean(axis=1, keepdims=True)
             total = total + own * shares[k, stratum] * statistics(products[k][:, start:stop], 0.0)
-        found.append(np.asarray(total))
-    return found
+        influences.append(np.asarray(total))
+    return influences
 
 
 def _spread(parts: list[FloatArray]) -> tuple[float, float]:

@@ -39,40 +39,40 @@ class MultifidelitySettings(PointSettings):
     probabilities: Probabilities = Field([0.05, 0.5, 0.95])
 
 
-def _half(found: Estimate, confidence: float) -> float:
+def _half(estimated: Estimate, confidence: float) -> float:
     """Half width of the interval, by Student's distribution."""
     from scipy.special import stdtrit  # slow to import: every study would wait for it
 
-    freedom = min(found.freedom, 1e9)
-    return float(stdtrit(freedom, 0.5 + confidence / 2) * np.sqrt(found.variance))
+    freedom = min(estimated.freedom, 1e9)
+    return float(stdtrit(freedom, 0.5 + confidence / 2) * np.sqrt(estimated.variance))
 
 
-def _gain(found: Estimate, alone: float) -> float:
+def _gain(estimated: Estimate, alone: float) -> float:
     """Variance of the truth alone at the price of the whole study, over that of the estimate."""
-    return found.alone / alone / found.variance if found.variance > 0 else np.nan
+    return estimated.alone / alone / estimated.variance if estimated.variance > 0 else np.nan
 
 
 def _of_component(values: list[FloatArray], alone: float, settings: MultifidelitySettings) -> Answers:
     """Answers for one component; `alone` is the number of samples that the truth alone would have at this price."""
-    found = estimate(values)
-    variance = found.variance.value
+    estimates = estimate(values)
+    variance = estimates.variance.value
     answers: Answers = {
-        "mean": np.array(found.mean.value),
-        "mean_conf": np.array(_half(found.mean, settings.confidence)),
+        "mean": np.array(estimates.mean.value),
+        "mean_conf": np.array(_half(estimates.mean, settings.confidence)),
         "variance": np.array(variance),
         # of the logarithm, whose estimate is nearly normal: the upper, wider side
         "variance_conf": np.array(
-            variance * np.expm1(_half(found.variance, settings.confidence) / variance) if variance > 0 else np.nan
+            variance * np.expm1(_half(estimates.variance, settings.confidence) / variance) if variance > 0 else np.nan
         ),
-        "gain": np.array(_gain(found.mean, alone)),
-        "variance_gain": np.array(_gain(found.variance, alone)),
+        "gain": np.array(_gain(estimates.mean, alone)),
+        "variance_gain": np.array(_gain(estimates.variance, alone)),
     }
-    for name, indices in (("S1", found.first), ("ST", found.total)):
+    for name, indices in (("S1", estimates.first), ("ST", estimates.total)):
         if indices:
             answers[name] = np.array([each.value for each in indices])
             answers[f"{name}_conf"] = np.array([_half(each, settings.confidence) for each in indices])
             answers[f"{name}_gain"] = np.array([_gain(each, alone) for each in indices])
-    points = [each[:, [0, -1]] if found.first else each for each in values]  # those of a block that are independent
+    points = [each[:, [0, -1]] if estimates.first else each for each in values]  # those of a block that are independent
     asked = len(settings.probabilities)
     bounds = quantiles(points, [*settings.probabilities, *SHARES], NormalDist().inv_cdf(0.5 + settings.confidence / 2))
     return answers | dict(zip(_QUANTILES, bounds[:, :asked], strict=True)) | {"distribution": bounds[0, asked:]}
@@ -80,13 +80,13 @@ def _of_component(values: list[FloatArray], alone: float, settings: Multifidelit
 
 def _correlations(values: list[FloatArray]) -> FloatArray:
     """Correlation of each model with the truth over the samples that both have, shape (model,); NaN for a constant."""
-    found = []
+    correlations = []
     for each in values:
         count = min(len(values[0]), len(each))
         one, other = (part[:count].ravel() - part[:count].mean() for part in (values[0], each))
         with np.errstate(invalid="ignore"):
-            found.append((one @ other) / np.sqrt((one @ one) * (other @ other)))
-    return np.array(found)
+            correlations.append((one @ other) / np.sqrt((one @ one) * (other @ other)))
+    return np.array(correlations)
 
 
 _PLAIN = ("mean", "mean_conf", "variance", "variance_conf", "gain", "variance_gain")
@@ -113,18 +113,18 @@ def _of_output(ladder: Ladder, table: OutputTable, settings: MultifidelitySettin
         "model": len(ladder.rungs) + len(ladder.aside),
     }
     dims, width = _dims(ladder), table.values.shape[1]
-    found = {key: np.full((*(sizes[dim] for dim in own), width), np.nan) for key, own in dims.items()}
+    arrays = {key: np.full((*(sizes[dim] for dim in own), width), np.nan) for key, own in dims.items()}
     for component in range(width):
         values = ladder.values(table, component)
-        found["mean"][component] = values[0].mean()
+        arrays["mean"][component] = values[0].mean()
         if np.ptp(values[0]) > _CONSTANT * np.abs(values[0]).max():
             every = values + [table.values[rung.rows, component] for rung in ladder.aside]
             answers = _of_component(values, alone, settings) | {"correlation": _correlations(every)}
             for key, answer in answers.items():
-                found[key][..., component] = answer
+                arrays[key][..., component] = answer
     for key in _PLACES:
-        found[key] = _wrapped(found[key] + table.centre, table.wraps)
-    return xr.Dataset({key: table.labelled(answer, dims[key]) for key, answer in found.items()})
+        arrays[key] = _wrapped(arrays[key] + table.centre, table.wraps)
+    return xr.Dataset({key: table.labelled(answer, dims[key]) for key, answer in arrays.items()})
 
 
 def _wrapped(degrees: FloatArray, wraps: bool) -> FloatArray:

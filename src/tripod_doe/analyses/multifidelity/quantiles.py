@@ -2,7 +2,7 @@
 
 The control variate of "the truth is at most t" is "the truth as a cheaper model predicts it is at most t". Predictions
 are straight lines through the truth's samples; as in `estimates`, each fold gets lines and coefficients from others.
-The interval holds all t at which the distribution function cannot be told from the probability (Woodruff 1952).
+The interval holds all t at which the distribution function may equal the probability (Woodruff 1952).
 """
 
 from __future__ import annotations
@@ -75,8 +75,8 @@ def _places(values: list[FloatArray]) -> FloatArray:
 
 def _at_most(values: FloatArray, at: FloatArray) -> FloatArray:
     """Share of the points that are at most as large, shape (place,)."""
-    found: FloatArray = np.searchsorted(np.sort(values.ravel()), at, side="right") / values.size
-    return found
+    shares: FloatArray = np.searchsorted(np.sort(values.ravel()), at, side="right") / values.size
+    return shares
 
 
 def _distribution(values: list[FloatArray], at: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -148,14 +148,16 @@ def _coefficient(truth: NDArray[np.bool_], guess: NDArray[np.bool_]) -> FloatArr
     """Control-variate coefficient at each place, 0 where all predictions are alike."""
     both, one, other = (truth & guess).mean(axis=(0, 1)), truth.mean(axis=(0, 1)), guess.mean(axis=(0, 1))
     with np.errstate(invalid="ignore", divide="ignore"):
-        found: FloatArray = np.where((other > 0) & (other < 1), (both - one * other) / (other * (1 - other)), 0.0)
-    return found
+        coefficients: FloatArray = np.where(
+            (other > 0) & (other < 1), (both - one * other) / (other * (1 - other)), 0.0
+        )
+    return coefficients
 
 
 def _variance_of_truth(residual: FloatArray, below: NDArray[np.bool_]) -> FloatArray:
     """Variance of the mean over the truth's samples, never less than a few more points could show.
 
-    Where no prediction was wrong, none of the points tells how often one is; so two of four further ones are.
+    Where no prediction was wrong, the points do not show how often one is; two of four further ones are assumed to be.
     """
     count = residual.shape[0] * residual.shape[1]
     scatter = residual.mean(axis=1).var(axis=0, ddof=1) / residual.shape[0]

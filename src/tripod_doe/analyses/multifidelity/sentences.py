@@ -63,10 +63,10 @@ def _samples(result: xr.Dataset) -> str:
     """How many samples of which model, and their price."""
     block = int(result.attrs["block_size"])
     rows = zip(result["model"].values, result["samples"].values, result["price"].values, strict=True)
-    told = listed([f"{int(count):,} of {model}" for model, count, _ in rows])
+    text = listed([f"{int(count):,} of {model}" for model, count, _ in rows])
     seconds = float((result["samples"] * result["price"]).sum(skipna=False))
     price = f", at a price of {duration(seconds)} of CPU time" if np.isfinite(seconds) else ""
-    return f"Samples{f' of {block} points' if block > 1 else ''}: {told}{price}."
+    return f"Samples{f' of {block} points' if block > 1 else ''}: {text}{price}."
 
 
 def _holes(result: xr.Dataset) -> list[str]:
@@ -74,14 +74,14 @@ def _holes(result: xr.Dataset) -> list[str]:
     if not lost:
         return []
     verb = "is" if lost == 1 else "are"
-    told = [f"{count_of(lost, 'sample')} {verb} dropped in all models, because of points that failed in one."]
+    text = [f"{count_of(lost, 'sample')} {verb} dropped in all models, because of points that failed in one."]
     if region := str(result.attrs.get("failing_region", "")):
         rest = result.attrs.get("answered_for") == "the rest"
-        told.append(
+        text.append(
             f"Points fail {region}. "
             + ("The answers are those of a range outside of it." if rest else "The answers leave these points out.")
         )
-    return told
+    return text
 
 
 def model_table(result: xr.Dataset) -> tuple[list[str], list[list[str]]]:
@@ -91,7 +91,7 @@ def model_table(result: xr.Dataset) -> tuple[list[str], list[list[str]]]:
     for at, model in enumerate(result["model"].values):
         price = float(result["price"][at])
         correlations = [number(float(part.answers["correlation"][at]), 3) for part in parts]
-        told = duration(price) if np.isfinite(price) else "-"
-        rows.append([str(model), f"{int(result['samples'][at]):,}", told, *correlations])
+        text = duration(price) if np.isfinite(price) else "-"
+        rows.append([str(model), f"{int(result['samples'][at]):,}", text, *correlations])
     heads = [f"correlation, {part.what.removeprefix('the ')}" for part in parts]
     return ["model", "samples", "price per sample", *heads], rows

@@ -60,7 +60,7 @@ def find_split(pilot: xr.Dataset, simulator: Simulator) -> Split:
     InputError
         If a target is no output of all models, or too little of the pilot finished.
     """
-    settings = PointSettings(most_dropped=0.5)  # the rest of them still tells prices and correlations
+    settings = PointSettings(most_dropped=0.5)  # the rest still gives prices and correlations
     names = outputs_of_all(pilot, [])
     ladder = read_ladder(pilot, settings, names)
     rungs = (ladder.truth, *ladder.aside)
@@ -108,23 +108,23 @@ def _explained(ladder: Ladder, rungs: tuple[Rung, ...], tables: list[OutputTable
     for key in ladder.design.target:
         if key not in known:
             raise InputError(f"[design]: target: {key!r} is no output of all models{near_match(key, known)}")
-    found = []
+    explained = []
     for key in ladder.design.target or [table.name for table in tables]:
         for table in tables:
             parts = [_statistics(ladder, rungs, table, int(at)) for at in np.flatnonzero(table.named(key))]
             if parts:
-                found += _explained_parts(np.stack(parts))
-    if not found:
+                explained += _explained_parts(np.stack(parts))
+    if not explained:
         raise InputError("no target varies in the pilot, so no split follows from it")
-    return [float(each) for each in np.mean(found, axis=0)]
+    return [float(each) for each in np.mean(explained, axis=0)]
 
 
 def _statistics(ladder: Ladder, rungs: tuple[Rung, ...], table: OutputTable, at: int) -> FloatArray:
     """What the split is to know well: the value, and with indices the total effects; (model, statistic, sample)."""
     values = [table.values[rung.rows, at] for rung in rungs]
-    found = np.stack([statistics(moments(each - each.mean()), 0.0) for each in values])
-    factors = (found.shape[1] - 2) // 2
-    return found[:, :1] if not factors else np.stack([found[:, 0], found[:, 2 + factors :].sum(axis=1)], axis=1)
+    parts = np.stack([statistics(moments(each - each.mean()), 0.0) for each in values])
+    factors = (parts.shape[1] - 2) // 2
+    return parts[:, :1] if not factors else np.stack([parts[:, 0], parts[:, 2 + factors :].sum(axis=1)], axis=1)
 
 
 def _explained_parts(parts: FloatArray) -> list[FloatArray]:
@@ -138,11 +138,11 @@ def _explained_parts(parts: FloatArray) -> list[FloatArray]:
     with np.errstate(invalid="ignore", divide="ignore"):
         square = np.nan_to_num(both**2 / (power * power[:, :1]))
     weight, count = power[:, 0], parts.shape[-1]
-    found = []
+    explained = []
     for at in np.flatnonzero(weight.sum(axis=0) > 0):
         whole = (weight[:, at] @ square[..., at]) / weight[:, at].sum()
-        found.append(np.clip(1 - (1 - whole) * (count - 1) / (count - 2), 0, 1 - _LEAST_UNEXPLAINED))
-    return found
+        explained.append(np.clip(1 - (1 - whole) * (count - 1) / (count - 2), 0, 1 - _LEAST_UNEXPLAINED))
+    return explained
 
 
 def _chains(truth: str, prices: Mapping[str, float], explained: Mapping[str, float]) -> Iterator[list[str]]:

@@ -60,19 +60,19 @@ def split_study(study: Study, pilot: xr.Dataset, directory: Path) -> tuple[Study
     Raises
     ------
     InputError
-        If the pilot cannot tell.
+        If the pilot does not suffice.
     """
     try:
-        found = find_split(pilot, study.simulator)
+        split = find_split(pilot, study.simulator)
     except InputError as error:
         raise study.fail("the pilot", error) from error
     old = _stored(study, directory)
     before = old.file.design.split if old else {}
-    truth = next(iter(found.samples))
-    samples = {model: max(count, before.get(model, 0)) for model, count in found.samples.items()}
-    samples[truth] = found.samples[truth]
-    table = DesignTable(kind="multifidelity", split=samples, prices=dict(found.prices))
-    return _with_split(study, table), found
+    truth = next(iter(split.samples))
+    samples = {model: max(count, before.get(model, 0)) for model, count in split.samples.items()}
+    samples[truth] = split.samples[truth]
+    table = DesignTable(kind="multifidelity", split=samples, prices=dict(split.prices))
+    return _with_split(study, table), split
 
 
 def _with_split(study: Study, table: DesignTable) -> Study:
@@ -85,19 +85,19 @@ def _with_split(study: Study, table: DesignTable) -> Study:
     return parse_study(tomlkit.dumps(document), study.origin, study.folder)
 
 
-def told_split(split: Split) -> list[str]:
+def split_lines(split: Split) -> list[str]:
     """A split in lines of text."""
     truth = next(iter(split.samples))
     of = f" of {split.block} points" if split.block > 1 else ""
     lines = [f"split        from a pilot of {split.pilot} samples{of} in every model"]
     for model, count in split.samples.items():
-        told = (
+        text = (
             "the truth" if model == truth else f"explains {number(100 * split.explained[model], 3)} % of its variance"
         )
         if model != truth and count <= split.samples[truth]:
-            told += ", does not pay"
+            text += ", does not pay"
         price = duration(split.prices[model], 2)
-        lines.append(f"model        {model}: {count:,} samples, CPU time {price} per point; {told}")
+        lines.append(f"model        {model}: {count:,} samples, CPU time {price} per point; {text}")
     lines.append(
         f"price        CPU time {duration(split.seconds)}; expected variance {number(1 / split.gain, 2)} of that by "
         f"{truth} alone at this price"
@@ -110,7 +110,7 @@ def describe_split(study: Study, directory: Path | None) -> list[str]:
     if not needs_split(study):
         return []
     if directory is not None and (directory / "cube.nc").exists():
-        return told_split(_split_of_results(study, directory))
+        return split_lines(_split_of_results(study, directory))
     table = study.file.design
     truth, most = (study.factors[table.fidelity].values or ())[-1], most_points(study)
     return [

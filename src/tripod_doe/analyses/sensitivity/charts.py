@@ -192,7 +192,7 @@ def _morris_chart(key: str, name: str, what: str, part: xr.Dataset, level: float
     return Chart(key, f"Elementary effects on {what}", caption, figure, data)
 
 
-_SHOWN = 6  # factors that a picture can tell apart
+_SHOWN = 6  # factors in one picture
 
 
 def convergence_chart(key: str, name: str, what: str, part: xr.Dataset, kind: str) -> Chart | None:
@@ -253,14 +253,14 @@ def convergence_chart(key: str, name: str, what: str, part: xr.Dataset, kind: st
 def rotation_charts(name: str, result: xr.Dataset) -> list[Chart]:
     """The index of each factor over the rotation angle, one chart for each waveform that has no further dimension."""
     index = RANKED[kind_of(result)]
-    found = []
+    charts = []
     for key, values in result.data_vars.items():
         own = str(key) == index or str(key).endswith(f"_{index}")
         if not own or set(values.dims) != {"factor", "rotation_deg"} or not values.notnull().any():
             continue
         waveform = str(key).removesuffix(index).rstrip("_") or str(result.attrs["outputs"])
-        found.append(_rotation_chart(name, waveform, index, values.transpose("factor", "rotation_deg")))
-    return found
+        charts.append(_rotation_chart(name, waveform, index, values.transpose("factor", "rotation_deg")))
+    return charts
 
 
 def _rotation_chart(name: str, waveform: str, index: str, values: xr.DataArray) -> Chart:

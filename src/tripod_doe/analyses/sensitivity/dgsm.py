@@ -32,12 +32,12 @@ def _dgsm(sample: Sample, table: OutputTable, components: IntArray, settings: Se
     weights = np.concatenate([np.full((1, sample.blocks), 1 / sample.blocks), weights])
     base = values[:, 0] - values[:, 0].mean(axis=0)
     variance = weights @ base**2 - (weights @ base) ** 2
-    found = []
+    squares = []
     for at in range(len(sample.tables)):
         change = shorter_way(values[:, 1 + at] - values[:, 0], table.wraps)
         slope = change / (unit[:, 1 + at, at] - unit[:, 0, at])[:, None]
-        found.append(weights @ slope**2)
-    squared = np.stack(found)  # (factor, resample, component)
+        squares.append(weights @ slope**2)
+    squared = np.stack(squares)  # (factor, resample, component)
     with np.errstate(invalid="ignore", divide="ignore"):
         measure = squared / (np.pi**2 * np.where(variance > 0, variance, np.nan))
     return {

@@ -124,17 +124,17 @@ def _of_table(method: Method, sample: Sample, table: OutputTable, settings: Sens
 
 def _estimate(method: Method, sample: Sample, table: OutputTable, settings: SensitivitySettings) -> Answers:
     """All components of an output, part by part; NaN for those that do not vary."""
-    found: Answers = {}
+    answers: Answers = {}
     for components in table.chunks():
         for key, answer in method.estimate(sample, table, components, settings).items():
-            blank = found.setdefault(key, np.full((*answer.shape[:-1], table.values.shape[1]), np.nan))
+            blank = answers.setdefault(key, np.full((*answer.shape[:-1], table.values.shape[1]), np.nan))
             blank[..., components] = answer
-    if not found:  # shapes, of an output that varies nowhere
+    if not answers:  # shapes, of an output that varies nowhere
         first = np.linspace(0, 1, table.values.shape[0])[:, None] * np.ones(table.values.shape[1])
         varying = replace(table, values=first, wraps=False)
         shown = method.estimate(sample, varying, np.array([0]), settings)
-        found = {key: np.full((*answer.shape[:-1], table.values.shape[1]), np.nan) for key, answer in shown.items()}
-    return found
+        answers = {key: np.full((*answer.shape[:-1], table.values.shape[1]), np.nan) for key, answer in shown.items()}
+    return answers
 
 
 def _resolution(method: Method, answers: Answers, table: OutputTable, size: FloatArray | None) -> FloatArray:
@@ -196,7 +196,7 @@ def _described(
         else:
             result[name].attrs = _attributes(str(name), method)
     region = sample.region.text if sample.region else ""
-    told = {"failing_region": region, "answered_for": "the rest" if sample.rest else "all"} if region else {}
+    failing = {"failing_region": region, "answered_for": "the rest" if sample.rest else "all"} if region else {}
     return result.assign_attrs(
         **outputs,
         groups_used=sample.blocks,
@@ -206,7 +206,7 @@ def _described(
         points_dropped=sample.dropped,
         confidence_level=settings.confidence,
         precision=settings.precision,
-        **told,
+        **failing,
     )
 
 

@@ -41,12 +41,12 @@ def find_in_sensitivity(result: xr.Dataset, name: str) -> list[str]:
     for part in parts:
         match kind:
             case "sobol":
-                told = sobol_sentence(part)
+                text = sobol_sentence(part)
             case "morris":
-                told = _morris_sentence(part)
+                text = _morris_sentence(part)
             case _:
-                told = _index_sentence(part, kind)
-        sentences += [f"{told} (analysis {name}).", *_unresolved(part), *_convergence(part, kind, result)]
+                text = _index_sentence(part, kind)
+        sentences += [f"{text} (analysis {name}).", *_unresolved(part), *_convergence(part, kind, result)]
     return sentences + _holes(result)
 
 
@@ -68,7 +68,7 @@ def sobol_sentence(part: OutputPart) -> str:
     """The strongest total indices of an output, and whether interactions show."""
     ranked = _ranked(part.answers, "ST")
     shown = [row for row in ranked[:_MOST_NAMED] if row[1] > row[2]] or ranked[:1]
-    told = listed([f"{spoken(factor)} {interval(value, half)}" for factor, value, half in shown])
+    text = listed([f"{spoken(factor)} {interval(value, half)}" for factor, value, half in shown])
     rest = [value + half for _, value, half in ranked[len(shown) :]]
     others = f"; all others at most {rounded_up(max(rest))}" if rest else ""
     first = {index: part.answers[index].values[np.isfinite(part.answers["S1"].values)] for index in ("S1", "S1_conf")}
@@ -76,24 +76,24 @@ def sobol_sentence(part: OutputPart) -> str:
     alone = f"the first-order indices add up to {interval(total, half)}: " + (
         "no interaction shows" if total + half >= 1 else "the rest are interactions"
     )
-    return f"Total Sobol' indices of {part.what}: {told}{others}; {alone}"
+    return f"Total Sobol' indices of {part.what}: {text}{others}; {alone}"
 
 
 def _morris_sentence(part: OutputPart) -> str:
-    told = [f"{spoken(factor)} {interval(value, half)}" for factor, value, half in _ranked(part.answers, "mu_star")]
+    text = [f"{spoken(factor)} {interval(value, half)}" for factor, value, half in _ranked(part.answers, "mu_star")]
     return (
         f"Largest mean elementary effects on {part.what}, in its unit over the whole range of a factor: "
-        f"{listed(told[:_MOST_NAMED])}"
+        f"{listed(text[:_MOST_NAMED])}"
     )
 
 
 def _index_sentence(part: OutputPart, kind: str) -> str:
     ranked = _ranked(part.answers, RANKED[kind])
-    told = [f"{spoken(factor)} {interval(value, half)}" for factor, value, half in ranked[:_MOST_NAMED]]
+    text = [f"{spoken(factor)} {interval(value, half)}" for factor, value, half in ranked[:_MOST_NAMED]]
     chance = ""
     if "chance" in part.answers:
         chance = f"; without any effect, the index of a factor is {number(float(part.answers['chance']), 2)}"
-    return f"{_HEADS[kind].format(what=part.what)}: {listed(told)}{chance}"
+    return f"{_HEADS[kind].format(what=part.what)}: {listed(text)}{chance}"
 
 
 def _unresolved(part: OutputPart) -> list[str]:
@@ -135,13 +135,13 @@ def _holes(result: xr.Dataset) -> list[str]:
         return []
     blocks = f" in {count_of(dropped // block, 'block')} of {block} points" if block > 1 else ""
     used = int(result.attrs["points_used"])
-    told = [f"{count_of(dropped, 'point')}{blocks} {'is' if dropped == 1 else 'are'} dropped, {used:,} are used."]
+    text = [f"{count_of(dropped, 'point')}{blocks} {'is' if dropped == 1 else 'are'} dropped, {used:,} are used."]
     if region := str(result.attrs.get("failing_region", "")):
         rest = (
             " The indices are those of a range outside of it." if result.attrs.get("answered_for") == "the rest" else ""
         )
-        told.append(f"Points fail {region}.{rest}")
-    return told
+        text.append(f"Points fail {region}.{rest}")
+    return text
 
 
 def _ranked(part: xr.Dataset, key: str) -> list[tuple[str, float, float]]:
@@ -150,5 +150,5 @@ def _ranked(part: xr.Dataset, key: str) -> list[tuple[str, float, float]]:
     above = [True] * len(rows)
     if "resolved" in part and (part["resolved"].values != _BELOW_ERROR).any():
         above = list(part["resolved"].values != _BELOW_ERROR)
-    chosen = (row for row, told in zip(rows, above, strict=True) if told)
+    chosen = (row for row, text in zip(rows, above, strict=True) if text)
     return sorted(((str(f), float(v), float(c)) for f, v, c in chosen if np.isfinite(v)), key=lambda row: -row[1])

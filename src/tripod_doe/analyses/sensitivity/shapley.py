@@ -74,10 +74,10 @@ def _local_variances(space: FloatArray, values: FloatArray) -> FloatArray:
     own = basis[:, 0]  # (point, term)
     weight = np.einsum("pk,pnk->pn", own, basis)  # of each neighbour in the polynomial at the point
     left = np.maximum(1 - weight[:, :1], _LEVERAGE)
-    found = np.zeros((len(space), values.shape[2]))
+    distances = np.zeros((len(space), values.shape[2]))
     for part in values:
-        found += (part - np.einsum("pn,pnc->pc", weight, part[near])) ** 2 / left
-    return found
+        distances += (part - np.einsum("pn,pnc->pc", weight, part[near])) ** 2 / left
+    return distances
 
 
 def _explained(

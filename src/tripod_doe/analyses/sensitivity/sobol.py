@@ -21,7 +21,7 @@ from tripod_doe.analyses.sensitivity.method import Answers, Method, apply
 from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.array_types import FloatArray, IntArray
 
-_ENOUGH = 4  # scramblings whose scatter tells their error
+_ENOUGH = 4  # scramblings whose scatter gives their error
 
 
 class SobolSettings(SensitivitySettings):
@@ -63,7 +63,7 @@ def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings
 
 
 def _draws(sample: Sample, settings: SensitivitySettings) -> tuple[bool, FloatArray]:
-    """Whether several scramblings tell the error, and the weights of the blocks in each of their estimates.
+    """Whether the error follows from several scramblings, and the weights of the blocks in each estimate.
 
     Else the weights of the bootstrap, shape (estimate, block).
     """

@@ -97,7 +97,7 @@ def _peers(row: xr.Dataset, of_default: Known) -> list[str]:
         "": ["linearly-implicit-euler"],
         "SciPy": [name for name, method in METHODS.items() if not method.compiled],
     }
-    told = []
+    text = []
     for group, members in groups.items():
         ratios = {name: float(row["price_ratio"].sel({"method": name})) for name in members if name in row["method"]}
         known = {name: Known(int(row["price_known"].sel({"method": name}))) for name in ratios}
@@ -105,8 +105,8 @@ def _peers(row: xr.Dataset, of_default: Known) -> list[str]:
         sure = [name for name in finite if known[name] is not Known.PRICE_ONLY] or finite
         if sure:
             name = min(sure, key=lambda name: ratios[name])
-            told.append(f"{group} {name} {number(ratios[name])}{_mark(known[name], of_default)}".strip())
-    return told
+            text.append(f"{group} {name} {number(ratios[name])}{_mark(known[name], of_default)}".strip())
+    return text
 
 
 def _mark(known: Known, of_default: Known) -> str:
@@ -144,7 +144,7 @@ def _missed(runs: xr.Dataset) -> str:
 
 def _model_sentences(data: xr.Dataset) -> list[str]:
     """State the difference of each model at its default to the finest model, and its price."""
-    told = []
+    text = []
     at_default = np.flatnonzero((data["is_default"].values == 1) & np.isfinite(data["model_error"].values).any(axis=1))
     for at in at_default:
         run = data.isel(run=int(at))
@@ -155,11 +155,11 @@ def _model_sentences(data: xr.Dataset) -> list[str]:
             if np.isfinite(run["model_error"].sel(quantity=quantity))
         ]
         price = number(float(run["cpu_per_second"]))
-        told.append(
+        text.append(
             f"{run['model'].item()} at its default differs from the finest model's reference by {', '.join(parts)}, "
             f"for {price} s per simulated second."
         )
-    return [sentence[:1].upper() + sentence[1:] for sentence in told]
+    return [sentence[:1].upper() + sentence[1:] for sentence in text]
 
 
 def price_table(data: xr.Dataset) -> tuple[list[str], list[list[str]]]:

@@ -288,13 +288,13 @@ def _case_variables(
         for q, quantity in enumerate(QUANTITIES):
             if quantity not in case.quantities or reference is None:
                 continue
-            told = {method: _price(case, method, errors[:, q], target) for method in case.methods}
-            for method, price in told.items():
+            prices_of = {method: _price(case, method, errors[:, q], target) for method in case.methods}
+            for method, price in prices_of.items():
                 at = i, methods.index(method), q
                 prices[at], known[at] = price.value, price.known
-                if case.default_method in told:
-                    ratios[at] = price.value / told[case.default_method].value
-            sure = {m: p.value for m, p in told.items() if p.known in _SURE}
+                if case.default_method in prices_of:
+                    ratios[at] = price.value / prices_of[case.default_method].value
+            sure = {m: p.value for m, p in prices_of.items() if p.known in _SURE}
             if sure:
                 best[i, q] = min(sure, key=lambda method: sure[method])
                 if case.default_method in sure:

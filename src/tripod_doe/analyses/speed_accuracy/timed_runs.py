@@ -150,7 +150,7 @@ def _cases_of(name: str, cube: xr.Dataset) -> list[Case]:
     points = cube.stack(run=dims, create_index=False) if dims != ("run",) else cube
     simulator = load_simulator(parse_file(cube.attrs["study"], name).study.scene)
     models = _column(points, simulator, "model")
-    found = []
+    cases = []
     for model in dict.fromkeys(models):
         mine = points.isel(run=np.flatnonzero(models == model))
         runs = tuple(_runs(mine, simulator, quantities))
@@ -159,8 +159,8 @@ def _cases_of(name: str, cube: xr.Dataset) -> list[Case]:
         kind, setting = next(found_by, ("", math.nan))
         method = _named(str(default["method"]), kind)
         given = tuple(q for q in quantities if any(q.name in run.answers for run in runs))
-        found.append(Case(name, model, runs, given, method, setting))
-    return found
+        cases.append(Case(name, model, runs, given, method, setting))
+    return cases
 
 
 def _column(points: xr.Dataset, simulator: Simulator, name: str) -> NDArray[np.str_]:

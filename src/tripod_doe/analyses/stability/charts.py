@@ -51,9 +51,11 @@ def _chart(borders: xr.Dataset, factor: str) -> Chart:
     from matplotlib.patches import Patch
 
     whole = map_of(borders, factor)
-    told = _of_one_class(whole)
+    uniform = _of_one_class(whole)
     part = (
-        whole.isel(method=~np.isin(whole["method"].values, list(told))) if len(told) < whole.sizes["method"] else whole
+        whole.isel(method=~np.isin(whole["method"].values, list(uniform)))
+        if len(uniform) < whole.sizes["method"]
+        else whole
     )
     methods = [str(name) for name in part["method"].values]
     classes = _classes(part)
@@ -74,19 +76,19 @@ def _chart(borders: xr.Dataset, factor: str) -> Chart:
         figure.legend(
             handles=handles + lines, loc="outside upper left", ncols=min(3, columns + 1), frameon=False, fontsize=8
         )
-    left_out = {name: meaning for name, meaning in told.items() if name not in methods}
+    left_out = {name: meaning for name, meaning in uniform.items() if name not in methods}
     title = f"Runs over the {spoken(factor)}"
     return Chart(factor, title, _caption(borders, factor, left_out), figure, _numbers(whole, factor))
 
 
 def _of_one_class(part: xr.Dataset) -> dict[str, str]:
     """Methods all of whose runs are of one class, with its meaning: their panels would be of one colour."""
-    found = {}
+    uniform = {}
     for name, classes in zip(part["method"].values.tolist(), _classes(part), strict=True):
         seen = {_GOOD if kind == _EXACT else kind for kind in classes[classes >= 0].tolist()}
         if len(seen) < 2:
-            found[name] = f"all runs {_CLASSES[seen.pop()][2]}" if seen else "no runs"
-    return found
+            uniform[name] = f"all runs {_CLASSES[seen.pop()][2]}" if seen else "no runs"
+    return uniform
 
 
 def _bracketed(unit: object) -> str:
@@ -126,8 +128,8 @@ def _draw(panel: Axes, part: xr.Dataset, classes: IntArray) -> None:
     panel.plot(np.arange(shown.size), shown, color=COLOURS[3], lw=1.6, ls="--", marker="D", ms=4)
     if not np.isfinite(shown).any():
         beyond = "no limit" if np.isinf(predicted).all() else "limit beyond" if np.isfinite(predicted).any() else ""
-        told = f"predicted: {beyond}" if beyond else "no prediction"
-        panel.text(0.97, 0.95, told, transform=panel.transAxes, ha="right", va="top", fontsize=7.5, color=COLOURS[3])
+        text = f"predicted: {beyond}" if beyond else "no prediction"
+        panel.text(0.97, 0.95, text, transform=panel.transAxes, ha="right", va="top", fontsize=7.5, color=COLOURS[3])
     panel.set_ylim(edges[0], edges[-1])
     panel.grid(visible=False)
 

@@ -81,14 +81,14 @@ def _disagreements(borders: xr.Dataset, m: int, cases: np.ndarray) -> str:
     rows = [borders.isel(method=m, case=int(c)) for c in cases]
     pairs = [(measured_border(borders, row), border_text(borders, float(row["border_predicted"]))) for row in rows]
     seen = "; ".join(
-        f"{_place(row)} measured {found}, predicted {said}" for row, (found, said) in zip(rows, pairs, strict=True)
+        f"{_place(row)} measured {answers}, predicted {said}" for row, (answers, said) in zip(rows, pairs, strict=True)
     )
     first = rows[0]
     limited, below = Limit(int(first["limited_by"])), not float(first["border_low"]) >= float(first["border_predicted"])
-    told = [_WHY[limited]] if limited in _WHY and not (below and limited is Limit.TOLERANCE) else []
+    text = [_WHY[limited]] if limited in _WHY and not (below and limited is Limit.TOLERANCE) else []
     if below:
-        told.append(f"at the {_place(first)} {_first_failure(first)}")
-    reason = "; ".join(told)
+        text.append(f"at the {_place(first)} {_first_failure(first)}")
+    reason = "; ".join(text)
     return f"{first['method'].item()}: {seen}{'. ' if reason else ''}{reason[:1].upper()}{reason[1:]}."
 
 

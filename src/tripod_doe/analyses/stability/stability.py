@@ -2,7 +2,7 @@
 
 The study varies the method, the step (or the tolerance) and operating points. A run is *good* if it finished and its
 output lies within `limit` of the reference of its operating point, *refused* if it did not finish, and *wrong* if it
-finished with another number: a failure that no check detected. The reference is found in the same cube: the finest runs
+finished with another number: a failure that no check detected. The reference is in the same cube: the finest runs
 of two methods that agree best (of one method, where it is alone, its two finest).
 
 The border is predicted from the rates of the reference run (`mechanics.checks.linearisation`):

@@ -10,7 +10,7 @@ from tripod_doe.analyses.surrogate.what_if_page import WhatIfPage, what_if_pages
 from tripod_doe.report.charts.chart import COLOURS, LINES, Chart, drawing, legend_above
 from tripod_doe.report.responses import spoken
 
-_SHOWN = 6  # factors that a picture can tell apart
+_SHOWN = 6  # factors in one picture
 
 
 def surrogate_charts(result: xr.Dataset, name: str) -> list[Chart]:
@@ -24,7 +24,7 @@ def surrogate_charts(result: xr.Dataset, name: str) -> list[Chart]:
 
 def _course_chart(key: str, page: WhatIfPage, position: int) -> Chart:
     quantity = page.quantities[position]
-    numeric = [name for name, told in page.surrogate.factors.items() if "words" not in told]
+    numeric = [name for name, factor in page.surrogate.factors.items() if "words" not in factor]
     courses = {name: page.along(name) for name in numeric}
     spans = sorted(numeric, key=lambda name: -float(np.ptp(courses[name][1][:, position])))[:_SHOWN]
     rows = []

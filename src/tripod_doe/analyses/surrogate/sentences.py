@@ -29,25 +29,25 @@ def find_in_surrogate(result: xr.Dataset, name: str) -> list[str]:
         error = with_unit(number(float(part["error_rms"]), 2), unit)
         largest = with_unit(number(float(part["error_largest"]), 2), unit)
         share = 100 * float(part["predicted_part"])
-        told = "more than 99.9 %" if share > _NEARLY_ALL else f"{number(share)} %" if share > 0 else "nothing"
+        text = "more than 99.9 %" if share > _NEARLY_ALL else f"{number(share)} %" if share > 0 else "nothing"
         sentences.append(
             f"Surrogate of {what} ({kind}): error {error} (root mean square) and at most {largest} at points that it "
-            f"was not fitted to; it predicts {told} of the variance (analysis {name})."
+            f"was not fitted to; it predicts {text} of the variance (analysis {name})."
         )
     return sentences + _quantiles(name, result)
 
 
 def _quantiles(name: str, result: xr.Dataset) -> list[str]:
     """The distribution of what the page shows, where the points follow distributions of independent factors."""
-    told = []
+    sentences = []
     for page in what_if_pages({name: result}):
         if not page.surrogate.sampled:
             continue
         for each, values in zip(page.quantities, page.drawn(), strict=True):
             low, middle, high = (number(float(value)) for value in np.quantile(values, (0.05, 0.5, 0.95)))
-            told.append(
+            sentences.append(
                 f"By the surrogate, not by a model: {each.label} below {with_unit(low, each.unit)} in 5 %, below "
                 f"{with_unit(middle, each.unit)} in 50 % and below {with_unit(high, each.unit)} in 95 % of the cases "
                 f"(analysis {name})."
             )
-    return told
+    return sentences

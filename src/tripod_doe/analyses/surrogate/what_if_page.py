@@ -46,8 +46,8 @@ class Quantity:
     def of(self, components: FloatArray) -> FloatArray:
         """The number from predicted components, shape (point, component) -> (point,)."""
         chosen = components[:, self.parts]
-        found: FloatArray = chosen[:, 0] if len(self.parts) == 1 else np.hypot(chosen[:, 0], chosen[:, 1])
-        return found
+        number: FloatArray = chosen[:, 0] if len(self.parts) == 1 else np.hypot(chosen[:, 0], chosen[:, 1])
+        return number
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class WhatIfPage:
     def start(self) -> dict[str, float | str]:
         """The values of the factors with which the page begins: means, as one would set them, and the first words."""
         factors = self.surrogate.factors
-        return {name: told["words"][0] if "words" in told else _rounded(told) for name, told in factors.items()}
+        return {name: factor["words"][0] if "words" in factor else _rounded(factor) for name, factor in factors.items()}
 
     def at(self, **values: float | str) -> list[tuple[float, float]]:
         """Each quantity with half its band, for some values of the factors."""
@@ -76,8 +76,8 @@ class WhatIfPage:
 
     def along(self, factor: str) -> tuple[FloatArray, FloatArray]:
         """Values of a numeric factor, and each quantity over them with the others at the start, (value, quantity)."""
-        told = self.surrogate.factors[factor]
-        values = np.linspace(told["low"], told["high"], _STEPS)
+        values_of = self.surrogate.factors[factor]
+        values = np.linspace(values_of["low"], values_of["high"], _STEPS)
         places = np.concatenate([self.surrogate.encoded(**{**self.start, factor: value}) for value in values])
         components = self.surrogate.surrogates.predict(places)
         return values, np.stack([each.of(components) for each in self.quantities], axis=1)
@@ -93,15 +93,15 @@ class WhatIfPage:
     @property
     def rows(self) -> list[tuple[str, str, str]]:
         """The table that stands on the page before anything is moved, and on paper."""
-        told = zip(self.quantities, self.at(**self.start), strict=True)
-        return [(each.label, interval(value, half), each.unit) for each, (value, half) in told]
+        answers = zip(self.quantities, self.at(**self.start), strict=True)
+        return [(each.label, interval(value, half), each.unit) for each, (value, half) in answers]
 
     @property
     def settings(self) -> list[tuple[str, dict[str, Any]]]:
         """The factors in words, with their ranges."""
         return [
-            (name, {**told, "label": spoken(name), "unit": unit_text(told["unit"]), "start": self.start[name]})
-            for name, told in self.surrogate.factors.items()
+            (name, {**factor, "label": spoken(name), "unit": unit_text(factor["unit"]), "start": self.start[name]})
+            for name, factor in self.surrogate.factors.items()
         ]
 
     @property
@@ -121,7 +121,7 @@ class WhatIfPage:
     def payload(self) -> Markup:
         """All numbers as JSON: arrays as base64 of their bytes, those that are only shown in single precision."""
         surrogate, waves = self.surrogate, self.waves
-        told: dict[str, Any] = {
+        content: dict[str, Any] = {
             "inputs": [_input(each) for each in surrogate.inputs],
             "factors": dict(self.settings),
             "start": self.start,
@@ -142,11 +142,11 @@ class WhatIfPage:
             ],
         }
         for name in ("coefficients", "centres", "weights", "lengths"):
-            told[name] = _bytes(getattr(surrogate.surrogates, name), np.float64)
-        told["places"] = _bytes(surrogate.places, np.float64)
+            content[name] = _bytes(getattr(surrogate.surrogates, name), np.float64)
+        content["places"] = _bytes(surrogate.places, np.float64)
         if waves:
             factor, largest = _wave_band(surrogate, waves)
-            told["wave"] = {
+            content["wave"] = {
                 "orders": waves,
                 "factor": factor,
                 "largest": largest,
@@ -154,17 +154,17 @@ class WhatIfPage:
                 "values": _bytes(surrogate.values, np.float32),
                 "errors": _bytes(surrogate.surrogates.errors, np.float32),
             }
-        return Markup(json.dumps(told).replace("</", "<\\/"))
+        return Markup(json.dumps(content).replace("</", "<\\/"))
 
 
 def what_if_pages(analyses: Mapping[str, xr.Dataset]) -> list[WhatIfPage]:
     """One for each surrogate that can be asked."""
-    found = []
+    pages = []
     for name, result in of_kind(analyses, "surrogate").items():
         surrogate = read_what_if(result)
         if surrogate is not None:
-            found.append(WhatIfPage(name, surrogate, _quantities(surrogate)))
-    return found
+            pages.append(WhatIfPage(name, surrogate, _quantities(surrogate)))
+    return pages
 
 
 def _input(each: Input) -> dict[str, Any]:
@@ -201,14 +201,14 @@ def _quantities(surrogate: WhatIf) -> list[Quantity]:
         large = np.sort(large[np.argsort(-sizes[large] - 1e9 * np.array(asked)[large], kind="stable")][:_MOST])
         choice = [((int(at), int(at) + count), _order_label(orders[at]), components[at].unit) for at in large]
     near = _nearest(surrogate.places, surrogate.places, itself=True)
-    found = []
+    quantities = []
     for parts, label, unit in choice:
         plain = Quantity(label, unit_text(unit), parts, values[:, 0], values[:, 0], 1.0)
         known = plain.of(values)
         error = plain.of(values + errors) - known
         local = np.sqrt((error[near] ** 2).mean(axis=1))
-        found.append(Quantity(label, unit_text(unit), parts, known, error, _factor(np.abs(error), local)))
-    return found
+        quantities.append(Quantity(label, unit_text(unit), parts, known, error, _factor(np.abs(error), local)))
+    return quantities
 
 
 def _order_label(order: int | None) -> str:

@@ -50,8 +50,8 @@ def quantile_chart(key: str, name: str, what: str, part: xr.Dataset, unit: str) 
         legend_above(axes, 2)
     chance = f" {number(100 * float(part['exceedance']), 2)} % exceed the limit." if limited else ""
     level = f"{100 * float(part.attrs['confidence_level']):g} %"
-    told = f"Share of the joints in which {what} stays below a value, with {level} intervals (analysis {name})."
-    return Chart(key, f"Distribution of {what}", told + chance, figure, data)
+    text = f"Share of the joints in which {what} stays below a value, with {level} intervals (analysis {name})."
+    return Chart(key, f"Distribution of {what}", text + chance, figure, data)
 
 
 def _with_curve(asked: pd.DataFrame, part: xr.Dataset) -> pd.DataFrame:

@@ -54,7 +54,7 @@ def _exceedance(what: str, part: xr.Dataset, unit: str) -> list[str]:
 
 
 def _gains(what: str, part: xr.Dataset, unit: str) -> list[str]:
-    """Which scatter to halve first: only gains that their intervals tell from none."""
+    """Which scatter to halve first: only gains that exceed their intervals."""
     rows = zip(
         map(str, part["factor"].values),
         part["gain_of_halving"].values,

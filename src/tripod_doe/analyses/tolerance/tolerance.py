@@ -55,10 +55,10 @@ def _quantiles(values: FloatArray, probabilities: list[float], confidence: float
     low = stats.binom.ppf(outside, count, probabilities).astype(int) - 1
     high = stats.binom.ppf(1 - outside, count, probabilities).astype(int)
     inside_low, inside_high = low >= 0, high < count  # beyond the sample nothing bounds the quantile
-    found = np.quantile(ordered, [*probabilities, *SHARES], axis=0, method="median_unbiased")
+    answers = np.quantile(ordered, [*probabilities, *SHARES], axis=0, method="median_unbiased")
     return {
-        "quantile": found[: len(probabilities)],
-        "distribution": found[len(probabilities) :],
+        "quantile": answers[: len(probabilities)],
+        "distribution": answers[len(probabilities) :],
         "quantile_low": np.where(inside_low[:, None], ordered[np.maximum(low, 0)], np.nan),
         "quantile_high": np.where(inside_high[:, None], ordered[np.minimum(high, count - 1)], np.nan),
     }
@@ -69,12 +69,12 @@ def _exceedance(values: FloatArray, limit: FloatArray, confidence: float) -> dic
     from scipy import stats
 
     above = (values > limit).sum(axis=0)
-    found = np.full((3, limit.size), np.nan)
+    answers = np.full((3, limit.size), np.nan)
     for at in np.flatnonzero(np.isfinite(limit)):
         test = stats.binomtest(int(above[at]), len(values))
         inside = test.proportion_ci(confidence, method="wilson")
-        found[:, at] = test.statistic, inside.low, inside.high
-    return {"exceedance": found[0], "exceedance_low": found[1], "exceedance_high": found[2]}
+        answers[:, at] = test.statistic, inside.low, inside.high
+    return {"exceedance": answers[0], "exceedance_low": answers[1], "exceedance_high": answers[2]}
 
 
 def _halved_weights(sample: Sample) -> FloatArray:
@@ -119,10 +119,10 @@ def _gains(
 
 def _limits(limits: Mapping[str, float], table: OutputTable) -> FloatArray:
     """The limit of each component of an output, NaN where there is none."""
-    found = np.full(table.values.shape[1], np.nan)
+    answers = np.full(table.values.shape[1], np.nan)
     for key, value in limits.items():
-        found[table.named(key)] = value
-    return found
+        answers[table.named(key)] = value
+    return answers
 
 
 def _check_limits(limits: Mapping[str, float], tables: list[OutputTable]) -> None:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # matplotlib is imported when something is drawn
 
 INK, MUTED = "#1d2733", "#5c6875"
 ON_LIGHT, ON_DARK = "#1b2430", "#fdfefe"
-"""Ink on cells whose shade tells a number: it stays as it is when a page turns dark."""
+"""Ink on cells whose shade shows a number: it stays as it is when a page turns dark."""
 COLOURS = ("#0b5394", "#c4501b", "#2c7a4b", "#7a4a9e", "#8a6d00", "#3d4852")
 LINES = ("-", "--", "-.", ":", (0, (6, 2, 1, 2, 1, 2)), (0, (1, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "P")
@@ -164,13 +164,13 @@ def _inline(svg: str) -> str:
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     svg = re.sub(r"<style type=\"text/css\">.*?</style>", "", svg, flags=re.DOTALL)  # it would style the whole page
     used = set(re.findall(r"#([A-Za-z][\w-]*)", svg))
-    svg = re.sub(r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
+    svg = re.sub(r' id="([^"]*)"', lambda match: match[0] if match[1] in used else "", svg)
     return re.sub(r"#[0-9a-f]{6}\b(?=[;\"])", _variable, svg.strip())
 
 
-def _variable(found: re.Match[str]) -> str:
+def _variable(match: re.Match[str]) -> str:
     """A colour that follows the page's; a file of its own, without style sheet, keeps the light one."""
-    return f"var(--{VARIABLES[found[0]]}, {found[0]})" if found[0] in VARIABLES else found[0]
+    return f"var(--{VARIABLES[match[0]]}, {match[0]})" if match[0] in VARIABLES else match[0]
 
 
 @contextmanager
@@ -202,7 +202,7 @@ def panels(count: int, columns: int, width: float, height: float) -> Iterator[tu
 def factor_ticks(axes: Axes, levels: NDArray[Any]) -> None:
     """Ticks of a factor along the bottom: its own values, ascending, where they are few, else about five round ones."""
     if levels.size <= _OWN_TICKS:
-        axes.set_xticks(levels, [told.replace("-", "\N{MINUS SIGN}") for told in levels_apart(levels)])
+        axes.set_xticks(levels, [texts.replace("-", "\N{MINUS SIGN}") for texts in levels_apart(levels)])
         axes.set_xticks(levels, _labels_apart(axes, levels))
     else:
         from matplotlib.ticker import MaxNLocator
@@ -214,17 +214,17 @@ def _labels_apart(axes: Axes, levels: NDArray[Any]) -> list[str]:
     """The labels of ticks at these levels; one that would lie on another is put on a line further down."""
     low, high = axes.get_xlim()
     places = (levels - low) / (high - low) * axes.get_window_extent().width
-    told, ends = [], list[float]()  # where the next label of each line may start
+    texts, ends = [], list[float]()  # where the next label of each line may start
     for place, label in zip(places, axes.get_xticklabels(), strict=True):
         width = label.get_window_extent().width
         line = next((at for at, end in enumerate(ends) if place - width / 2 >= end), len(ends))
         ends[line : line + 1] = [place + width / 2 + _LABEL_GAP]
-        told.append("\n" * line + label.get_text())
-    return told
+        texts.append("\n" * line + label.get_text())
+    return texts
 
 
 def legend_above(axes: Axes, columns: int, title: str | None = None) -> None:
-    """Put the legend above the axes, where it hides no data, in fewer columns where so many are too wide."""
+    """Put the legend above the axes, where it hides no data, in fewer columns where these are too wide."""
     figure = axes.get_figure(root=True)
     assert figure is not None
     for fewer in range(columns, 0, -1):

@@ -18,12 +18,12 @@ _FAILED = "#8b96a3"
 def outcome_charts(cube: xr.Dataset) -> list[Chart]:
     """One chart per numeric factor, the others at their first values; cells show the first response or the outcome."""
     words = [name for name in factor_names(cube) if cube[name].dtype.kind not in "fiu"]
-    told = responses(cube)
-    if len(words) != 1 or not told:
+    shown = responses(cube)
+    if len(words) != 1 or not shown:
         return []
     table = pd.DataFrame(
         {name: xr.broadcast(cube["outcome"], cube[name])[1].values.ravel() for name in factor_names(cube)}
-        | {"outcome": cube["outcome"].values.ravel(), told[0].key: told[0].values.values.ravel()}
+        | {"outcome": cube["outcome"].values.ravel(), shown[0].key: shown[0].values.values.ravel()}
     )
     numeric = numeric_factors(cube)
     base = table.iloc[0]
@@ -31,7 +31,7 @@ def outcome_charts(cube: xr.Dataset) -> list[Chart]:
     for factor in numeric:
         others = [name for name in numeric if name != factor]
         part = table[np.all([table[name] == base[name] for name in others], axis=0)] if others else table
-        charts.append(_chart(cube, part[[words[0], factor, "outcome", told[0].key]], told[0].axis))
+        charts.append(_chart(cube, part[[words[0], factor, "outcome", shown[0].key]], shown[0].axis))
     return charts
 
 

@@ -34,11 +34,11 @@ def first_points(cube: xr.Dataset) -> list[xr.Dataset]:
 def point_label(cube: xr.Dataset, point: xr.Dataset) -> str:
     """The factors of a point that vary, as text; the skews of the three trunnions are one of them."""
     names = [name for name in factor_names(cube) if np.unique(cube[name].values).size > 1]
-    told = []
+    text = []
     if skews := [point[name].item() for name in names if name in SKEWS]:
-        told.append(f"skew {', '.join(level(skew) for skew in skews)} deg")
-    told += [f"{factor_label(cube, name)} {_level(point[name].item())}" for name in names if name not in SKEWS]
-    return "; ".join(told)
+        text.append(f"skew {', '.join(level(skew) for skew in skews)} deg")
+    text += [f"{factor_label(cube, name)} {_level(point[name].item())}" for name in names if name not in SKEWS]
+    return "; ".join(text)
 
 
 def _level(value: object) -> str:
@@ -163,12 +163,12 @@ def spectrum_of_all(cube: xr.Dataset) -> Chart | None:
         axes.set_xlabel("rotating order (-)")
         axes.set_ylabel("amplitude of the thrust force (N)")
         legend_above(axes, 2)
-    told = "; ".join(
+    text = "; ".join(
         f"{point_label(cube, point)}: second {_newton(point, 2)}, fourth {_newton(point, 4)}" for point in points
     )
     caption = (
         f"Amplitudes of the rotating orders at each point; the logarithmic axis starts at {_FLOOR:g} times the "
-        f"largest. Orders of the beat: {told}."
+        f"largest. Orders of the beat: {text}."
     )
     return Chart("spectrum", "Orders at each point", caption, figure, data)
 

@@ -36,9 +36,9 @@ def mark_points(figure: Figure) -> dict[str, list[str]]:
     """
     texts: dict[str, list[str]] = {}
 
-    def mark(artist: Artist, told: list[str]) -> None:
+    def mark(artist: Artist, titles: list[str]) -> None:
         artist.set_gid(f"{_MARK}-{len(texts)}")
-        texts[f"{_MARK}-{len(texts)}"] = told
+        texts[f"{_MARK}-{len(texts)}"] = titles
 
     for axes in figure.axes:
         scales = [_Scale(axes.xaxis), _Scale(axes.yaxis)]
@@ -64,7 +64,7 @@ class _Scale:
         ticks = zip(axis.get_ticklocs(), axis.get_ticklabels(), strict=False) if named else ()
         self.names = {float(place): text.get_text() for place, text in ticks}
 
-    def told(self, value: float) -> str:
+    def text(self, value: float) -> str:
         """A value with the label of the axis."""
         text = self.names.get(float(value)) or number(float(value))
         return f"{self.label}: {text}" if self.label else text
@@ -73,26 +73,26 @@ class _Scale:
 def _told(scales: list[_Scale], series: object, place: list[float]) -> str:
     """Both coordinates, after the name of the series if it has one."""
     name = [] if str(series).startswith("_") else [str(series)]
-    return "; ".join(name + [scale.told(value) for scale, value in zip(scales, place, strict=True)])
+    return "; ".join(name + [scale.text(value) for scale, value in zip(scales, place, strict=True)])
 
 
 def add_tooltips(svg: str, texts: dict[str, list[str]]) -> str:
     """Put the texts into the SVG that was drawn; a line or bar of which some points are not drawn gets none."""
-    for name, told in texts.items():
+    for name, titles in texts.items():
         start = svg.find(f'<g id="{name}"')
         end = svg.find("<g id=", start + 1)
         if 0 <= start < end:
             defined, mark, drawn = svg[start:end].rpartition("</defs>")  # markers are defined once and used
-            drawn = _titled(drawn, told, "use" if mark else "path")
+            drawn = _titled(drawn, titles, "use" if mark else "path")
             svg = svg[:start] + defined + mark + drawn + svg[end:]
     return svg
 
 
-def _titled(drawn: str, told: list[str], shape: str) -> str:
+def _titled(drawn: str, titles: list[str], shape: str) -> str:
     """Give each of these shapes its text, if there are as many of both."""
-    if len(re.findall(f"<{shape} [^>]*/>", drawn)) != len(told):
+    if len(re.findall(f"<{shape} [^>]*/>", drawn)) != len(titles):
         return drawn
-    left: Iterator[str] = iter(told)
+    left: Iterator[str] = iter(titles)
     return re.sub(
-        f"<{shape} ([^>]*)/>", lambda found: f"<{shape} {found[1]}><title>{escape(next(left))}</title></{shape}>", drawn
+        f"<{shape} ([^>]*)/>", lambda match: f"<{shape} {match[1]}><title>{escape(next(left))}</title></{shape}>", drawn
     )
