@@ -1,4 +1,4 @@
-"""Which orders of the thrust a run must give how accurately."""
+"""Accuracy that a run must reach, by order of the thrust."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ SMALLEST_THIRD = 2e-3
 
 @dataclass(frozen=True)
 class Goal:
-    """Which orders of the thrust must be how accurate."""
+    """Allowed errors of the orders of the thrust."""
 
     orders: Mapping[int, float]  # allowed relative error by order
     floor: float = 0.01  # share of the largest order: an order that is smaller counts as one of this size
 
     @classmethod
     def of(cls, demands: Demands) -> Goal:
-        """What a study asks for."""
+        """Take the accuracy that a study asks for."""
         return cls({each.label: each.allowed for each in demands.quantities if each.label is not None}, demands.floor)
 
     def sizes(self, amplitudes: FloatArray, values: JointValues[float]) -> FloatArray:
-        """What errors are relative to, for orders of these amplitudes; shape (order,)."""
+        """Sizes that errors are relative to, for orders of these amplitudes; shape (order,)."""
         least = SMALLEST_THIRD * abs(values.torque) / values.pitch_radius
         sizes: FloatArray = np.maximum(amplitudes, self.floor * max(float(amplitudes[1:].max()), least))
         sizes[3] = max(sizes[3], least)
         return sizes
 
     def allowed(self, amplitudes: FloatArray, values: JointValues[float]) -> FloatArray:
-        """Errors that orders of these amplitudes may have, infinite where nothing is asked for; shape (order,)."""
+        """Allowed errors of orders of these amplitudes, infinite where nothing is asked for; shape (order,)."""
         errors, sizes = np.full(ORDERS.size, math.inf), self.sizes(amplitudes, values)
         for order, share in self.orders.items():
             errors[order] = share * sizes[order]

@@ -1,4 +1,4 @@
-"""The candidates that a study with model = "auto" may choose from, from the cheapest to the finest, and what they cost.
+"""Candidates for a study with model = "auto", from the cheapest to the finest, with their costs.
 
 Between `rollers` and the full `needles` stand nine needles so thick that they fill the ring, of three spheres: a third
 of the cost, and mostly within half a percent of the full third order above 6 deg; nine thin needles cost more and are

@@ -1,4 +1,4 @@
-"""The four models by name: what each can represent, which numerics it uses, and how it simulates a block."""
+"""The four models by name: parameters they represent, numerics they use, and how they simulate a block."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ _SPIN_OPEN = (
     "groove sliding is off, so no thrust is transmitted; the spin of the rollers did not converge, and the friction "
     "power is not known"
 )
-_NEEDLES_KEPT = "the balance did not converge with needles that move: this is that of needles that keep their skew"
-_UPRIGHT = "the balance did not converge with rollers that yaw on their needles: this is that of rollers that do not"
+_NEEDLES_KEPT = "the balance did not converge with moving needles: solved with needles that keep their skew"
+_UPRIGHT = "the balance did not converge with rollers that yaw on their needles: solved without roller yaw"
 _RATES = tuple(output.name for output in RATE_OUTPUTS)
 _SKEWS = ("needle_skew_deg", "needle_skew_summary_deg")
 
@@ -97,7 +97,7 @@ def _simulate_balance(
 
 
 def _left_by_tolerance(points: JointValues[FloatArray], solution: Equilibrium) -> FloatArray:
-    """Friction power, over the transmitted power, that forces solved to the tolerance of a point may leave open."""
+    """Share of the transmitted power that the balance may miss by the tolerance of a point."""
     transmitted = np.maximum(np.abs(points.torque * points.speed), np.finfo(float).tiny)
     left: FloatArray = points.relative_tolerance * solution.friction_power.sum(axis=1) / transmitted
     return left
@@ -111,7 +111,7 @@ def _balance_chunk(
     keep: Collection[str],
 ) -> BlockResult:
     solution = solve(points, samples)
-    straight = points.joint_angle == 0  # nothing slides or rolls: what there is of a thrust, the iteration left
+    straight = points.joint_angle == 0  # nothing slides or rolls: any thrust is a residue of the iteration
     solution.groove_thrust[straight] = solution.thrust_parts[straight] = 0.0
     outputs = thrust_outputs(solution.groove_thrust[:, None], keep)
     if not set(PART_OUTPUTS).isdisjoint(keep):
@@ -119,7 +119,7 @@ def _balance_chunk(
     if solution.needle_skew is not None:
         outputs |= skew_outputs(np.degrees(solution.needle_skew), samples)
     in_groove = np.cbrt(np.maximum(solution.largest_normal_force, 0) / points.groove_stiffness) ** 2  # Eq. 2
-    # Without sliding friction in the groove nothing passes thrust: it is zero, whatever way the rollers turn.
+    # without sliding friction in the groove there is no thrust, however the rollers turn
     spin_open = ~solution.settled & (points.groove_sliding_friction == 0)
     solution.friction_power[spin_open] = solution.energy_residual[spin_open] = np.nan
     outputs |= {

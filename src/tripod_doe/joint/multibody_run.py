@@ -4,10 +4,10 @@ A run follows `cycles` revolutions from the balanced start; the last two are sam
 that is asked for (`refinement`). With a given tolerance or step the last revolution is run again in finer steps
 instead, for the numerical error (`numerical_error`).
 
-Halving steps cannot show what all affordable steps damp: many joints vibrate by themselves. So it is asked first
-whether a joint does (`vibration.onset`). If so, runs by the models' own method are followed with the vibration, and
-others are compared with that (`vibration.answer`). So are `rollers` that come to no result otherwise: some vibrate only
-after a kick, as their start is one.
+Halving steps cannot reveal motions that all affordable steps damp: many joints vibrate by themselves. So each joint is
+tested for that first (`vibration.onset`). If one vibrates, runs by the models' own method follow the vibration, and
+others are compared with it (`vibration.answer`). So do `rollers` without a result otherwise: some vibrate only after a
+kick, such as their start.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ _DAMPS = "adaptive-euler"
 """The models' own method, which damps vibrations."""
 
 _DIES_OUT = Growth(1.0, 0.0, 0.0)
-"""Of departures from a motion that a kick may leave all the same, for one that lasts."""
+"""Growth of departures from a stable motion that a kick may still disturb."""
 
 _RATE_STATES = 12
 """States of a third of a revolution at which a run is linearised."""
@@ -92,8 +92,8 @@ def run_joint(
     wanted
         Results to read off it.
     goal
-        What a run without a given tolerance or step is refined to; the accuracy of the third order among the values
-        unless given.
+        Accuracy to which a run without a given tolerance or step is refined; unless given, the accuracy of the third
+        order among the values.
     usual
         Tolerance or step that such a run begins with, by a method other than `adaptive-euler`.
     """
@@ -102,8 +102,8 @@ def run_joint(
     goal, samples = goal or Goal({3: values.accuracy}), wanted.samples
     settles = math.isnan(values.step) and math.isnan(values.relative_tolerance)
     lumped, vibrating = assemble(build_joint(values, needles=False)), None
-    if found := growing_vibration(values, lumped):
-        vibrating = _vibrating(values, found, wanted, goal)
+    if vibration := growing_vibration(values, lumped):
+        vibrating = _vibrating(values, vibration, wanted, goal)
         if settles and method == _DAMPS and (answer := vibrating.answer(needles)):
             return _with_rates(answer, vibrating.last_turn, values) if wanted.rates else answer
     assembly = assemble(build_joint(values, needles)) if needles else lumped
@@ -118,7 +118,8 @@ def run_joint(
         if wanted.rates:
             readings = replace(readings, rates=_rates(result, values, samples))
         thrust = readings.groove_thrust.sum(1)
-        small = (found.growth.factor, found.growth.rate, found.hertz) if found else (1.0, 0.0, 0.0)
+        growth = vibration.growth if vibration else _DIES_OUT
+        small = growth.factor, growth.rate, vibration.hertz if vibration else 0.0
         readings = replace(readings, vibration=VibrationReadings(*small, unrest(thrust[-1])))
         outcome, detail = judge(result, thrust, motion.missed, values)
         if outcome == Outcome.FINISHED and vibrating:
@@ -148,12 +149,12 @@ def run_joint(
 
 
 def _may_be_kicked(motion: Motion, vibrating: VibratingJoint | None) -> bool:
-    """Whether what a motion misses may be a vibration that its start has kicked off: it does not repeat."""
+    """Whether the start may have kicked off a vibration: the motion misses its accuracy and does not repeat."""
     return not motion.swings and bool(vibrating or not motion.missed or not motion.repeats)
 
 
 def _vibrating(values: JointValues[float], vibration: Vibration, wanted: Wanted, goal: Goal) -> VibratingJoint:
-    """A joint that vibrates, to be followed as accurately as a goal asks for."""
+    """Prepare a vibrating joint to be followed as accurately as a goal asks for."""
     limits, allowed = run_limits(values, 1, _DAMPS), partial(goal.allowed, values=values)
     return VibratingJoint(values, vibration, wanted, limits, allowed)
 
@@ -225,14 +226,14 @@ def follow(
 
 
 def _rates(result: Run, values: JointValues[float], samples: int) -> Rates:
-    """What limits the step in the last third of a revolution, after which it repeats; the pace is the third order's."""
+    """Rates that limit the step in the last third of a revolution, after which it repeats, at the pace of order 3."""
     chosen = np.unique(np.linspace(-1 - samples // 3, -1, _RATE_STATES, endpoint=False).round().astype(int))
     states = [State(float(result.times[k]), result.positions[k], result.velocities[k]) for k in chosen]
     return fastest_rates(result.assembly, states, pace=3 * values.speed)
 
 
 def _with_rates(answer: JointRun, turn: Run | None, values: JointValues[float]) -> JointRun:
-    """The answer of a joint that vibrates, with what limits the step in its last revolution."""
+    """Add the rates that limit the step in the last revolution to the answer of a vibrating joint."""
     if answer.readings is None or turn is None:
         return answer
     return replace(answer, readings=replace(answer.readings, rates=_rates(turn, values, turn.times.size - 1)))
@@ -243,14 +244,14 @@ def _states(result: Run) -> tuple[FloatArray, FloatArray]:
 
 
 def run_limits(values: JointValues[float], cycles: float, method: str) -> Limits:
-    """What a run of so many revolutions may show."""
+    """Bounds for a run of some revolutions."""
     transmitted = abs(values.torque) * 2 * math.pi * cycles
     energy = _EXPLICIT_ENERGY if method_named(method).explicit else _LIMITS.energy
     return replace(_LIMITS, energy=energy, turned_over=_TURNED_OVER * transmitted)
 
 
 def _read(assembly: Assembly, motion: Motion, values: JointValues[float], wanted: Wanted) -> Readings:
-    """Everything that is read off the sampled revolutions of a motion."""
+    """Read all results off the sampled revolutions of a motion."""
     result, count, samples = motion.result, motion.sampled, wanted.samples
     times, positions, velocities = (
         x[-count * samples - 1 :] for x in (result.times, result.positions, result.velocities)
@@ -276,7 +277,7 @@ def _read(assembly: Assembly, motion: Motion, values: JointValues[float], wanted
 
 
 def _by_revolution(signals: FloatArray, count: int) -> FloatArray:
-    """Signals over so many revolutions, (signal, sample) -> (revolution, signal, sample)."""
+    """Split signals by revolution: (signal, sample) -> (revolution, signal, sample)."""
     revolutions: FloatArray = np.moveaxis(signals.reshape(len(signals), count, -1), 1, 0)
     return revolutions
 
@@ -292,7 +293,7 @@ def compile_joint(values: JointValues[float], method: str) -> None:
 
 
 def _out_of_range(values: JointValues[float]) -> str:
-    """Why the motion of this operating point has no thrust orders to be read off, or nothing."""
+    """Reason why this operating point has no thrust orders; empty if it has."""
     if values.torque == 0:
         return "without torque no force presses the rollers into their grooves; set torque_n_m or use model equilibrium"
     return ""

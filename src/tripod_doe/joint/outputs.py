@@ -250,8 +250,8 @@ def part_outputs(thrust_parts: FloatArray, keep: Collection[str]) -> dict[str, F
     dict of ndarray
         Every output by name, its first axis the point.
     """
-    found = amplitude_and_phase(complex_amplitudes(thrust_parts).mean(axis=1))
-    return {name: data for name, data in zip(PART_OUTPUTS, found, strict=True) if name in keep}
+    orders = amplitude_and_phase(complex_amplitudes(thrust_parts).mean(axis=1))
+    return {name: data for name, data in zip(PART_OUTPUTS, orders, strict=True) if name in keep}
 
 
 def skew_outputs(skew: FloatArray, samples: int) -> dict[str, FloatArray]:

@@ -51,7 +51,7 @@ class JointSimulator(Simulator):
     goal: Goal | None = None
 
     def refined_to(self, demands: Demands) -> JointSimulator:
-        """The joint whose runs are refined until the orders that a study names are as accurate as it asks."""
+        """Make a simulator whose runs are refined to the accuracy that a study asks of the orders it names."""
         for demand in demands.quantities:
             if demand.output != "thrust_amplitude" or demand.label is None:
                 raise InputError(f"[accuracy]: {demand.name}: runs are refined to orders of thrust_amplitude")
@@ -108,21 +108,21 @@ class JointSimulator(Simulator):
 
     def recorded_errors(self, points: Mapping[str, NDArray[Any]], demands: Demands) -> FloatArray | None:
         """Errors of the second and third order against `needles` at measured points like these."""
-        found: FloatArray | None = None
+        similar: FloatArray | None = None
         for model, rows, own in _by_model(points):
             errors = similar_errors(model.name, own, demands)
             if errors is None:
                 return None
-            if found is None:
-                found = np.full((len(points["model"]), *errors.shape[1:]), np.nan)
-            found[rows] = errors
-        return found
+            if similar is None:
+                similar = np.full((len(points["model"]), *errors.shape[1:]), np.nan)
+            similar[rows] = errors
+        return similar
 
     def describe_model(self, model: str) -> dict[str, Any]:
-        """What a model ignores and where it holds, as plain data."""
-        found = models.MODELS[model]
+        """Parameters that a model ignores and the ranges in which it holds, as plain data."""
+        described = models.MODELS[model]
         return {
-            "ignores": sorted(found.ignores),
+            "ignores": sorted(described.ignores),
             "holds": [
                 {
                     "quantity": valid.quantity,
@@ -132,7 +132,7 @@ class JointSimulator(Simulator):
                     "meaning": valid.meaning or self.parameters[valid.quantity].meaning,
                     "reason": valid.reason,
                 }
-                for valid in found.valid
+                for valid in described.valid
             ],
         }
 
@@ -148,17 +148,17 @@ class JointSimulator(Simulator):
 
     def foreseen(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[int, Outcome, str]]:
         """Points that are not run: parts that do not fit or slide, a method or numerics that a model does not have."""
-        found: list[tuple[int, Outcome, str]] = []
+        endings: list[tuple[int, Outcome, str]] = []
         for (name, method, _, _), chosen in self._kinds(points):
             model = models.MODELS[name]
             if method not in model.methods:
                 text = f"method {method} is not one of {model.name}"
-                found += [(int(position), Outcome.NOT_APPLICABLE, text) for position in chosen]
+                endings += [(int(position), Outcome.NOT_APPLICABLE, text) for position in chosen]
                 continue
             columns = _of_rows(points, chosen)
             refused = _refused(model, method, columns, _values(model, method, columns))
-            found += [(int(chosen[row]), *why) for row, why in refused.items()]
-        return found
+            endings += [(int(chosen[row]), *why) for row, why in refused.items()]
+        return endings
 
     def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
         """Simulate a block of points, those of one model, method and number of samples together."""

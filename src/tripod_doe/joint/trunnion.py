@@ -83,7 +83,7 @@ class TrunnionSimulator(SceneSimulator):
 
     def foreseen(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[int, Outcome, str]]:
         """Points whose numerics are not used, whose parts do not fit or slide, or without torque."""
-        found = {i: (outcome, reason) for i, outcome, reason in super().foreseen(points)}
+        refused = {i: (outcome, reason) for i, outcome, reason in super().foreseen(points)}
         count = len(points["method"])
         defaults = {name: parameter.column([parameter.default] * count) for name, parameter in JOINT_PARAMETERS.items()}
         values = internal_values({**defaults, **points})
@@ -91,7 +91,7 @@ class TrunnionSimulator(SceneSimulator):
             int(i): (Outcome.OUT_OF_RANGE, "without torque a trunnion has no thrust orders; set torque_n_m")
             for i in np.flatnonzero(values.torque == 0)
         }
-        return [(i, *why) for i, why in sorted((without_torque | infeasible(values) | found).items())]
+        return [(i, *why) for i, why in sorted((without_torque | infeasible(values) | refused).items())]
 
     def compile(self, model: str, method: str) -> None:
         """Compile what a run needs, by a step of a joint without needle bodies."""

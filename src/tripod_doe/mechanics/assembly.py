@@ -67,7 +67,7 @@ class Assembly:
         return State(0.0, positions, velocities)
 
     def work(self, traced: int = 0) -> Work:
-        """Memory for one run, which may keep the states after so many steps."""
+        """Memory for one run, with room for the states after a number of steps."""
         bodies, rows, zeros = len(self.names), self.tables.rows.size, _aligned_zeros
         groups = int(self.tables.contacts["groups"].sum())
         blocks = max(self.tables.pattern.row.size, 1)

@@ -1,13 +1,14 @@
-"""One run of a scene: integrate, sample, and let the run check itself; it ends in an outcome, never in a silent number.
+"""One run of a scene: integrate, sample and check it. A run ends in an outcome, never in a silent wrong number.
 
-What decides an outcome, and where the limits come from
+What decides an outcome, and the reasons for the limits
 -------------------------------------------------------
 energy
     Change of energy against work put in and lost. An explicit step beyond the friction limit chatters: the power mu f
-    |v| at its sampled velocities is not the work it does. A ball comes back as much too low as energy is missing.
+    |v| at its sampled velocities is not the work it does. A bouncing ball returns too low by the energy that is
+    missing.
 slip reversals
-    A slip that reverses from step to step is chatter, not motion: on that part of the slip path it is unknown where
-    friction points. Rolling leaves a slip that reverses over next to no path.
+    A slip that reverses from step to step is chatter: the direction of friction is unknown on that part of the slip
+    path. Rolling reverses its slip, too, but over hardly any path.
 halved step
     The run, or windows of it, is run again with half the step (or a tenth of the tolerance): `step_halving`. The error
     that follows from the difference by the method's order must stay within `Limits.error` of the slip path (of the
@@ -51,7 +52,7 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Limits:
-    """What a run may show and still be called finished."""
+    """Bounds within which a run counts as finished."""
 
     # energy residual over the work lost and the energy turned over. A height is off by that share, and by what the sum
     # of powers hides: hence below the twentieth that nothing may be off by.
@@ -76,7 +77,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Run:
-    """What became of a run."""
+    """The result of a run: outcome, states, checked quantities, counted work."""
 
     assembly: Assembly  # what was run
     # outcome, detail: how it ended, and if not well then why, when and at which body
@@ -89,7 +90,7 @@ class Run:
     velocities: FloatArray
     work: FloatArray  # time integrals of the power put in and of that lost by sliding, spinning, rolling and damping
     # energy_residual, reversals, disagreement, penetration, drift: the quantities that `Limits` bounds, NaN where they
-    # were not found; of the error, the difference to half the steps that it follows from
+    # are not known; in place of the error, the difference to half the steps, from which it follows
     energy_residual: float
     reversals: float
     disagreement: float
@@ -119,7 +120,7 @@ def method_named(name: str) -> Method:
 
 @dataclass
 class _Checks:
-    """What was found when a run was looked over."""
+    """The first failure of a run and its deepest penetration, collected check by check."""
 
     failure: tuple[Outcome, str] | None = None
     penetration: float = 0.0
@@ -159,11 +160,11 @@ def run(
     settings
         Numerics.
     limits
-        What may be called finished.
+        Bounds within which it counts as finished.
     start
         State to go on from, at its own time; that of the scene unless given.
     every_step
-        Whether the states after all steps are wanted in place of samples. A method that controls its steps cuts them at
+        Whether to return the states after all steps in place of samples. A method that controls its steps cuts them at
         samples, which are few then: they serve the energy balance alone.
 
     Raises
@@ -229,7 +230,7 @@ class _Motion:
 
 
 def _begin(assembly: Assembly, start: State | None, limits: Limits, traced: int) -> _Motion:
-    """Set out from a state, or from the start of the scene, which is checked."""
+    """Begin at a state, or at the start of the scene, which is checked."""
     state, memory = start.copy() if start else assembly.initial_state(), assembly.work(traced)
     begin_watch(assembly.tables, memory, state.positions, state.velocities, state.time)
     if start is None:
@@ -262,7 +263,7 @@ def _follow(
 
 
 def _advance(motion: _Motion, method: Method, clock: FloatArray, end: float, steps: int, settings: Settings) -> int:
-    """Integrate up to a time, in so many steps or in as many as the method needs; pauses empty the trace."""
+    """Integrate up to a time in a number of steps, or in those that the method chooses; pauses empty the trace."""
     state, memory, begin = motion.state, motion.memory, float(clock[0])
     last, status = int(memory.counters[STEPS]) + steps, TRACE_FULL
     while status == TRACE_FULL and end - clock[0] > _ROUNDING * (end - begin):
@@ -288,7 +289,7 @@ def _stops(count: int, samples: int, limits: Limits) -> tuple[list[tuple[int, bo
 
 
 def _check_start(assembly: Assembly, memory: Work, state: State, limits: Limits) -> None:
-    """Refuse a scene that starts off its constraints: the first step would throw its bodies somewhere else."""
+    """Refuse a scene whose start violates a constraint: the first step would throw its bodies apart."""
     rows, jacobian, speeds = assembly.tables.rows, memory.jacobian, state.velocities
     rates = memory.phi_t + np.einsum("kd,kd->k", jacobian[:, :6], speeds[rows["body_a"]])
     rates += np.einsum("kd,kd->k", jacobian[:, 6:], speeds[rows["body_b"]])
@@ -356,25 +357,25 @@ def _judge(
     limits: Limits,
     checks: _Checks,
 ) -> tuple[float, float]:
-    """Difference to what was run again, over the way that it is measured by, and largest share of energy missed."""
+    """Largest relative difference to the repeated run, and largest share of energy that the balance misses."""
     failed = [piece for piece in again if piece.outcome != Outcome.FINISHED]
     if failed or not again:
         for piece in failed:
             checks.fail(Outcome.INACCURATE, f"half the step fails after t = {piece.begin:.6g}: {piece.outcome.label}")
         return math.nan, _energy_balance(limits, checks, balance)
-    found = difference(assembly, again, ways)
-    if not found.size * error_over_difference(order, controlled) <= limits.error:
-        text = f"half the step changes the motion by {number(100 * found.size)} % of the {found.way}"
-        body = assembly.names[found.body]
-        checks.fail(Outcome.INACCURATE, f"{text}, most after t = {found.begin:.6g}, body {body}")
+    largest = difference(assembly, again, ways)
+    if not largest.size * error_over_difference(order, controlled) <= limits.error:
+        text = f"half the step changes the motion by {number(100 * largest.size)} % of the {largest.way}"
+        body = assembly.names[largest.body]
+        checks.fail(Outcome.INACCURATE, f"{text}, most after t = {largest.begin:.6g}, body {body}")
     elif whole:
         refined = balance.refined(again[0].balance, error_over_difference(1, controlled))
-        return found.size, _energy_balance(limits, checks, min(balance, refined, key=EnergyBalance.worst))
-    return found.size, _energy_balance(limits, checks, balance)
+        return largest.size, _energy_balance(limits, checks, min(balance, refined, key=EnergyBalance.worst))
+    return largest.size, _energy_balance(limits, checks, balance)
 
 
 def _energy_balance(limits: Limits, checks: _Checks, balance: EnergyBalance) -> float:
-    """Largest share of energy that is missed."""
+    """Largest share of energy that the balance misses."""
     shares = balance.shares()
     missed = np.flatnonzero(~(shares <= limits.energy))
     if missed.size:

@@ -1,7 +1,7 @@
 """The states after every step of a run, taken out of the memory of its kernels whenever that is full.
 
 A sample ends a step of a method that controls its steps: where samples are as close as steps, every second step is cut
-short. What is wanted of a motion at all times is read at its own steps instead.
+short. So what must be read at all times is read at the method's own steps.
 """
 
 from __future__ import annotations

@@ -107,7 +107,7 @@ def test_an_answer_names_its_model_and_error():
     assert result.attrs["model_notes"][0].startswith("Model kinetostatic: typical error of the third order")
 
 
-def test_where_no_model_can_run_the_point_no_error_is_told():
+def test_where_no_model_can_run_the_point_no_error_is_stated():
     """Regression: "typical error 56 %; above 5 %: use a finer model" beside a point that is out of range for all."""
     result = td.simulate(joint_angle_deg=0.7, speed_rpm=15)
     assert int(result["outcome"]) == td.Outcome.OUT_OF_RANGE

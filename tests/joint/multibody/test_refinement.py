@@ -182,9 +182,9 @@ def test_runs_report_what_they_are_off_by(simulated, given, accuracies):
     assert abs(third - truth) < (2 - 1 / 4) * error
 
 
-def test_a_pass_that_is_too_dear_is_told_and_not_begun(simulated, monkeypatch):
+def test_a_pass_that_is_too_expensive_is_stated_and_not_begun(simulated, monkeypatch):
     """Outcomes: by how much it misses, and what the next pass would take; the work is that of the passes before it."""
-    monkeypatch.setattr(refinement, "_DEAREST", 0.1)
+    monkeypatch.setattr(refinement, "_MOST_EXPENSIVE", 0.1)
     result = td.simulate(model="rollers", samples_per_revolution=60, **SLOW)
     assert int(result["outcome"]) == Outcome.INACCURATE
     told = str(result["outcome_detail"].values)

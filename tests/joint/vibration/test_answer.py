@@ -141,4 +141,4 @@ def test_what_vibrates_only_after_a_kick_says_so(monkeypatch, joint_values):
     answer = joint.answer(needles=False)
     assert answer.outcome == Outcome.FINISHED
     assert answer.detail.startswith("the motion does not repeat, though small departures from it die out; followed by")
-    assert answer.detail.endswith("10 N without the vibration; a kick as that of the start keeps it up")
+    assert answer.detail.endswith("10 N without the vibration; a kick such as the start keeps it up")

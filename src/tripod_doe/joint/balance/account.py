@@ -1,4 +1,4 @@
-"""What a solved point answers: the thrust at each groove, its parts, the powers, and how well these balance."""
+"""Results of a solved point: the thrust at each groove, its parts, the powers, and how well these balance."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def _summarise(row, memory, power, residual, unexplained, extremes):
 
 @kernel
 def _account_point(row, memory, thrust, parts, power, residual, unexplained, extremes):
-    """All that the answer of a point takes from its balance."""
+    """Compute all results of a point from its balance."""
     _account_lanes(row, memory, thrust, parts)
     _summarise(row, memory, power, residual, unexplained, extremes)
 

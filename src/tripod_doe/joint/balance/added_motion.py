@@ -1,4 +1,4 @@
-"""What mass, and motion between samples, add to the forces of a roller: derived in `kinetostatic`.
+"""Effects of mass, and of motion between samples, on the forces of a roller: derived in `kinetostatic`.
 
 All formulas take eight samples at a time (`lanes`).
 """
@@ -24,7 +24,7 @@ def inertial_force(p, cos_phi):
 
 @inlined_kernel
 def added_motion(p, m, contact, cos_phi, root, past_tilt, past_spin, given):
-    """What mass and motion add; `past_tilt` and `past_spin` are the earlier samples' part of backward differences.
+    """Effects of mass and motion; `past_tilt` and `past_spin` are the earlier samples' part of backward differences.
 
     `given` is what does not change while the balance is solved: what moving needles add (`needle_correction`), and yaw.
     As its contact wanders round the groove the roller swings, and so slides on its trunnion, and tilts on it.
@@ -71,7 +71,7 @@ def upright_spin(p, m):
 
 @kernel_part
 def yawed(p, before, most, w_n):
-    """Yaw a sample later, of a roller that turns in its groove by `w_n` besides; `most` is that of a full moment."""
+    """Yaw a sample later, of a roller that also turns in its groove by `w_n`; `most`: under the full moment."""
     low, high = -most, most
     yaw = before
     for _ in range(_NEWTON):
@@ -91,7 +91,7 @@ def yawed(p, before, most, w_n):
 
 @kernel_part
 def spider_load(p, m, cos_phi, sin_phi):
-    """What the inertia of one roller and a third of the shaft does to the spider.
+    """Load on the spider by the inertia of one roller and a third of the shaft.
 
     Two forces across the shaft in N, and the moment about the shaft in N mm.
     """

@@ -112,7 +112,7 @@ def _largest_changes(row, lap, first, last):
 
 @inner_kernel
 def _change(row, memory, first, last, part):
-    """Change all unknowns by a part of what was worked out."""
+    """Change all unknowns by a part of the Newton step."""
     lap, even_load = memory.lap, mean_load(point_constants_of(row))
     for k in range(3):
         for j in range(first, last):
@@ -158,7 +158,7 @@ def _guess(memory, j):
 
 @kernel_part
 def _iterate(row, memory, first, last, tolerance, patient, most):
-    """Newton's method from what is there; whether it converged to the tolerance, and iterations, at most so many.
+    """Newton's method from the present unknowns; whether it converged to the tolerance, and iterations.
 
     Where the next change would be larger than the last one, the patient take half of that back; others give up. All
     give up where changes have stopped falling.
@@ -204,7 +204,7 @@ def _widen(row, power, wide):
 
 @kernel_part
 def _solve(row, memory, first, last, most):
-    """Solve samples on which no others act; whether that converged, and iterations, at most so many.
+    """Solve samples on which no others act; whether that converged, and iterations.
 
     All but the first are tried from a guess first, and then from what they were before it.
     """

@@ -66,7 +66,7 @@ from tripod_doe.mechanics.compilation.first_compilation import first_compilation
 from tripod_doe.mechanics.compilation.kernels import kernel
 
 _LITTLE = 1e-6
-"""Friction coefficient of what hardly resists."""
+"""Friction coefficient that hardly resists."""
 
 
 @dataclass(frozen=True)
@@ -82,8 +82,8 @@ class Equilibrium:
     # that is larger), shape (point,)
     energy_residual: FloatArray
     unexplained_power: FloatArray  # input less output less friction power, over the transmitted power, shape (point,)
-    # largest_normal_force, smallest_normal_force: of all grooves and angles in N, shape (point,); where no balance was
-    # found, those without slip
+    # largest_normal_force, smallest_normal_force: of all grooves and angles in N, shape (point,); without slip where no
+    # balance settled
     largest_normal_force: FloatArray
     smallest_normal_force: FloatArray
     needle_penetration: FloatArray  # of the most loaded needle into each partner in mm, shape (point,)
@@ -93,8 +93,7 @@ class Equilibrium:
     upright: NDArray[np.bool_]
     # of the needle that carries the most, rad, shape (point, trunnion, cycles sample); None where needles never move
     needle_skew: FloatArray | None = None
-    # whether the balance settled with moving needles, shape (point,); where not, it is that of needles that keep their
-    # skew
+    # whether the balance settled with moving needles, shape (point,); elsewhere needles keep their skew
     needles_settled: NDArray[np.bool_] | None = None
 
 
@@ -182,7 +181,7 @@ def point_constants(points: JointValues[FloatArray], kappa: FloatArray) -> dict[
 
 @cache
 def _compile_other_ways() -> None:
-    """Compile what solves points that do not relax, once per process: most studies do without."""
+    """Compile the solvers for points that do not relax, once per process: most studies do not need them."""
     row, memory = np.ones(len(PointConstants._fields)), Memory.for_samples(WIDTH)
     with first_compilation("joints that do not relax", seconds=12):
         for settle in (settle_together, settle_free):  # of any point: only the types of its numbers count
@@ -237,7 +236,7 @@ def _settle(
 
 
 def _settle_with_needles(row: FloatArray, memory: Memory, followers: Followers, i: int) -> int:
-    """Let the needles of point i follow its rollers, and settle the balance with what they do; iterations.
+    """Let the needles of point i follow its rollers, and settle the balance with them; iterations.
 
     Where that does not settle, the balance stays as it was, with needles that keep their skew.
     """

@@ -1,4 +1,4 @@
-"""The balance of rollers that slide freely in their grooves: one unknown a roller, found by bisection.
+"""The balance of rollers that slide freely in their grooves: one unknown per roller, solved by bisection.
 
 Without sliding friction in the groove only the needles act along the trunnion, so that the spin alone decides slip and
 contact angle, and nothing passes to the housing's axial force. The moment about the trunnion falls from one sign to the

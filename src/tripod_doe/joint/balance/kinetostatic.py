@@ -25,15 +25,15 @@ groove gets
 
     R_s k_t d(r - r_m + R_s f_t / N) / dt,
 
-where the friction f_t along the trunnion, needles included, is what the contact angle balances. k_t is that of the
-largest x of a revolution, at first e + R_s mu_s + r_p mu_n, then that of the motion; at most 0.35 l. The bore slides
+where the contact angle balances the friction f_t along the trunnion, needles included. k_t belongs to the largest x of
+a revolution, at first e + R_s mu_s + r_p mu_n, then the motion's; at most 0.35 l. The bore slides
 along its needles by r_p / R_s of that slip, too. Needles that move change x: their friction acts at their pitch circle,
 since a needle between two frictions tilts itself, and their middle moves along (`needle_correction`).
 
 Yaw. The spinning moment M_s turns the roller about its normal by y = k_y M_s / N, against its needles. So the axis
 about which it turns leaves the trunnion, and the trunnion's t_z becomes t_z - sigma t_tau y in all that the roller's
-spin does: a roller that is steered rolls another way. M_s is that of a roller that rolls upright, without slip, under
-the mean load, and yaws: of w_n + dy/dt. k_y is that of the full moment (`turned_bearing`), since the needles of
+spin does: a roller that is steered rolls another way. M_s is computed for a roller that rolls upright, without slip,
+under the mean load, and yaws: from w_n + dy/dt. k_y belongs to the full moment (`turned_bearing`), since the needles of
 a crown resist the more the farther a roller yaws, with the load at its mean distance from the middle of the needles.
 Crowned needles let rollers yaw by some per cent of the joint angle, straight ones by a thousandth.
 

@@ -24,7 +24,8 @@ from tripod_doe.mechanics.compilation.kernels import kernel, kernel_part
 
 _SWEEPS, _NEAR = 40, 0.03
 """Tangent slopes overshoot far from the solution, and secant slopes crawl near it: the tangent is taken once no sample
-changes by more than `_NEAR`. What has not settled after so many sweeps is solved at once (`coupled_newton`)."""
+changes by more than `_NEAR`. A point that has not settled after this number of sweeps is solved at once
+(`coupled_newton`)."""
 
 
 @kernel_part

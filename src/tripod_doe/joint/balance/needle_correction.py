@@ -1,8 +1,8 @@
-"""The balance of `kinetostatic` and needles that follow its rollers: what their motion adds to the balance's own law.
+"""Correction of the `kinetostatic` balance by needles that follow its rollers.
 
 The balance treats the needles of a trunnion as one, at one skew and with equal slip on trunnion and bore.
-`needle_motion` moves every needle along the motion that the balance has found; what its forces differ by from that law
-is added to the balance at every sample, which is then solved again.
+`needle_motion` moves every needle along the motion of the balance; the difference of its forces from that law is added
+to the balance at every sample, which is then solved again.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from tripod_doe.mechanics.laws.needles import needle_grip, needle_slip
 
 @dataclass(frozen=True, eq=False)
 class NeedleMemory(ByReference):
-    """What the kernels write while needles follow the rollers of a point."""
+    """Memory of the kernels while needles follow the rollers of a point."""
 
     # spins, plunges, loads, offsets, yaws, turns: as in `needle_motion.RollerMotion`, of every roller, shape (3,
     # eights, 8)
@@ -59,7 +59,7 @@ class NeedleMemory(ByReference):
 
     @classmethod
     def for_samples(cls, samples: int) -> NeedleMemory:
-        """Memory for so many samples a revolution."""
+        """Memory for a number of samples per revolution."""
         shape = (3, -(-samples // WIDTH), WIDTH)
         return cls(
             np.zeros(shape),
@@ -111,7 +111,7 @@ def _read_motions(row, memory, ring):
 
 @kernel_part
 def _add_forces(row, memory, ring, k, skew):
-    """Add to the balance what the needles of trunnion k do beyond its own law, which gets their mean skew."""
+    """Add the forces of the needles of trunnion k beyond the balance's own law, which gets their mean skew."""
     p, samples = point_constants_of(row), memory.samples
     cosine, sine = math.cos(skew), math.sin(skew)
     memory.turns[k, 0], memory.turns[k, 1] = cosine, sine
@@ -143,7 +143,7 @@ def _add_swing(row, memory, k, forces, places):
 
 @kernel
 def _add_needles(row, memory, ring, k, skew):
-    """Add to the balance what the needles of trunnion k do, of which `skew` is the mean."""
+    """Add the effects of the needles of trunnion k to the balance; `skew` is their mean."""
     _add_forces(row, memory, ring, k, skew)
     _add_swing(row, memory, k, ring.forces, ring.places)
 
@@ -161,7 +161,7 @@ class Followers:
     _initial: FloatArray
     _memory: NeedleMemory
     _rollers: tuple[RollerMotion, RollerMotion, RollerMotion]
-    _found: NeedleForces
+    _forces: NeedleForces
     _move: bool
 
     @classmethod
@@ -176,16 +176,16 @@ class Followers:
         over_time = np.repeat(skews[:, :, None], int(points.cycles[0]) * samples, axis=2)
         ring = NeedleMemory.for_samples(samples)
         first, second, third = (ring.of_roller(k, samples) for k in range(3))
-        found = NeedleForces(ring.forces, ring.moments, ring.places)
+        forces = NeedleForces(ring.forces, ring.moments, ring.places)
         settled = np.ones(slide.size, bool)
         return cls(
-            slide, over_time, settled, points.groove_load, table, skews, ring, (first, second, third), found, move
+            slide, over_time, settled, points.groove_load, table, skews, ring, (first, second, third), forces, move
         )
 
     def follow(self, row: FloatArray, memory: Memory, i: int) -> None:
-        """Move the needles of point i along the balance that is settled, and add what they do to it.
+        """Move the needles of point i along the settled balance, and add their effects to it.
 
-        `row` holds its constants, of which the tilt becomes that of the motion. The kernels are called one by one: in
+        `row` holds its constants; its tilt is replaced by the motion's. The kernels are called one by one: in
         a common one they would all be compiled once more.
         """
         ring, table = self._memory, self._table[i]
@@ -199,7 +199,7 @@ class Followers:
             return
         for k, roller in enumerate(self._rollers):
             skew = follow_roller(
-                table, self._initial[i, k], tilt, roller, ring.needles, ring.contacts, self._found, self.skews[i, k]
+                table, self._initial[i, k], tilt, roller, ring.needles, ring.contacts, self._forces, self.skews[i, k]
             )
             _add_needles(row, memory, ring, k, skew)
 

@@ -49,7 +49,7 @@ class LinearLap(ByReference):
 
     @classmethod
     def for_samples(cls, samples: int) -> LinearLap:
-        """Memory for so many samples a revolution."""
+        """Memory for a number of samples per revolution."""
         stretches = -(-samples // _STRETCH)
         return cls(
             np.zeros((samples, 9, 16)),

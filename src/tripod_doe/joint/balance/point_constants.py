@@ -60,7 +60,7 @@ _COUNT = len(PointConstants._fields)
 TRANSITIONS = tuple(at for at, name in enumerate(PointConstants._fields) if name.endswith("_transition"))
 """Columns of the transition velocities."""
 TILT, YAW = (PointConstants._fields.index(name) for name in ("tilt", "yaw"))
-"""Columns of what changes with the motion that is found."""
+"""Columns that change with the motion."""
 
 
 @inlined_kernel

@@ -1,4 +1,4 @@
-"""One revolution of one point: what is known at every groove and sample, and what both balances do with it.
+"""One revolution of one point: the unknowns at every groove and sample, and what both balances share.
 
 Samples are kept and computed eight at a time (`lanes`): a record of `EIGHT_SAMPLES` for each groove and eight samples,
 of which those beyond the last repeat the first ones, so that they never decide anything.
@@ -62,7 +62,7 @@ EIGHT_SAMPLES = np.dtype(
 
 @dataclass(frozen=True, eq=False)
 class Memory(ByReference):
-    """What the kernels write while they solve a point."""
+    """Memory of the kernels while they solve a point."""
 
     samples: int  # samples of a revolution
     eights: NDArray[np.void]  # records of `EIGHT_SAMPLES`, shape (3, eights)
@@ -77,7 +77,7 @@ class Memory(ByReference):
 
     @classmethod
     def for_samples(cls, samples: int) -> Memory:
-        """Memory for so many samples a revolution."""
+        """Memory for a number of samples per revolution."""
         eights = -(-samples // WIDTH)
         records = np.zeros((3, eights), EIGHT_SAMPLES)
         state = records.view(float).reshape(-1)
@@ -107,7 +107,7 @@ def skew_of(turns, k):
 
 @kernel_part
 def _steer(p, eights, samples, most):
-    """Note how the roller of a groove is steered by its yaw, whose largest is `most` rad.
+    """Store how the roller of a groove is steered by its yaw, at most `most` rad.
 
     Its spin about the normal stands in `spin`, and the way in which yaw steers it in `steering`.
     """
@@ -175,7 +175,7 @@ def start(row, psi, cosines, sines, memory):
 
 @kernel_part
 def store_wrench(p, m, g, e, cos_phi, sin_phi):
-    """Note what a groove does to the spider."""
+    """Store the load of a groove on the spider."""
     across_1, across_2, about_shaft, _ = spider_wrench(p, m, g, cos_phi, sin_phi)
     store(e.across_1, 0, across_1)
     store(e.across_2, 0, across_2)
@@ -189,7 +189,7 @@ def _wrench(e):
 
 @inlined_kernel
 def _cross(a, b):
-    """Cross product of what two grooves do to the spider."""
+    """Cross product of the loads of two grooves on the spider."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
@@ -241,7 +241,7 @@ def force_scale(p):
 
 @kernel
 def remember(memory, before):
-    """Note what tilts and spins add to the backward differences of later samples.
+    """Store the contributions of tilts and spins to the backward differences of later samples.
 
     Before the first samples come the last ones, or with `before` = 0 a roller upright and at rest.
     """

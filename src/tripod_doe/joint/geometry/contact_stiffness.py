@@ -21,7 +21,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 
 def elastic_factor(youngs_modulus: FloatArray, poissons_ratio: FloatArray) -> FloatArray:
-    """E / (1 - nu^2) over that of the steel of Table 1; `youngs_modulus` in MPa, shapes broadcast."""
+    """E / (1 - nu^2) over its value for the steel of Table 1; `youngs_modulus` in MPa, shapes broadcast."""
     return youngs_modulus / (1 - poissons_ratio**2) / _STEEL
 
 

@@ -40,13 +40,13 @@ def infeasible(points: JointValues[FloatArray]) -> dict[int, tuple[Outcome, str]
     points
         The points.
     """
-    found: dict[int, tuple[Outcome, str]] = {}
+    reasons: dict[int, tuple[Outcome, str]] = {}
     for row, reason in misfits(points):
-        found.setdefault(row, (Outcome.JAMMED, reason))
+        reasons.setdefault(row, (Outcome.JAMMED, reason))
     enough = least_speed(points) * 30 / np.pi
     for slow in map(int, np.flatnonzero(slides_too_slowly(points))):
-        found.setdefault(slow, (Outcome.OUT_OF_RANGE, _too_slow(float(enough[slow]))))
-    return found
+        reasons.setdefault(slow, (Outcome.OUT_OF_RANGE, _too_slow(float(enough[slow]))))
+    return reasons
 
 
 def _too_slow(enough: float) -> str:
@@ -98,8 +98,8 @@ def misfits(points: JointValues[FloatArray]) -> list[tuple[int, str]]:
 
 def most_needles(diameter: FloatArray | float, pitch_diameter: FloatArray | float) -> FloatArray:
     """How many unskewed needles of a diameter fit on their pitch circle; lengths in one unit, shapes broadcast."""
-    found: FloatArray = np.floor(np.pi / np.arcsin(np.minimum(np.divide(diameter, pitch_diameter), 1.0)) + 1e-9)
-    return found
+    most: FloatArray = np.floor(np.pi / np.arcsin(np.minimum(np.divide(diameter, pitch_diameter), 1.0)) + 1e-9)
+    return most
 
 
 def room_for_needles(values: JointValues[float]) -> int:

@@ -20,7 +20,7 @@ _FLOOR = 1e-3  # mm/s and rad/s: at zero speed or joint angle nothing slips, and
 
 @dataclass(frozen=True)
 class Transition:
-    """Transition velocities a point, each of shape (point,)."""
+    """Transition velocities, each of shape (point,)."""
 
     # groove_slip, needle_slip: in mm/s, at the groove, and of a needle along its axis on trunnion and bore
     groove_slip: FloatArray
@@ -52,8 +52,8 @@ def transition_velocities(values: JointValues[Any]) -> Transition:
 def least_speed(values: JointValues[FloatArray]) -> FloatArray:
     """Speed in rad/s from which on no floor replaces the quarter rule, shape (point,); infinite without an angle."""
     with np.errstate(divide="ignore"):
-        found: FloatArray = _FLOOR / np.min(astuple(_ideal_rule(values, np.ones_like(values.speed))), axis=0)
-    return found
+        least: FloatArray = _FLOOR / np.min(astuple(_ideal_rule(values, np.ones_like(values.speed))), axis=0)
+    return least
 
 
 def slides_too_slowly(values: JointValues[FloatArray]) -> NDArray[np.bool_]:

@@ -1,6 +1,6 @@
 """The error of each model of the joint at any operating point, from errors that were measured at others.
 
-`model_errors.csv` holds the third order of each model relative to that of `needles`, at operating points that cover the
+`model_errors.csv` holds the third order of each model relative to `needles`, at operating points that cover the
 field in which joints are used (`benchmarks/model_error.py` makes it from six studies). Where needles were not run, it
 is relative to `rollers`, whose own typical error there is added. A point is compared with the measured ones that are
 most like it, by the ratios on which the errors depend: their median is the typical error, their 90th percentile its
@@ -72,8 +72,8 @@ class _Measured:
     # the parameters that were varied, or set, shape (measured,) each; all others had their defaults
     given: dict[str, FloatArray]
 
-    def told(self, ratio: int) -> str:
-        """Why nothing is known of points that lie outside in a ratio."""
+    def outside(self, ratio: int) -> str:
+        """Reason for an unknown error where a ratio leaves its range."""
         name = self.names[ratio]
         meaning = "" if name in JOINT_PARAMETERS else f" ({RATIOS[name]})"
         low, high = number(self.low[ratio]), number(self.high[ratio])
@@ -116,13 +116,13 @@ def _median_and_limit(errors: FloatArray) -> tuple[FloatArray, FloatArray]:
     return _quantile(errors, 0.5), _quantile(errors, 0.9)
 
 
-def _quantile(found: FloatArray, share: float) -> FloatArray:
+def _quantile(errors: FloatArray, share: float) -> FloatArray:
     """Quantile of the numbers of each row, which NaN follow; NaN where those are the most."""
-    if np.isfinite(found[:, -1]).all():  # as nearly always: all rows have it at the same place
-        return found[:, math.ceil(share * (found.shape[1] - 1))]
-    known = np.isfinite(found).sum(axis=1)
+    if np.isfinite(errors[:, -1]).all():  # as nearly always: all rows have it at the same place
+        return errors[:, math.ceil(share * (errors.shape[1] - 1))]
+    known = np.isfinite(errors).sum(axis=1)
     at = np.ceil(share * np.maximum(known - 1, 0)).astype(int)
-    return np.where(2 * known > found.shape[1], found[np.arange(len(found)), at], np.nan)
+    return np.where(2 * known > errors.shape[1], errors[np.arange(len(errors)), at], np.nan)
 
 
 @cache
@@ -161,7 +161,7 @@ def _measured() -> _Measured:
 
 
 def known_errors(model: str, points: Mapping[str, NDArray[Any]]) -> tuple[FloatArray, FloatArray, NDArray[np.object_]]:
-    """What is known of the error that a model makes in the third order of some points.
+    """Estimate the error of a model in the third order of some points.
 
     Parameters
     ----------
@@ -200,8 +200,8 @@ def errors_at(
         expected[rows], limit[rows] = _median_and_limit(both.reshape(rows.size, ALIKE * by_vibration.shape[1]))
     unknown = np.full(count, "", object)
     unknown[np.isnan(expected)] = _NO_ANSWER
-    for ratio in range(len(measured.names))[::-1]:  # of several, the first is told
-        unknown[~inside[:, ratio]] = measured.told(ratio)
+    for ratio in range(len(measured.names))[::-1]:  # of several reasons, the first counts
+        unknown[~inside[:, ratio]] = measured.outside(ratio)
     return expected, limit, unknown
 
 
@@ -213,7 +213,7 @@ def similar_errors(model: str, points: Mapping[str, NDArray[Any]], demands: Dema
     model, points
         As for `known_errors`.
     demands
-        What is asked for.
+        Required accuracy.
 
     Returns
     -------
@@ -224,9 +224,9 @@ def similar_errors(model: str, points: Mapping[str, NDArray[Any]], demands: Dema
     """
     measured = _measured()
     known = model if model in COMPARED else COMPARED[0]
-    found = [measured.over_allowed(known, demand, demands.floor) for demand in demands.quantities]
-    recorded = [errors for errors in found if errors is not None]
-    if len(recorded) < len(found):
+    by_demand = [measured.over_allowed(known, demand, demands.floor) for demand in demands.quantities]
+    recorded = [errors for errors in by_demand if errors is not None]
+    if len(recorded) < len(by_demand):
         return None
     errors = np.stack(recorded, axis=-1)
     similar = np.full((len(points["torque_n_m"]), ALIKE, errors.shape[-1]), np.nan)
@@ -247,9 +247,9 @@ def similar_errors(model: str, points: Mapping[str, NDArray[Any]], demands: Dema
 
 
 def _by_vibration(points: Mapping[str, NDArray[Any]], demands: Demands) -> FloatArray:
-    """What leaving out vibration adds to errors over the allowed ones, shape (point, similar, quantity).
+    """Errors by leaving out vibration, over the allowed ones, shape (point, similar, quantity).
 
-    What it makes of the second order is not on record: NaN where a joint like the point vibrates.
+    For the second order they are not on record: NaN where a joint like the point vibrates.
     """
     third = vibration_errors(points)[:, :ALIKE]
     second = np.where(third > 0, np.nan, 0.0)

@@ -1,8 +1,8 @@
-"""How many joints like one vibrate by themselves, and how far a model without vibration is off there.
+"""Record of vibrating joints: the share that vibrates among similar ones, and the error of a model without vibration.
 
 `vibrating_joints.csv` holds joints that were followed with vibration and without (by `benchmarks/vibrating_joints.py`).
-Joint angle and sliding friction of the grooves tell best which of them vibrate: a joint is compared with those that are
-nearest in the logarithms of both. All have the default contact damping; with more, fewer joints vibrate.
+Joint angle and sliding friction of the grooves predict best which of them vibrate: a joint is compared with the nearest
+ones in the logarithms of both. All have the default contact damping; with more, fewer joints vibrate.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ VIBRATES_BY = ("joint_angle_deg", "groove_sliding_friction", "groove_sliding")
 """Parameters by which joints are compared."""
 
 _LEAST_ANGLE, _LEAST_FRICTION = 0.1, 1e-3
-"""Angle in deg and friction below which nothing vibrates: less counts as so much."""
+"""Angle in deg and friction below which nothing vibrates; smaller values count as these."""
 
 
 def vibration_errors(points: Mapping[str, NDArray[Any]]) -> FloatArray:
@@ -50,8 +50,8 @@ def vibration_errors(points: Mapping[str, NDArray[Any]]) -> FloatArray:
     """
     recorded, errors, spread = _recorded()
     angle, friction, switch = (points[name] for name in VIBRATES_BY)
-    found: FloatArray = errors[nearest_rows(recorded, _places(angle, friction * switch) / spread, ALIKE)]
-    return found
+    near: FloatArray = errors[nearest_rows(recorded, _places(angle, friction * switch) / spread, ALIKE)]
+    return near
 
 
 def vibration_share(errors: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Where the parts of the joint stand, and how they move, when every roller rolls in its groove: the start of a run.
+"""Poses and velocities at the start of a run: every roller rolls in its groove.
 
 Axes turn with the housing: z is the input axis towards the intermediate shaft, groove k stands at 120 deg (k - 1) from
 x. The shaft hangs on its outboard end, which circles backwards in these axes; three trunnion axes pass three groove
@@ -66,9 +66,9 @@ def _attitudes(
         return difference
 
     guess = np.concatenate([np.zeros(3), np.full(3, pitch), -pitch * np.tan(theta) * np.cos(GROOVE_ANGLES + angle)])
-    found = root(gaps, guess, tol=1e-14).x
-    shaft = Rotation.from_rotvec(found[:3]) * ideal
-    centres = list(pitch * outward + behind + found[6:, None] * _Z)
+    solution = root(gaps, guess, tol=1e-14).x
+    shaft = Rotation.from_rotvec(solution[:3]) * ideal
+    centres = list(pitch * outward + behind + solution[6:, None] * _Z)
     trunnions = [
         shaft * Rotation.from_rotvec(a * _Z) * Rotation.from_rotvec([0.0, np.pi / 2, 0.0]) for a in GROOVE_ANGLES
     ]

@@ -45,7 +45,7 @@ def amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, method:
     A method of order p that changes by d is off by d / (1 - 2^-p); p is 1 where a tolerance sets the step: half of it
     is half the error. Where parts rattle, revolutions differ by chance, at all orders alike: complex amplitudes of two
     revolutions by s (root mean square), and so do those of a revolution and of the same run again, which is no error
-    of the method. The reported amplitude is that of the mean of two revolutions: s / (2 sqrt 2) is its standard
+    of the method. The reported amplitude belongs to the mean of two revolutions: s / (2 sqrt 2) is its standard
     deviation, and twice that is taken for chance, which it exceeds once in twenty. Hence
 
         error^2 = max(d^2 - s^2, 0) / (1 - 2^-p)^2 + s^2 / 2
@@ -65,8 +65,8 @@ def amplitude_error(thrust: FloatArray, finer: FloatArray, samples: int, method:
     last, before = thrust[-samples:], thrust[-2 * samples : -samples]
     change, chance = np.abs(complex_amplitudes(last - finer)), np.abs(complex_amplitudes(last - before)[1:])
     scatter = (chance**2).mean()
-    found = 1 - 0.5 ** (1 if method.controlled else method.order)
-    error: FloatArray = np.sqrt(np.maximum(change**2 - scatter, 0) / found**2 + scatter / 2)
+    share = 1 - 0.5 ** (1 if method.controlled else method.order)
+    error: FloatArray = np.sqrt(np.maximum(change**2 - scatter, 0) / share**2 + scatter / 2)
     return error
 
 

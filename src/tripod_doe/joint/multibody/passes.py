@@ -21,12 +21,12 @@ from tripod_doe.mechanics.run import Limits, Run, run
 from tripod_doe.simulator import Outcome
 
 _BEGUN_ANEW = 3
-"""How often the first pass is begun anew, with half the steps, where it stops on its way."""
+"""Most restarts of the first pass, each with half the steps, where it stops on its way."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """What following a joint came to."""
+    """The result of following a joint in passes."""
 
     # all revolutions, up to where the run stopped; the sampled ones at the end are those of the finest pass
     result: Run
@@ -35,10 +35,10 @@ class Motion:
     setting: float
     lag: float
     error: FloatArray  # numerical error of every order, shape (order,)
-    missed: str  # by how much the error misses what is asked for, and what would mend it; empty where it does not
+    missed: str  # in words, how far the error is above the allowed one and what would help; empty where it is not
     runs: tuple[Run, ...]  # all runs, for the work that they took
     swings: bool = False  # whether it still swings in
-    repeats: bool = True  # whether its revolutions are alike, so that what it misses is due to its steps
+    repeats: bool = True  # whether its revolutions are alike, so that its error is due to its steps
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class FollowedJoint:
 
     @property
     def remembers(self) -> bool:
-        """Whether needles are bodies: their skew is what all steps before made of it."""
+        """Whether needles are bodies: their skew depends on all steps before."""
         return has_needle_bodies(self.assembly)
 
     @property
@@ -95,9 +95,9 @@ class FollowedJoint:
     def lag(self, setting: float) -> float:
         """Rotation angle by which the thrust is late, in rad: half a step of implicit Euler.
 
-        Its velocity is the mean of a step, that of the step's middle, while its positions are those of the end; and
-        friction follows the velocity. Taken as that of the middle, the third order of the reference joint is off by
-        0.3 % in place of 1.2 % with a tolerance of 4.4e-3 (`rollers`). Other methods are of second order.
+        Its velocity is the mean over a step and so belongs to the step's middle, its positions to the end; friction
+        follows the velocity. With the thrust taken at the middle, the third order of the reference joint is off by 0.3
+        % in place of 1.2 % with a tolerance of 4.4e-3 (`rollers`). Other methods are of second order.
         """
         if self.method.name == "adaptive-euler":
             return self.settled(setting)
@@ -125,8 +125,8 @@ class FollowedJoint:
     def again(self, coarse: Pass, setting: float) -> Pass:
         """Follow the sampled revolutions of another pass in other steps, from its state a little before them.
 
-        Needles are followed from the start again: their skew is what all steps before made of it (with steps of 0.5 deg
-        in the dropped revolutions the second order of the reference joint is 12 % too small).
+        Needles are followed from the start again: their skew depends on all steps before (with steps of 0.5 deg in the
+        dropped revolutions the second order of the reference joint is 12 % too small).
         """
         lead = coarse.before if self.remembers else min(self.samples // LEAD, coarse.before)
         start = _state(coarse.parts[0], coarse.before - lead)
@@ -134,7 +134,7 @@ class FollowedJoint:
         return self._pass(setting, (self._follow(setting, length, start),), lead)
 
     def longer(self, one: Pass, revolutions: int) -> Pass:
-        """Go on with a pass up to so many sampled revolutions."""
+        """Continue a pass up to a number of sampled revolutions."""
         more = (revolutions - len(one.orders)) * self.samples
         part = self._follow(one.setting, more, _state(one.parts[-1], -1))
         return self._pass(one.setting, (*one.parts, part), one.before)
@@ -160,7 +160,7 @@ class FollowedJoint:
         )
 
     def _follow(self, setting: float, samples: int, start: State | None) -> Run:
-        """Follow so many samples, from the start of the scene or from a state."""
+        """Follow a number of samples, from the start of the scene or from a state."""
         controlled, settings = self.method.controlled, Settings(budget=max(self.left, 1))
         result = run(
             self.assembly,
@@ -178,8 +178,8 @@ class FollowedJoint:
         return result
 
     def _pass(self, setting: float, parts: tuple[Run, ...], before: int) -> Pass:
-        found = [self._orders(part, slice(before if part is parts[0] else 0, -1), setting) for part in parts]
-        return Pass(setting, parts, before, np.concatenate(found))
+        orders = [self._orders(part, slice(before if part is parts[0] else 0, -1), setting) for part in parts]
+        return Pass(setting, parts, before, np.concatenate(orders))
 
     def _orders(self, part: Run, states: slice, setting: float) -> ComplexArray:
         thrust = groove_thrust(self.assembly, part.positions[states], part.velocities[states]).sum(0)
@@ -196,7 +196,7 @@ def _worst(parts: Sequence[Run]) -> Run:
 
 
 def _joined(pieces: Sequence[tuple[Run, slice]]) -> Run:
-    """Runs, of each of which some samples are taken, as one; work is that of the last."""
+    """Join samples of several runs to one run, with the counted work of the last."""
     worst = _worst([part for part, _ in pieces])
     times, positions, velocities = (
         np.concatenate([getattr(part, name)[kept] for part, kept in pieces])

@@ -1,4 +1,4 @@
-"""What is read off the states of a multibody run: thrust at the grooves, friction powers, skew and drift of needles."""
+"""Results read off the states of a multibody run: thrust at the grooves, friction powers, skew and drift of needles."""
 
 from __future__ import annotations
 

@@ -1,13 +1,13 @@
-"""Accuracy is asked for, and a run finds its tolerance: it is refined until its orders are as accurate as asked.
+"""Refinement of a run until its orders are as accurate as required: it chooses its tolerance by itself.
 
 The first pass follows all revolutions with a coarse tolerance (`first_tolerance`). The sampled revolutions are then run
-again in finer steps, from the first pass's state a little before them: what two passes differ by tells the error of the
-finer one by the order of the method, and the next steps follow from that error. So no revolution is run for its error
-alone, and those that are dropped are run once (but with needles, which remember).
+again in finer steps, from the first pass's state a little before them: the difference of two passes gives the error of
+the finer one by the order of the method, and the next steps follow from that error. So no revolution is run for its
+error alone, and dropped revolutions are run once (but with needles, whose skew depends on all steps before).
 
-Parts that rattle make revolutions differ by chance. Where that is the larger part of the error, both passes go on for
-more revolutions, and the orders are those of the mean, but for first revolutions that still swing in. A pass that would
-cost far more than the first one is not begun: the run tells by how much it misses, and what that pass would cost.
+Rattling parts make revolutions scatter. Where scatter is the larger part of the error, both passes go on for more
+revolutions, and the orders are means over them, without first revolutions that still swing in. A pass that would cost
+far more than the first one is not begun: the result states the error that is left and the cost of that pass.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ _LEFT_NEEDLES = 0.85
 """The same for `needles`, at half of these joints."""
 
 _UNRESOLVED = 0.1
-"""Error over the size of an order above which steps do not resolve the motion: the order of the method then tells
-nothing, and steps are halved."""
+"""Error over the size of an order above which steps do not resolve the motion: the error then does not follow the order
+of the method, and steps are halved."""
 
 _LEAST_REFINED, _MOST_REFINED = 1.5, 4.0
-"""Factors between which steps are refined at once: closer passes tell little of the error, and an error is no better
-known than to such a factor."""
+"""Least and largest factor of one refinement: closer passes estimate the error badly, and estimates are no better than
+the larger factor."""
 
 _AIM = 0.8
 """Share of the allowed error that the next pass aims at."""
@@ -67,7 +67,7 @@ _ALIKE, _LEFT_OF_SWING, _LONGEST = 0.05, 0.5, 128
 """Difference of two revolutions, and what is left of a swing that falls, over the allowed error up to which a motion
 counts as swung in; and revolutions in which it is waited for."""
 
-_DEAREST = 256
+_MOST_EXPENSIVE = 256
 """Force evaluations of a further pass over those of the first one above which it is not begun."""
 
 
@@ -90,12 +90,12 @@ class _Comparison:
         """Errors of the finer of two passes.
 
         A method of order p whose result changes by d from steps h to r h is still off by d r^p / (1 - r^p). Chance
-        moves all orders alike; one that moves more, as it does while a motion still grows, counts by itself. What the
-        finer pass moves by chance is no error of its steps. What the coarser pass moves by chance is not taken off:
-        steps that do not resolve the motion could hide in it.
+        moves all orders alike; an order that moves more, as while a motion still grows, counts by itself. Scatter of
+        the finer pass is no error of its steps. Scatter of the coarser pass is not subtracted: steps that do not
+        resolve the motion could hide in it.
 
-        Of a joint that remembers, revolutions differ in any steps while its skews still turn. There only what the two
-        passes differ by in one and the same revolution is chance, half of its variance each.
+        With needle bodies, revolutions differ in any steps while skews still change. There only the difference of the
+        two passes in the same revolution is scatter, half of its variance each.
         """
         allowed = goal.allowed(np.abs(fine.orders.mean(0)), values)
         asked = np.isfinite(allowed)
@@ -117,12 +117,12 @@ class _Comparison:
 
     @property
     def worst(self) -> int:
-        """The order that misses what is asked for by most."""
+        """The order with the largest error over the allowed one."""
         return int((self.error / self.allowed).argmax())
 
     @property
     def settles(self) -> bool:
-        """Whether nothing is to be refined: the errors are as small as asked for, or there is no number."""
+        """Whether to stop: the errors are small enough, or not finite."""
         return not np.isfinite(self.error).all() or bool((self.error <= self.allowed).all())
 
     def next_pass(self, fine: Pass, method_order: int) -> tuple[int, float]:
@@ -138,10 +138,10 @@ class _Comparison:
         return sampled, fine.setting / float(np.clip(factor, _LEAST_REFINED, _MOST_REFINED))
 
     def miss(self) -> str:
-        """By how much the worst order misses, in words."""
+        """State the error of the worst order in words."""
         order, size = self.worst, self.sizes[self.worst]
-        found, asked = (100 * part[order] / size for part in (self.error, self.allowed))
-        text = f"the numerical error of order {order} is {found:.2g} % of {size:.3g} N"
+        error, asked = (100 * part[order] / size for part in (self.error, self.allowed))
+        text = f"the numerical error of order {order} is {error:.2g} % of {size:.3g} N"
         return f"{text}, where {asked:.2g} % is required"
 
 
@@ -161,14 +161,14 @@ def _resolves_swing(values: JointValues[float]) -> float:
 
 
 def refine(joint: FollowedJoint, goal: Goal, setting: float) -> Motion:
-    """Follow a joint in steps as fine, and over as many revolutions, as its goal asks for.
+    """Follow a joint, refining steps and adding revolutions until the goal is met.
 
     Parameters
     ----------
     joint
         The joint.
     goal
-        What is asked for.
+        Required accuracy.
     setting
         Tolerance or step of the first pass.
     """
@@ -190,14 +190,14 @@ def refine(joint: FollowedJoint, goal: Goal, setting: float) -> Motion:
         except StoppedError as stop:
             missed = f"in finer steps the run ends as {stop.stopped.outcome.label}: {stop.stopped.detail}"
             break
-        found = _Comparison.of(coarse, finest, order, goal, joint.values, joint.remembers)
-        error, dropped = found.error, found.swung_in
-        if found.settles:
+        compared = _Comparison.of(coarse, finest, order, goal, joint.values, joint.remembers)
+        error, dropped = compared.error, compared.swung_in
+        if compared.settles:
             break
-        revolutions, setting = found.next_pass(finest, order)
+        revolutions, setting = compared.next_pass(finest, order)
         setting = joint.settled(setting)
-        if dear := _too_dear(joint, coarse, finest, revolutions, setting):
-            missed, repeats = f"{found.miss()}; {dear}", revolutions == len(finest.orders)
+        if costs := _too_expensive(joint, coarse, finest, revolutions, setting):
+            missed, repeats = f"{compared.miss()}; {costs}", revolutions == len(finest.orders)
             break
     sampled, lag, whole = len(finest.orders) - dropped, joint.lag(finest.setting), joint.motion(first, finest)
     return Motion(
@@ -206,11 +206,11 @@ def refine(joint: FollowedJoint, goal: Goal, setting: float) -> Motion:
 
 
 def _once_swung_in(joint: FollowedJoint, first: Pass, goal: Goal) -> tuple[Pass, str]:
-    """The first pass, gone on with until revolutions are alike or differ by chance; or that it still swings in.
+    """Continue the first pass until revolutions are alike or only scatter; with a reason if it still swings in.
 
     Some joints swing in slowly, those of small angles at high speed for a hundred revolutions: coarse steps are cheap
-    for that. What is left of a swing follows from how its steps from one revolution to the next fall. Needles are left
-    alone: their skew changes in all revolutions.
+    for that. The rest of a swing is extrapolated from how its changes from one revolution to the next decrease. Needles
+    are left out: their skew changes in all revolutions.
     """
     while not joint.remembers:
         count, allowed = len(first.orders), goal.allowed(np.abs(first.orders[-2:].mean(0)), joint.values)
@@ -228,14 +228,14 @@ def _once_swung_in(joint: FollowedJoint, first: Pass, goal: Goal) -> tuple[Pass,
 
 
 def _left_of_swing(apart: FloatArray) -> float:
-    """Sum of all further steps of a swing whose steps were these, shape (step,), if they go on to fall as they did."""
+    """Sum of all further changes of a swing, from its changes so far, shape (step,), by a geometric series."""
     half = len(apart) // 2
     falls = float(apart[-1] / max(apart[half], 1e-300)) ** (1 / max(len(apart) - 1 - half, 1))
     return float(apart[-1]) * falls / (1 - falls) if falls < 1 else math.inf
 
 
-def _too_dear(joint: FollowedJoint, coarse: Pass, finest: Pass, revolutions: int, setting: float) -> str:
-    """What the next pass would take, where that is too much."""
+def _too_expensive(joint: FollowedJoint, coarse: Pass, finest: Pass, revolutions: int, setting: float) -> str:
+    """State the cost of the next pass where it is too high; empty elsewhere."""
     more = revolutions - len(finest.orders)
     if more:
         price = joint.samples * more * (coarse.evaluations_per_sample + finest.evaluations_per_sample)
@@ -243,6 +243,6 @@ def _too_dear(joint: FollowedJoint, coarse: Pass, finest: Pass, revolutions: int
     else:
         price = joint.samples * revolutions * finest.evaluations_per_sample * finest.setting / setting
         what = f"{'relative_tolerance' if joint.method.controlled else 'step_s'} = {setting:.2g}"
-    if price <= min(joint.left, _DEAREST * joint.runs[0].force_evaluations):
+    if price <= min(joint.left, _MOST_EXPENSIVE * joint.runs[0].force_evaluations):
         return ""
     return f"{what} would take about {price:,.0f} more force evaluations"

@@ -1,7 +1,7 @@
-"""A joint followed revolution by revolution, of each of which only what is read off it is kept.
+"""A joint followed revolution by revolution: of each one only its results are kept, not its states.
 
-The thrust is read at all steps, so that a vibration does not appear as a low order. Waveforms are what is left of it
-below the sampling limit of the run's results, as behind the filter of a measurement.
+The thrust is read at all steps, so that a vibration is not aliased to a low order. Waveforms are resampled without
+frequencies above the sampling limit of the results, as behind the filter of a measurement.
 """
 
 from __future__ import annotations
@@ -35,20 +35,20 @@ _BALANCED = 12
 """Samples of a revolution at which energies are balanced."""
 
 _CORRECTION = 1e-6
-"""Relative correction at which the iterations of an implicit step end: a tighter one changes no digit of a mean order,
-and costs half as much again."""
+"""Relative correction at which the iterations of an implicit step end: a tighter one changes no digit of a mean order
+and costs 50 % more."""
 
 _HALVED = 3
-"""How often tolerances or steps are halved where a revolution stops on its way."""
+"""Most halvings of the tolerance or step where a revolution stops on its way."""
 
-_OFTEN, _TOLD = 2 / 3, 2
-"""Share of the revolutions that stop above which all are followed with half: one that stops half-way, and is followed
-again with half, costs two and a half; and how many must have stopped for that."""
+_OFTEN, _LEAST_STOPS = 2 / 3, 2
+"""Share of stopped revolutions above which all are followed with half the step, and the least number of stops for that:
+a revolution that stops half-way and is repeated with half the step costs two and a half."""
 
 
 @dataclass(frozen=True)
 class Revolution:
-    """What is read off one revolution, in internal units; waveforms at the samples of the run's results."""
+    """Results of one revolution, in internal units; waveforms at the samples of the run's results."""
 
     thrust: FloatArray  # at each groove, shape (groove, sample)
     thirds: ComplexArray  # complex orders of their sum, each third of the revolution by itself, shape (3, order)
@@ -85,10 +85,10 @@ class JointInTurns:
     wanted: Wanted  # results to read off each revolution
     limits: Limits  # what a revolution may show
     budget: int  # force evaluations that are left
-    state: State | None = None  # where it has come to; None at its start
+    state: State | None = None  # its present state; None at its start
     last_turn: Run | None = None  # the last revolution that was followed
     halved: int = 0  # how often tolerances or steps are halved from the start of each revolution
-    # turns, stops: revolutions, or parts of them, that were begun so, and those of them that stopped on their way
+    # turns, stops: revolutions, or parts, begun with this number of halvings, and those of them that stopped
     turns: int = 0
     stops: int = 0
     # steps, force_evaluations, solves: counted work
@@ -111,15 +111,15 @@ class JointInTurns:
 
     @property
     def affordable(self) -> float:
-        """How many revolutions like the last one the budget still allows."""
+        """Number of revolutions like the last one that the budget still allows."""
         each = self.evaluations_per_revolution
         return self.budget / each if each else math.inf
 
     def follow(self, count: int, setting: float) -> list[Revolution]:
-        """Follow so many revolutions with a tolerance or step.
+        """Follow a number of revolutions with a tolerance or step.
 
-        One that stops on its way is followed again with half of it, a few times: rattling needles may ask for steps
-        shorter than those that resolve a vibration. So are all after it where most of them stop.
+        A revolution that stops on its way is repeated with half of it, a few times: rattling needles may need shorter
+        steps than a vibration. Where most revolutions stop, all later ones start with half.
 
         Raises
         ------
@@ -155,10 +155,10 @@ class JointInTurns:
                 halved += 1
 
     def _count_stop(self, halved: int) -> None:
-        """Count a stop with a tolerance or step that was halved so often, and halve that of all to come if need be."""
+        """Count a stop after a number of halvings, and halve the setting of all further revolutions if most stop."""
         if halved == self.halved:
             self.stops += 1
-            if self.stops >= _TOLD and self.stops > _OFTEN * self.turns:
+            if self.stops >= _LEAST_STOPS and self.stops > _OFTEN * self.turns:
                 self.halved, self.turns, self.stops = halved + 1, 1, 0
 
     def _tried(self, setting: float, duration: float) -> Run:
@@ -237,7 +237,7 @@ def _unrests(thrust: FloatArray, parts: int) -> FloatArray:
 
 
 def _orders_of_thirds(thrust: FloatArray) -> ComplexArray:
-    """Complex orders of a thrust over one revolution, each third by itself: their mean is that of the revolution."""
+    """Complex orders of a thrust over one revolution, for each third; their mean is the order of the revolution."""
     thirds = np.zeros((3, 3, thrust.size // 3))
     thirds[range(3), range(3)] = 3 * thrust.reshape(3, -1)
     return complex_amplitudes(thirds.reshape(3, -1))

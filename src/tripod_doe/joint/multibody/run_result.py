@@ -40,7 +40,7 @@ class VibrationReadings:
 
 @dataclass(frozen=True)
 class Readings:
-    """What is read off a run that came to its end, in internal units."""
+    """Results read off a complete run, in internal units."""
 
     # axial force on the housing at each groove in the last revolutions, two or more, shape (revolution, groove, sample)
     groove_thrust: FloatArray
@@ -62,15 +62,15 @@ class Readings:
 
 @dataclass(frozen=True)
 class JointRun:
-    """What became of a run."""
+    """Outcome, results and counted work of a run."""
 
     # outcome, detail: how it ended, and why it failed or a note on it
     outcome: Outcome
     detail: str
     readings: Readings | None = None  # its results, whatever its outcome; None if it stopped before its end
     setting: float = math.nan  # tolerance or step of its results; NaN where nothing was run
-    settled: bool = False  # whether the run found it by itself
-    # steps, force_evaluations, solves: counted work of all passes, with that of the error estimate
+    settled: bool = False  # whether the run chose it by itself
+    # steps, force_evaluations, solves: counted work of all passes, error estimate included
     steps: int = 0
     force_evaluations: int = 0
     solves: int = 0

@@ -1,4 +1,4 @@
-"""What chance makes of the orders of a motion that does not repeat: it rattles, vibrates, or still swings in."""
+"""Random scatter of the orders of a motion that does not repeat: it rattles, vibrates, or still swings in."""
 
 from __future__ import annotations
 
@@ -8,31 +8,31 @@ from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.joint.orders import ORDERS
 
 _IDLE = np.array([7, 8, 10, 11])
-"""High orders that trunnions in turn do not make: what there is of them is chance, which moves all orders alike."""
+"""High orders that the three trunnions cannot excite: their amplitude is noise, which moves all orders alike."""
 
 _MOST_ALIKE, _TINY = 0.9, 1e-300
-"""Correlation of neighbouring parts that counts at most: where it is closer, the motion is still growing."""
+"""Largest correlation of neighbouring parts that counts: above it, the motion is still growing."""
 
 _FEW = 4
-"""Revolutions of which at least so many tell whether the first ones differ."""
+"""Least number of revolutions that shows whether the first ones differ."""
 
 
 def mean_and_chance(parts: ComplexArray, *others: ComplexArray) -> tuple[ComplexArray, FloatArray]:
-    """Mean orders of revolutions that differ by chance, and twice the standard deviation of the amplitude of each mean.
+    """Mean orders of revolutions that scatter, and twice the standard deviation of the amplitude of each mean.
 
-    A third of a revolution differs from the mean by what skews make of it, the same in every revolution, and by chance.
-    Parts that follow each other are alike: where neighbours correlate by r, n of them are worth n (1 - r) / (1 + r)
-    independent ones, as of a process that forgets at a constant rate. All orders tell r together. Chance moves a
-    complex order any way, its amplitude by half of that variance.
+    A third of a revolution differs from the mean by the skews of its trunnion, equally in every revolution, and by
+    noise. Consecutive parts are correlated: with the correlation r of neighbours, n of them are worth n (1 - r) / (1 +
+    r) independent ones, as in a first-order autoregressive process. r is estimated from all orders together. Noise
+    moves a complex order in any direction, its amplitude by half of that variance.
 
     Parameters
     ----------
     parts
         Complex orders of revolutions that follow each other, whole ones or every third by itself, shape (revolution, 1
-        or 3, order). Of a single revolution nobody knows what skews make of its thirds: orders that are but chance
-        (`_IDLE`) tell, if less.
+        or 3, order). With one revolution, the effect of skews on its thirds is unknown, and idle orders (`_IDLE`) bound
+        the scatter.
     others
-        Those of other revolutions, about means of their own: few revolutions tell little of chance.
+        Orders of other revolutions, with means of their own, for a better estimate of the scatter.
     """
     groups, places = (parts, *others), parts.shape[1]
     revolutions = sum(map(len, groups))

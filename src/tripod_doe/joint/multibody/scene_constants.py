@@ -31,7 +31,7 @@ def _quaternion(attitude: Rotation) -> tuple[float, float, float, float]:
 
 @dataclass(frozen=True)
 class DerivedConstants:
-    """What a scene of the joint is made from, at one operating point; in mm, N, s, t, rad."""
+    """Constants of a scene of the joint at one operating point; in mm, N, s, t, rad."""
 
     values: JointValues[float]  # the operating point
     initial: InitialState  # where shaft, output shaft and rollers start
@@ -48,7 +48,7 @@ class DerivedConstants:
 
     @property
     def ring_distance(self) -> float:
-        """Distance of the middle of the needles from the spider's centre: that of the roller on average."""
+        """Distance of the middle of the needles from the spider's centre: the roller's mean distance."""
         pitch = self.values.pitch_radius
         return pitch + pitch * (1 / math.cos(self.values.joint_angle) - 1) / 2
 

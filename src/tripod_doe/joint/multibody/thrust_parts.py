@@ -139,7 +139,7 @@ def _of_each_roller(assembly: Assembly, powers: FloatArray) -> FloatArray:
 def thrust_parts(
     assembly: Assembly, times: FloatArray, positions: FloatArray, velocities: FloatArray, values: JointValues[float]
 ) -> FloatArray:
-    """What each mechanism adds to the thrust at each groove; the definition is in the module's documentation.
+    """Split the thrust at each groove by mechanism; the definition is in the module's documentation.
 
     Parameters
     ----------

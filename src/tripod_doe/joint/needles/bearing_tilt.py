@@ -15,7 +15,7 @@ _NEWTON = 100
 _WITHIN = 0.98
 """Place of a load between the outermost spheres, at most."""
 _LEAST = 1e-9
-"""Stiffness of what no ring holds, over that of a needle."""
+"""Stiffness against motions that no ring resists, over a needle's."""
 
 
 class NeedleRow(NamedTuple):
@@ -31,7 +31,7 @@ class NeedleRow(NamedTuple):
 
 @kernel
 def turned_bearing(load, offset, moment, needles):
-    """How a load off the middle of the needles, which may be crowned, and a moment about it turn a roller.
+    """Tilt and yaw of a roller under a load off the middle of its needles, which may be crowned, and a moment about it.
 
     Each ring of spheres is a bearing of its own: at the station x along the needles the roller has moved by D + b x
     along the load and by E + y x across it, in sum by d, against which the ring acts with F(d); its clearance is

@@ -79,9 +79,9 @@ NEEDLE = np.dtype(
         )
     ]
 )
-"""What is known of a needle."""
+"""State of a needle."""
 NEEDLE_CONTACT = np.dtype([(name, float) for name in ("depth", "lean", "variance")])
-"""What is known of a needle's contact with trunnion or bore: compression in its middle and its slope, <(x - x_f)^2>."""
+"""State of a needle's contact with trunnion or bore: compression in its middle and its slope, <(x - x_f)^2>."""
 
 _EXPONENT = 10.0 / 9.0
 _STEPS = 360

@@ -1,10 +1,10 @@
 """The answer of a joint that vibrates by itself: the motion with its vibration, or whether a run may do without.
 
 The method by which runs find their own steps damps the vibration: such a run of `rollers` is followed with it instead.
-Needles as bodies make that ten to three hundred times as dear as their own run. Lumped bearings tell first by how much
-the vibration changes the third order (of 20 points that were also followed with needles, they were wrong about a loss
-of 5 % at one); needles are followed where that is more than the error that is allowed. A run whose method or step is
-chosen stays what it is, and its third order is held against that of lumped bearings.
+With needle bodies that costs ten to three hundred times their usual run. Lumped bearings show first by how much the
+vibration changes the third order (of 20 points that were also followed with needles, they were wrong about a loss of 5
+% at one); needles are followed where the change exceeds the allowed error. A run with a chosen method or step is kept,
+and its third order is compared with lumped bearings.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from tripod_doe.mechanics.run import Limits, Run, run
 from tripod_doe.simulator import Outcome
 
 _BUILT_UP = 1.5
-"""Factor of the thrust's unrest above which departures do not just grow but become a vibration."""
+"""Factor of the thrust's unrest above which growing departures count as a vibration."""
 
 
 class VibratingJoint:
@@ -48,7 +48,7 @@ class VibratingJoint:
     limits
         What a revolution may show.
     allowed
-        Errors that orders of such amplitudes may have, infinite where any will do; shape (order,) each.
+        Allowed errors of orders of given amplitudes, infinite without a requirement; shape (order,) each.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class VibratingJoint:
         self._allowed, self._joints = allowed, list[JointInTurns]()
 
     def answer(self, needles: bool, anyhow: bool = False) -> JointRun | None:
-        """Follow the joint with its vibration; `anyhow` if that is the only answer that there is.
+        """Follow the joint with its vibration; `anyhow` if there is no other answer.
 
         Returns
         -------
@@ -81,7 +81,7 @@ class VibratingJoint:
         except StoppedError as stop:
             done = JointRun(stop.stopped.outcome, f"{self._vibration.described}; {stop.stopped.detail}{self._loose}")
         else:
-            done = self._told(followed, needles)
+            done = self._described(followed, needles)
         return replace(
             done,
             steps=sum(joint.steps for joint in self._joints),
@@ -96,7 +96,7 @@ class VibratingJoint:
         Parameters
         ----------
         third
-            Third order of the run; None for needles, of which lumped bearings tell what the vibration changes.
+            Third order of the run; None for needles, whose change by the vibration is taken from lumped bearings.
         limit
             Share of the third order by which a run may be off.
         """
@@ -145,7 +145,7 @@ class VibratingJoint:
 
     @property
     def _loose(self) -> str:
-        """What may have become of needles as bodies that a vibration shakes in a ring with gaps, in words."""
+        """Hint for needle bodies in a ring with gaps, which a vibration shakes together."""
         room = room_for_needles(self._values)
         if room < 2 or not self._joints[-1].has_needles:
             return ""
@@ -153,12 +153,12 @@ class VibratingJoint:
 
     @property
     def _builds_up(self) -> bool:
-        """Whether what grows becomes a vibration: one that is heard, or that changes the third order."""
+        """Whether growing departures become a vibration: one above the unrest, or one that changes the third order."""
         heard = not self._lumped.steady or self._lumped.unrest > _BUILT_UP * self._vibration.unrest
         return heard or self._change(self._vibration.third) > self._allowed_of_third
 
     def _change(self, third: float) -> float:
-        """By how much a third order is off that of lumped bearings with the vibration, beyond what is not known."""
+        """Difference of a third order to lumped bearings with the vibration, beyond their numerical error."""
         return max(abs(self._lumped.third - third) - float(self._lumped.readings.amplitude_error[3]), 0.0)
 
     @property
@@ -167,8 +167,8 @@ class VibratingJoint:
         amplitudes[3] = self._lumped.third
         return float(self._allowed(amplitudes)[3])
 
-    def _told(self, followed: FollowedVibration, needles: bool) -> JointRun:
-        """The result, with what there is to know of it in words."""
+    def _described(self, followed: FollowedVibration, needles: bool) -> JointRun:
+        """Make the result, with a note on the vibration."""
         method, _ = undamped(needles, self._vibration.growth.frequency)
         growth = self._vibration.growth
         numbers = VibrationReadings(growth.factor, growth.rate, self._vibration.hertz, followed.unrest)
@@ -191,10 +191,10 @@ class VibratingJoint:
 
     @property
     def _end(self) -> str:
-        """What would end the vibration, in words."""
+        """State in words what would end the vibration."""
         if self._vibration.growth.rate <= 0:
-            return "a kick as that of the start keeps it up"
+            return "a kick such as the start keeps it up"
         damping = damping_against(self._values, self._vibration.states)
         if damping:
             return f"with contact_damping_s_per_mm = {damping:.2g} it would not start"
-        return "stronger contact damping was not found to end it"
+        return "no contact damping that was tried ends it"

@@ -1,8 +1,8 @@
-"""Self-excited vibration: whether a joint vibrates by itself, and with which damping it would not.
+"""Onset of self-excited vibration: whether a joint vibrates by itself, and the damping that would prevent it.
 
-The friction laws rise with the slip, so that friction damps. What excites is that it turns normal forces into other
-directions: it couples motions with nearby frequencies one way only, and one drives the other (mode coupling). Contact
-damping acts against it, and friction across the slip. Parts of the rate at which a departure grows fastest, 1/s:
+The friction laws rise with the slip, so that friction damps. It excites by turning normal forces into other directions:
+it couples motions with nearby frequencies one way only, and one drives the other (mode coupling). Contact damping acts
+against it, and friction across the slip. Parts of the largest growth rate of departures, 1/s:
 
     joint, grooves' friction                    frequency    rate   groove sliding  needle sliding  contact damping
     7 deg, 76 N m, 1860 rpm, 0.015 (needles 0.14)  741 Hz      78               59             404              -31
@@ -14,8 +14,8 @@ times the contact damping that is assumed here ends it. At some kHz a roller spi
 revolution, and faster than contact damping could take it there.
 
 The method that runs use damps vibrations. So departures from the smooth motion that it gives are tested for growth.
-The answer holds for small departures; how large they become, and what that makes of the thrust, is seen by following
-the joint with a method that does not damp (`vibrating_run`).
+The answer holds for small departures; their final size and their effect on the thrust follow from a run with a method
+that hardly damps (`vibrating_run`).
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ where departures grow otherwise, or by chance not at all (seen: 0.93 for 200, li
 
 
 class _Look(NamedTuple):
-    """How a smooth motion is looked at: states of a revolution, samples from one to the next, and its tolerance."""
+    """Sampling of a smooth motion: states per revolution, samples from one to the next, and the tolerance."""
 
     states: int
     between: int
@@ -162,7 +162,7 @@ def _departures(assembly: Assembly, states: Sequence[State], values: JointValues
 
 
 def _vibrates(departures: FloatArray, values: JointValues[float]) -> Growth | None:
-    """How departures grow in a revolution, if that makes a vibration."""
+    """Growth of departures in a revolution, if they become a vibration; else None."""
     growth = fastest_growth(departures, 2 * math.pi / values.speed)
     return growth if growth.factor > _GROWS and growth.frequency > _FAST * values.speed else None
 
@@ -202,10 +202,10 @@ def _smooth(
     Returns
     -------
     _Smooth or None
-        None where it did not come to its end: nothing is known of it then.
+        None where the run stopped on its way.
     """
     before = look.samples // LEAD if other else look.samples
-    found = run(
+    smooth = run(
         assembly,
         _METHOD,
         2 * math.pi / values.speed * (1 + before / look.samples),
@@ -214,4 +214,4 @@ def _smooth(
         settings=Settings(tolerance=look.tolerance),
         limits=Limits(windows=0),
     )
-    return _Smooth(found, look) if found.times.size > look.samples + before else None
+    return _Smooth(smooth, look) if smooth.times.size > look.samples + before else None

@@ -1,16 +1,16 @@
 """A joint that vibrates by itself, followed until the mean orders of its thrust are certain.
 
 The vibration is not in step with the rotation: revolutions differ by chance, and an order is the mean over revolutions.
-With three trunnions thirds of a revolution are alike but for their skews: a revolution tells by its thirds what chance
-makes of it (`scatter`).
+With three trunnions, thirds of a revolution are alike but for their skews: the scatter of a revolution is estimated
+from its thirds (`scatter`).
 
 The joint is followed from its start in steps that resolve the vibration. The beginning is dropped, and the joint is
 followed for longer until the vibration has stopped growing. Where the vibration builds up within a revolution, a second
-one is enough. It builds up from the kick of the start: from the smooth motion steps would be so long that they damp it
-(seen: 657 N in place of 441 N). As many revolutions, or few where chance hardly matters, go on in
-finer steps: what the two means differ by, beyond chance, tells the errors of both. The answer is the mean of all
-revolutions where steps hardly matter, and of those in finer steps where they do. Still finer steps follow, or more
-revolutions, whichever error is the larger, until the orders are as certain as they are asked to be.
+one is enough. The run starts with a kick: from the smooth motion steps would be so long that they damp the vibration
+(seen: 657 N in place of 441 N). The same number of revolutions, or few where scatter hardly matters, follows in finer
+steps: the difference of the two means beyond scatter gives the errors of both. The answer is the mean of all
+revolutions where steps hardly matter, else of those in finer steps. Still finer steps or more revolutions follow,
+depending on the larger part of the error, until the orders are as certain as required.
 """
 
 from __future__ import annotations
@@ -38,25 +38,25 @@ _FIRST, _DROPPED, _MOST = 4, 1 / 3, 256
 Half of these may have the first steps."""
 
 _FEWEST, _HARDLY = 2, 0.5
-"""Revolutions that an answer is made of at least, also in finer steps unless the vibration builds up in one of them;
-where chance makes more than such a share of the allowed error, as many as in the steps before."""
+"""Least number of revolutions of an answer, also in finer steps unless the vibration builds up in one of them; and the
+share of the allowed error by scatter above which finer steps get the same number of revolutions as the steps before."""
 
-_RESERVE, _DEARER = 0.75, 2.0
-"""Share of the budget left that stays for finer steps, and what a revolution costs in those over the one before."""
+_RESERVE, _COST_RATIO = 0.75, 2.0
+"""Share of the budget left that is reserved for finer steps, and the cost ratio of a revolution in finer steps."""
 
 _AIM = 0.95
 """Share of the allowed error that is aimed at by more revolutions."""
 
 _COARSELY = 1.6
-"""Chance over the allowed error up to which a mean tells the error of its steps: that is a third of what it tells. With
-this, revolutions in coarse and in finer steps cost the least together."""
+"""Largest scatter over the allowed error with which a mean is good enough to estimate the error of finer steps, which
+is a third of its own. With this, revolutions in coarse and in finer steps cost the least together."""
 
 _STEADY = 0.1
-"""Relative change of the vibration between two halves of the revolutions that passes as none, if chance makes less."""
+"""Relative change of the vibration between two halves of the revolutions that counts as none."""
 
 
 def undamped(needles: bool, frequency: float) -> tuple[Method, float]:
-    """The method that leaves a vibration alone, and the tolerance or step in s to begin with.
+    """Choose a method that hardly damps a vibration, and the tolerance or step in s to begin with.
 
     Rosenbrock's method of third order controls its step. At 9 deg, 57 N m, 1173 rpm, groove friction 0.18, where the
     vibration reduces the third order from 51.0 N to 41.3 N, a tolerance of 1e-3 gives 41.4 +- 0.2 N in 24 revolutions
@@ -77,24 +77,24 @@ def undamped(needles: bool, frequency: float) -> tuple[Method, float]:
 
 
 _TOLERANCE, _LONGEST_STEP, _ANGLE = 4e-3, 3e-5, 0.25
-"""Tolerance; step in s, and what a vibration turns its phase by in a step: BDF2 damps that by (1/4) 0.25^4 a step."""
+"""Tolerance; longest step in s, and largest phase of a vibration in a step: BDF2 damps it by (1/4) 0.25^4 per step."""
 
 
 @dataclass(frozen=True)
 class FollowedVibration:
-    """What following a vibration came to."""
+    """The result of following a vibration."""
 
     # revolutions, followed: number of revolutions that the orders are the mean of, and of all that were followed
     revolutions: int
     followed: int
     setting: float  # tolerance or step of the finest of them
-    # third, scatter: third order of the thrust, and the standard deviation of that of a revolution
+    # third, scatter: third order of the thrust, and its standard deviation from revolution to revolution
     third: float
     scatter: float
     unrest: float  # effective value of the thrust above the orders that are reported
     steady: bool  # whether the vibration has stopped growing
-    certain: bool  # whether all orders are as certain as asked for, too
-    # about how many force evaluations that would take besides, where the budget did not allow them; 0 elsewhere
+    certain: bool  # whether all orders are also as certain as required
+    # estimated force evaluations that this would still take, where the budget did not allow them; 0 elsewhere
     lacking: float
     # its results; the error of an order is by chance (twice the standard deviation of the mean) and by the steps
     readings: Readings
@@ -108,11 +108,11 @@ def follow_vibration(
     Parameters
     ----------
     joint
-        The joint, with a method that leaves vibrations alone.
+        The joint, with a method that hardly damps vibrations.
     setting
         Tolerance or step to begin with.
     allowed
-        Errors that orders of such amplitudes may have, infinite where any will do; shape (order,) each.
+        Allowed errors of orders of given amplitudes, infinite without a requirement; shape (order,) each.
     builds_up
         Whether the vibration builds up within a revolution, so that only the first one is dropped.
 
@@ -128,7 +128,9 @@ def follow_vibration(
     finer = _FINER if joint.method.controlled else _FINER ** (1 / joint.method.order)
     passed = joint.follow(first, setting)
     kept = passed[round(_DROPPED * first) :]
-    while (more := min(_to_tell_steps(kept, allowed), _MOST // 2 - len(passed), _afforded(joint, 1 - _RESERVE))) > 0:
+    while (
+        more := min(_before_finer_steps(kept, allowed), _MOST // 2 - len(passed), _afforded(joint, 1 - _RESERVE))
+    ) > 0:
         passed += joint.follow(more, setting)
         kept = passed[round(_DROPPED * len(passed)) :]
     while True:
@@ -136,25 +138,25 @@ def follow_vibration(
         joint.change_to(setting)
         more = min(_in_finer_steps(kept, allowed, fewest), max(_afforded(joint), 1))
         coarse, kept = kept, joint.follow(more, setting)
-        found = _Compared.of(coarse, kept, allowed)
-        while more := _more(found, coarse, kept, min(_MOST - len(passed) - len(kept), _afforded(joint))):
+        compared = _Compared.of(coarse, kept, allowed)
+        while more := _more(compared, coarse, kept, min(_MOST - len(passed) - len(kept), _afforded(joint))):
             kept += joint.follow(more, setting)
-            found = _Compared.of(coarse, kept, allowed)
+            compared = _Compared.of(coarse, kept, allowed)
         passed += kept
-        if found.certain or len(passed) >= _MOST or joint.affordable < _DEARER * _FEWEST:
-            return _followed(joint, passed, coarse, kept, setting, found)
+        if compared.certain or len(passed) >= _MOST or joint.affordable < _COST_RATIO * _FEWEST:
+            return _followed(joint, passed, coarse, kept, setting, compared)
 
 
 def _afforded(joint: JointInTurns, share: float = 1.0) -> int:
-    """How many revolutions like the last one a share of the budget left allows, at most as many as are followed."""
+    """Number of revolutions like the last one that a share of the budget left allows, at most `_MOST`."""
     return int(min(share * joint.affordable, _MOST))
 
 
 @dataclass(frozen=True)
 class _Compared:
-    """Revolutions in finer steps held against those before."""
+    """Comparison of revolutions in finer steps with those before."""
 
-    pooled: bool  # whether the mean is that of both
+    pooled: bool  # whether the mean is taken over both
     mean: ComplexArray  # mean complex orders, shape (order,)
     # by_steps, by_chance, allowed: errors of each, and what they may be, shape (order,)
     by_steps: FloatArray
@@ -165,7 +167,7 @@ class _Compared:
     def of(cls, coarse: Sequence[Revolution], fine: Sequence[Revolution], allowed: Allowed) -> _Compared:
         """The mean of the finer revolutions or of both, whichever is the more certain; few finer ones only if need be.
 
-        What the two means differ by beyond chance is three times the error of the finer steps, but no difference is
+        The difference of the two means beyond scatter is three times the error of the finer steps, but no difference is
         known better than its standard deviation; the error of the coarser steps is four times as large.
         """
         coarsely, finely = _thirds(coarse), _thirds(fine)
@@ -204,12 +206,12 @@ class _Compared:
 
     @property
     def wants_revolutions(self) -> bool:
-        """Whether the order that misses most wants more revolutions rather than finer steps."""
+        """Whether the order with the largest error needs more revolutions rather than finer steps."""
         worst = int((self.error / self.allowed).argmax())
         return not self.certain and bool(self.by_chance[worst] > self.by_steps[worst])
 
     def lacking(self, coarse: int, fine: int) -> int:
-        """How many more finer revolutions are needed after so many of both, as far as chance is known from them."""
+        """Estimate how many further revolutions in finer steps are needed, from the scatter of those so far."""
         counted = fine + (coarse if self.pooled else 0)
         worst = int((self.error / self.allowed).argmax())
         left = (_AIM * self.allowed[worst]) ** 2 - self.by_steps[worst] ** 2
@@ -217,10 +219,10 @@ class _Compared:
         return max(math.ceil(counted * min(excess, 1e3)), 1)
 
 
-def _to_tell_steps(kept: Sequence[Revolution], allowed: Allowed) -> int:
-    """How many more revolutions, at most as many again, until orders are known well enough to tell what steps change.
+def _before_finer_steps(kept: Sequence[Revolution], allowed: Allowed) -> int:
+    """Number of further revolutions, at most doubling them, before the effect of steps can be estimated.
 
-    None where the vibration has stopped growing, and they are.
+    Zero where the vibration has stopped growing, and they are.
     """
     mean, chance = mean_and_chance(_thirds(kept))
     excess = float((chance / (_COARSELY * allowed(np.abs(mean)))).max()) ** 2
@@ -229,24 +231,24 @@ def _to_tell_steps(kept: Sequence[Revolution], allowed: Allowed) -> int:
     return math.ceil(len(kept) * min(excess - 1, 1.0)) if excess > 1 else 0
 
 
-def _more(found: _Compared, coarse: Sequence[Revolution], fine: Sequence[Revolution], left: int) -> int:
-    """How many more revolutions to follow in finer steps, at most as many again and no more than are left.
+def _more(compared: _Compared, coarse: Sequence[Revolution], fine: Sequence[Revolution], left: int) -> int:
+    """Number of further revolutions in finer steps, at most doubling them and no more than are left.
 
-    None where they would not help.
+    Zero where they would not help.
     """
     if not _is_steady(fine):
         more = len(fine)
-    elif not found.pooled and len(fine) < _FEWEST:
+    elif not compared.pooled and len(fine) < _FEWEST:
         more = _FEWEST - len(fine)
-    elif found.wants_revolutions:
-        more = found.lacking(len(coarse), len(fine))
+    elif compared.wants_revolutions:
+        more = compared.lacking(len(coarse), len(fine))
     else:
         return 0
     return min(more, len(fine), max(left, 0))
 
 
 def _in_finer_steps(kept: Sequence[Revolution], allowed: Allowed, fewest: int) -> int:
-    """How many revolutions to follow in finer steps than these."""
+    """Number of revolutions to follow in finer steps than these."""
     mean, chance = mean_and_chance(_thirds(kept))
     return fewest if (chance <= _HARDLY * allowed(np.abs(mean))).all() else len(kept)
 
@@ -273,10 +275,10 @@ def _followed(
     coarse: Sequence[Revolution],
     fine: Sequence[Revolution],
     setting: float,
-    found: _Compared,
+    compared: _Compared,
 ) -> FollowedVibration:
-    """All that was found, with what is read off the revolutions that are kept."""
-    kept = [*coarse, *fine] if found.pooled else list(fine)
+    """Make the result, with the readings of the revolutions that are kept."""
+    kept = [*coarse, *fine] if compared.pooled else list(fine)
     skew, summary = None, None
     if joint.has_needles:
         skew = np.concatenate([each.skew for each in passed[-2:] if each.skew is not None], axis=1)
@@ -287,23 +289,23 @@ def _followed(
         np.array([each.thrust for each in kept]),
         np.array(parts) if parts else None,
         np.mean([each.power for each in kept], axis=0),
-        found.error,
+        compared.error,
         skew,
         summary,
         max(each.penetration for each in passed),
         max((each.energy_residual for each in kept), key=abs),
     )
-    scatter = float(found.by_chance[3]) / 2 * math.sqrt(len(kept))
+    scatter = float(compared.by_chance[3]) / 2 * math.sqrt(len(kept))
     steady = _is_steady(fine)
-    certain, lacking = steady and found.certain, 0.0
+    certain, lacking = steady and compared.certain, 0.0
     if not certain and len(passed) < _MOST:
-        more = len(kept) * (found.miss**2 - 1) if found.wants_revolutions else _DEARER * len(fine)
+        more = len(kept) * (compared.miss**2 - 1) if compared.wants_revolutions else _COST_RATIO * len(fine)
         lacking = (more if steady else len(fine)) * joint.evaluations_per_revolution
     return FollowedVibration(
         len(kept),
         len(passed),
         setting,
-        float(abs(found.mean[3])),
+        float(abs(compared.mean[3])),
         scatter,
         float(np.mean([each.unrest for each in kept])),
         steady,

@@ -91,8 +91,8 @@ class EnergyBalance:
         """Share of the energy turned over that is missed at every sample, shape (sample,)."""
         if self.turned_over == 0.0:
             return np.zeros_like(self.residuals)
-        found: FloatArray = np.abs(self.residuals) / self.turned_over
-        return found
+        shares: FloatArray = np.abs(self.residuals) / self.turned_over
+        return shares
 
     def worst(self) -> float:
         """Largest share that is missed, 0 without samples."""

@@ -1,4 +1,4 @@
-"""Whether a motion is stable: how fast the departures from it grow that grow fastest (Floquet's theory).
+"""Stability of a motion: the growth rate of the departure from it that grows fastest (Floquet's theory).
 
 A method that damps what it does not resolve follows a smooth motion even where the equations of motion would leave it:
 a joint with friction may vibrate by itself. So small departures (q, v) of positions and velocities are followed along

@@ -53,7 +53,7 @@ def linear_matrices(assembly: Assembly, state: State | None = None) -> Matrices:
     assembly
         The scene.
     state
-        The state; that of the scene's start unless given.
+        The state; the scene's start unless given.
     """
     state, work, tables = state or assembly.initial_state(), assembly.work(), assembly.tables
     motions = _motions(assembly, state)

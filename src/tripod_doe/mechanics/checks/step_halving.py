@@ -1,8 +1,8 @@
-"""A run against itself in half the steps, or at a tenth of the tolerance: what its numerical error is.
+"""The numerical error of a run, from a second run in half the steps or with a tenth of the tolerance.
 
-A run of few steps is run again whole and compared at its samples: that costs milliseconds, and coarse runs are the ones
-that go wrong. Of a longer one only windows are run again, each from the run's own state: they are a sample of the run,
-and their differences in sum stand for it.
+A run of few steps is repeated whole and compared at its samples: that costs milliseconds, and coarse runs are the ones
+that go wrong. A longer one is repeated in windows only, each from the run's own state: they are a sample of the run,
+and the sum of their differences stands for it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _TENTH = 0.1
 
 @dataclass(frozen=True)
 class Ways:
-    """What differences are measured by."""
+    """Path lengths of a motion, to which differences are related."""
 
     duration: float  # time that the ways took
     # slip, travel, spun: longest slip path of a sphere, longest way of a body along an axis, and largest turn of a body
@@ -37,14 +37,14 @@ class Ways:
 
 @dataclass(frozen=True)
 class Again:
-    """A stretch of a run that was run again."""
+    """A stretch of a run that was repeated in finer steps."""
 
     begin: float  # when it began
     # apart, turned: largest distance between each body's places at the states of the stretch, and between its
     # attitudes, as a length; shape (body,)
     apart: FloatArray
     turned: FloatArray
-    ways: Ways  # what the finer motion slipped, travelled and turned
+    ways: Ways  # slip, travel and turn of the finer motion
     balance: EnergyBalance  # energy balance of the finer motion
     evaluations: int  # force evaluations that it took
     outcome: Outcome  # how it ended; the rest holds up to there
@@ -52,12 +52,12 @@ class Again:
 
 @dataclass(frozen=True)
 class Difference:
-    """The largest difference to half the steps over the way that it is measured by: how large, of which body, when."""
+    """The largest difference to half the steps, relative to a path: its size, its body, its time."""
 
     size: float  # difference over the slip path, or over the travel where nothing slips
     body: int  # number of the body
-    begin: float  # when the stretch began that has most of it
-    way: str  # what it is measured by
+    begin: float  # start of the stretch with most of it
+    way: str  # the path that it is relative to
 
 
 def error_over_difference(order: int, controlled: bool) -> float:
@@ -68,7 +68,7 @@ def error_over_difference(order: int, controlled: bool) -> float:
 def run_again(
     assembly: Assembly, method: Method, states: Sequence[State], count: int, settings: Settings, controlled: bool
 ) -> Again:
-    """Run a stretch again, finer, from its first state, and compare it with the others.
+    """Repeat a stretch in finer steps from its first state, and compare their states.
 
     Parameters
     ----------
@@ -133,10 +133,10 @@ def ways_of(assembly: Assembly, states: Sequence[State], memory: Work) -> Ways:
 
 
 def difference(assembly: Assembly, pieces: Sequence[Again], whole: Ways) -> Difference:
-    """What all pieces of a run of these ways are apart from it in sum: the body that it is largest for.
+    """Sum the differences between a run and its repeated pieces, and find the body with the largest sum.
 
-    They are measured by the ways of the pieces, but by no less than their share in the whole run's: what is left of a
-    slip that is over would make any difference large.
+    Differences are relative to the paths of the pieces, but to no less than their share of the whole run's: the rest of
+    a slip that is over would make any difference large.
     """
     part = sum(piece.ways.duration for piece in pieces) / whole.duration
     slip, travel, spun = (

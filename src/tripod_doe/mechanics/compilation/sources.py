@@ -136,9 +136,9 @@ def _has_kernels(tree: ast.Module) -> bool:
 
 def _imported(tree: ast.Module) -> set[str]:
     """Files that a module may import from, relative to the package."""
-    found = set()
+    files = set()
     for node in tree.body:
         if isinstance(node, ast.ImportFrom) and node.module:
             place = "/".join(node.module.split(".")[1:])
-            found |= {f"{place}.py", f"{place}/__init__.py", *(f"{place}/{name.name}.py" for name in node.names)}
-    return found
+            files |= {f"{place}.py", f"{place}/__init__.py", *(f"{place}/{name.name}.py" for name in node.names)}
+    return files

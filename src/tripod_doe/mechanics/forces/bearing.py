@@ -73,7 +73,7 @@ def bearing_forces(bearings, positions, velocities, force, ledger):
             drag = bearing.sliding * s.load * needle_grip(s.slip, bearing.sliding_transition)
             ledger[2] += drag * s.slip
             axial -= along_axis + bearing.cosine * drag
-            # the load acts in the bore's axis: of its moment about the trunnion only that of the damping is left
+            # the load acts in the bore's axis: only the damping is left of its moment about the trunnion
             moment_1 -= station * load_2 + y * along_axis + bearing.cosine * drag * s.lever * s.n_2
             moment_2 += station * load_1 + x * along_axis + bearing.cosine * drag * s.lever * s.n_1
             torque += reach * held + bearing.skew_lever * drag

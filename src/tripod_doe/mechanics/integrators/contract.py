@@ -26,7 +26,7 @@ class Method:
     """A time integration method."""
 
     name: str  # the value of the parameter ``method``
-    order: int  # declared order of convergence; for methods that run with step control, that of their fixed-step form
+    order: int  # declared order of convergence; with step control, the order of the method's fixed-step form
     meaning: str  # one phrase
     loop: str  # where its time loop is: ``module:function`` of this package
     # whether it chooses its own steps from `relative_tolerance`; else it takes steps of `step_s`
@@ -42,8 +42,8 @@ class Method:
     def integrate(self) -> Callable[..., Any]:
         """The compiled time loop, or for SciPy's methods a Python function of the same signature."""
         module, _, name = self.loop.partition(":")
-        found: Callable[..., Any] = getattr(import_module(f"{__package__}.{module}"), name)
-        return found
+        kernel: Callable[..., Any] = getattr(import_module(f"{__package__}.{module}"), name)
+        return kernel
 
     @property
     def explicit(self) -> bool:

@@ -128,12 +128,12 @@ class SceneSimulator(Simulator):
 
     def foreseen(self, points: Mapping[str, NDArray[Any]]) -> list[tuple[int, Outcome, str]]:
         """Points whose method does not use a step or tolerance that they set."""
-        found: list[tuple[int, Outcome, str]] = []
+        refused: list[tuple[int, Outcome, str]] = []
         for i, method in enumerate(points["method"]):
             used = self.numerics.get(str(method), {})
             if unused := [name for name in reversed(NUMERICS) if is_set(points[name][i]) and name not in used]:
-                found.append((i, Outcome.NOT_APPLICABLE, f"not used by {method}: {', '.join(unused)}"))
-        return found
+                refused.append((i, Outcome.NOT_APPLICABLE, f"not used by {method}: {', '.join(unused)}"))
+        return refused
 
     def methods(self, values: Mapping[str, Value]) -> Methods:
         """Methods of the scene, whatever the values."""
@@ -166,15 +166,15 @@ class SceneSimulator(Simulator):
             }
             try:
                 result = self._run_point(values, method)
-                found = self._answer_point(values, result, keep)
+                answers = self._answer_point(values, result, keep)
             except Exception as error:  # one point's error is not its neighbours'
                 block.end(i, Outcome.ERROR, f"{type(error).__name__}: {error}")
                 continue
             block.end(i, result.outcome, result.detail)
             block.steps[i], block.solves[i], block.simulated_seconds[i] = result.steps, result.solves, result.followed
             block.force_evaluations[i] = result.force_evaluations + result.check_evaluations
-            for name in keep if found else ():
-                block.put(name, self.outputs[name].dims, i, np.asarray(found[name]))
+            for name in keep if answers else ():
+                block.put(name, self.outputs[name].dims, i, np.asarray(answers[name]))
         return block
 
     def _run_point(self, values: Mapping[str, float], method: str) -> Run:
@@ -197,7 +197,7 @@ class SceneSimulator(Simulator):
 
 
 def _rates(result: Run) -> dict[str, float]:
-    """What limited the step of a run; its start is left out."""
+    """Rates that limited the step of a run, without its start."""
     chosen = np.unique(np.linspace(1, len(result.times) - 1, _RATE_STATES).round().astype(int))
     states = [State(float(result.times[k]), result.positions[k], result.velocities[k]) for k in chosen]
     rates = fastest_rates(result.assembly, states, pace=1 / float(result.times[-1] - result.times[0]))
