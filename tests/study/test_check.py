@@ -176,3 +176,32 @@ def test_where_nothing_can_be_checked_that_is_said(tmp_path, capsys, place):
     assert main(["check", str(tmp_path / place)]) == 2
     errors = capsys.readouterr().err
     assert "there is no such file" in errors or "no netCDF file and no journal here" in errors
+
+
+@pytest.mark.parametrize("file", ["cube.nc", "cost.nc"])
+def test_results_of_another_study_are_not_those_of_the_directory(folder, tmp_path, file):
+    """They are made of the journal, as while a study runs."""
+    out = folder / "out"
+    before = td.open_cube(out)
+    (folder / "other.toml").write_text(STUDY.replace("high = 12", "high = 13"))
+    assert main(["run", str(folder / "other.toml"), "--out", str(tmp_path / "other"), "--workers", "0"]) == 0
+    shutil.copy(tmp_path / "other" / file, out / file)
+    read = td.open_cube(out)
+    assert read["thrust_amplitude"].equals(before["thrust_amplitude"])
+    assert read["cpu_seconds"].equals(before["cpu_seconds"])
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_damage_without_a_checksum_ends_with_a_message(folder, capsys, seed):
+    """Of names and attributes, where the digest is gone: netCDF4 raises errors of many kinds."""
+    cube = folder / "out" / "cube.nc"
+    content = cube.read_bytes()[:-83]
+    places = [at for at in range(len(content)) if content[at : at + 2] == b"OH"]  # headers of variables
+    rng = random.Random(seed)
+    place = rng.choice(places)
+    damaged = bytearray(content)
+    damaged[place + rng.randrange(600)] ^= 1 << rng.randrange(8)
+    cube.write_bytes(damaged)
+    code = main(["query", str(cube), "--variable", "thrust_amplitude"])
+    assert code in (0, 2)
+    assert "internal error" not in capsys.readouterr().err

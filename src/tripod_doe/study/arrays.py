@@ -114,6 +114,7 @@ def opened_arrays(path: str | Path) -> Iterator[CubeArrays]:
     coordinates: dict[str, Variable] = {}
     variables: dict[str, Variable] = {}
     stored: list[netCDF4.Dataset] = []
+    notes: tuple[str, ...] = ()
     try:
         with NETCDF_LOCK:
             for file in cube_files(Path(path)):
@@ -121,17 +122,24 @@ def opened_arrays(path: str | Path) -> Iterator[CubeArrays]:
                 with reading(file):
                     stored.append(netCDF4.Dataset(file))
                     labels = _coordinate_names(stored[-1])
-                    sizes |= {name: dimension.size for name, dimension in stored[-1].dimensions.items()}
-                tables = {_text_table(array) for array in stored[-1].variables.values()}
-                for name in stored[-1].variables:
-                    if name not in tables:
-                        (coordinates if name in labels else variables)[name] = _stored_variable(stored[-1], name, file)
-            notes = _notes(stored[0].__dict__)
+                    _add_sizes(sizes, {name: dimension.size for name, dimension in stored[-1].dimensions.items()})
+                    tables = {_text_table(array) for array in stored[-1].variables.values()}
+                    for name in [name for name in stored[-1].variables if name not in tables]:
+                        group = coordinates if name in labels else variables
+                        group[name] = _stored_variable(stored[-1], name, file)
+                    notes = notes or _notes(stored[-1].__dict__)
         yield CubeArrays(sizes, coordinates, variables, notes)
     finally:
         with NETCDF_LOCK:
             for dataset in stored:
                 dataset.close()
+
+
+def _add_sizes(sizes: dict[str, int], own: Mapping[str, int]) -> None:
+    """Add the lengths of dimensions of a further file."""
+    for name, size in own.items():
+        if sizes.setdefault(name, size) != size:
+            raise ValueError(f"{name} has {size} labels, and {sizes[name]} in the cube")
 
 
 def _notes(attributes: Mapping[str, Any]) -> tuple[str, ...]:

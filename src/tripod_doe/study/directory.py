@@ -24,7 +24,7 @@ from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import build_cube
 from tripod_doe.study.definition import STORED, Study, canonical, stored_study
 from tripod_doe.study.hold import Hold
-from tripod_doe.study.journal import FOLDER, KERNELS, STUDY, FinishedBlock, Journal, text_digest
+from tripod_doe.study.journal import FOLDER, KERNELS, STUDY, STUDY_HASH, FinishedBlock, Journal, text_digest
 from tripod_doe.study.plan import cube_bytes
 from tripod_doe.study.results import opened_cube
 from tripod_doe.study.stored_results import StoredResults
@@ -162,7 +162,7 @@ class ResultDirectory:
     def adopt(self, study: Study) -> None:
         """Make this the study whose results are here."""
         notes = {KERNELS: study.simulator.source_hash, FOLDER: str(study.folder.path.absolute())}
-        self._journal.remember(notes | {STUDY: text_digest(study.text.encode())})
+        self._journal.remember(notes | {STUDY: text_digest(study.text.encode()), STUDY_HASH: study.hash})
         replace_text(self.path / STORED, study.text)
 
     def missing(self, asked: StudyPoints, retry_failed: bool = False) -> IntArray:

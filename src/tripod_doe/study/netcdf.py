@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +36,9 @@ CHECKSUM = {"fletcher32": True, "contiguous": False}
 
 MOST_CHECKED = 100_000_000
 """Bytes of a file up to which its digest is held against its content when it is opened: 0.2 s."""
+
+_UNREADABLE = (OSError, RuntimeError, ValueError, KeyError, AttributeError, IndexError, TypeError)
+"""What netCDF4 and xarray raise where a file is damaged."""
 
 TEXT_TABLE = "text_table"
 """Attribute of a variable of numbers: the name of the variable with the texts to which they refer."""
@@ -110,7 +114,7 @@ def reading(path: Path) -> Iterator[None]:
         raise CubeError(f"{path}: there is no such file")
     try:
         yield
-    except (OSError, RuntimeError, ValueError, KeyError) as error:
+    except _UNREADABLE as error:
         raise CubeError(f"{path}: not a readable cube ({error}); {remedy(path)}") from error
 
 
@@ -132,6 +136,28 @@ def refuse_damaged(path: Path, whole: bool = False) -> None:
     with reading(path):
         if is_damaged(path, None if whole else MOST_CHECKED):
             raise CubeError(f"{path}: damaged: its content does not fit its checksum; {remedy(path)}")
+
+
+def study_hash(path: Path) -> str:
+    """Read which study a cube holds the results of, by its hash; empty where it names none.
+
+    Raises
+    ------
+    CubeError
+        If the file is missing or damaged.
+    """
+    refuse_damaged(path)
+    with reading(path):
+        state = path.stat()
+        return _study_hash(path, (state.st_ino, state.st_size, state.st_mtime_ns))
+
+
+@lru_cache(maxsize=1000)
+def _study_hash(path: Path, version: tuple[int, ...]) -> str:
+    import netCDF4
+
+    with NETCDF_LOCK, netCDF4.Dataset(path) as stored:
+        return str(stored.study_hash) if "study_hash" in stored.ncattrs() else ""
 
 
 def remedy(path: Path) -> str:

@@ -12,8 +12,8 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from tripod_doe.errors import CubeError, option
-from tripod_doe.study.journal import FOLDER, SHOWN, STUDY, Journal, journal_path, text_digest
-from tripod_doe.study.netcdf import lazy_dataset, read_dataset
+from tripod_doe.study.journal import FOLDER, SHOWN, STUDY, STUDY_HASH, Journal, journal_path, text_digest
+from tripod_doe.study.netcdf import lazy_dataset, read_dataset, study_hash
 
 if TYPE_CHECKING:  # a query reads cubes without xarray
     import xarray as xr
@@ -109,7 +109,7 @@ def is_shown(path: Path) -> bool:
 
 
 def unshown_state(path: Path) -> str:
-    """The state of the journal of a result directory, as a word; empty where its cube shows every block in it.
+    """The state of the journal of a result directory, as a word; empty where its own cube shows every block in it.
 
     Raises
     ------
@@ -119,9 +119,15 @@ def unshown_state(path: Path) -> str:
     if not (journal_path(path)).is_file():
         return ""
     with Journal(path, read_only=True) as journal:
-        state, shown = journal.state(), journal.recall(SHOWN)
-    has_cube = (path / "cube.nc").exists()
-    return "" if state == "0" or (has_cube and shown == state) else state
+        state, shown, study = journal.state(), journal.recall(SHOWN), journal.recall(STUDY_HASH)
+    if state == "0" or (shown == state and (path / "cube.nc").exists() and _are_of(cube_files(path), study)):
+        return ""
+    return state
+
+
+def _are_of(files: list[Path], study: str | None) -> bool:
+    """Whether files are results of a study, by its hash; true where it is not known."""
+    return study is None or all(study_hash(file) == study for file in files)
 
 
 def cube_so_far(path: Path) -> xr.Dataset:

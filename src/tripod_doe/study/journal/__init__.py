@@ -3,7 +3,7 @@
 The cube that is made of them is no part of it.
 """
 
-from tripod_doe.study.journal.damage import FOLDER, KERNELS, SHOWN, STUDY, damage, text_digest
+from tripod_doe.study.journal.damage import FOLDER, KERNELS, SHOWN, STUDY, STUDY_HASH, damage, text_digest
 from tripod_doe.study.journal.finished_block import FinishedBlock
 from tripod_doe.study.journal.journal import PILOT, FinishedEnds, Journal, Mark, journal_path
 
@@ -13,6 +13,7 @@ __all__ = [
     "PILOT",
     "SHOWN",
     "STUDY",
+    "STUDY_HASH",
     "FinishedBlock",
     "FinishedEnds",
     "Journal",
