@@ -1,9 +1,8 @@
-"""Run a workflow: one Dask graph of its steps, in the order of what they need; finished steps are not run again.
+"""Run a workflow: its steps one after the other, each after those that it needs; finished steps are not run again.
 
-The graph runs in this process, one step at a time. The points of small studies are computed in it as well, those of
-larger ones on worker processes that all study steps share, see `tripod_doe.study.execution`. So never more than
-`workers` processes work, whatever the chain looks like: while workers are busy this process waits for them, and while
-it analyses or draws they are idle.
+The points of small studies are computed in this process, those of larger ones on worker processes that all study steps
+share, see `tripod_doe.study.execution`. So never more than `workers` processes work, whatever the chain looks like:
+while workers are busy this process waits for them, and while it analyses or draws they are idle.
 """
 
 from __future__ import annotations
@@ -16,7 +15,6 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import dask
 import xarray as xr
 
 from tripod_doe.analyses.registry import ANALYSES, draw
@@ -149,13 +147,11 @@ class _Chain:
         self._told: dict[str, dict[str, object]] = {}
 
     def run(self, wanted: list[str]) -> dict[str, StepView]:
-        """Run these steps as one Dask graph; each task gets the views of the steps that it needs."""
-        tasks: dict[str, object] = {}
+        """Run these steps, each of which comes after those that it needs."""
+        views: dict[str, StepView] = {}
         for name in wanted:
-            needed = [tasks[other] for other in self.workflow.steps[name].inputs]
-            tasks[name] = dask.delayed(self._run_step, pure=False)(name, needed, dask_key_name=name)
-        views = dask.compute(*tasks.values(), scheduler="synchronous")
-        return dict(zip(wanted, views, strict=True))
+            views[name] = self._run_step(name, [views[other] for other in self.workflow.steps[name].inputs])
+        return views
 
     def folder(self, name: str) -> Path:
         """Where a step lies; quick runs have places of their own, so that they never stand for results."""

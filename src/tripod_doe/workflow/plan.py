@@ -44,7 +44,8 @@ class WorkflowPlan:
             lines.append(f"prices are {RECORDED}")
         for name, step in self.steps.items():
             foreseen = (f"{f.count:,} of {step.unique:,} points {f.outcome.label}: {f.reason}" for f in step.foreseen)
-            lines += [f"{name}: {text}" for text in (*foreseen, *step.warnings)]
+            more = [f"a pilot; then at most {step.most_points:,} points in all"] if step.most_points else []
+            lines += [f"{name}: {text}" for text in (*more, *foreseen, *step.warnings)]
         return "\n".join(lines)
 
 
