@@ -94,3 +94,10 @@ def test_what_is_too_large_is_refused_before_it_is_made(kind, count):
         assert tracemalloc.get_traced_memory()[1] < 20_000_000
     finally:
         tracemalloc.stop()
+
+
+@pytest.mark.parametrize("given", ["samples = 4\nlevels = 1_000_000_000", "samples = 4\nlevels = 1_000_001"])
+def test_levels_of_trajectories_are_bounded_as_those_of_a_grid(given):
+    """Regression: `levels = 1000000000` of a morris design took gigabytes and half a minute of a plan."""
+    with pytest.raises(InputError, match=r"levels = .*: must be at most 1,000,000"):
+        make_points(parse_study(f'[study]\nname = "s"\n[factors]\n{RANGES}\n[design]\nkind = "morris"\n{given}\n'))

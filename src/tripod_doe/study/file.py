@@ -85,6 +85,10 @@ class FactorTable(_Table):
         return self.distribution or ("log-uniform" if self.scale == "log" else "uniform")
 
 
+_MOST_LEVELS = 1_000_000
+"""Levels and repetitions of a design at most, as of a factor's count: what is made of them is made at once."""
+
+
 class DesignTable(_Table):
     """[design]: how the points are made from the factors."""
 
@@ -97,12 +101,16 @@ class DesignTable(_Table):
     )
     seed: int = Field(0, ge=0, description="seed of the random numbers")
     levels: int | None = Field(
-        None, ge=2, description="morris: levels, 4 if omitted; full-factorial: levels from low to high, 2 if omitted"
+        None,
+        ge=2,
+        le=_MOST_LEVELS,
+        description="morris: levels, 4 if omitted; full-factorial: levels from low to high, 2 if omitted",
     )
     scramble: bool = Field(True, description="sobol, halton: whether the sequence is scrambled")
     scramblings: int = Field(
         1,
         ge=1,
+        le=_MOST_LEVELS,
         description="saltelli: independent scramblings that share the samples; from 4 on they give the intervals",
     )
     optimised: bool = Field(
@@ -121,7 +129,10 @@ class DesignTable(_Table):
         "rotatable", description="central-composite: what decides the distance of the stars"
     )
     centre_points: int | None = Field(
-        None, ge=0, description="central-composite, box-behnken: how often the centre is listed, once if omitted"
+        None,
+        ge=0,
+        le=_MOST_LEVELS,
+        description="central-composite, box-behnken: how often the centre is listed, once if omitted",
     )
     second_order: bool = Field(True, description="saltelli: whether the points for second-order indices are added")
     table: str | None = Field(None, description="CSV file with one column per factor, relative to the study file")

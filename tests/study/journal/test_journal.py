@@ -233,3 +233,19 @@ def test_long_blocks_are_synced_each_and_short_ones_together(tmp_path):
         journal._connection.set_trace_callback(None)
     levels = [text.split()[-1] for text in asked if "synchronous" in text]
     assert levels == ["FULL", "NORMAL", "NORMAL", "FULL", "NORMAL", "FULL"]
+
+
+def test_a_journal_whose_page_was_half_written_at_a_kill_is_read_as_it_was_before(tmp_path):
+    """Regression: killed while a run ended, it could not be read until the run went on."""
+    with Journal(tmp_path) as journal:
+        journal.commit(block(1))
+    program = (
+        "import os, signal, sqlite3, sys; c = sqlite3.connect(sys.argv[1], isolation_level=None);"
+        " c.execute('PRAGMA cache_size = 1'); c.execute('BEGIN IMMEDIATE');"
+        " c.execute('UPDATE block SET worker = ? || worker', ('x' * 500_000,));"
+        " os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    subprocess.run([sys.executable, "-c", program, str(journal_path(tmp_path))], check=False)
+    assert (tmp_path / "journal.sqlite-journal").stat().st_size > 0
+    with Journal(tmp_path, read_only=True) as journal:
+        assert numbers(journal) == [1]

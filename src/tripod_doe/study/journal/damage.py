@@ -62,9 +62,20 @@ def is_damage(error: sqlite3.Error) -> bool:
 
 
 def connected(path: Path, mode: str) -> sqlite3.Connection:
-    """Open an existing journal, to read ("ro") or to write ("rw"); each statement is a transaction of its own."""
+    """Open an existing journal, to read ("ro") or to write ("rw"); each statement is a transaction of its own.
+
+    Where a kill has left a half-written page, SQLite takes it back before anything is read: that needs a file to write.
+    """
     uri = f"{path.absolute().as_uri()}?mode={mode}"
-    return sqlite3.connect(uri, timeout=60.0, isolation_level=None, check_same_thread=False, uri=True)
+    connection = sqlite3.connect(uri, timeout=60.0, isolation_level=None, check_same_thread=False, uri=True)
+    if mode == "ro":
+        try:
+            connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode & 0xFF == sqlite3.SQLITE_READONLY:
+                connection.close()
+                return connected(path, "rw")
+    return connection
 
 
 def damage(path: Path) -> str:
