@@ -170,7 +170,7 @@ def test_claims_stand_against_their_limits_with_links_to_their_figures():
         "Paper",
         "Does it hold?",
         [StepView("claims", "claims", (), "finished")],
-        "Quick. Changed: a = 1.",
+        notice="Quick. Changed: a = 1.",
         answers={"claims": claims},
         figures={"../steps/page/index.html#orders": "Fig. 13: orders"},
     )

@@ -37,12 +37,12 @@ def test_the_picture_names_steps_states_and_times():
 
 
 def test_the_page_links_escapes_and_warns():
-    page = chain_page("A <chain>", "", STEPS, "Quick run: no results.", "[workflow]")
+    page = chain_page("A <chain>", "", STEPS, notice="Quick run: no results.", text="[workflow]")
     assert 'href="../steps/map/report/index.html">52 points' in page
     assert "2 points ended as &lt;jammed&gt;" in page
     assert "A &lt;chain&gt;" in page
     assert "Quick run: no results." in page
-    assert page == chain_page("A <chain>", "", STEPS, "Quick run: no results.", "[workflow]")
+    assert page == chain_page("A <chain>", "", STEPS, notice="Quick run: no results.", text="[workflow]")
 
 
 def test_analyses_answer_before_studies_and_sections_have_names_of_their_own(monkeypatch):

@@ -19,8 +19,7 @@ from wave_bench import STUDY, WAVE, Bench
 import tripod_doe as td
 from started import Process
 from tripod_doe.analyses.model_choice.growing_pilot import first_candidates
-from tripod_doe.analyses.model_choice.pilot import pilot_points, pilot_study
-from tripod_doe.analyses.model_choice.pilot_results import pilot_results
+from tripod_doe.analyses.model_choice.pilot import pilot_points, pilot_results, pilot_study
 from tripod_doe.analyses.model_choice.study_choice import describe_choice
 from tripod_doe.cli import main
 from tripod_doe.simulator import WORK, BlockResult, Values

@@ -7,8 +7,8 @@ import json
 import numpy as np
 import xarray as xr
 
-from tripod_doe.analyses.failing_region.sentences import failing_region_of
-from tripod_doe.analyses.main_effects.sentences import effects_on, find_effects, point_columns, unseparated, varies
+from tripod_doe.analyses.failing_region.failing_region import failing_region_of
+from tripod_doe.analyses.main_effects.sentences import effects_on, find_effects, unseparated
 from tripod_doe.quantities import digits_apart, level, number, with_unit
 from tripod_doe.report.chosen_models import asked_orders, is_chosen
 from tripod_doe.report.responses import (
@@ -22,9 +22,11 @@ from tripod_doe.report.responses import (
     factor_text,
     finished,
     listed,
+    point_columns,
     points_in_words,
     representative_points,
     responses,
+    varies,
     waiting,
 )
 from tripod_doe.report.subset import shown_subset, subset_sentences

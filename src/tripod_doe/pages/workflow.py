@@ -37,7 +37,7 @@ class StoredChart:
 
     @property
     def title(self) -> str:
-        """What is shown, in a few words; empty in files of older versions."""
+        """What is shown, in a few words; empty without a title."""
         match = re.search(r"<title>(.*?)</title>", self.svg())
         return unescape(match[1]) if match else ""
 
@@ -145,7 +145,7 @@ def step_page(
                 _part(name, data[name], figures, link) if name in data else _drawn(name, *charts[name], claims)
             )
     drawn: list[Chart | StoredChart] = [chart for part in parts for chart in part.charts]
-    return _page(title, question, "Report", notice, parts, _claims_first(data, drawn), None, [], "")
+    return _page(title, question, "Report", notice, parts, _claims_first(data, drawn))
 
 
 def _claims_first(data: Mapping[str, xr.Dataset], drawn: Sequence[Chart | StoredChart]) -> Chart | StoredChart | None:
@@ -161,9 +161,10 @@ def _page(
     notice: str,
     parts: list[PagePart],
     picture: Chart | StoredChart | None,
-    chain: Chart | None,
-    rows: list[tuple[StepView, str]],
-    text: str,
+    *,
+    chain: Chart | None = None,
+    rows: Sequence[tuple[StepView, str]] = (),
+    text: str = "",
 ) -> str:
     """Fill the template; analyses answer before studies do, what a notice says beyond one sentence is folded."""
     stated = [part for part in parts if part.findings]
@@ -228,6 +229,7 @@ def chain_page(
     title: str,
     question: str,
     steps: Sequence[StepView],
+    *,
     notice: str = "",
     text: str = "",
     answers: Mapping[str, xr.Dataset] | None = None,
@@ -254,4 +256,5 @@ def chain_page(
     parts = [_part(name, data, figures or {}, links[name]) for name, data in (answers or {}).items()]
     chain = chain_chart(steps)
     rows = [(step, step_time(step)) for step in steps]
-    return _page(title, question, "Workflow", notice, parts, _claims_first(answers or {}, [chain]), chain, rows, text)
+    picture = _claims_first(answers or {}, [chain])
+    return _page(title, question, "Workflow", notice, parts, picture, chain=chain, rows=rows, text=text)

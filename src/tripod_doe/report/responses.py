@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.quantities import in_words, level, with_unit
@@ -205,6 +206,24 @@ def factor_names(cube: xr.Dataset) -> list[str]:
             if cube[name].dims == design and name not in labels and "source" in cube[name].attrs
         ]
     return [str(dim) for dim in design]
+
+
+def point_columns(cube: xr.Dataset, rows: NDArray[np.bool_]) -> dict[str, NDArray[np.generic]]:
+    """Values of all factors at chosen points, shape (point,); words, and numbers with open fields, as text."""
+    columns, design = {}, cube["outcome"].sizes
+    for name in factor_names(cube):
+        (own,) = cube[name].dims
+        beside = [size if dimension == own else 1 for dimension, size in design.items()]
+        # without xr.broadcast, which costs 20 times as much
+        values = np.broadcast_to(cube[name].values.reshape(beside), tuple(design.values()))[rows]
+        words = values.dtype.kind not in "fiu" or bool(np.isnan(values.astype(float)).any())
+        columns[name] = values.astype(str) if words else values
+    return columns
+
+
+def varies(column: NDArray[np.generic]) -> bool:
+    """Whether the values of a factor (`point_columns`) are not all the same; to sort them takes ten times as long."""
+    return column.size > 1 and bool((column != column[0]).any())
 
 
 def numeric_factors(cube: xr.Dataset) -> list[str]:

@@ -112,7 +112,15 @@ def run_workflow(
     head = workflow.file.workflow
     with chain.answers(steps) as answers:
         figures = chain.figures(steps)
-        text = chain_page(head.name, head.question, steps, _notice(workflow), workflow.text, answers, figures)
+        text = chain_page(
+            head.name,
+            head.question,
+            steps,
+            notice=_notice(workflow),
+            text=workflow.text,
+            answers=answers,
+            figures=figures,
+        )
     return WorkflowSummary(directory, replace_text(directory / "report" / "index.html", text), steps)
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tripod_doe.analyses.findings import find
-from tripod_doe.analyses.model_choice.pilot_results import pilot_results
+from tripod_doe.analyses.model_choice.pilot import pilot_results
 from tripod_doe.analyses.model_choice.study_choice import make_choice
 from tripod_doe.analyses.multifidelity.study_split import (
     needs_split,

@@ -6,10 +6,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from tripod_doe.analyses.failing_region.sentences import failing_region_of
-from tripod_doe.analyses.main_effects.sentences import point_columns
+from tripod_doe.analyses.failing_region.failing_region import failing_region_of
 from tripod_doe.report.charts.chart import COLOURS, MUTED, Chart, drawing, legend_above
-from tripod_doe.report.responses import asked, axis_label, finished, waiting
+from tripod_doe.report.responses import asked, axis_label, finished, point_columns, waiting
 
 
 def failing_region_chart(cube: xr.Dataset) -> Chart | None:

@@ -6,10 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.analyses.encoding import is_numeric
 from tripod_doe.quantities import number
+from tripod_doe.report.responses import asked, finished, point_columns, varies, waiting
 
 _DEPTH = 2  # conditions of a region: more are hard to picture
 _FEWEST = 5  # failed points that can show a region
@@ -107,6 +109,13 @@ def failing_region(columns: Mapping[str, NDArray[np.generic]], failed: NDArray[n
     conditions = _conditions(tree.tree_, leaf, list(numeric))
     kept = max(conditions, key=lambda each: int((~each.holds(columns)).sum()))
     return FailingRegion(conditions, counts[leaf], points, total, kept)
+
+
+def failing_region_of(cube: xr.Dataset) -> FailingRegion | None:
+    """The region of a study in which most of its failed points lie, None where they do not lie together."""
+    rows = asked(cube).values & ~waiting(cube).values
+    columns = {name: column for name, column in point_columns(cube, rows).items() if varies(column)}
+    return failing_region(columns, ~finished(cube).values[rows])
 
 
 def _conditions(tree: object, leaf: int, names: list[str]) -> tuple[Condition, ...]:

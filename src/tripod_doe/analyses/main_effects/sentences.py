@@ -6,33 +6,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from tripod_doe.analyses.main_effects.curve_shape import Shape
 from tripod_doe.analyses.main_effects.main_effects import FactorEffect, Ground, factor_effects
 from tripod_doe.analyses.main_effects.regression import Separation
 from tripod_doe.analyses.main_effects.wording import EffectWording, at_head
-from tripod_doe.report.responses import Response, factor_label, factor_names, listed
+from tripod_doe.report.responses import Response, factor_label, listed, point_columns
 
 _MINOR = 0.05  # change over the range of the response below which a factor shares one sentence with others
-
-
-def point_columns(cube: xr.Dataset, rows: NDArray[np.bool_]) -> dict[str, NDArray[np.generic]]:
-    """Values of all factors at chosen points, shape (point,); words, and numbers with open fields, as text."""
-    columns, design = {}, cube["outcome"].sizes
-    for name in factor_names(cube):
-        (own,) = cube[name].dims
-        beside = [size if dimension == own else 1 for dimension, size in design.items()]
-        # without xr.broadcast, which costs 20 times as much
-        values = np.broadcast_to(cube[name].values.reshape(beside), tuple(design.values()))[rows]
-        words = values.dtype.kind not in "fiu" or bool(np.isnan(values.astype(float)).any())
-        columns[name] = values.astype(str) if words else values
-    return columns
-
-
-def varies(column: NDArray[np.generic]) -> bool:
-    """Whether the values of a factor (`point_columns`) are not all the same; to sort them takes ten times as long."""
-    return column.size > 1 and bool((column != column[0]).any())
 
 
 def effects_on(response: Response, cube: xr.Dataset) -> list[FactorEffect]:

@@ -1,4 +1,4 @@
-"""The models of a multifidelity cube with their nested samples."""
+"""The models of a multifidelity cube with their nested samples and prices."""
 
 from __future__ import annotations
 
@@ -10,14 +10,60 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.analyses.failing_region.failing_region import FailingRegion, failing_region
-from tripod_doe.analyses.multifidelity.prices import known_candidates, price_of_point
 from tripod_doe.analyses.outputs import OutputTable
 from tripod_doe.analyses.sample import refuse_holes, usable_points
 from tripod_doe.analyses.settings import PointSettings
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
+from tripod_doe.simulator import Candidate
 from tripod_doe.study.designs import FAMILIES, SAMPLE, factor_groups, random_factors
-from tripod_doe.study.file import DesignTable, parse_file
+from tripod_doe.study.file import DesignTable, StudyFile, parse_file
+from tripod_doe.study.scenes import load_simulator
+
+_OVERHEAD = 2e-4  # CPU seconds that a point of any model costs besides: its fingerprint, its place in journal and cube
+_DIGITS = 3  # of a price in the study file
+
+
+def price_of_point(
+    cube: xr.Dataset, candidates: Sequence[Candidate], design: DesignTable, model: str, rows: IntArray
+) -> float:
+    """CPU seconds of a point: as the study says, else counted work at its recorded price, else measured.
+
+    Parameters
+    ----------
+    cube
+        Points that ran.
+    candidates
+        What is known of the price of counted work.
+    design
+        The multifidelity design.
+    model
+        The model.
+    rows
+        Points of it in the cube.
+
+    Returns
+    -------
+    float
+        NaN where the study says nothing and the cube has no costs.
+    """
+    if model in design.prices:
+        return design.prices[model]
+    if "cpu_seconds" not in cube:
+        return np.nan
+    alike = [each for each in candidates if each.values.get(design.fidelity) == model]
+    plain = [each for each in alike if not each.substitute]
+    if plain:
+        seconds = float(cube["force_evaluations"].values[rows].mean()) * plain[0].evaluation_seconds
+    else:
+        seconds = float(cube["cpu_seconds"].values[rows].mean())
+    return float(f"{seconds + _OVERHEAD:.{_DIGITS}g}")
+
+
+def known_candidates(file: StudyFile) -> Sequence[Candidate]:
+    """What the scene of a study knows of prices; nothing of a user's function, whose file may be gone."""
+    return () if file.study.function else load_simulator(file.study.scene, None).candidates
+
 
 FEWEST = 16
 """Samples of the truth below which intervals do not hold what they say."""

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from tripod_doe.analyses.stability.stability import RunKind
+from tripod_doe.analyses.stability.stability import RunKind, map_of, maps
 from tripod_doe.array_types import IntArray
 from tripod_doe.quantities import level, with_unit
 from tripod_doe.report.charts.chart import COLOURS, INK, Chart, panels
@@ -29,16 +29,6 @@ _CLASSES = {
     _UNKNOWN: ("#ffffff", "....", "no reference"),
 }
 """Colour, hatch and meaning of each class of runs."""
-
-
-def maps(borders: xr.Dataset) -> list[str]:
-    """The factors that a stability analysis varies, each of which makes a map."""
-    return [name for name in dict.fromkeys(borders["varied"].values.tolist()) if name not in ("base", "")]
-
-
-def map_of(borders: xr.Dataset, factor: str) -> xr.Dataset:
-    """The cases of one map, the base among them, by the value of their factor."""
-    return borders.isel(case=np.isin(borders["varied"].values, ("base", factor))).sortby(factor)
 
 
 def stability_charts(borders: xr.Dataset, name: str = "") -> list[Chart]:

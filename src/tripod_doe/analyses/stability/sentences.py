@@ -7,8 +7,7 @@ import math
 import numpy as np
 import xarray as xr
 
-from tripod_doe.analyses.stability.charts import map_of, maps
-from tripod_doe.analyses.stability.stability import Agreement, Limit, RunKind
+from tripod_doe.analyses.stability.stability import Agreement, Limit, RunKind, map_of, maps
 from tripod_doe.quantities import duration, level, number, with_unit
 from tripod_doe.report.responses import spoken, unit_text
 from tripod_doe.simulator import Outcome

@@ -365,3 +365,13 @@ def _varied(cases: dict[str, FloatArray]) -> list[str]:
         apart = [name for name, values in cases.items() if values[c] != values[0]]
         names.append(apart[0] if len(apart) == 1 else "base" if not apart else "")
     return names
+
+
+def maps(borders: xr.Dataset) -> list[str]:
+    """The factors that a stability analysis varies, each of which makes a map."""
+    return [name for name in dict.fromkeys(borders["varied"].values.tolist()) if name not in ("base", "")]
+
+
+def map_of(borders: xr.Dataset, factor: str) -> xr.Dataset:
+    """The cases of one map, the base among them, by the value of their factor."""
+    return borders.isel(case=np.isin(borders["varied"].values, ("base", factor))).sortby(factor)
