@@ -17,7 +17,7 @@ import time
 import numpy as np
 
 from tripod_doe.joint.multibody.joint_scene import build_joint
-from tripod_doe.joint.multibody.revolutions import JointInTurns
+from tripod_doe.joint.multibody.revolutions import RevolvingJoint
 from tripod_doe.joint.multibody.run_result import Wanted
 from tripod_doe.joint.multibody.scatter import mean_and_chance
 from tripod_doe.joint.parameters import point_values
@@ -41,7 +41,7 @@ LIMITS = Limits(energy=math.inf, reversals=1.0, drift=1e-2, windows=0)
 def follow(point: dict[str, float], method: str, setting: float, revolutions: int) -> tuple[float, float]:
     """Mean third order of a joint followed by a method, and how far chance may move it; prints both."""
     values = point_values({"relative_tolerance": 4e-3, **point}).point(0)
-    joint = JointInTurns(
+    joint = RevolvingJoint(
         assemble(build_joint(values, needles=False)), values, METHODS[method], Wanted(60), LIMITS, 10**9
     )
     begun = time.process_time()

@@ -105,7 +105,7 @@ def run_joint(
     if vibration := growing_vibration(values, lumped):
         vibrating = _vibrating(values, vibration, wanted, goal)
         if settles and method == _DAMPS and (answer := vibrating.answer(needles)):
-            return _with_rates(answer, vibrating.last_turn, values) if wanted.rates else answer
+            return _with_rates(answer, vibrating.last_revolution, values) if wanted.rates else answer
     assembly = assemble(build_joint(values, needles)) if needles else lumped
     if settles:
         motion = _follow_to(goal, assembly, values, method, samples, usual)
@@ -136,7 +136,7 @@ def run_joint(
             kicked = vibrating or _vibrating(values, Vibration(_DIES_OUT, third, unrest=0.0), wanted, goal)
             answer = kicked.answer(needles, anyhow=True)
             if answer and answer.outcome == Outcome.FINISHED:
-                return _with_rates(answer, kicked.last_turn, values) if wanted.rates else answer
+                return _with_rates(answer, kicked.last_revolution, values) if wanted.rates else answer
         done = JointRun(outcome, detail, readings, followed=float(result.times[-1]))
     return replace(
         done,

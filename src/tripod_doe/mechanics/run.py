@@ -32,7 +32,14 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.mechanics.arithmetic.lanes import WIDTH
 from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.checks.energy_balance import EnergyBalance, Passage
-from tripod_doe.mechanics.checks.step_halving import Again, Ways, difference, error_over_difference, run_again, ways_of
+from tripod_doe.mechanics.checks.step_halving import (
+    PathLengths,
+    RepeatedStretch,
+    difference,
+    error_over_difference,
+    path_lengths,
+    repeat_finer,
+)
 from tripod_doe.mechanics.forces.bearing import bearing_compression
 from tripod_doe.mechanics.forces.sphere_contact import largest_penetration
 from tripod_doe.mechanics.integrators.contract import Method
@@ -192,8 +199,8 @@ def run(
         checks.fail(stopped, _stopped(assembly, memory, stopped, motion.state.time))
     elif stretches:
         pieces = [(passage.states, count // samples)] if whole else stretches
-        again = [run_again(assembly, chosen, states, steps, settings, not equal_steps) for states, steps in pieces]
-    ways = ways_of(assembly, passage.states if again else (), memory)
+        again = [repeat_finer(assembly, chosen, states, steps, settings, not equal_steps) for states, steps in pieces]
+    ways = path_lengths(assembly, passage.states if again else (), memory)
     balance = EnergyBalance.of(assembly, passage, limits.turned_over)
     disagreement, energy = _judge(assembly, balance, again, ways, whole, chosen.order, not equal_steps, limits, checks)
     reversals = _reversals(assembly, memory, limits, motion.state.time, checks)
@@ -349,8 +356,8 @@ def _inspect(assembly: Assembly, states: States, passage: Passage, limits: Limit
 def _judge(
     assembly: Assembly,
     balance: EnergyBalance,
-    again: Sequence[Again],
-    ways: Ways,
+    again: Sequence[RepeatedStretch],
+    ways: PathLengths,
     whole: bool,
     order: int,
     controlled: bool,

@@ -10,7 +10,7 @@ import pytest
 
 import tripod_doe as td
 from tripod_doe.joint.multibody.readings import groove_thrust
-from tripod_doe.joint.multibody.revolutions import JointInTurns
+from tripod_doe.joint.multibody.revolutions import RevolvingJoint
 from tripod_doe.joint.multibody.run_result import Wanted
 from tripod_doe.joint.multibody.scatter import mean_and_chance
 from tripod_doe.joint.orders import complex_amplitudes
@@ -93,7 +93,7 @@ def test_another_method_follows_the_same_vibration(simulated, joint_values, join
     """Independent: a method that shares only the forces with that of the answer; mean third orders within their errors."""
     limits = Limits(windows=0, energy=math.inf, reversals=1.0, drift=1e-2)
     values, assembly = joint_values(**RUBBING), joint_assembly(False, **RUBBING)
-    joint = JointInTurns(assembly, values, METHODS["generalized-alpha"], Wanted(60), limits, 10**7)
+    joint = RevolvingJoint(assembly, values, METHODS["generalized-alpha"], Wanted(60), limits, 10**7)
     orders, chance = mean_and_chance(np.array([turn.thirds for turn in joint.follow(6, 4e-5)[3:]]))
     answer = simulated(**RUBBING)
     third, error = (float(answer[name][3]) for name in ("thrust_amplitude", "thrust_amplitude_error"))

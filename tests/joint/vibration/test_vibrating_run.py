@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tripod_doe.joint.multibody.revolutions import JointInTurns, Revolution
+from tripod_doe.joint.multibody.revolutions import Revolution, RevolvingJoint
 from tripod_doe.joint.multibody.run_result import StoppedError, Wanted
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.vibration.vibrating_run import follow_vibration
@@ -157,9 +157,11 @@ def stopping(monkeypatch, joint_values, joint_assembly):
                 raise StoppedError(replace(real, outcome=outcome))
             return real
 
-        monkeypatch.setattr(JointInTurns, "_tried", turn)
-        monkeypatch.setattr(JointInTurns, "_read", lambda self, result: result)
-        return JointInTurns(joint_assembly(False), joint_values(), METHODS["bdf2"], Wanted(60), Limits(), 10**6), tried
+        monkeypatch.setattr(RevolvingJoint, "_tried", turn)
+        monkeypatch.setattr(RevolvingJoint, "_read", lambda self, result: result)
+        return RevolvingJoint(
+            joint_assembly(False), joint_values(), METHODS["bdf2"], Wanted(60), Limits(), 10**6
+        ), tried
 
     return make
 

@@ -75,7 +75,7 @@ class Revolution:
 
 
 @dataclass
-class JointInTurns:
+class RevolvingJoint:
     """A joint that is followed revolution by revolution."""
 
     # assembly, values: the joint and its operating point
@@ -86,7 +86,7 @@ class JointInTurns:
     limits: Limits  # what a revolution may show
     budget: int  # force evaluations that are left
     state: State | None = None  # its present state; None at its start
-    last_turn: Run | None = None  # the last revolution that was followed
+    last_revolution: Run | None = None  # the last revolution that was followed
     halved: int = 0  # how often tolerances or steps are halved from the start of each revolution
     # turns, stops: revolutions, or parts, begun with this number of halvings, and those of them that stopped
     turns: int = 0
@@ -104,10 +104,10 @@ class JointInTurns:
     @property
     def evaluations_per_revolution(self) -> float:
         """Force evaluations of a revolution like the last one; 0 before the first."""
-        if self.last_turn is None:
+        if self.last_revolution is None:
             return 0.0
-        share = float(self.last_turn.times[-1] - self.last_turn.times[0]) / self._duration
-        return self.last_turn.force_evaluations / share
+        share = float(self.last_revolution.times[-1] - self.last_revolution.times[0]) / self._duration
+        return self.last_revolution.force_evaluations / share
 
     @property
     def affordable(self) -> float:
@@ -136,11 +136,13 @@ class JointInTurns:
         StoppedError
             See `follow`.
         """
-        if self.last_turn is None:
+        if self.last_revolution is None:
             return
-        times, end = self.last_turn.times, float(self.last_turn.times[-1])
+        times, end = self.last_revolution.times, float(self.last_revolution.times[-1])
         back = int(np.searchsorted(times, end - self._duration * _TAKING_OVER))
-        self.state = State(float(times[back]), self.last_turn.positions[back], self.last_turn.velocities[back])
+        self.state = State(
+            float(times[back]), self.last_revolution.positions[back], self.last_revolution.velocities[back]
+        )
         self._turn(setting, end - self.state.time)
 
     def _turn(self, setting: float, duration: float) -> Run:
@@ -178,7 +180,7 @@ class JointInTurns:
         self.steps, self.solves = self.steps + result.steps, self.solves + result.solves
         self.force_evaluations += result.force_evaluations
         self.budget -= result.force_evaluations
-        self.last_turn = result
+        self.last_revolution = result
         if result.outcome != Outcome.FINISHED:
             raise StoppedError(result)
         self.state = State(float(result.times[-1]), result.positions[-1].copy(), result.velocities[-1].copy())

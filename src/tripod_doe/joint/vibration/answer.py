@@ -19,7 +19,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.accuracy import SMALLEST_THIRD
 from tripod_doe.joint.geometry.feasibility import room_for_needles
 from tripod_doe.joint.multibody.joint_scene import build_joint
-from tripod_doe.joint.multibody.revolutions import JointInTurns
+from tripod_doe.joint.multibody.revolutions import RevolvingJoint
 from tripod_doe.joint.multibody.run_result import JointRun, StoppedError, VibrationReadings, Wanted
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.values import JointValues
@@ -60,7 +60,7 @@ class VibratingJoint:
         allowed: Callable[[FloatArray], FloatArray],
     ) -> None:
         self._values, self._vibration, self._wanted, self._limits = values, vibration, wanted, limits
-        self._allowed, self._joints = allowed, list[JointInTurns]()
+        self._allowed, self._joints = allowed, list[RevolvingJoint]()
 
     def answer(self, needles: bool, anyhow: bool = False) -> JointRun | None:
         """Follow the joint with its vibration; `anyhow` if there is no other answer.
@@ -117,9 +117,9 @@ class VibratingJoint:
         return Outcome.INACCURATE, f"{note}; leave out method, step_s and relative_tolerance, and it is followed"
 
     @property
-    def last_turn(self) -> Run | None:
+    def last_revolution(self) -> Run | None:
         """The last revolution that was followed."""
-        return self._joints[-1].last_turn if self._joints else None
+        return self._joints[-1].last_revolution if self._joints else None
 
     @cached_property
     def _lumped(self) -> FollowedVibration:
@@ -129,7 +129,7 @@ class VibratingJoint:
     def _followed(self, needles: bool) -> FollowedVibration:
         method, setting = undamped(needles, self._vibration.growth.frequency)
         budget = int(self._values.evaluation_budget)
-        joint = JointInTurns(
+        joint = RevolvingJoint(
             assemble(build_joint(self._values, needles)),
             self._values,
             method,

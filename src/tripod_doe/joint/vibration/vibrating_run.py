@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripod_doe.array_types import ComplexArray, FloatArray
-from tripod_doe.joint.multibody.revolutions import JointInTurns, Revolution
+from tripod_doe.joint.multibody.revolutions import Revolution, RevolvingJoint
 from tripod_doe.joint.multibody.run_result import Readings
 from tripod_doe.joint.multibody.scatter import mean_and_chance
 from tripod_doe.mechanics.integrators.contract import Method
@@ -101,7 +101,7 @@ class FollowedVibration:
 
 
 def follow_vibration(
-    joint: JointInTurns, setting: float, allowed: Allowed, builds_up: bool = False
+    joint: RevolvingJoint, setting: float, allowed: Allowed, builds_up: bool = False
 ) -> FollowedVibration:
     """Follow a joint from its start until the mean orders of its thrust are certain, or its budget is nearly used up.
 
@@ -147,7 +147,7 @@ def follow_vibration(
             return _followed(joint, passed, coarse, kept, setting, compared)
 
 
-def _afforded(joint: JointInTurns, share: float = 1.0) -> int:
+def _afforded(joint: RevolvingJoint, share: float = 1.0) -> int:
     """Number of revolutions like the last one that a share of the budget left allows, at most `_MOST`."""
     return int(min(share * joint.affordable, _MOST))
 
@@ -270,7 +270,7 @@ def _thirds(revolutions: Sequence[Revolution]) -> ComplexArray:
 
 
 def _followed(
-    joint: JointInTurns,
+    joint: RevolvingJoint,
     passed: Sequence[Revolution],
     coarse: Sequence[Revolution],
     fine: Sequence[Revolution],

@@ -24,7 +24,7 @@ _TENTH = 0.1
 
 
 @dataclass(frozen=True)
-class Ways:
+class PathLengths:
     """Path lengths of a motion, to which differences are related."""
 
     duration: float  # time that the ways took
@@ -36,7 +36,7 @@ class Ways:
 
 
 @dataclass(frozen=True)
-class Again:
+class RepeatedStretch:
     """A stretch of a run that was repeated in finer steps."""
 
     begin: float  # when it began
@@ -44,7 +44,7 @@ class Again:
     # attitudes, as a length; shape (body,)
     apart: FloatArray
     turned: FloatArray
-    ways: Ways  # slip, travel and turn of the finer motion
+    ways: PathLengths  # slip, travel and turn of the finer motion
     balance: EnergyBalance  # energy balance of the finer motion
     evaluations: int  # force evaluations that it took
     outcome: Outcome  # how it ended; the rest holds up to there
@@ -65,9 +65,9 @@ def error_over_difference(order: int, controlled: bool) -> float:
     return 1 / (1 - (_TENTH if controlled else 0.5**order))
 
 
-def run_again(
+def repeat_finer(
     assembly: Assembly, method: Method, states: Sequence[State], count: int, settings: Settings, controlled: bool
-) -> Again:
+) -> RepeatedStretch:
     """Repeat a stretch in finer steps from its first state, and compare their states.
 
     Parameters
@@ -89,7 +89,9 @@ def run_again(
     return again
 
 
-def _follow(assembly: Assembly, method: Method, states: Sequence[State], count: int, settings: Settings) -> Again:
+def _follow(
+    assembly: Assembly, method: Method, states: Sequence[State], count: int, settings: Settings
+) -> RepeatedStretch:
     """Run from the first of the states through the times of the others."""
     state, memory = states[0].copy(), assembly.work()
     clock, begin, status = np.array([state.time, 0.0, 0.0]), state.time, int(Outcome.FINISHED)
@@ -106,25 +108,25 @@ def _follow(assembly: Assembly, method: Method, states: Sequence[State], count: 
         passage.note(memory, state)
     places, passed = passage.positions, passage.states
     others = np.array([other.positions for other in states[: len(passed)]])
-    return Again(
+    return RepeatedStretch(
         begin,
         np.sqrt(((places[:, :, :3] - others[:, :, :3]) ** 2).sum(axis=2)).max(axis=0),
         _lever(assembly) * _turns_between(places, others).max(axis=0),
-        ways_of(assembly, passed, memory),
+        path_lengths(assembly, passed, memory),
         EnergyBalance.of(assembly, passage),
         int(memory.counters[EVALUATIONS]),
         Outcome(int(status)),
     )
 
 
-def ways_of(assembly: Assembly, states: Sequence[State], memory: Work) -> Ways:
-    """Ways of a motion from its states and the slip paths that it left."""
+def path_lengths(assembly: Assembly, states: Sequence[State], memory: Work) -> PathLengths:
+    """Path lengths of a motion from its states and the slip paths that it left."""
     if len(states) < 2:
-        return Ways(0.0, 0.0, 0.0, 0.0)
+        return PathLengths(0.0, 0.0, 0.0, 0.0)
     places = np.array([state.positions[:, :3] for state in states])
     rates = np.array([state.velocities[:, 3:] for state in states])
     durations = np.diff([state.time for state in states])
-    return Ways(
+    return PathLengths(
         float(durations.sum()),
         float(memory.paths[:, 1].max(initial=0.0)),
         float(np.abs(np.diff(places, axis=0)).sum(axis=0).max()),
@@ -132,7 +134,7 @@ def ways_of(assembly: Assembly, states: Sequence[State], memory: Work) -> Ways:
     )
 
 
-def difference(assembly: Assembly, pieces: Sequence[Again], whole: Ways) -> Difference:
+def difference(assembly: Assembly, pieces: Sequence[RepeatedStretch], whole: PathLengths) -> Difference:
     """Sum the differences between a run and its repeated pieces, and find the body with the largest sum.
 
     Differences are relative to the paths of the pieces, but to no less than their share of the whole run's: the rest of
