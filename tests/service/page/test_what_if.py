@@ -63,7 +63,7 @@ def test_sliders_move_the_curves_and_the_numbers_are_those_of_python(offline, re
     asked = what_if_pages({"s": read_dataset(report / "analysis" / "surrogate.nc")})[0]
     values = {"joint_angle_deg": 7.7, "torque_n_m": 66.0}
     components, told = offline.evaluate(PREDICT, values)
-    expected = asked.surrogate.predict(asked.surrogate.encoded(**values))[0]
+    expected = asked.surrogate.surrogates.predict(asked.surrogate.encoded(**values))[0]
     assert np.abs(np.array(components) - expected).max() <= 1e-9 * np.abs(expected).max()
     assert (
         np.abs(np.array(told) - np.array(asked.at(**values))).max() <= 1e-6 * np.abs(expected).max()
