@@ -202,3 +202,25 @@ def test_a_value_of_another_kind_is_no_block(out, column):
         assert not is_read(out)
     with Journal(out) as journal:
         assert numbers(journal) == [number for number in range(BLOCKS) if number != 6]
+
+
+ENDLESS = """
+ALTER TABLE block RENAME TO kept;
+CREATE VIEW block AS WITH RECURSIVE t(id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM t) SELECT id, 0 AS digest,
+    kept.keys, outcomes, cpu_seconds, wall_seconds, worker, kernels, payload_digest, payload FROM t, kept;
+"""
+TRIGGER = "CREATE TRIGGER more AFTER INSERT ON note BEGIN DELETE FROM block; END;"
+
+
+@pytest.mark.parametrize("script", [ENDLESS, TRIGGER, "CREATE TABLE other (id INTEGER);"])
+def test_a_journal_with_other_tables_is_refused_before_anything_in_it_runs(whole, tmp_path, script):
+    """A view without an end would keep a reader, and a server of many results, for ever."""
+    folder = tmp_path / "strange"
+    shutil.copytree(whole, folder)
+    with closing(sqlite3.connect(journal_path(folder))) as connection:
+        connection.executescript(script)
+    with pytest.raises(CubeError, match="tables are not those of a journal"):
+        Journal(folder, read_only=True)
+    with Journal(folder) as journal:  # a writer keeps what is whole
+        assert "tables are not those of a journal" in journal.repaired
+        assert len(list(journal.blocks())) == BLOCKS

@@ -8,6 +8,7 @@ import sqlite3
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from tripod_doe.study.journal.rows import (
     BLOCK_COLUMNS,
     NOTE_COLUMNS,
     PAGE_BYTES,
+    SCHEMA,
     BlockRow,
     DamagedRowError,
     NoteRow,
@@ -49,6 +51,7 @@ _VERSIONS, _FRACTIONS = (1, 2), bytes((0, 64, 32, 32))  # what follows in the he
 _COMMIT = 0.5  # seconds that a commit may take between its log and its end
 _BLOCKS = f"SELECT {', '.join(BLOCK_COLUMNS)} FROM block ORDER BY id"
 _NOTES = f"SELECT {', '.join(NOTE_COLUMNS)} FROM note"
+_STRUCTURE = "SELECT type, name, tbl_name, sql FROM sqlite_schema ORDER BY name"
 
 
 def text_digest(text: bytes) -> str:
@@ -65,17 +68,33 @@ def connected(path: Path, mode: str) -> sqlite3.Connection:
     """Open an existing journal, to read ("ro") or to write ("rw"); each statement is a transaction of its own.
 
     Where a kill has left a half-written page, SQLite takes it back before anything is read: that needs a file to write.
+
+    Raises
+    ------
+    DamagedRowError
+        If it has other tables, or views or triggers, which would run whenever it is read or written.
+    sqlite3.Error
+        If it cannot be opened.
     """
     uri = f"{path.absolute().as_uri()}?mode={mode}"
     connection = sqlite3.connect(uri, timeout=60.0, isolation_level=None, check_same_thread=False, uri=True)
-    if mode == "ro":
-        try:
-            connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
-        except sqlite3.OperationalError as error:
-            if error.sqlite_errorcode & 0xFF == sqlite3.SQLITE_READONLY:
-                connection.close()
-                return connected(path, "rw")
+    try:
+        if connection.execute(_STRUCTURE).fetchall() != _structure_of_a_journal():
+            raise DamagedRowError("its tables are not those of a journal")
+    except (DamagedRowError, sqlite3.Error) as error:
+        connection.close()
+        code = getattr(error, "sqlite_errorcode", 0)
+        if mode == "ro" and code & 0xFF == sqlite3.SQLITE_READONLY:
+            return connected(path, "rw")
+        raise
     return connection
+
+
+@cache
+def _structure_of_a_journal() -> list[tuple[str, ...]]:
+    with closing(sqlite3.connect(":memory:")) as connection:
+        connection.executescript(SCHEMA)
+        return connection.execute(_STRUCTURE).fetchall()
 
 
 def damage(path: Path) -> str:
@@ -108,7 +127,7 @@ def damage(path: Path) -> str:
         if not is_damage(error):
             raise
         return str(error)
-    except OverflowError as error:  # of lengths of a row
+    except (DamagedRowError, OverflowError) as error:  # the latter of lengths of a row
         return str(error)
 
 
