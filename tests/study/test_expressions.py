@@ -89,8 +89,26 @@ def test_numbers_that_float64_does_not_hold_are_refused():
         Expression("n > " + "9" * 400, ["n"])
 
 
-def test_nan_alone_is_no_yes():
-    assert Expression("a - 1", COLUMNS)(COLUMNS).tolist() == [False, True, False]
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("a - 1", [False, True, False]),
+        ("a and 1", [True, True, False]),
+        ("a or 0", [True, True, False]),
+        ("not a", [False, False, True]),
+    ],
+)
+def test_nan_alone_is_no_yes(text, expected):
+    assert Expression(text, COLUMNS)(COLUMNS).tolist() == expected
+
+
+@pytest.mark.parametrize(
+    "text", ["s == 0", "s != 1", "a == '1'", "a < b == 'x'", "'x' == 1", "s < 5", "(a < b) == 'True'"]
+)
+def test_a_number_and_a_text_are_not_compared(text):
+    """Regression: false, or for != true, in silence; so `outcome == 0` found nothing."""
+    with pytest.raises(InputError):
+        Expression(text, COLUMNS)(COLUMNS)
 
 
 @pytest.mark.parametrize("depth", [90, 101, 1500, 3999, 100_000, 2_000_000])
@@ -114,5 +132,5 @@ def test_any_text_is_answered_or_refused(text):
 
 
 def test_values_that_cannot_be_compared():
-    with pytest.raises(InputError, match="not supported"):
+    with pytest.raises(InputError, match="compares a number with a text"):
         Expression("s < 1", COLUMNS)(COLUMNS)

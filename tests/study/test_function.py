@@ -78,6 +78,12 @@ def test_a_dimension_that_a_cube_cannot_hold_is_refused_at_the_first_point(tmp_p
         run_task(make_task(study, make_points(study), np.arange(1)))
 
 
+def test_a_whole_number_that_a_cube_would_round_is_refused(tmp_path):
+    """Regression: two points became one, and the function got another number than was written."""
+    with pytest.raises(InputError, match="n = 9007199254740993: a whole number that float64 does not hold"):
+        answer(tmp_path, "told", "[factors]\nn = {values = [9007199254740992, 9007199254740993]}\n")
+
+
 def test_an_argument_that_a_cube_cannot_hold_is_refused_before_anything_runs(tmp_path):
     (tmp_path / "argument_functions.py").write_text("def f(point):\n    return {'y': 1.0}\n")
     text = '[study]\nname = "f"\nfunction = "argument_functions:f"\n[factors]\npoint = { values = [1] }\n'

@@ -19,7 +19,7 @@ from tripod_doe.study.study_folder import StudyFolder
 from tripod_doe.workflow.analyses import check_analyses
 from tripod_doe.workflow.definition import load_workflow
 
-_SOON = 5.0  # seconds
+_SOON = 5.0  # seconds of CPU time
 _POINTS = 20_000  # that a stranger may ask for: more would take longer than a test
 LONG = "a" * 5000
 TEXTS = [
@@ -86,7 +86,7 @@ def copied(table):
 
 def judged(read):
     """What reading gave: None for a message; that it comes soon and can be read is checked."""
-    started = time.perf_counter()
+    started = time.process_time()  # other work on the machine does not count
     try:
         answer = read()
     except InputError as error:
@@ -94,7 +94,7 @@ def judged(read):
         assert told
         assert all(line.isprintable() for line in told.split("\n"))
         assert len(told) < 100_000
-    assert time.perf_counter() - started < _SOON
+    assert time.process_time() - started < _SOON
     return answer
 
 
@@ -108,7 +108,10 @@ def text_of(document):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    parse_study(tomlkit.dumps(GOOD))  # imports
+    for kind in KINDS:  # imports
+        judged(
+            lambda kind=kind: make_points(parse_study(tomlkit.dumps(GOOD | {"design": {"kind": kind, "samples": 4}})))
+        )
     return tmp_path_factory.mktemp("upload")
 
 

@@ -8,9 +8,10 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
+from tripod_doe.errors import ForbiddenError
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.study.journal import FOLDER, Journal, journal_path
+from tripod_doe.study.journal import journal_path
 
 
 def found_directories(folder: Path, known: Collection[str]) -> list[Path]:
@@ -86,10 +87,9 @@ def plan_found(path: Path, limits: Limits) -> dict[str, Any]:
         If its study can no longer be read, or names a function.
     """
     from tripod_doe.service.plans import plan_study
-    from tripod_doe.study.definition import stored_study
-    from tripod_doe.study.study_folder import StudyFolder
+    from tripod_doe.study.result_folder import stored_study
 
-    with Journal(path, read_only=True) as journal:
-        folder = journal.recall(FOLDER)
-    place = StudyFolder(Path(folder) if folder else path, trusted=False, most_points=limits.points)
-    return plan_study(stored_study(path, place), limits, False)
+    study = stored_study(path, limits.points)
+    if study.file.study.function is not None:
+        raise ForbiddenError(f"function = {study.file.study.function!r}: studies of functions are not shown")
+    return plan_study(study, limits, False)

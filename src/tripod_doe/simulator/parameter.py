@@ -76,6 +76,8 @@ class Parameter:
             raise InputError(f"{self.name} = {_shown(value)}: expected a number ({self.range_text})")
         if not _is_finite(value):
             raise InputError(f"{self.name} = {_shown(value)}: must be finite ({self.range_text})")
+        if isinstance(value, int) and int(float(value)) != value:
+            raise InputError(f"{self.name} = {value}: a whole number that float64 does not hold; give it as text")
         if self.kind == "integer" and value != int(value):
             raise InputError(f"{self.name} = {value:g}: must be a whole number ({self.range_text})")
         if self.kind == "switch" and value not in (0, 1):

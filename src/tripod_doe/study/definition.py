@@ -92,34 +92,6 @@ def load_study(path: str | Path, folder: StudyFolder | None = None) -> Study:
     return parse_study(read_text(path, "study file"), str(path), folder or StudyFolder.of(path))
 
 
-STORED = "study.toml"
-"""File of a result directory with the study whose results are there."""
-
-
-def stored_study(directory: Path, folder: StudyFolder | None = None) -> Study:
-    """Read the study of a result directory.
-
-    Parameters
-    ----------
-    directory
-        The result directory.
-    folder
-        As in `parse_study`.
-
-    Raises
-    ------
-    InputError
-        If it can no longer be read, or is damaged.
-    """
-    path = directory / STORED
-    try:
-        return parse_study(read_text(path, "study"), str(path), folder)
-    except InputError as error:
-        raise type(error)(
-            f"{error}\n  this is the study whose results are in {directory}: put the file that was run in its place"
-        ) from error
-
-
 def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = None) -> Study:
     """Check the text of a study file; see `load_study`.
 
@@ -216,7 +188,7 @@ def _check_sources(origin: str, file: StudyFile, folder: StudyFolder) -> None:
     """Refuse tables that may not be read, and factors with more values than may be, before any value is made."""
     for design in (file.design, *file.designs.values()):
         if design.table is not None:
-            _at(origin, "[design]", lambda d=design: folder.file(d.table, "table"))
+            _at(origin, "[design]", lambda d=design: folder.check_file(d.table, "table"))
     for name, table in file.factors.items():
         _at(origin, f"[factors.{name}]", lambda t=table: folder.refuse_many(t.count or 0, "values"))
 

@@ -1,7 +1,7 @@
 """The result directory of a study: held by one process, filled block by block, turned into cube and costs.
 
-``study.toml`` is the study whose results are here, ``journal.sqlite`` its finished blocks; ``cube.nc`` and ``cost.nc``
-are made of them. Nothing else needs to be there to go on.
+``study.toml`` is the study whose results are here, with copies of its tables in ``tables``; ``journal.sqlite`` its
+finished blocks; ``cube.nc`` and ``cost.nc`` are made of them. Nothing else needs to be there to go on.
 """
 
 from __future__ import annotations
@@ -22,10 +22,11 @@ from tripod_doe.errors import InputError, option
 from tripod_doe.quantities import size
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube import build_cube
-from tripod_doe.study.definition import STORED, Study, canonical, stored_study
+from tripod_doe.study.definition import Study, canonical
 from tripod_doe.study.hold import Hold
-from tripod_doe.study.journal import FOLDER, KERNELS, STUDY, STUDY_HASH, FinishedBlock, Journal, text_digest
+from tripod_doe.study.journal import KERNELS, STUDY, STUDY_HASH, FinishedBlock, Journal, text_digest
 from tripod_doe.study.plan import cube_bytes
+from tripod_doe.study.result_folder import STORED, keep_sources, stored_study
 from tripod_doe.study.results import opened_cube
 from tripod_doe.study.stored_results import StoredResults
 from tripod_doe.study.study_points import StudyPoints
@@ -141,7 +142,7 @@ class ResultDirectory:
                 f"{study.simulator.source_hash}); choose another {option('out')}"
             )
         same = self._journal.recall(STUDY) == text_digest(study.text.encode())  # the file there may be damaged
-        old = canonical(study if same else stored_study(self.path, study.folder))
+        old = canonical(study if same else stored_study(self.path))
         new = canonical(study)
         changed = sorted(key for key in old.keys() | new.keys() if old.get(key) != new.get(key))
         if grew and not any(key.startswith(("keep", "run")) for key in changed):
@@ -161,8 +162,8 @@ class ResultDirectory:
 
     def adopt(self, study: Study) -> None:
         """Make this the study whose results are here."""
-        notes = {KERNELS: study.simulator.source_hash, FOLDER: str(study.folder.path.absolute())}
-        self._journal.remember(notes | {STUDY: text_digest(study.text.encode()), STUDY_HASH: study.hash})
+        notes = {KERNELS: study.simulator.source_hash, STUDY: text_digest(study.text.encode()), STUDY_HASH: study.hash}
+        self._journal.remember(notes | keep_sources(study, self.path))
         replace_text(self.path / STORED, study.text)
 
     def missing(self, asked: StudyPoints, retry_failed: bool = False) -> IntArray:

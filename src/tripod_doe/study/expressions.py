@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import operator
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -130,11 +130,15 @@ class Expression:
         try:
             values = {name: self._checked(name, columns[name]) for name in self.used}
             with np.errstate(all="ignore"):
-                answer = np.asarray(self._value(self._tree, values))
+                meets = _truth(self._value(self._tree, values))
         except (TypeError, OverflowError, ValueError) as error:
             raise InputError(f"{self.text!r}: {error}") from error
-        meets = answer.astype(bool) & ~np.isnan(answer) if answer.dtype.kind == "f" else answer.astype(bool)
         return np.broadcast_to(meets, np.shape(next(iter(columns.values()))))
+
+    def _refuse_mixed(self, terms: Sequence[Any]) -> None:
+        """Refuse a comparison of a number with a text, which would be false in silence."""
+        if any(np.asarray(term).dtype.kind in "fb" for term in terms) and any(map(_is_text, terms)):
+            raise InputError(f"{self.text!r}: compares a number with a text; write texts in quotes, numbers without")
 
     def _checked(self, name: str, column: NDArray[Any]) -> NDArray[Any]:
         """A column, whole numbers in float64."""
@@ -155,19 +159,32 @@ class Expression:
             case ast.BinOp(left=left, op=op, right=right):
                 return _BINARY[type(op)](_number(self._value(left, columns)), _number(self._value(right, columns)))
             case ast.UnaryOp(op=ast.Not(), operand=operand):
-                return np.logical_not(self._value(operand, columns))
+                return np.logical_not(_truth(self._value(operand, columns)))
             case ast.UnaryOp(op=op, operand=operand):
                 return _UNARY[type(op)](_number(self._value(operand, columns)))
             case ast.BoolOp(op=op, values=values):
                 combine = np.logical_and if isinstance(op, ast.And) else np.logical_or
-                return combine.reduce(np.broadcast_arrays(*(self._value(value, columns) for value in values)))
+                return combine.reduce(np.broadcast_arrays(*(_truth(self._value(value, columns)) for value in values)))
             case ast.Compare(left=left, ops=ops, comparators=others):
                 terms = [self._value(term, columns) for term in (left, *others)]
+                self._refuse_mixed(terms)
                 links = [_COMPARE[type(op)](terms[i], terms[i + 1]) for i, op in enumerate(ops)]
                 return np.logical_and.reduce(np.broadcast_arrays(*links))
             case ast.Call(func=ast.Name(id=function), args=arguments):
                 return _FUNCTIONS[function](*(_number(self._value(argument, columns)) for argument in arguments))
         raise AssertionError(node)
+
+
+def _truth(value: Any) -> NDArray[np.bool_]:
+    """Whether a value counts as true; NaN does not."""
+    array = np.asarray(value)
+    return (array != 0) & ~np.isnan(array) if array.dtype.kind == "f" else array.astype(bool)
+
+
+def _is_text(value: Any) -> bool:
+    """Whether a value is text, or a column of nothing else."""
+    array = np.asarray(value)
+    return array.dtype.kind == "U" or (array.dtype == object and all(isinstance(each, str) for each in array.flat))
 
 
 def _is_exact(value: int) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
 from tripod_doe.names import check_cube_name
-from tripod_doe.simulator import WORK, BlockResult, Outcome, Parameter, Simulator, Value, Values
+from tripod_doe.simulator import WORK, BlockResult, Candidate, Outcome, Parameter, Simulator, Value, Values
 
 _TAKEN_NAMES = frozenset(
     {"point", "outcome", "outcome_detail", "excluded", "worker", "cpu_seconds", "wall_seconds", *WORK}
@@ -84,6 +85,38 @@ class FunctionSimulator(Simulator):
             block.coordinates.update(labels)
         return block
 
+    @property
+    def record(self) -> dict[str, Any]:
+        """What `RecordedFunction` needs to know, as plain data."""
+        return {
+            "arguments": {name: parameter.default for name, parameter in self.parameters.items()},
+            "candidates": [asdict(candidate) for candidate in self.candidates],
+        }
+
+
+class RecordedFunction(Simulator):
+    """A function by what is on record of it: enough to show its results, and nothing is imported.
+
+    Parameters
+    ----------
+    name
+        ``package.module:function``.
+    record
+        As `FunctionSimulator.record` gives it.
+    """
+
+    def __init__(self, name: str, record: Mapping[str, Any]) -> None:
+        self.name = name
+        self.parameters = {
+            argument: _argument(name, argument, default) for argument, default in record.get("arguments", {}).items()
+        }
+        self.outputs = {}
+        self.candidates = tuple(Candidate(**candidate) for candidate in record.get("candidates", ()))
+
+    def simulate(self, points: Mapping[str, NDArray[Any]], keep: Collection[str]) -> BlockResult:
+        """Refuse to: only results are read here."""
+        raise InputError(f"{self.name}: not imported where results are read; run its study to run it")
+
 
 def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
@@ -127,6 +160,9 @@ def _arguments(reference: str, function: Callable[..., Any]) -> dict[str, Parame
             raise InputError(f"function = {reference!r}: argument {name}: every cube holds this name; choose another")
         check_cube_name(name, f"function = {reference!r}: argument")
         default = None if argument.default is argument.empty else argument.default
-        meaning = f"argument {name} of {reference}"
-        parameters[name] = Parameter(name, default, "1", "", meaning, "user function", kind="argument")
+        parameters[name] = _argument(reference, name, default)
     return parameters
+
+
+def _argument(reference: str, name: str, default: Any) -> Parameter:
+    return Parameter(name, default, "1", "", f"argument {name} of {reference}", "user function", kind="argument")

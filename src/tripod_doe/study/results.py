@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from tripod_doe.errors import CubeError, option
-from tripod_doe.study.journal import FOLDER, SHOWN, STUDY, STUDY_HASH, Journal, journal_path, text_digest
+from tripod_doe.study.journal import SHOWN, STUDY, STUDY_HASH, Journal, journal_path, text_digest
 from tripod_doe.study.netcdf import lazy_dataset, read_dataset, study_hash
 
 if TYPE_CHECKING:  # a query reads cubes without xarray
@@ -186,15 +186,13 @@ def refuse_changed_study(directory: Path, journal: Journal) -> None:
 def _points_so_far(path: Path, journal: Journal) -> tuple[StudyPoints, StoredResults]:
     """The study of a directory, and where its results are."""
     from tripod_doe.study.choice import chosen_points, frozen_choice
-    from tripod_doe.study.definition import stored_study
     from tripod_doe.study.designs import make_points
+    from tripod_doe.study.result_folder import stored_study
     from tripod_doe.study.stored_results import StoredResults
-    from tripod_doe.study.study_folder import StudyFolder
     from tripod_doe.study.study_points import StudyPoints
 
-    folder = journal.recall(FOLDER)
     refuse_changed_study(path, journal)
-    study = stored_study(path, StudyFolder(Path(folder)) if folder else None)
+    study = stored_study(path)
     points = make_points(study)
     choice = frozen_choice(study, path) if study.accuracy else None
     if choice is not None:

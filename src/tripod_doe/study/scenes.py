@@ -46,6 +46,8 @@ def load_simulator(scene: str = "joint", function: str | None = None, folder: St
         simulator: Simulator = _import_object(SCENES[scene])
         return simulator
     if folder:
+        if (recorded := folder.recorded_function(function)) is not None:
+            return recorded
         folder.refuse_functions(function)
         _search_first(str(folder.path), function.partition(":")[0].partition(".")[0])
     called = _import_object(function)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Self
 
 from tripod_doe.errors import ForbiddenError, TooLargeError
+from tripod_doe.simulator import Simulator
 
 _SHOWN = 100  # characters of a name in a message
 _LISTED = 50  # files of a folder that a message names
@@ -55,10 +56,18 @@ class StudyFolder:
                 "without a folder"
             )
         if not there:
-            known = sorted(other.name for other in folder.iterdir())
+            known = sorted(other.name for other in folder.iterdir()) if folder.is_dir() else []
             listed = ", ".join(known[:_LISTED]) + (", ..." if len(known) > _LISTED else "")
             raise ForbiddenError(f"{key} = {name[:_SHOWN]!r}: not among the files here ({listed})")
         return path
+
+    def check_file(self, name: str, key: str) -> None:
+        """Refuse (ForbiddenError) the name of a file that would be refused when it is read."""
+        self.file(name, key)
+
+    def recorded_function(self, function: str) -> Simulator | None:
+        """What stands in for a function that is not to be imported; None where it is imported, or refused."""
+        return None
 
     def refuse_functions(self, function: str) -> None:
         """Refuse (ForbiddenError) a function that a file from a stranger names."""

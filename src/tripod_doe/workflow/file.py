@@ -77,7 +77,9 @@ class WorkflowFile(_Table):
     """A whole workflow file."""
 
     workflow: HeadTable
-    steps: dict[str, dict[str, Any]] = Field(min_length=1, description="the steps, [steps.NAME] with a kind")
+    steps: dict[str, dict[str, Any]] = Field(
+        min_length=1, max_length=200, description="the steps, [steps.NAME] with a kind"
+    )
     quick: dict[str, Overrides] = Field({}, description="what --quick changes in study steps, [quick.STEP]")
 
 

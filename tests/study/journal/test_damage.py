@@ -14,7 +14,7 @@ import tripod_doe as td
 from tripod_doe.errors import CubeError
 from tripod_doe.simulator import BlockResult, Outcome
 from tripod_doe.study.directory import ResultDirectory
-from tripod_doe.study.journal import FOLDER, KERNELS, SHOWN, FinishedBlock, Journal, journal_path
+from tripod_doe.study.journal import KERNELS, SHOWN, FinishedBlock, Journal, journal_path
 from tripod_doe.study.journal.rows import PAGE_BYTES
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
@@ -35,7 +35,7 @@ def block(number):
 def whole(tmp_path_factory):
     folder = tmp_path_factory.mktemp("whole")
     with Journal(folder) as journal:
-        journal.remember({KERNELS: "abc", FOLDER: "/studies"})
+        journal.remember({KERNELS: "abc", "other": "kept"})
         for number in range(BLOCKS):
             journal.commit(block(number))
         journal.note_shown()

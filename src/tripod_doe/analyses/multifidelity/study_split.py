@@ -11,9 +11,10 @@ import xarray as xr
 from tripod_doe.analyses.multifidelity.split import Split, find_split
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import duration, number
-from tripod_doe.study.definition import STORED, Study, canonical, parse_study, stored_study
+from tripod_doe.study.definition import Study, canonical, parse_study
 from tripod_doe.study.designs import SAMPLE, most_points, pilot_samples, point_count
 from tripod_doe.study.file import DesignTable
+from tripod_doe.study.result_folder import STORED, stored_study
 from tripod_doe.study.results import opened_cube
 
 
@@ -33,7 +34,7 @@ def stored_split(study: Study, directory: Path) -> Study | None:
 def _stored(study: Study, directory: Path) -> Study | None:
     if not (directory / STORED).exists():
         return None
-    stored = stored_study(directory, study.folder)
+    stored = stored_study(directory)
     return stored if stored.file.design.split else None
 
 

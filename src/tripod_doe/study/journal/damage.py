@@ -26,8 +26,8 @@ from tripod_doe.study.journal.rows import (
     write_journal,
 )
 
-SHOWN, FOLDER, KERNELS = "shown", "folder", "kernel_source_hash"
-"""Notes: the state of the journal that the cube shows, the folder of the study file, and the kernels of new blocks."""
+SHOWN, KERNELS = "shown", "kernel_source_hash"
+"""Notes: the state of the journal that the cube shows, and the kernels of new blocks."""
 
 STUDY, STUDY_HASH = "study_digest", "study_hash"
 """Notes on the study: the digest of its text, and its hash, which its cube names, too."""
