@@ -144,7 +144,7 @@ def compare(
 
     if reference_angle_deg is not None and not abs(reference_angle_deg) <= _LARGEST_ANGLE:
         raise InputError(
-            f"{option('reference_angle', reference_angle_deg)}: give an angle within {_LARGEST_ANGLE:,.0f} degrees of 0"
+            f"{option('reference_angle', reference_angle_deg)}: must be a finite angle within {_LARGEST_ANGLE:,.0f} degrees of 0"
         )
     tracked = track_orders(measurement.rotation_deg, measurement.thrust_n, measurement.time_s)
     at_speed = orders_at_speeds(tracked, point)
