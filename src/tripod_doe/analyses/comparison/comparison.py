@@ -143,9 +143,8 @@ def compare(
     from scipy.special import stdtrit  # quantiles of Student's t
 
     if reference_angle_deg is not None and not abs(reference_angle_deg) <= _LARGEST_ANGLE:
-        raise InputError(
-            f"{option('reference_angle', reference_angle_deg)}: must be a finite angle within {_LARGEST_ANGLE:,.0f} degrees of 0"
-        )
+        given = option("reference_angle", reference_angle_deg)
+        raise InputError(f"{given}: must be a finite angle within {_LARGEST_ANGLE:,.0f} degrees of 0")
     tracked = track_orders(measurement.rotation_deg, measurement.thrust_n, measurement.time_s)
     at_speed = orders_at_speeds(tracked, point)
     if at_speed is not None:
