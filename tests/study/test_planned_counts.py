@@ -89,7 +89,7 @@ def test_what_is_planned_runs(kind, tmp_path):
 def test_what_is_too_large_is_refused_before_it_is_made(kind, count):
     tracemalloc.start()
     try:
-        with pytest.raises(InputError, match=r"needs about|must be at most 1e\+06"):
+        with pytest.raises(InputError, match=r"needs about|must be at most 1,000,000"):
             make_points(study_of(kind, count))
         assert tracemalloc.get_traced_memory()[1] < 20_000_000
     finally:
