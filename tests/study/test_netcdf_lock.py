@@ -73,6 +73,7 @@ def cube(tmp_path):
         {
             **{name: ("point", np.sqrt(points), {"units": name}) for name in "yabcdefgh"},
             "course": (("point", "angle"), np.ones((400, 300))),
+            "told": ("point", np.array([f"point {number}" for number in points], object)),
         },
         {"point": points, "angle": np.arange(300.0)},
     )
@@ -133,3 +134,25 @@ def test_whoever_holds_it_keeps_out_cubes_that_are_read_with_xarray_alone(cube):
 def test_a_copy_in_another_place_is_the_same_lock():
     """Dask copies the arrays of an open cube, with their lock."""
     assert pickle.loads(pickle.dumps(NETCDF_LOCK)) is NETCDF_LOCK
+
+
+TWICE = """
+import sys
+import tripod_doe as td
+opened = [td.open_cube(sys.argv[1], chunks="auto") for _ in range(5)]
+td.query(sys.argv[1], "y")
+opened.pop(2).close()
+td.open_cube(sys.argv[1])
+opened.pop(0).close()
+for cube in opened:
+    assert float(cube.course.sum()) == 120_000
+    assert cube.told.values[7] == "point 7"
+    cube.close()
+"""
+
+
+def test_a_cube_with_texts_that_is_read_several_times_is_open_once(cube):
+    """Regression: netCDF4 1.7.5 with HDF5 2.2 ends the process where such a file is opened twice and closed."""
+    for _ in range(3):
+        ended = stress(TWICE, cube)
+        assert (ended.returncode, ended.stderr) == (0, "")

@@ -135,7 +135,7 @@ def test_a_cube_in_slabs_is_the_one_that_is_written_as_a_whole(run_in_slabs, tex
 @pytest.mark.parametrize("design", ['kind = "latin-hypercube"\nsamples = 200', 'kind = "grid"'])
 def test_a_chunk_of_a_course_has_all_points_of_a_slab_and_a_part_of_the_labels(run_in_slabs, monkeypatch, design):
     """Exact: so that a part of a course is read at all points without the rest of it; short rows stay together."""
-    monkeypatch.setattr(cube_file, "_CHUNK_BYTES", 32 * 64 * 8)
+    monkeypatch.setattr(cube_file, "CHUNK_BYTES", 32 * 64 * 8)
     count = ", count = 200" if "grid" in design else ""
     text = LIST.split("[factors]")[0] + f"[factors]\nx = {{low = 1, high = 2{count}}}\n[design]\n{design}"
     _, parts = run_in_slabs(text, 32 * (515 * 8 + 200), COURSES)

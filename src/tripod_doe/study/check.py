@@ -10,8 +10,7 @@ from pathlib import Path
 from tripod_doe.errors import CubeError, InputError, option
 from tripod_doe.study.file_digest import is_damaged, is_sealed
 from tripod_doe.study.journal import Journal, damage, journal_path
-from tripod_doe.study.netcdf import reading, remedy
-from tripod_doe.study.netcdf_lock import NETCDF_LOCK
+from tripod_doe.study.netcdf import opened_file, reading, remedy
 from tripod_doe.study.results import refuse_changed_study
 from tripod_doe.study.slabs import box, slabs
 
@@ -66,10 +65,8 @@ def _checked(path: Path) -> Iterator[CheckedFile]:
 def _checked_netcdf(path: Path) -> CheckedFile:
     if is_sealed(path):
         return CheckedFile(path, f"its content does not fit its checksum; {remedy(path)}" if is_damaged(path) else "")
-    import netCDF4
-
     try:
-        with NETCDF_LOCK, reading(path), netCDF4.Dataset(path) as stored:
+        with reading(path), opened_file(path) as stored:
             for variable in stored.variables.values():
                 for slab in slabs(variable.shape, box(variable.shape, variable.dtype.itemsize, _SLAB_BYTES)):
                     variable[slab.place]  # its chunks are held against their checksums

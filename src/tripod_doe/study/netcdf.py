@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -19,8 +21,9 @@ from tripod_doe.study.netcdf_lock import NETCDF_LOCK
 from tripod_doe.study.slabs import box
 
 if TYPE_CHECKING:  # a query reads cubes without xarray
+    import netCDF4
     import xarray as xr
-    from xarray.backends import NetCDF4DataStore
+    from xarray.backends import CachingFileManager, NetCDF4DataStore
 
 POINT_ATTRIBUTES = {"long_name": "number of the point in the design", "units": "1"}
 """Attributes of the coordinate ``point`` of a cube, which counts from 0."""
@@ -154,10 +157,36 @@ def study_hash(path: Path) -> str:
 
 @lru_cache(maxsize=1000)
 def _study_hash(path: Path, version: tuple[int, ...]) -> str:
+    with opened_file(path) as stored:
+        return str(stored.study_hash) if "study_hash" in stored.ncattrs() else ""
+
+
+@contextmanager
+def opened_file(path: Path) -> Iterator[netCDF4.Dataset]:
+    """Open a netCDF file to read it without xarray, with the lock held."""
     import netCDF4
 
-    with NETCDF_LOCK, netCDF4.Dataset(path) as stored:
-        return str(stored.study_hash) if "study_hash" in stored.ncattrs() else ""
+    with NETCDF_LOCK:
+        if "xarray.backends" in sys.modules:  # else nothing here can have it open
+            with _shared_file(path).acquire_context() as stored:
+                yield stored
+        else:
+            with netCDF4.Dataset(path) as stored:
+                yield stored
+
+
+def _shared_file(path: Path) -> CachingFileManager[Any]:
+    """Make a manager of a netCDF file that is open at most once in this process, whoever reads it.
+
+    A file with texts that is opened twice ends the process when it is closed (netCDF4 1.7.5 with HDF5 2.2, also in one
+    thread). When one reader closes it, another one's next look opens it again. Hold the lock while it is in use.
+    """
+    import netCDF4
+    from xarray.backends import CachingFileManager
+
+    state, place = path.stat(), os.path.realpath(path)
+    identity = f"{state.st_dev}-{state.st_ino}-{state.st_mtime_ns}"
+    return CachingFileManager(netCDF4.Dataset, place, mode="r", lock=NETCDF_LOCK, manager_id=identity)
 
 
 def remedy(path: Path) -> str:
@@ -227,6 +256,7 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
         If the file is missing or damaged.
     """
     import xarray as xr
+    from xarray.backends import NetCDF4DataStore
 
     from tripod_doe.study.text_tables import with_texts
 
@@ -236,13 +266,11 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
         with NETCDF_LOCK, warnings.catch_warnings():
             warnings.filterwarnings("ignore", "The specified chunks separate")  # they are the caller's wish
             stored = xr.open_dataset(
-                path,
-                engine="netcdf4",
+                NetCDF4DataStore(_shared_file(path), mode="r", lock=NETCDF_LOCK),  # type: ignore[no-untyped-call]
                 decode_timedelta=False,
                 chunks=chunks,
                 cache=False,
                 create_default_indexes=False,
-                lock=NETCDF_LOCK,
             )
         read = with_texts(stored)
         for dim in stored.dims:
