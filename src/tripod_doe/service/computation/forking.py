@@ -19,7 +19,7 @@ from typing import Any
 _MOST_FILES = 4096  # numbers of open files that a run closes
 
 context = multiprocessing.get_context("forkserver")
-context.set_forkserver_preload(["tripod_doe.service.computation.preload"])
+context.set_forkserver_preload(["tripod_doe.cli.main", "tripod_doe.service.computation.preload"])
 
 
 def start_process(target: Callable[..., None], *arguments: Any) -> BaseProcess:

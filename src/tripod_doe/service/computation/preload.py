@@ -14,7 +14,6 @@ import dask.array  # noqa: F401 - which xarray imports with the first cube
 import netCDF4  # noqa: F401
 from numba.core.registry import cpu_target
 
-import tripod_doe.cli.main
 import tripod_doe.joint.simulator
 import tripod_doe.service.computation.questions
 import tripod_doe.service.explorer.questions
