@@ -2,6 +2,10 @@
 
 A block that was at work on a lost scheduler runs again, a worker with another version is left out, and a point is only
 said to take down its worker after it did so by itself, three times.
+
+Why not Dask's `retries` and `as_completed`: retries are for exceptions, and a scheduler blames every block in the queue
+of a worker for its death. as_completed cannot wait for a second only, after which silent schedulers and new workers are
+looked for; 3,000 empty blocks cost 7.7 CPU-s with it and 8.1 to 8.9 here, so speed decides nothing.
 """
 
 from __future__ import annotations

@@ -2,6 +2,9 @@
 
 A worker that sees the study's folder as this machine does imports from there, so that a function finds its data beside
 it. Any other gets a copy of what the function imports from that folder.
+
+Why not `UploadDirectory`: it sends the whole folder, results included, needs nannies, and puts its copy before the
+folder that a worker sees. `Client.upload_file` sends single modules, the same for all studies of a cluster.
 """
 
 from __future__ import annotations
