@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tripod_doe.study.netcdf import write_dataset
+from tripod_doe.study.cube.netcdf import write_dataset
 
 STUDY = Path(__file__).parent.parent / "studies" / "thrust_map.toml"
 LIBRARIES = {
@@ -100,7 +100,7 @@ def test_the_server_computes_nothing_and_what_computes_serves_nothing():
     for modules, unwanted in (
         (["tripod_doe.service.server"], computes),
         (
-            [f"tripod_doe.service.{name}" for name in ("computation.questions", "plans", "descriptions")]
+            [f"tripod_doe.service.{name}" for name in ("answering", "plans", "descriptions")]
             + [
                 "tripod_doe.study.execution.local_cluster",
                 "tripod_doe.study.execution.task",

@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from tripod_doe.errors import CubeError, InputError, StorageError, TripodDoeError
     from tripod_doe.pages.study import write_report
     from tripod_doe.simulator import Outcome, Output, Parameter
+    from tripod_doe.study.cube.results import open_cube
     from tripod_doe.study.definition import Study, load_study
     from tripod_doe.study.plan import Plan, plan
-    from tripod_doe.study.query import query
-    from tripod_doe.study.results import open_cube
+    from tripod_doe.study.query.query import query
     from tripod_doe.study.schema import study_schema
     from tripod_doe.study.simulate import simulate
     from tripod_doe.workflow.chain import WorkflowSummary, run_workflow
@@ -51,9 +51,9 @@ _HOME = {
     "load_study": "study.definition",
     "model_point": "analyses.comparison.model_point",
     "morris_effects": "analyses.sensitivity.morris",
-    "open_cube": "study.results",
+    "open_cube": "study.cube.results",
     "plan": "study.plan",
-    "query": "study.query",
+    "query": "study.query.query",
     "read_measurement": "analyses.comparison.measurement",
     "run": "workflow.run",
     "run_workflow": "workflow.chain",

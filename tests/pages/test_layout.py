@@ -21,7 +21,7 @@ from tripod_doe.report import templates
 from tripod_doe.report.answer import answer_first
 from tripod_doe.report.charts.chart import INK, VARIABLES
 from tripod_doe.report.responses import spoken
-from tripod_doe.study.netcdf import write_dataset
+from tripod_doe.study.cube.netcdf import write_dataset
 
 STYLE = (Path(__file__).parents[2] / "src" / "tripod_doe" / "report" / "page.css").read_text()
 

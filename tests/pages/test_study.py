@@ -11,7 +11,7 @@ from tripod_doe.errors import CubeError, InputError, StorageError
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.pages.study import make_page, write_report
 from tripod_doe.report.tables import cost_rows
-from tripod_doe.study.netcdf import write_dataset
+from tripod_doe.study.cube.netcdf import write_dataset
 
 OWN = ("initial_skew_1_deg", "roller_width_mm")
 """What the study of the joint gives itself: the paper names the one, the other is assumed."""

@@ -15,7 +15,7 @@ from tripod_doe.pages.workflow import step_page, write_charts
 from tripod_doe.report import templates
 from tripod_doe.report.charts.chart import Chart, drawing, factor_ticks, legend_above
 from tripod_doe.report.charts.waveforms import chosen_points, spectrum_chart, waveform_charts
-from tripod_doe.study.cube import RESPONSE_ROLE
+from tripod_doe.study.cube.dataset import RESPONSE_ROLE
 
 
 @pytest.fixture

@@ -11,8 +11,8 @@ from tripod_doe.pages.study import make_page
 from tripod_doe.report import subset as parts
 from tripod_doe.report.subset import shown_subset, subset_sentences
 from tripod_doe.report.tables import failed_points
-from tripod_doe.study import slab_reading
-from tripod_doe.study.slab_reading import all_finite, largest_magnitude
+from tripod_doe.study.cube import slab_reading
+from tripod_doe.study.cube.slab_reading import all_finite, largest_magnitude
 
 pytestmark = pytest.mark.usefixtures("charts_not_drawn")
 

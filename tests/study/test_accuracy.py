@@ -7,7 +7,7 @@ import pytest
 
 import tripod_doe as td
 from tripod_doe.errors import InputError
-from tripod_doe.study.cube import RECORD_ROLE
+from tripod_doe.study.cube.dataset import RECORD_ROLE
 from tripod_doe.study.definition import canonical, parse_study
 from tripod_doe.study.designs import make_points, point_keys
 

@@ -13,10 +13,10 @@ import xarray as xr
 
 import tripod_doe as td
 from tripod_doe.cli import main
-from tripod_doe.study import netcdf
 from tripod_doe.study.check import check_files
-from tripod_doe.study.file_digest import is_damaged, is_sealed
-from tripod_doe.study.netcdf import read_dataset, write_dataset
+from tripod_doe.study.cube import netcdf
+from tripod_doe.study.cube.file_digest import is_damaged, is_sealed
+from tripod_doe.study.cube.netcdf import read_dataset, write_dataset
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
 

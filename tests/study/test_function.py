@@ -11,7 +11,7 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import BlockResult
-from tripod_doe.study.cube import COST_VARIABLES, EXCLUDED
+from tripod_doe.study.cube.dataset import COST_VARIABLES, EXCLUDED
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution.task import make_task, run_task

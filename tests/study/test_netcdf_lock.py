@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tripod_doe.study.netcdf_lock import NETCDF_LOCK
+from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
 
 READ = """
 import sys, threading

@@ -11,7 +11,7 @@ import pytest
 import tripod_doe as td
 from tripod_doe.joint.candidates import JOINT_CANDIDATES
 from tripod_doe.study import plan as plan_module
-from tripod_doe.study.cube import build_cube
+from tripod_doe.study.cube.dataset import build_cube
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.execution import timing

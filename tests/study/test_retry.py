@@ -13,7 +13,7 @@ import xarray as xr
 
 import tripod_doe as td
 from started import Process
-from tripod_doe.study.cube import build_cube
+from tripod_doe.study.cube.dataset import build_cube
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.execution.task import make_task, run_task

@@ -22,8 +22,8 @@ from started import Process
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.registry import ANALYSES, Analysis
 from tripod_doe.cli import main
-from tripod_doe.study import results
-from tripod_doe.study.file_digest import is_damaged
+from tripod_doe.study.cube import results
+from tripod_doe.study.cube.file_digest import is_damaged
 from tripod_doe.workflow.definition import load_workflow
 
 pytestmark = pytest.mark.usefixtures("charts_not_drawn")

@@ -16,10 +16,10 @@ from tripod_doe.analyses.settings import PointSettings
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
-from tripod_doe.study.cube import EXCLUDED
+from tripod_doe.study.cube.dataset import EXCLUDED
+from tripod_doe.study.cube.slab_reading import all_finite
 from tripod_doe.study.designs import FAMILIES, factor_groups, unit_sample
 from tripod_doe.study.file import DesignTable, FactorTable, parse_file
-from tripod_doe.study.slab_reading import all_finite
 
 SAMPLED_DESIGNS = ("latin-hypercube", "sobol", "halton", "rbd-fast")
 """Designs whose points each stand alone and follow the distributions of the factors."""

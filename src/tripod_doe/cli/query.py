@@ -30,8 +30,8 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.study.arrays import opened_arrays
-    from tripod_doe.study.query import answer_format, records, records_text, unmet
+    from tripod_doe.study.query.arrays import opened_arrays
+    from tripod_doe.study.query.query import answer_format, records, records_text, unmet
 
     form = answer_format(options.format, options.output)
     if form == "netcdf":
@@ -54,8 +54,8 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _query_netcdf(options: argparse.Namespace) -> int:
-    from tripod_doe.study.netcdf import write_dataset
-    from tripod_doe.study.query import narrowed, query
+    from tripod_doe.study.cube.netcdf import write_dataset
+    from tripod_doe.study.query.query import narrowed, query
 
     if options.output is None:
         raise InputError("--format netcdf needs --output FILE")

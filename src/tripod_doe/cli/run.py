@@ -56,7 +56,7 @@ def _run(options: argparse.Namespace) -> int:
     from tripod_doe.workflow.run import run  # Dask and plotting are slow to import
 
     if options.export:
-        from tripod_doe.study.zarr_store import export_zarr, refuse_without_zarr
+        from tripod_doe.study.cube.zarr_store import export_zarr, refuse_without_zarr
 
         refuse_without_zarr()
     logging.getLogger("distributed").setLevel(logging.CRITICAL)

@@ -51,9 +51,9 @@ from tripod_doe.report.tables import (
 )
 from tripod_doe.report.templates import render
 from tripod_doe.simulator import NOTABLE_ERROR
-from tripod_doe.study.model_records import MODEL_ERROR
-from tripod_doe.study.netcdf import read_dataset
-from tripod_doe.study.results import is_shown, opened_cube
+from tripod_doe.study.cube.model_records import MODEL_ERROR
+from tripod_doe.study.cube.netcdf import read_dataset
+from tripod_doe.study.cube.results import is_shown, opened_cube
 
 _MOST_FAILED = 50
 _SECTIONS = {

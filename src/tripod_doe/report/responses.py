@@ -16,7 +16,7 @@ from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.quantities import in_words, level, with_unit
 from tripod_doe.report.chosen_models import asked_orders
 from tripod_doe.simulator import Outcome
-from tripod_doe.study.cube import COST_VARIABLES, EXCLUDED, RECORD_ROLE, RESPONSE_ROLE, SWITCH_ROLE
+from tripod_doe.study.cube.dataset import COST_VARIABLES, EXCLUDED, RECORD_ROLE, RESPONSE_ROLE, SWITCH_ROLE
 
 _REPRESENTATIVE = "representative_points"  # attribute of some points of a cube: which ones they are
 

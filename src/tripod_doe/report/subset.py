@@ -9,7 +9,7 @@ import xarray as xr
 
 from tripod_doe.array_types import IntArray
 from tripod_doe.report.responses import design_kind, truth_of
-from tripod_doe.study.slab_reading import read_positions
+from tripod_doe.study.cube.slab_reading import read_positions
 
 MOST_POINTS = 1_000_000
 """Points up to which sentences and figures are made of all of them."""

@@ -21,10 +21,10 @@ from tripod_doe.errors import InputError
 from tripod_doe.quantities import duration, level, number
 from tripod_doe.report.responses import asked, factor_names, factor_unit, finished, unit_text, waiting
 from tripod_doe.simulator import OUTCOME_MEANINGS, Outcome, Parameter
-from tripod_doe.study.cube import THIS_STUDY
+from tripod_doe.study.cube.dataset import THIS_STUDY
+from tripod_doe.study.cube.slab_reading import largest_magnitude
 from tripod_doe.study.journal import PILOT
 from tripod_doe.study.scenes import load_simulator
-from tripod_doe.study.slab_reading import largest_magnitude
 
 _GREEK = {"theta": "θ", "omega": "ω", "mu": "μ", "psi": "ψ", "nu": "ν", "delta": "δ"}
 

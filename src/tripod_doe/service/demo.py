@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 import tomllib
@@ -26,6 +25,6 @@ def add_demo(service: Service) -> None:
     if any(run.name == name for run in service.runs.all()):
         return
     print(f"tripod-doe: running the study {name!r} for the first look", file=sys.stderr)
-    run = service.submit(json.dumps({"study": text}).encode())
+    run = service.submit({"study": text})
     while not service.runs.find(run.id).state.at_rest:
         time.sleep(_LOOK)

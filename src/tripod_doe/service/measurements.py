@@ -18,7 +18,7 @@ from tripod_doe.analyses.comparison.sentences import ORDER_HEADS, comparison_jso
 from tripod_doe.errors import InputError
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.point import bars
-from tripod_doe.study.results import opened_cube
+from tripod_doe.study.cube.results import opened_cube
 
 MEASUREMENT = "measurement.csv"
 """How messages call the uploaded table."""
@@ -73,7 +73,7 @@ def compare_upload(path: str, measurement: str, **settings: Any) -> dict[str, An
     return told
 
 
-def lay_over(path: str, measurement: str, **settings: Any) -> Any:
+def lay_over(path: str, measurement: str, **settings: Any) -> tuple[Any, bytes]:
     """The same as findings, a table of orders and figures of measurement and model over each other."""
     compared = compared_upload(path, measurement, **settings)
     return {
@@ -84,7 +84,7 @@ def lay_over(path: str, measurement: str, **settings: Any) -> Any:
             "waveform": lines(_beside(compared, "thrust", "thrust"), "rotation_deg", "of"),
             "orders": bars(_beside(compared, "amplitude", "thrust_amplitude"), "order", "of"),
         },
-    }
+    }, b""
 
 
 def _beside(compared: xr.Dataset, ending: str, name: str) -> xr.Dataset:

@@ -17,7 +17,6 @@ import uvicorn
 
 from tripod_doe.errors import InputError, option
 from tripod_doe.service.app import create_app
-from tripod_doe.service.computation.forking import end_fork_server
 from tripod_doe.service.connections import limited_protocol
 from tripod_doe.service.demo import add_demo
 from tripod_doe.service.log import start_log
@@ -68,10 +67,7 @@ def serve(settings: Settings) -> None:
             )
         shown = f"[{host}]" if ":" in host else host
         print(f"http://{shown}:{port}/?token={settings.token}", flush=True)
-        try:
-            _Server(config, service).run(sockets=[listener])
-        finally:
-            end_fork_server()
+        _Server(config, service).run(sockets=[listener])
 
 
 class _Server(uvicorn.Server):
@@ -115,7 +111,7 @@ def _held(settings: Settings) -> Iterator[None]:
         return
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        if folder.stat().st_mode & (stat.S_IWOTH | stat.S_ISVTX) == stat.S_IWOTH:  # of /tmp, others take nothing away
+        if folder.stat().st_mode & stat.S_IWOTH:
             raise InputError(
                 f"{option('folder', str(folder))}: any user of this machine can write here; run: chmod o-w {folder}"
             )

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tripod_doe.errors import CubeError, InputError, option
-from tripod_doe.study.file_digest import is_damaged, is_sealed
+from tripod_doe.study.cube.file_digest import is_damaged, is_sealed
+from tripod_doe.study.cube.netcdf import opened_file, reading, remedy
+from tripod_doe.study.cube.results import refuse_changed_study
+from tripod_doe.study.cube.slabs import box, slabs
 from tripod_doe.study.journal import Journal, damage, journal_path
-from tripod_doe.study.netcdf import opened_file, reading, remedy
-from tripod_doe.study.results import refuse_changed_study
-from tripod_doe.study.slabs import box, slabs
 
 _SLAB_BYTES = 32_000_000
 

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, option
 from tripod_doe.study.accuracy import Accuracy
+from tripod_doe.study.cube.netcdf import read_dataset
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points, point_keys
-from tripod_doe.study.netcdf import read_dataset
 
 CHOICE = "choice.nc"
 """Name of the file."""

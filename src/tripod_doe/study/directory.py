@@ -21,16 +21,16 @@ from tripod_doe.atomic_files import refuse_links, replace_text
 from tripod_doe.errors import InputError, option
 from tripod_doe.quantities import size
 from tripod_doe.simulator import Outcome
-from tripod_doe.study.cube import build_cube
+from tripod_doe.study.cube.dataset import build_cube
+from tripod_doe.study.cube.results import opened_cube
+from tripod_doe.study.cube.stored_results import StoredResults
+from tripod_doe.study.cube.writing import write_cube
 from tripod_doe.study.definition import Study, canonical
 from tripod_doe.study.hold import Hold
 from tripod_doe.study.journal import KERNELS, STUDY, STUDY_HASH, FinishedBlock, Journal, text_digest
 from tripod_doe.study.plan import cube_bytes
 from tripod_doe.study.result_folder import STORED, keep_sources, stored_study
-from tripod_doe.study.results import opened_cube
-from tripod_doe.study.stored_results import StoredResults
 from tripod_doe.study.study_points import StudyPoints
-from tripod_doe.study.written_cube import write_cube
 
 _SPARE_BYTES = 20_000_000
 _COMPUTING = "computing"  # note in the journal

@@ -76,7 +76,7 @@ class _Repeats:
 
     @classmethod
     def of(cls, codes: IntArray) -> _Repeats:
-        """Sort points by the number of their fingerprint."""
+        """Sort places by the number of the fingerprint that stands there."""
         return cls(np.argsort(codes, kind="stable"), np.concatenate([[0], np.cumsum(np.bincount(codes))]))
 
     def first(self, codes: IntArray) -> IntArray:

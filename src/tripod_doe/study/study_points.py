@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
 from tripod_doe.simulator import Outcome
+from tripod_doe.study.cube.slabs import box, slabs
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points, point_keys
 from tripod_doe.study.failures import Failure, common_failures
 from tripod_doe.study.key_index import KeyIndex
-from tripod_doe.study.slabs import box, slabs
 
 if TYPE_CHECKING:  # for its name only
     import xarray as xr

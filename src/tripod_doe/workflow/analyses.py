@@ -15,9 +15,9 @@ from tripod_doe.analyses.sensitivity.method import CORRELATED
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.names import path_within
 from tripod_doe.simulator import Outcome
+from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition import Study
 from tripod_doe.study.file import said_of
-from tripod_doe.study.netcdf import stamp_history, write_dataset
 
 
 def _reads(analysis: Analysis, study: Study) -> bool:

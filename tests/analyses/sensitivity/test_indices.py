@@ -23,7 +23,8 @@ from tripod_doe.analyses.sensitivity.shapley import shapley_effects
 from tripod_doe.analyses.sensitivity.sobol import SobolSettings, sobol_indices
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
-from tripod_doe.study import size, slab_reading
+from tripod_doe.study import size
+from tripod_doe.study.cube import slab_reading
 
 PROBLEM = {"num_vars": 3, "names": ["a", "b", "c"], "bounds": [[0, 1]] * 3}
 

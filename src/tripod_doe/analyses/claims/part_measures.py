@@ -15,7 +15,7 @@ from tripod_doe.analyses.claims.evidence import ANY, Evidence, Measured, Missing
 from tripod_doe.analyses.contribution.contribution import PAPER_SHARES, contribution_shares
 from tripod_doe.joint.parameters import point_values
 from tripod_doe.quantities import level, number
-from tripod_doe.study.cube import SWITCH_ROLE
+from tripod_doe.study.cube.dataset import SWITCH_ROLE
 
 _DEFINITIONS = {"share_off": "switching off", "share_on": "on alone", "share_shapley": "Shapley value"}
 

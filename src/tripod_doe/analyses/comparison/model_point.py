@@ -12,8 +12,8 @@ from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.joint.orders import ORDERS, complex_amplitudes
 from tripod_doe.simulator import Outcome
-from tripod_doe.study.model_records import MODEL_ERROR
-from tripod_doe.study.query import query
+from tripod_doe.study.cube.model_records import MODEL_ERROR
+from tripod_doe.study.query.query import query
 
 _MODEL_OUTPUTS = ("thrust_amplitude", "thrust_phase_deg", "thrust_amplitude_scatter", "thrust")
 _SPEED = "speed_rpm"

@@ -14,7 +14,7 @@ from tripod_doe.quantities import level, with_unit
 from tripod_doe.report.answer import answer_first
 from tripod_doe.report.responses import spoken, unit_text
 from tripod_doe.report.templates import render
-from tripod_doe.study.netcdf import stamp_history, write_dataset
+from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 
 
 def comparison_page(comparison: xr.Dataset) -> str:

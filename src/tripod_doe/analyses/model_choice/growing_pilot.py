@@ -28,9 +28,9 @@ from tripod_doe.array_types import IntArray
 from tripod_doe.simulator import Candidate
 from tripod_doe.study.accuracy import Accuracy
 from tripod_doe.study.choice import accuracy_of
+from tripod_doe.study.cube.results import open_cube
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import Points
-from tripod_doe.study.results import open_cube
 
 Runs = list[tuple[Candidate, IntArray]]
 """Candidates of a pilot, each with the points at which it runs."""

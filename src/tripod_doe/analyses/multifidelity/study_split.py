@@ -11,11 +11,11 @@ import xarray as xr
 from tripod_doe.analyses.multifidelity.split import Split, find_split
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import duration, number
+from tripod_doe.study.cube.results import opened_cube
 from tripod_doe.study.definition import Study, canonical, parse_study
 from tripod_doe.study.designs import SAMPLE, most_points, pilot_samples, point_count
 from tripod_doe.study.file import DesignTable
 from tripod_doe.study.result_folder import STORED, stored_study
-from tripod_doe.study.results import opened_cube
 
 
 def needs_split(study: Study) -> bool:

@@ -15,7 +15,7 @@ from tripod_doe.service.explorer.figures.point import point_figures
 from tripod_doe.service.explorer.open_cubes import opened
 from tripod_doe.service.explorer.slices import point_of
 from tripod_doe.simulator import Outcome
-from tripod_doe.study.cube import SWITCH_ROLE
+from tripod_doe.study.cube.dataset import SWITCH_ROLE
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.plan import plan
 from tripod_doe.study.simulate import simulate
@@ -25,14 +25,14 @@ _FACTOR = "replicate"  # of every scene, and without effect
 _OF_STUDY = re.compile(r"^point: \[[\w.]+\]: ")  # where a complaint stands in the study that is made for the price
 
 
-def price_of_point(scene: str, parameters: dict[str, Any]) -> Any:
+def price_of_point(scene: str, parameters: dict[str, Any]) -> tuple[Any, bytes]:
     """What one point will cost by recorded prices.
 
     Returns
     -------
-    dict
+    tuple
         ``cpu_seconds``, None where no price is recorded, and ``foreseen``: why the point will fail, empty if it is not
-        known to.
+        known to; no bytes.
 
     Raises
     ------
@@ -49,10 +49,10 @@ def price_of_point(scene: str, parameters: dict[str, Any]) -> Any:
         raise InputError(_OF_STUDY.sub("", str(error))) from error
     failures = [f"{failure.outcome.label}: {failure.reason}" for failure in price.foreseen]
     seconds = None if price.cpu_hours is None or failures else 3600 * price.cpu_hours[1]
-    return {"cpu_seconds": seconds, "foreseen": "; ".join(failures)}
+    return {"cpu_seconds": seconds, "foreseen": "; ".join(failures)}, b""
 
 
-def simulated(scene: str, parameters: dict[str, Any]) -> Any:
+def simulated(scene: str, parameters: dict[str, Any]) -> tuple[Any, bytes]:
     """One point simulated, with figures of all its outputs."""
     data = simulate(scene, **parameters)
     finished = bool(data.attrs["finished"])
@@ -62,10 +62,10 @@ def simulated(scene: str, parameters: dict[str, Any]) -> Any:
         "detail": str(data["outcome_detail"].item()),
         "cpu_seconds": data.attrs["cost"]["cpu_seconds"],
         "figures": point_figures(data) if finished else {},
-    }
+    }, b""
 
 
-def contribution_study(path: str, number_of_point: int) -> Any:
+def contribution_study(path: str, number_of_point: int) -> tuple[Any, bytes]:
     """A study file that tells which friction makes the thrust at one point of a cube.
 
     Raises
@@ -75,7 +75,7 @@ def contribution_study(path: str, number_of_point: int) -> Any:
     """
     with opened(path) as cube:
         found = point_of(cube, number_of_point)
-        return _contribution_study(cube, found, number_of_point)
+        return _contribution_study(cube, found, number_of_point), b""
 
 
 def _contribution_study(cube: xr.Dataset, found: xr.Dataset, number_of_point: int) -> str:

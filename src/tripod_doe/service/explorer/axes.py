@@ -11,7 +11,7 @@ from tripod_doe.report.responses import factor_names
 from tripod_doe.service.explorer.figures.parts import label_of
 from tripod_doe.service.explorer.view import OF_POINTS, View
 from tripod_doe.simulator import Outcome
-from tripod_doe.study.cube import COST_VARIABLES, RECORD_ROLE
+from tripod_doe.study.cube.dataset import COST_VARIABLES, RECORD_ROLE
 
 _MANY_LEVELS = 8  # of both factors, from which a map says more than lines
 _PREFERRED = ("thrust_amplitude", "axial_drift_mm", "axial_force_n")

@@ -17,23 +17,23 @@ from tripod_doe.report.responses import spoken, unit_text
 from tripod_doe.service.explorer.behind import cell_coordinates, cube_behind, points_of_claim, view_behind
 from tripod_doe.service.explorer.figures.parts import label_of
 from tripod_doe.service.explorer.open_cubes import opened
-from tripod_doe.study.netcdf import read_dataset
+from tripod_doe.study.cube.netcdf import read_dataset
 
 _MOST_ROWS = 200
 _BESIDE = ("_conf", "_low", "_high", "_error", "_flag")  # endings of what is told beside a number, or not at all
 _OF_METHOD = ("samples", "resolved", "samples_needed")  # about the method of the analysis, not about the joint
 
 
-def results(paths: Mapping[str, str], order: int | None) -> Any:
+def results(paths: Mapping[str, str], order: int | None) -> tuple[Any, bytes]:
     """Results of analyses by name, at one order of the thrust.
 
     Returns
     -------
-    dict
+    tuple
         For each: ``name``, ``kind``, ``findings``, the ``orders`` that it has, its ``text`` table (heads, rows, points
-        of each row) where its kind has one, and ``tables`` of its numbers.
+        of each row) where its kind has one, and ``tables`` of its numbers; no bytes.
     """
-    return [_told(name, read_dataset(Path(path)), order) for name, path in paths.items()]
+    return [_told(name, read_dataset(Path(path)), order) for name, path in paths.items()], b""
 
 
 def _told(name: str, result: xr.Dataset, order: int | None) -> dict[str, Any]:
@@ -109,7 +109,7 @@ def _number(result: xr.Dataset, name: str, at: Mapping[str, int]) -> str:
     return number(value)
 
 
-def behind(result: str, cubes: Mapping[str, str], variable: str, cell: int) -> Any:
+def behind(result: str, cubes: Mapping[str, str], variable: str, cell: int) -> tuple[Any, bytes]:
     """The view of the points behind a number of an analysis.
 
     Parameters
@@ -124,12 +124,12 @@ def behind(result: str, cubes: Mapping[str, str], variable: str, cell: int) -> A
 
     Returns
     -------
-    dict
-        ``step`` and ``items`` of the address of the view.
+    tuple
+        ``step`` and ``items`` of the address of the view; no bytes.
     """
     data = read_dataset(Path(result))
     if not cubes:
         raise InputError("the points behind this number are not results of a study of this run")
     step = cube_behind(data, cell_coordinates(data, variable, cell), list(cubes))
     with opened(cubes[step]) as cube:
-        return {"step": step, "items": view_behind(cube, data, variable, cell).items()}
+        return {"step": step, "items": view_behind(cube, data, variable, cell).items()}, b""

@@ -19,7 +19,7 @@ from tripod_doe.service.explorer.figures.scatter import scatter
 from tripod_doe.service.explorer.point_numbers import point_numbers
 from tripod_doe.service.explorer.view import View
 from tripod_doe.simulator import Outcome
-from tripod_doe.study.query import narrowed, query
+from tripod_doe.study.query.query import narrowed, query
 
 
 def numbered(cube: xr.Dataset, variable: str = "") -> xr.Dataset:

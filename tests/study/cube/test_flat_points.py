@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tripod_doe.study import flat_points as module
-from tripod_doe.study.flat_points import flat_points
+from tripod_doe.study.cube import flat_points as module
+from tripod_doe.study.cube.flat_points import flat_points
 
 
 @pytest.fixture

@@ -12,13 +12,13 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from tripod_doe.errors import CubeError, option
+from tripod_doe.study.cube.netcdf import lazy_dataset, read_dataset, study_hash
 from tripod_doe.study.journal import SHOWN, STUDY, STUDY_HASH, Journal, journal_path, text_digest
-from tripod_doe.study.netcdf import lazy_dataset, read_dataset, study_hash
 
 if TYPE_CHECKING:  # a query reads cubes without xarray
     import xarray as xr
 
-    from tripod_doe.study.stored_results import StoredResults
+    from tripod_doe.study.cube.stored_results import StoredResults
     from tripod_doe.study.study_points import StudyPoints
 
 _READ_AT_ONCE = 100_000_000  # bytes of a cube that is read whole
@@ -142,7 +142,7 @@ def cube_so_far(path: Path) -> xr.Dataset:
     InputError
         If the study in it can no longer be read, for instance as its table is gone.
     """
-    from tripod_doe.study.cube import build_cube
+    from tripod_doe.study.cube.dataset import build_cube
 
     with Journal(path, read_only=True) as journal:
         journal.check()
@@ -186,9 +186,9 @@ def refuse_changed_study(directory: Path, journal: Journal) -> None:
 def _points_so_far(path: Path, journal: Journal) -> tuple[StudyPoints, StoredResults]:
     """The study of a directory, and where its results are."""
     from tripod_doe.study.choice import chosen_points, frozen_choice
+    from tripod_doe.study.cube.stored_results import StoredResults
     from tripod_doe.study.designs import make_points
     from tripod_doe.study.result_folder import stored_study
-    from tripod_doe.study.stored_results import StoredResults
     from tripod_doe.study.study_points import StudyPoints
 
     refuse_changed_study(path, journal)
@@ -212,6 +212,6 @@ def _written_aside(asked: StudyPoints, results: StoredResults) -> xr.Dataset:
 
 
 def _write(asked: StudyPoints, results: StoredResults, folder: Path) -> None:
-    from tripod_doe.study.written_cube import write_cube
+    from tripod_doe.study.cube.writing import write_cube
 
     write_cube(asked, results, folder, "points so far", lambda: None)

@@ -18,11 +18,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import tripod_doe as td
-from tripod_doe.study import arrays, cube_file, netcdf, query, results, selection, written_cube
-from tripod_doe.study.arrays import opened_arrays
-from tripod_doe.study.cube_file import _shrinks
-from tripod_doe.study.query import records
-from tripod_doe.study.slabs import box, slabs
+from tripod_doe.study.cube import netcdf, results, slab_file, writing
+from tripod_doe.study.cube.slab_file import _shrinks
+from tripod_doe.study.cube.slabs import box, slabs
+from tripod_doe.study.query import arrays, query, selection
+from tripod_doe.study.query.arrays import opened_arrays
+from tripod_doe.study.query.query import records
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
 
@@ -102,7 +103,7 @@ def run_in_slabs(tmp_path, monkeypatch):
         (tmp_path / "force.py").write_text(function)
         (tmp_path / "study.toml").write_text(text)
         td.run(tmp_path / "study.toml", tmp_path / "whole", workers=0, progress=False)
-        monkeypatch.setattr(written_cube, "_SLAB_BYTES", size)
+        monkeypatch.setattr(writing, "_SLAB_BYTES", size)
         td.run(tmp_path / "study.toml", tmp_path / "slabs", workers=0, progress=False)
         return tmp_path / "whole", tmp_path / "slabs"
 
@@ -135,7 +136,7 @@ def test_a_cube_in_slabs_is_the_one_that_is_written_as_a_whole(run_in_slabs, tex
 @pytest.mark.parametrize("design", ['kind = "latin-hypercube"\nsamples = 200', 'kind = "grid"'])
 def test_a_chunk_of_a_course_has_all_points_of_a_slab_and_a_part_of_the_labels(run_in_slabs, monkeypatch, design):
     """Exact: so that a part of a course is read at all points without the rest of it; short rows stay together."""
-    monkeypatch.setattr(cube_file, "CHUNK_BYTES", 32 * 64 * 8)
+    monkeypatch.setattr(slab_file, "CHUNK_BYTES", 32 * 64 * 8)
     count = ", count = 200" if "grid" in design else ""
     text = LIST.split("[factors]")[0] + f"[factors]\nx = {{low = 1, high = 2{count}}}\n[design]\n{design}"
     _, parts = run_in_slabs(text, 32 * (515 * 8 + 200), COURSES)
@@ -148,14 +149,14 @@ def test_a_chunk_of_a_course_has_all_points_of_a_slab_and_a_part_of_the_labels(r
 def test_a_slab_that_cannot_be_written_ends_the_command_and_leaves_the_old_cube(run_in_slabs, monkeypatch):
     """Slabs are written beside the making of the next one; what goes wrong there is told as anywhere."""
     _, parts = run_in_slabs(LIST, 2000)
-    before, write = (parts / "cube.nc").read_bytes(), cube_file.CubeFile.write
+    before, write = (parts / "cube.nc").read_bytes(), slab_file.CubeFile.write
 
     def full(self, slab, part):
         if slab.start:
             raise OSError(28, "No space left on device")
         write(self, slab, part)
 
-    monkeypatch.setattr(cube_file.CubeFile, "write", full)
+    monkeypatch.setattr(slab_file.CubeFile, "write", full)
     with pytest.raises(td.StorageError, match="No space left"):
         td.run(parts / "study.toml", parts, workers=0, progress=False)
     assert (parts / "cube.nc").read_bytes() == before

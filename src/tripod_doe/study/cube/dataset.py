@@ -22,13 +22,13 @@ from tripod_doe.simulator import (
     Parameter,
     common_unit,
 )
+from tripod_doe.study.cube.model_records import ModelRecords
+from tripod_doe.study.cube.netcdf import POINT_ATTRIBUTES
+from tripod_doe.study.cube.provenance import cost_attributes, cube_attributes
 from tripod_doe.study.definition import Study
 from tripod_doe.study.designs import SAMPLE, Column, Columns, Points, Rows
 from tripod_doe.study.journal import PILOT, FinishedBlock
 from tripod_doe.study.key_index import KeyIndex
-from tripod_doe.study.model_records import ModelRecords
-from tripod_doe.study.netcdf import POINT_ATTRIBUTES
-from tripod_doe.study.provenance import cost_attributes, cube_attributes
 
 COST_VARIABLES = {
     "cpu_seconds": ("s", "CPU time of the point (its share of the block)"),

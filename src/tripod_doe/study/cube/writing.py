@@ -9,13 +9,13 @@ from pathlib import Path
 
 import xarray as xr
 
-from tripod_doe.study.cube import cf_points, design_coordinates, part_of_cube
-from tripod_doe.study.cube_file import cube_file
-from tripod_doe.study.model_records import ModelRecords
-from tripod_doe.study.netcdf import stamp_history, write_dataset
-from tripod_doe.study.provenance import cost_attributes, cube_attributes
-from tripod_doe.study.slabs import Slab, box, slabs
-from tripod_doe.study.stored_results import StoredResults
+from tripod_doe.study.cube.dataset import cf_points, design_coordinates, part_of_cube
+from tripod_doe.study.cube.model_records import ModelRecords
+from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
+from tripod_doe.study.cube.provenance import cost_attributes, cube_attributes
+from tripod_doe.study.cube.slab_file import cube_file
+from tripod_doe.study.cube.slabs import Slab, box, slabs
+from tripod_doe.study.cube.stored_results import StoredResults
 from tripod_doe.study.study_points import StudyPoints
 
 _SLAB_BYTES = 32_000_000

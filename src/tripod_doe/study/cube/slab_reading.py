@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
-from tripod_doe.study.slabs import Slab, box, slabs
+from tripod_doe.study.cube.slabs import Slab, box, slabs
 
 _SLAB_BYTES = 32_000_000
 

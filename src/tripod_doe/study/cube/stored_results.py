@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
-from tripod_doe.study.cube import PlacedBlock
+from tripod_doe.study.cube.dataset import PlacedBlock
 from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.study_points import StudyPoints
 

@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 
 from tripod_doe.errors import InputError, StorageError, option
-from tripod_doe.study.results import open_cube
+from tripod_doe.study.cube.results import open_cube
 
 
 def refuse_without_zarr() -> None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.quantities import level
-from tripod_doe.study.arrays import Variable
+from tripod_doe.study.query.arrays import Variable
 
 _MATCH = 1e-9
 _STRETCH = 4_000_000  # labels that are looked at together

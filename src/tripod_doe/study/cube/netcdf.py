@@ -16,9 +16,9 @@ import numpy as np
 
 from tripod_doe.atomic_files import replace_file
 from tripod_doe.errors import CubeError, option
-from tripod_doe.study.file_digest import is_damaged, seal
-from tripod_doe.study.netcdf_lock import NETCDF_LOCK
-from tripod_doe.study.slabs import box
+from tripod_doe.study.cube.file_digest import is_damaged, seal
+from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
+from tripod_doe.study.cube.slabs import box
 
 if TYPE_CHECKING:  # a query reads cubes without xarray
     import netCDF4
@@ -258,7 +258,7 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
     import xarray as xr
     from xarray.backends import NetCDF4DataStore
 
-    from tripod_doe.study.text_tables import with_texts
+    from tripod_doe.study.cube.text_tables import with_texts
 
     refuse_damaged(path)
     with reading(path):

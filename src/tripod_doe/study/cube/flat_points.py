@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
-from tripod_doe.study.slabs import box, slabs
+from tripod_doe.study.cube.slabs import box, slabs
 
 _SLAB_BYTES = 32_000_000
 

@@ -19,10 +19,10 @@ import xarray as xr
 from numpy.typing import NDArray
 from xarray.backends import NetCDF4DataStore
 
+from tripod_doe.study.cube.netcdf import CHECKSUM, CHUNK_BYTES, TEXT_TABLE, opened_store
+from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
+from tripod_doe.study.cube.slabs import Slab, box
 from tripod_doe.study.designs import Points
-from tripod_doe.study.netcdf import CHECKSUM, CHUNK_BYTES, TEXT_TABLE, opened_store
-from tripod_doe.study.netcdf_lock import NETCDF_LOCK
-from tripod_doe.study.slabs import Slab, box
 
 _COURSE_BYTES = 2000  # of a point, above which a chunk has a part of them
 _SAMPLE_BYTES, _STRETCHES = 64_000, 16  # of the first slab, by which it is decided whether compression pays

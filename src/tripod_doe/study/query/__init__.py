@@ -1,0 +1,1 @@
+"""Questions to a cube: which cells are chosen, and what is shown of them. Analyses are no part of it."""
