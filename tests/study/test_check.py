@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import random
 import shutil
+from pathlib import Path
 
 import netCDF4
 import numpy as np
@@ -178,7 +179,7 @@ def test_where_nothing_can_be_checked_that_is_said(tmp_path, capsys, place):
     assert "there is no such file" in errors or "no netCDF file and no journal here" in errors
 
 
-@pytest.mark.parametrize("file", ["cube.nc", "cost.nc"])
+@pytest.mark.parametrize("file", ["cube.nc", "cost.nc", "analysis/sobol.nc"])
 def test_results_of_another_study_are_not_those_of_the_directory(folder, tmp_path, file):
     """They are made of the journal, as while a study runs."""
     out = folder / "out"
@@ -186,6 +187,7 @@ def test_results_of_another_study_are_not_those_of_the_directory(folder, tmp_pat
     (folder / "other.toml").write_text(STUDY.replace("high = 12", "high = 13"))
     assert main(["run", str(folder / "other.toml"), "--out", str(tmp_path / "other"), "--workers", "0"]) == 0
     shutil.copy(tmp_path / "other" / file, out / file)
+    assert [checked.path.name for checked in check_files(out) if not checked.is_whole] == [Path(file).name]
     read = td.open_cube(out)
     assert read["thrust_amplitude"].equals(before["thrust_amplitude"])
     assert read["cpu_seconds"].equals(before["cpu_seconds"])

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from tripod_doe.errors import CubeError, InputError, option
 from tripod_doe.study.cube.file_digest import is_damaged, is_sealed
-from tripod_doe.study.cube.netcdf import opened_file, reading, remedy
+from tripod_doe.study.cube.netcdf import opened_file, reading, remedy, study_hash
 from tripod_doe.study.cube.results import refuse_changed_study
 from tripod_doe.study.cube.slabs import box, slabs
-from tripod_doe.study.journal import Journal, damage, journal_path
+from tripod_doe.study.journal import STUDY_HASH, Journal, damage, journal_path
 
 _SLAB_BYTES = 32_000_000
 
@@ -63,6 +63,26 @@ def _checked(path: Path) -> Iterator[CheckedFile]:
 
 
 def _checked_netcdf(path: Path) -> CheckedFile:
+    checked = _checked_content(path)
+    if checked.is_whole and not _is_of_its_directory(path):
+        return CheckedFile(path, f"its results are of another study; {remedy(path)}")
+    return checked
+
+
+def _is_of_its_directory(path: Path) -> bool:
+    """Whether a file names the study of its result directory; true where either is not known."""
+    directory = path.parent.parent if path.parent.name == "analysis" else path.parent
+    if not journal_path(directory).exists():
+        return True
+    try:
+        with Journal(directory, read_only=True) as journal:
+            expected = journal.recall(STUDY_HASH)
+        return expected is None or study_hash(path) in ("", expected)
+    except CubeError:  # the journal is damaged, which is stated of itself
+        return True
+
+
+def _checked_content(path: Path) -> CheckedFile:
     if is_sealed(path):
         return CheckedFile(path, f"its content does not fit its checksum; {remedy(path)}" if is_damaged(path) else "")
     try:

@@ -18,7 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import tripod_doe as td
-from tripod_doe.study.cube import netcdf, results, slab_file, writing
+from tripod_doe.study.cube import attributes, netcdf, results, slab_file, writing
 from tripod_doe.study.cube.slab_file import _shrinks
 from tripod_doe.study.cube.slabs import box, slabs
 from tripod_doe.study.query import arrays, query, selection
@@ -206,7 +206,7 @@ def made_up_cube(file, count):
         made.createDimension("point", count)
         made.createDimension("order", 2)
         point = made.createVariable("point", "i4", ("point",), chunksizes=(5000,))
-        point.setncatts(netcdf.POINT_ATTRIBUTES)
+        point.setncatts(attributes.POINT_ATTRIBUTES)
         for start in np.linspace(0, count - 1000, 8).astype(int).tolist():
             point[start : start + 1000] = np.arange(start, start + 1000)
         made.createVariable("order", "i4", ("order",))[:] = [0, 1]

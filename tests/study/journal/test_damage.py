@@ -194,12 +194,19 @@ def test_a_study_with_a_damaged_journal_runs_what_is_lost(tmp_path, capsys):
 def test_a_value_of_another_kind_is_no_block(out, column):
     """As a damaged page may hold it: values of each type, none the column's own."""
     with closing(sqlite3.connect(journal_path(out))) as connection, connection:
+        ((sql,),) = connection.execute("SELECT sql FROM sqlite_schema WHERE name = 'block'")
         connection.execute("PRAGMA writable_schema = ON")
         connection.execute("UPDATE sqlite_schema SET sql = replace(sql, ' NOT NULL', '') WHERE name = 'block'")
     for value in (None, 7, 0.5, "text", b"", b"PK"):
         with closing(sqlite3.connect(journal_path(out))) as connection, connection:
             connection.execute(f"UPDATE block SET {column} = ? WHERE id = 7", (value,))
+        with closing(sqlite3.connect(journal_path(out))) as connection, connection:
+            connection.execute("PRAGMA writable_schema = ON")
+            connection.execute("UPDATE sqlite_schema SET sql = ? WHERE name = 'block'", (sql,))
         assert not is_read(out)
+        with closing(sqlite3.connect(journal_path(out))) as connection, connection:
+            connection.execute("PRAGMA writable_schema = ON")
+            connection.execute("UPDATE sqlite_schema SET sql = replace(sql, ' NOT NULL', '') WHERE name = 'block'")
     with Journal(out) as journal:
         assert numbers(journal) == [number for number in range(BLOCKS) if number != 6]
 
@@ -224,3 +231,22 @@ def test_a_journal_with_other_tables_is_refused_before_anything_in_it_runs(whole
     with Journal(folder) as journal:  # a writer keeps what is whole
         assert "tables are not those of a journal" in journal.repaired
         assert len(list(journal.blocks())) == BLOCKS
+
+
+@pytest.mark.parametrize(
+    "strange",
+    [
+        "ALTER TABLE block RENAME TO hidden; CREATE VIEW block (id) AS WITH RECURSIVE t (id) AS "
+        "(SELECT 1 UNION ALL SELECT id + 1 FROM t) SELECT id FROM t",
+        "CREATE TRIGGER t AFTER INSERT ON block BEGIN DELETE FROM block; END",
+        "CREATE TABLE other (id)",
+    ],
+)
+def test_a_journal_with_views_or_triggers_is_not_read(out, strange):
+    """Regression: a journal of a stranger whose table of blocks was an endless view was read without end."""
+    with closing(sqlite3.connect(journal_path(out))) as connection:
+        connection.executescript(strange)
+    with pytest.raises(CubeError, match="its tables are not those of a journal"):
+        Journal(out, read_only=True)
+    with Journal(out) as journal:  # what is whole is kept, in tables of its own
+        assert numbers(journal) == list(range(BLOCKS))

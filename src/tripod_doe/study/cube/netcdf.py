@@ -16,6 +16,7 @@ import numpy as np
 
 from tripod_doe.atomic_files import replace_file
 from tripod_doe.errors import CubeError, option
+from tripod_doe.study.cube.attributes import POINT_ATTRIBUTES
 from tripod_doe.study.cube.file_digest import is_damaged, seal
 from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
 from tripod_doe.study.cube.slabs import box
@@ -24,9 +25,6 @@ if TYPE_CHECKING:  # a query reads cubes without xarray
     import netCDF4
     import xarray as xr
     from xarray.backends import CachingFileManager, NetCDF4DataStore
-
-POINT_ATTRIBUTES = {"long_name": "number of the point in the design", "units": "1"}
-"""Attributes of the coordinate ``point`` of a cube, which counts from 0."""
 
 _READ_WHOLE, _STRETCH, _STRETCHES = 1_000_000, 1000, 8
 """Numbers of points that are all looked at; else how many of a stretch, and stretches."""
@@ -42,9 +40,6 @@ MOST_CHECKED = 100_000_000
 
 _UNREADABLE = (OSError, RuntimeError, ValueError, KeyError, AttributeError, IndexError, TypeError)
 """What netCDF4 and xarray raise where a file is damaged."""
-
-TEXT_TABLE = "text_table"
-"""Attribute of a variable of numbers: the name of the variable with the texts to which they refer."""
 
 
 def stamp_history(dataset: xr.Dataset, action: str) -> xr.Dataset:

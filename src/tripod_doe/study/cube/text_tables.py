@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
-from tripod_doe.study.cube.netcdf import TEXT_TABLE
+from tripod_doe.study.cube.attributes import TEXT_TABLE
 
 
 class _Texts(BackendArray):
