@@ -48,6 +48,15 @@ def coast(api):
     return run_id
 
 
+@pytest.fixture(scope="session")
+def serve_for_all(tmp_path_factory):
+    """A server of its own process for tests that change nothing."""
+    server = Server(tmp_path_factory.mktemp("all") / "results", "--workers", "0")
+    server.ask("/plans", {"study": "", "timing": False})  # a worker is there
+    yield server
+    server.end()
+
+
 @pytest.fixture
 def serve(tmp_path):
     """Start servers on one folder; at the end they and their runs are gone."""

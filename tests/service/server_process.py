@@ -68,6 +68,17 @@ class Server:
             with error:
                 return error.code, json.loads(error.read())
 
+    def post_text(self, path, body, seconds=60):
+        """The status of a request of any address with a body as it is."""
+        headers = {"Authorization": f"Bearer {self.token}", "Content-Type": "application/json"}
+        request = urllib.request.Request(self.address + path, body.encode(), headers)
+        try:
+            with urllib.request.urlopen(request, timeout=seconds) as answer:
+                return answer.status
+        except urllib.error.HTTPError as error:
+            with error:
+                return error.code
+
     def submit(self, study):
         status, run = self.ask("/runs", {"study": textwrap.dedent(study)})
         assert status == 201, run

@@ -73,6 +73,16 @@ def test_nothing_is_delivered_through_a_link_or_against_its_mode(planted):
         place.unlink()
         if kept:
             kept.rename(place)
+    for name in ("analysis/pipe.nc", "pipe"):
+        os.mkfifo(directory / name)
+        assert texts(server, run_id, "/upload")[0] == 403
+        assert "neither a file nor a directory" in texts(server, run_id, "/analyses")[1]
+        (directory / name).unlink()
+    for mode, place in ((0o777, directory), (0o666, directory / "cube.nc")):
+        before = stat.S_IMODE(place.stat().st_mode)
+        place.chmod(mode)
+        assert "other users can change it" in texts(server, run_id, "/cube.nc")[1]
+        place.chmod(before)
     for name in ("cube.nc", "study.toml", "report/index.html"):
         place = directory / name
         place.chmod(0o600)
@@ -89,6 +99,23 @@ def test_nothing_is_delivered_through_a_link_or_against_its_mode(planted):
         place.chmod(0o700 if place.is_dir() else 0o600)
     for path in ("/cube.nc", "/report/", "/query?variable=thrust_rms"):
         assert texts(server, run_id, path)[0] == 200
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.geteuid() != 0, reason="gives files to another user")
+def test_a_directory_of_another_user_is_neither_shown_nor_delivered(planted, serve, tmp_path):
+    """Between a check and the opening of a file, its owner could put a link into its place."""
+    server, run_id, directory = planted
+    for place in (directory, directory / "study.toml"):
+        os.chown(place, 65534, 65534)
+        assert "another user owns it" in texts(server, run_id, "/upload")[1]
+        os.chown(place, 0, 0)
+    os.chown(directory, 65534, 65534)
+    server.end()
+    later = serve("--workers", "0")
+    mine = later.submit(COAST)
+    later.wait(mine, lambda run: run["state"] == "finished")
+    assert texts(later, run_id, "/cube.nc")[0] in (403, 404)
 
 
 @pytest.mark.slow
@@ -138,7 +165,7 @@ def test_files_of_an_earlier_version_are_closed_to_others(tmp_path):
 def test_a_folder_that_anybody_can_write_into_is_refused(tmp_path, capsys):
     tmp_path.chmod(0o777)
     assert main(["serve", "--folder", str(tmp_path)]) == 2
-    assert "chmod o-w" in capsys.readouterr().err
+    assert "chmod go-w" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("mode", [0o644, 0o640, 0o620, 0o604])

@@ -17,7 +17,20 @@ PATHS = ["/", f"{API}/health", f"{API}/runs", f"{API}/runs/x/report/", f"{API}/o
 
 @pytest.mark.parametrize("path", PATHS)
 @pytest.mark.parametrize(
-    "host", ["evil.example", "evil.example:8811", "127.0.0.1.evil.example", "", "localhost@evil", "[::1"]
+    "host",
+    [
+        "evil.example",
+        "evil.example:8811",
+        "127.0.0.1.evil.example",
+        "",
+        "localhost@evil",
+        "[::1",
+        "evil.com@127.0.0.1",
+        "127.0.0.1#evil.com",
+        "127.0.0.1/evil.com",
+        "127.0.0.1:8811:1",
+        "127.0.0.1, evil.com",
+    ],
 )
 def test_a_name_bound_anew_is_refused_on_every_route(client, path, host):
     answer = client.get(path, headers=BEARER | {"host": host})
@@ -207,6 +220,8 @@ def test_nested_brackets_are_refused_before_they_are_parsed(client):
         b"{}",
         b"",
         b'{"study": "", "workflow": ""}',
+        b'{"study": "", "study": ""}',
+        b'{"study": "", "files": {"a": "", "a": ""}}',
     ],
 )
 def test_bad_bodies_are_refused_with_a_list_of_errors(client, body):

@@ -3,32 +3,31 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from importlib.metadata import version
-from typing import Any
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse, Response
 
-from tripod_doe.errors import ForbiddenError, InputError, StorageError, TooLargeError
-from tripod_doe.service.answer_processes import AllBusyError, AnswerFailedError
+from tripod_doe.errors import InputError, StorageError
+from tripod_doe.service.computation.worker_pool import AllBusyError, WorkerFailedError
 from tripod_doe.service.page import assets, writing
 from tripod_doe.service.page import routes as pages
 from tripod_doe.service.page.trouble import is_page, trouble_page
-from tripod_doe.service.problems import Problem, RefusedError, problems_of
+from tripod_doe.service.problems import RefusedError, form_problem, refusal_of
 from tripod_doe.service.routes import reports, results, runs, studies, views
-from tripod_doe.service.security import API, BODY, Guard
+from tripod_doe.service.security import API, Guard
 from tripod_doe.service.service import Service
 from tripod_doe.service.sessions import Sessions
 from tripod_doe.service.settings import Settings
-from tripod_doe.service.uploads import upload_texts
 
 log = logging.getLogger(__name__)
+
+_MOST_PROBLEMS = 20
 
 
 def create_app(settings: Settings) -> FastAPI:
@@ -93,12 +92,11 @@ def _add_error_answers(app: FastAPI) -> None:
 
     async def wrong_input(request: Request, error: Exception) -> Response:
         assert isinstance(error, InputError)
-        status = 403 if isinstance(error, ForbiddenError) else 413 if isinstance(error, TooLargeError) else 422
-        return answer(request, RefusedError(status, *problems_of(error, _texts(request))))
+        return answer(request, refusal_of(error, {}))
 
     async def wrong_form(request: Request, error: Exception) -> Response:
         assert isinstance(error, RequestValidationError)
-        return answer(request, RefusedError(422, *(_form_problem(item) for item in error.errors())))
+        return answer(request, RefusedError(422, *(form_problem(item) for item in error.errors()[:_MOST_PROBLEMS])))
 
     async def no_route(request: Request, error: Exception) -> Response:
         assert isinstance(error, HTTPException)
@@ -108,11 +106,11 @@ def _add_error_answers(app: FastAPI) -> None:
         return answer(request, RefusedError(503, str(error)))
 
     async def busy(request: Request, error: Exception) -> Response:
-        told = "all processes that answer are at work: ask again in a moment"
+        told = "all workers are at work: ask again in a moment"
         return answer(request, RefusedError(503, told, headers={"retry-after": "5"}))
 
     async def failed(request: Request, error: Exception) -> Response:
-        known = error if not isinstance(error, AnswerFailedError) else None
+        known = error if not isinstance(error, WorkerFailedError) else None
         log.error("%s %s: %s", request.method, request.url.path, error, exc_info=known)
         return answer(request, RefusedError(500, "internal error; the server's standard error says more"))
 
@@ -122,23 +120,5 @@ def _add_error_answers(app: FastAPI) -> None:
     app.add_exception_handler(HTTPException, no_route)
     app.add_exception_handler(StorageError, full_disk)
     app.add_exception_handler(AllBusyError, busy)
-    app.add_exception_handler(AnswerFailedError, failed)
+    app.add_exception_handler(WorkerFailedError, failed)
     app.add_exception_handler(Exception, failed)
-
-
-def _texts(request: Request) -> dict[str, str]:
-    """The texts that a request uploaded, to find lines and columns in."""
-    try:
-        return upload_texts(json.loads(request.scope.get(BODY, b"")))[1]
-    except (ValueError, KeyError, TypeError, AttributeError, InputError):  # it uploads none
-        return {}
-
-
-def _form_problem(item: dict[str, Any]) -> Problem:
-    """A complaint of pydantic about a request's form."""
-    place = [str(part) for part in item["loc"] if part not in ("body", "query", "path", "header")]
-    key = ".".join(place) or None
-    value = item.get("input") if isinstance(item.get("input"), str | int | float | bool) else None
-    told = item["msg"].removeprefix("Value error, ")
-    told = told[0].lower() + told[1:]
-    return Problem(message=f"{key}: {told}" if key else told, key=key, value=value)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 import time
 import tomllib
@@ -25,6 +26,6 @@ def add_demo(service: Service) -> None:
     if any(run.name == name for run in service.runs.all()):
         return
     print(f"tripod-doe: running the study {name!r} for the first look", file=sys.stderr)
-    run = service.submit({"study": text})
+    run = service.submit(json.dumps({"study": text}).encode())
     while not service.runs.find(run.id).state.at_rest:
         time.sleep(_LOOK)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -55,6 +55,32 @@ class Comparison(_Form):
         None, allow_inf_nan=False, description="rotation angle of the housing at the first rising edge (deg)"
     )
     speeds: str | None = Field(None, description="range of speed LOW:HIGH of the revolutions that are used (rpm)")
+
+
+class StudyText(_Form):
+    """The text of a study file."""
+
+    study: str
+
+
+class FieldChange(StudyText):
+    """One field of a study's form, and what it says now."""
+
+    key: str = Field(pattern=r"^(study|design|parameter)\.[a-z0-9_]+$")
+    value: str
+
+
+class PointRequest(_Form):
+    """A point to simulate."""
+
+    scene: str
+    parameters: dict[str, Any]
+
+    @model_validator(mode="after")
+    def _one_scene(self) -> Self:
+        if "scene" in self.parameters:
+            raise ValueError("parameters: scene stands beside them")
+        return self
 
 
 class Health(BaseModel):

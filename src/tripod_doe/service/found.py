@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import grp
 import os
+import pwd
 import stat
 from collections.abc import Collection, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -29,9 +32,10 @@ def found_directories(folder: Path, known: Collection[str]) -> list[Path]:
 def check_delivered(directory: Path, found: bool) -> None:
     """Refuse a result directory from which a client could get what its owner keeps elsewhere, or keeps private.
 
-    The server runs as one user and answers others who have the token. Nothing is delivered through a symbolic link. In
-    a directory that the command line filled, files belong to its owner; and where the directory itself is open to other
-    users of the machine, a file that is closed to them was closed on purpose.
+    The server runs as one user and answers others who have the token. It delivers regular files that this user owns,
+    from directories that nobody else can change: what is checked here is then still there when it is opened. Nothing is
+    delivered through a symbolic link. Where a directory that the command line filled is open to other users of the
+    machine, a file that is closed to them was closed on purpose.
 
     Parameters
     ----------
@@ -48,19 +52,43 @@ def check_delivered(directory: Path, found: bool) -> None:
     try:
         top = os.lstat(directory)
         for path, state in _entries(directory):
-            name = path.relative_to(directory.parent)
-            if stat.S_ISLNK(state.st_mode):
-                raise RefusedError(403, f"{name}: a symbolic link, and none is followed: put the file itself there")
-            if found and state.st_uid != top.st_uid:
-                raise RefusedError(403, f"{name}: another user owns this file than the directory: nothing is shown")
-            if found and _is_private(state) and not _is_private(top):
-                raise RefusedError(
-                    403,
-                    f"{name}: private (mode {stat.S_IMODE(state.st_mode):04o}) in a directory that is not: "
-                    "make both so, or neither",
-                )
+            if trouble := _trouble(state, top, found):
+                raise RefusedError(403, f"{path.relative_to(directory.parent)}: {trouble}")
     except OSError:  # it is being deleted, or not yet there: what reads it says so
         return
+
+
+def _trouble(state: os.stat_result, top: os.stat_result, found: bool) -> str:
+    """Why an entry of a directory is not delivered; empty where it is."""
+    if stat.S_ISLNK(state.st_mode):
+        return "a symbolic link, and none is followed: put the file itself there"
+    if not (stat.S_ISREG(state.st_mode) or stat.S_ISDIR(state.st_mode)):
+        return "neither a file nor a directory"
+    if state.st_uid != os.geteuid():
+        return "another user owns it than runs this server"
+    if is_open_to_change(state):
+        return f"other users can change it (mode {stat.S_IMODE(state.st_mode):04o}); run: chmod go-w"
+    if found and _is_private(state) and not _is_private(top):
+        mode = f"{stat.S_IMODE(state.st_mode):04o}"
+        return f"private (mode {mode}) in a directory that is not: make both so, or neither"
+    return ""
+
+
+def is_open_to_change(state: os.stat_result) -> bool:
+    """Whether other users can write to a file or add to a directory; the group of one user is no other user."""
+    if state.st_mode & stat.S_IWOTH:
+        return True
+    return bool(state.st_mode & stat.S_IWGRP) and not _is_own_group(state.st_gid)
+
+
+@cache
+def _is_own_group(group: int) -> bool:
+    """Whether a group is that of the user alone, as many systems make one for each user."""
+    try:
+        entry, own = grp.getgrgid(group), pwd.getpwuid(os.geteuid())
+    except KeyError:
+        return False
+    return group == own.pw_gid and entry.gr_name == own.pw_name and not set(entry.gr_mem) - {own.pw_name}
 
 
 def _is_private(state: os.stat_result) -> bool:
@@ -70,12 +98,13 @@ def _is_private(state: os.stat_result) -> bool:
 
 def _entries(directory: Path) -> Iterator[tuple[Path, os.stat_result]]:
     """The directory and all in it that is not hidden, links not followed."""
-    state = os.lstat(directory)
-    yield directory, state
-    if stat.S_ISDIR(state.st_mode):
-        for entry in sorted(os.listdir(directory)):
-            if not entry.startswith("."):
-                yield from _entries(directory / entry)
+    waiting = [directory]
+    while waiting:
+        path = waiting.pop()
+        state = os.lstat(path)
+        yield path, state
+        if stat.S_ISDIR(state.st_mode):
+            waiting += [path / name for name in sorted(os.listdir(path), reverse=True) if not name.startswith(".")]
 
 
 def plan_found(path: Path, limits: Limits) -> dict[str, Any]:

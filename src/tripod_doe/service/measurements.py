@@ -73,7 +73,7 @@ def compare_upload(path: str, measurement: str, **settings: Any) -> dict[str, An
     return told
 
 
-def lay_over(path: str, measurement: str, **settings: Any) -> tuple[Any, bytes]:
+def lay_over(path: str, measurement: str, **settings: Any) -> Any:
     """The same as findings, a table of orders and figures of measurement and model over each other."""
     compared = compared_upload(path, measurement, **settings)
     return {
@@ -84,7 +84,7 @@ def lay_over(path: str, measurement: str, **settings: Any) -> tuple[Any, bytes]:
             "waveform": lines(_beside(compared, "thrust", "thrust"), "rotation_deg", "of"),
             "orders": bars(_beside(compared, "amplitude", "thrust_amplitude"), "order", "of"),
         },
-    }, b""
+    }
 
 
 def _beside(compared: xr.Dataset, ending: str, name: str) -> xr.Dataset:

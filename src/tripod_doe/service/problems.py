@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import ast
+import math
 import re
+from collections.abc import Mapping
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from tripod_doe.errors import InputError
+from tripod_doe.errors import ForbiddenError, InputError, TooLargeError
 from tripod_doe.service.toml_places import Place, place_of
 
 _MESSAGE = re.compile(
@@ -18,6 +20,9 @@ _NAMED = re.compile(r"unknown (?:key|parameter|output|name) '([^']+)'|^([\w.-]+)
 _STEP = re.compile(r"^\[steps\.[^\]]+\]: ")
 _NEAR = re.compile(r"did you mean '([^']+)'")
 _AT = re.compile(r"\(at line (\d+), column (\d+)\)")
+_MOST = 50  # problems that one answer lists
+_LONGEST, _LONGEST_LINE = 1_000, 10_000  # characters of a value and of a message
+_LARGEST = 10**30  # beyond it a whole number is of no use to anybody
 _TABLES = {"designs": "design"}  # as the checked form calls them, and as a file writes them
 
 
@@ -50,7 +55,32 @@ class RefusedError(Exception):
         return {"errors": [problem.model_dump() for problem in self.problems]}
 
 
-def problems_of(error: InputError | str, texts: dict[str, str]) -> list[Problem]:
+def refusal_of(error: InputError, texts: Mapping[str, str]) -> RefusedError:
+    """An error of a study file or of a question as the refusal of the request that sent it."""
+    status = 403 if isinstance(error, ForbiddenError) else 413 if isinstance(error, TooLargeError) else 422
+    return RefusedError(status, *problems_of(error, texts))
+
+
+def form_problem(item: Mapping[str, Any]) -> Problem:
+    """A complaint of pydantic about a request's form."""
+    place = [str(part) for part in item["loc"] if part not in ("body", "query", "path", "header")]
+    key = ".".join(place)[:_LONGEST] or None
+    value = item.get("input")
+    told = item["msg"].removeprefix("Value error, ")
+    told = told[0].lower() + told[1:]
+    return Problem(message=f"{key}: {told}" if key else told, key=key, value=_plain(value))
+
+
+def _plain(value: Any) -> Any:
+    """A value that JSON can hold; None in place of another one."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else str(value)
+    if isinstance(value, str):
+        return value[:_LONGEST]
+    return value if isinstance(value, bool) or (isinstance(value, int) and abs(value) < _LARGEST) else None
+
+
+def problems_of(error: InputError | str, texts: Mapping[str, str]) -> list[Problem]:
     """Take the sentences of an error apart.
 
     Parameters
@@ -61,14 +91,17 @@ def problems_of(error: InputError | str, texts: dict[str, str]) -> list[Problem]
         Uploaded files by name; a sentence about one starts with its name.
     """
     problems: list[Problem] = []
-    for line in str(error).split("\n"):
+    lines = str(error).split("\n")
+    for line in lines[:_MOST]:
         if line.strip():
             file = problems[-1].file if line.startswith("  ") and problems else None  # a list goes on
-            problems.append(_problem(line.strip(), file, texts))
+            problems.append(_problem(line.strip()[:_LONGEST_LINE], file, texts))
+    if len(lines) > _MOST:
+        problems.append(Problem(message=f"and {len(lines) - _MOST:,} more"))
     return problems
 
 
-def _problem(told: str, file: str | None, texts: dict[str, str]) -> Problem:
+def _problem(told: str, file: str | None, texts: Mapping[str, str]) -> Problem:
     while (name := next((name for name in texts if _STEP.sub("", told).startswith(f"{name}: ")), None)) is not None:
         file, told = name, _STEP.sub("", told).removeprefix(f"{name}: ")  # a workflow's goes on with its study's
     match = _MESSAGE.fullmatch(told)
@@ -116,4 +149,4 @@ def _value(written: str | None) -> Any:
         value = ast.literal_eval(written)
     except (ValueError, SyntaxError, MemoryError, RecursionError):
         return written
-    return value if isinstance(value, str | int | float | bool) else written
+    return _plain(value) if isinstance(value, str | int | float | bool) else written

@@ -20,7 +20,7 @@ from pathlib import Path
 import psutil
 
 from tripod_doe.errors import InputError
-from tripod_doe.service.fork_server import start_module
+from tripod_doe.service.computation.forking import start_program
 
 LOG = "run.log"
 """File of a result directory with what the latest run of it said."""
@@ -54,15 +54,14 @@ def start_run(directory: Path, words: Sequence[str]) -> None:
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         os.ftruncate(lock, 0)  # the number of an earlier run
-        with (directory / LOG).open("wb") as log, open(os.devnull, "rb") as nothing:
-            streams = (nothing.fileno(), log.fileno(), log.fileno())
-            start_module("tripod_doe.cli", words, streams, lock, _NICE)
+        os.close(os.open(directory / LOG, os.O_CREAT | os.O_WRONLY | os.O_TRUNC | os.O_NOFOLLOW, 0o600))
     except BlockingIOError as error:
+        os.close(lock)
         raise InputError(f"{directory}: a run is at work here") from error
     except OSError as error:
-        raise InputError(f"{directory}: cannot start a run here: {error.strerror}") from error
-    finally:
         os.close(lock)
+        raise InputError(f"{directory}: cannot start a run here: {error.strerror}") from error
+    start_program("tripod_doe.cli", words, directory / LOG, lock, _NICE)
 
 
 def is_alive(directory: Path) -> bool:

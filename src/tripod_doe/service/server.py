@@ -17,8 +17,10 @@ import uvicorn
 
 from tripod_doe.errors import InputError, option
 from tripod_doe.service.app import create_app
+from tripod_doe.service.computation.forking import end_fork_server
 from tripod_doe.service.connections import limited_protocol
 from tripod_doe.service.demo import add_demo
+from tripod_doe.service.found import is_open_to_change
 from tripod_doe.service.log import start_log
 from tripod_doe.service.runs import TABLE
 from tripod_doe.service.service import Service
@@ -67,7 +69,10 @@ def serve(settings: Settings) -> None:
             )
         shown = f"[{host}]" if ":" in host else host
         print(f"http://{shown}:{port}/?token={settings.token}", flush=True)
-        _Server(config, service).run(sockets=[listener])
+        try:
+            _Server(config, service).run(sockets=[listener])
+        finally:
+            end_fork_server()
 
 
 class _Server(uvicorn.Server):
@@ -111,10 +116,9 @@ def _held(settings: Settings) -> Iterator[None]:
         return
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        if folder.stat().st_mode & stat.S_IWOTH:
-            raise InputError(
-                f"{option('folder', str(folder))}: any user of this machine can write here; run: chmod o-w {folder}"
-            )
+        state = folder.stat()
+        if is_open_to_change(state) and not state.st_mode & stat.S_ISVTX:  # of /tmp, others take nothing away
+            raise InputError(f"{option('folder', str(folder))}: other users can write here; run: chmod go-w {folder}")
         lock = os.open(folder / _LOCK, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW, 0o600)
         for name in (_LOCK, TABLE, f"{TABLE}-wal", f"{TABLE}-shm"):  # also those of an earlier version
             with suppress(FileNotFoundError):

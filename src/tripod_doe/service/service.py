@@ -2,37 +2,35 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import logging
 import shutil
 import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import StorageError, TripodDoeError, near_match
 from tripod_doe.names import path_within
-from tripod_doe.service.answer_processes import AllBusyError, AnswerFailedError, AnswerProcesses
+from tripod_doe.service.computation.worker_pool import AllBusyError, WorkerFailedError, WorkerPool
 from tripod_doe.service.extremes import Extremes
 from tripod_doe.service.found import check_delivered, found_directories
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.runs import Run
 from tripod_doe.service.settings import Settings
 from tripod_doe.service.supervisor import UPLOAD, Supervisor
-from tripod_doe.service.uploads import STUDY, main_file, upload_texts, write_upload
+from tripod_doe.service.uploads import STUDY, main_file
 
 log = logging.getLogger(__name__)
 
 _UPLOADS = ".upload-"
+_QUESTIONS = "computation.questions"
 _WITHOUT_CUBE = ("study", "figure", "report")  # kinds of steps that have no analysis
 
 
 class Service:
-    """Runs, and the processes that answer questions about them.
+    """Runs, and the workers that answer questions about them.
 
     All methods may wait for a process or for the disk: call them from a thread, not from the event loop.
 
@@ -52,8 +50,8 @@ class Service:
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
         self.runs = Supervisor(settings)
-        self._questions = AnswerProcesses(2, settings.limits)
-        self._computing = AnswerProcesses(1, settings.limits)
+        self._pool = WorkerPool(2, settings.limits)
+        self._computing = WorkerPool(1, settings.limits)
         self.extremes = Extremes(self._find_extremes)
         self._started = self._closed = False
 
@@ -70,13 +68,14 @@ class Service:
 
     def _find(self) -> None:
         """Show the directories that the command line filled; one that cannot be shown is told on standard error."""
-        self._questions.warm()
+        self._pool.warm()
         limits = self.settings.limits
         for path in found_directories(self.settings.folder, self.runs.known_places()):
             try:
-                plan, _ = self._questions.ask("found", limits.simulate_seconds, path=str(path), limits=asdict(limits))
-                self.runs.adopt(path, plan)
-            except (TripodDoeError, AllBusyError, AnswerFailedError, OSError) as error:
+                check_delivered(path, found=True)
+                place = f"{_QUESTIONS}:found"
+                self.runs.adopt(path, self._pool.ask(place, limits.simulate_seconds, path=str(path), limits=limits))
+            except (RefusedError, TripodDoeError, AllBusyError, WorkerFailedError, OSError) as error:
                 if self._closed:
                     return
                 log.warning("%s is not shown: %s", path.name, error)
@@ -87,68 +86,66 @@ class Service:
         """End everything but the runs."""
         self._closed = True
         self.runs.close()
-        self._questions.close()
+        self._pool.close()
         self._computing.close()
 
-    def plan(self, body: dict[str, Any], timing: bool = True) -> dict[str, Any]:
+    def plan(self, body: bytes, as_json: bool = False) -> Any:
         """Price of a study or a workflow before anything of it runs; see `plans.plan_upload`."""
-        main, texts = upload_texts(body)
         limits = self.settings.limits
-        processes = self._computing if timing else self._questions
-        seconds = limits.simulate_seconds if timing else limits.query_seconds
-        told: dict[str, Any]
-        told, _ = processes.ask("plan", seconds, main=main, texts=texts, limits=asdict(limits), timing=timing)
-        return told
+        timing = self.ask_body("wants_timing", body)
+        pool, seconds = (self._computing, limits.simulate_seconds) if timing else (self._pool, limits.query_seconds)
+        return pool.ask(f"{_QUESTIONS}:plan", seconds, as_json, body=body, limits=limits)
 
-    def submit(self, body: dict[str, Any], key: str | None = None) -> Run:
+    def submit(self, body: bytes, key: str | None = None) -> Run:
         """Check a study or a workflow, and put it into the queue."""
-        digest = hashlib.sha256(json.dumps(body, sort_keys=True).encode()).hexdigest()
-        if key and (earlier := self.runs.find_by_key(key, digest)):
-            return earlier
-        main, texts = upload_texts(body)
-        limits = self.settings.limits
-        with self._uploaded(texts) as upload:
-            plan, _ = self._questions.ask(
-                "check", limits.query_seconds, main=main, folder=str(upload), texts=texts, limits=asdict(limits)
-            )
+        with self._upload_folder() as upload:
+            plan, digest = self.ask_body("check", body, folder=str(upload))
             return self.runs.submit(upload, plan, key, digest)
 
     @contextmanager
-    def _uploaded(self, texts: dict[str, str]) -> Iterator[Path]:
-        """Texts as files in the folder of runs; what is not taken from there is removed at the end."""
+    def _upload_folder(self) -> Iterator[Path]:
+        """A folder to be made in the folder of runs; what is not taken from there is removed at the end."""
         folder = self.settings.folder
         try:
             place = Path(tempfile.mkdtemp(prefix=_UPLOADS, dir=folder))
             try:
-                write_upload(place / UPLOAD, texts)
                 yield place / UPLOAD
             finally:
                 shutil.rmtree(place, ignore_errors=True)
         except OSError as error:
             raise StorageError(f"{folder}: cannot write here: {error.strerror}") from error
 
-    def simulate(self, scene: str, parameters: dict[str, Any]) -> dict[str, Any]:
+    def simulate(self, body: bytes) -> bytes:
         """One point, as ``simulate --format json`` gives it."""
-        seconds = self.settings.limits.simulate_seconds
-        told: dict[str, Any] = self._computing.ask("simulate", seconds, scene=scene, parameters=parameters)[0]
-        return told
+        answer: bytes = self._compute("simulate", body, as_json=True)
+        return answer
 
-    def simulated(self, scene: str, parameters: dict[str, Any]) -> dict[str, Any]:
+    def simulated(self, body: bytes) -> dict[str, Any]:
         """One point with figures of all its outputs."""
-        seconds = self.settings.limits.simulate_seconds
-        told: dict[str, Any] = self._computing.ask("simulated", seconds, scene=scene, parameters=parameters)[0]
-        return told
+        answer: dict[str, Any] = self._compute("simulated", body)
+        return answer
+
+    def _compute(self, question: str, body: bytes, as_json: bool = False) -> Any:
+        limits = self.settings.limits
+        place = f"{_QUESTIONS}:{question}"
+        return self._computing.ask(place, limits.simulate_seconds, as_json, body=body, limits=limits)
+
+    def ask(self, question: str, as_json: bool = False, **arguments: Any) -> Any:
+        """Ask a question that a worker answers within the time of a query; see `WorkerPool.ask`."""
+        return self._pool.ask(question, self.settings.limits.query_seconds, as_json, **arguments)
+
+    def ask_body(self, question: str, body: bytes, as_json: bool = False, **arguments: Any) -> Any:
+        """Ask a question of `computation.questions` about the body of a request."""
+        return self.ask(f"{_QUESTIONS}:{question}", as_json, body=body, limits=self.settings.limits, **arguments)
 
     def _find_extremes(self, run: Run, order: int) -> dict[str, Any] | None:
         """Best and worst point of a run; None where its cube cannot tell."""
         try:
             path = str(self.directory(run.id))
-            told: dict[str, Any] | None = self._questions.ask(
-                "extremes", self.settings.limits.query_seconds, path=path, order=order
-            )[0]
-        except (RefusedError, TripodDoeError, AllBusyError, AnswerFailedError):  # without this order, or about to go
+            extremes: dict[str, Any] | None = self.ask("explorer.questions:extremes", path=path, order=order)
+        except (RefusedError, AllBusyError, WorkerFailedError):  # without this order, or about to go
             return None
-        return told
+        return extremes
 
     def query(
         self,
@@ -162,40 +159,34 @@ class Service:
         analysis: str | None = None,
     ) -> bytes:
         """Cells of a run's cube, of a workflow's step or of an analysis: JSON or CSV text, or a netCDF file."""
-        limits = self.settings.limits
         path = self.analysis_file(run_id, analysis, step) if analysis else self.results(run_id, step)
-        return self._questions.ask(
-            "query",
-            limits.query_seconds,
+        answer: bytes = self.ask(
+            f"{_QUESTIONS}:query",
             path=str(path),
             variable=variable,
             select=select,
             nearest=nearest,
             where=where,
             form=form,
-            cells=limits.cells,
-        )[1]
+            cells=self.settings.limits.cells,
+        )
+        return answer
 
     def write_cube_so_far(self, run_id: str, step: str | None, folder: Path) -> None:
         """Write the cube of the points that a run has finished into a folder."""
-        seconds = self.settings.limits.query_seconds
-        self._questions.ask("cube", seconds, path=str(self.results(run_id, step)), folder=str(folder))
+        self.ask(f"{_QUESTIONS}:cube", path=str(self.results(run_id, step)), folder=str(folder))
 
-    def look(self, question: str, **arguments: Any) -> tuple[Any, bytes]:
-        """One of the questions of `explorer.questions`; see `page.answers`."""
-        return self._questions.ask(question, self.settings.limits.query_seconds, **arguments)
-
-    def describe(self, run_id: str, step: str | None = None, analysis: str | None = None) -> dict[str, Any]:
-        """What a run's cube holds; see `descriptions.describe_cube`."""
+    def describe(self, run_id: str, step: str | None = None, analysis: str | None = None) -> bytes:
+        """What a run's cube holds, as JSON; see `descriptions.describe_cube`."""
         path = self.analysis_file(run_id, analysis, step) if analysis else self.results(run_id, step)
-        told: dict[str, Any] = self._questions.ask("describe", self.settings.limits.query_seconds, path=str(path))[0]
-        return told
+        answer: bytes = self.ask(f"{_QUESTIONS}:describe", as_json=True, path=str(path))
+        return answer
 
-    def analyses(self, run_id: str, step: str | None = None) -> list[dict[str, Any]]:
-        """Results of a run's analyses; of a workflow, those of its steps."""
+    def analyses(self, run_id: str, step: str | None = None) -> bytes:
+        """Results of a run's analyses, as JSON; of a workflow, those of its steps."""
         paths = self.analysis_files(run_id, step)
-        told: list[dict[str, Any]] = self._questions.ask("analyses", self.settings.limits.query_seconds, paths=paths)[0]
-        return told
+        answer: bytes = self.ask(f"{_QUESTIONS}:analyses", as_json=True, paths=paths)
+        return answer
 
     def analysis_files(self, run_id: str, step: str | None = None) -> dict[str, str]:
         """Files of a run's analyses by name; of a workflow, those of its steps."""
@@ -222,26 +213,18 @@ class Service:
                 wanted += steps.get(other, {}).get("inputs", ())
         return found
 
-    def compare(self, run_id: str, measurement: str, step: str | None, settings: dict[str, Any]) -> dict[str, Any]:
+    def compare(self, run_id: str, body: bytes, step: str | None) -> bytes:
         """A measurement beside a point of a run's cube, as ``compare --format json`` gives it."""
-        told: dict[str, Any] = self._questions.ask(
-            "compare",
-            self.settings.limits.query_seconds,
-            path=str(self.results(run_id, step)),
-            measurement=measurement,
-            settings=settings,
-        )[0]
-        return told
+        path = str(self.results(run_id, step))
+        answer: bytes = self.ask_body("compare", body, as_json=True, path=path)
+        return answer
 
     def plan_of(self, run_id: str) -> dict[str, Any]:
         """The price that a run had when it was submitted, and the choice of its models where a pilot makes it."""
         run, directory = self.runs.find(run_id), self.directory(run_id)
         told = dict(run.plan)
         if run.plan.get("model_chosen_by_pilot"):
-            seconds = self.settings.limits.query_seconds
-            told["choice"] = self._questions.ask(
-                "choice", seconds, folder=str(directory / UPLOAD), path=str(directory)
-            )[0]
+            told["choice"] = self.ask(f"{_QUESTIONS}:choice", folder=str(directory / UPLOAD), path=str(directory))
         return told
 
     def upload_of(self, run_id: str) -> dict[str, Any]:
@@ -253,7 +236,7 @@ class Service:
         texts = {path.name: path.read_text(encoding="utf-8") for path in sorted(folder.iterdir())}
         return {run.kind: texts.pop(main_file(run.kind)), "files": texts}
 
-    def extend(self, run_id: str, body: dict[str, Any]) -> Run:
+    def extend(self, run_id: str, body: bytes) -> Run:
         """Put a run into the queue with a study that grew: what is there is kept, and only new points run.
 
         Raises
@@ -261,20 +244,11 @@ class Service:
         RefusedError
             409 if the run is not at rest, or is that of a workflow.
         """
-        run = self.runs.find(run_id)
-        if run.kind == "workflow" or body.get("study") is None:
+        if self.runs.find(run_id).kind == "workflow":
             raise RefusedError(409, "only the run of a study can be extended, by a study")
-        _, texts = upload_texts(body)
-        limits = self.settings.limits
-        with self._uploaded(texts) as upload:
-            plan, _ = self._questions.ask(
-                "extend",
-                limits.query_seconds,
-                folder=str(upload),
-                path=str(self.directory(run_id)),
-                texts=texts,
-                limits=asdict(limits),
-            )
+        path = str(self.directory(run_id))
+        with self._upload_folder() as upload:
+            plan = self.ask_body("extend", body, folder=str(upload), path=path)
             return self.runs.extend(run_id, upload, plan)
 
     def directory(self, run_id: str) -> Path:

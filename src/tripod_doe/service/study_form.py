@@ -26,14 +26,14 @@ _RANGE_KEYS = {"low", "high", "count", "scale"}
 _LONGEST = 200
 
 
-def study_form(text: str) -> tuple[Any, bytes]:
+def study_form(text: str) -> Any:
     """The fields of a form for a study file.
 
     Returns
     -------
-    tuple
+    dict
         ``head`` (name, question), ``scene`` and ``scenes``, ``design`` with ``designs``, and ``groups`` of parameters
-        with their fields; no bytes.
+        with their fields.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def study_form(text: str) -> tuple[Any, bytes]:
             {"title": title, "fields": [_field(parameter, base, factors) for parameter in members]}
             for title, members in groupby(known, key=lambda parameter: parameter.group)
         ],
-    }, b""
+    }
 
 
 def _table(study: Mapping[str, Any], name: str) -> Mapping[str, Any]:
@@ -90,7 +90,7 @@ def _factor_text(factor: Mapping[str, Any]) -> str | None:
     return None
 
 
-def changed_text(text: str, key: str, value: str) -> tuple[Any, bytes]:
+def changed_text(text: str, key: str, value: str) -> Any:
     """The text of a study file after one field was changed.
 
     Parameters
@@ -115,7 +115,7 @@ def changed_text(text: str, key: str, value: str) -> tuple[Any, bytes]:
             _set_parameter(document, name, value.strip()[:_LONGEST])
         else:
             _set(document, table, name, _scalar(value) if table == "design" else value)
-        return tomlkit.dumps(document), b""
+        return tomlkit.dumps(document)
     except (TOMLKitError, AttributeError, TypeError) as error:
         raise InputError(
             f"study.toml: change {key} in the text: its form is not one that a field can change"

@@ -181,7 +181,7 @@ class Supervisor:
             self._refuse_full_queue()
             run_id, time_now = secrets.token_hex(8), now()
             directory = self.directory(run_id)
-            directory.mkdir()
+            directory.mkdir(mode=0o700)
             upload.rename(directory / UPLOAD)
             run = Run(
                 run_id,

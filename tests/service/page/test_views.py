@@ -174,17 +174,17 @@ def test_curves_of_a_list_are_one_per_point(folders):
 
 def test_numbers_and_failures_and_points_belong_together(folders):
     path = str(folders["grid"])
-    table, _ = numbers(path, [["kind", "lines"], ["select", "bearing_radial_clearance_mm=0.02"]])
+    table = numbers(path, [["kind", "lines"], ["select", "bearing_radial_clearance_mm=0.02"]])
     cube = numbered(td.open_cube(path))
     first = table["rows"][0]
-    found, _ = point(path, first[0])
+    found = point(path, first[0])
     assert [factor["value"] for factor in found["factors"]] == ["2 deg", "-40 N m", "0.02 mm"]
     assert found["outcome"] == "finished"
     assert set(found["figures"]) == {"thrust", "thrust_amplitude"}
-    lost, _ = failures(path)
+    lost = failures(path)
     assert lost["count"] == 6
     assert all(int(cube["outcome"].values.ravel()[row["number"]]) for row in lost["rows"])
-    assert point(path, lost["rows"][0]["number"])[0]["reason"].startswith("jammed: ")
+    assert point(path, lost["rows"][0]["number"])["reason"].startswith("jammed: ")
     with pytest.raises(InputError, match="points 0 to 11"):
         point(path, 12)
 
@@ -239,38 +239,38 @@ def test_a_level_of_a_factor_is_subtracted_while_the_view_stands_still_there(fol
     items = [part.split("=", 1) for part in f"{view}&minus=torque_n_m=-40".split("&")]
     asked = td.query(td.open_cube(path), "thrust_amplitude", ["order=3", "bearing_radial_clearance_mm=0.02"])
     wanted = asked["thrust_amplitude"].sel(torque_n_m=90) - asked["thrust_amplitude"].sel(torque_n_m=-40)
-    drawn = json.loads(figure(path, items, None)[1])["data"][1]
+    drawn = json.loads(figure(path, items, None))["data"][1]
     assert np.array_equal(values(drawn["y"]), wanted.values.ravel())
     assert values(drawn["customdata"]).tolist() == [3, 7, 11]  # the points at 90 N m
-    rows = numbers(path, items)[0]["rows"]
+    rows = numbers(path, items)["rows"]
     assert [row[-2] for row in rows if row[-1] == "finished"] == [f"{value:.6g}" for value in wanted.values.ravel()]
-    assert explore(path, items, "x")[0]["title"].endswith("less that at torque -40 N m")
+    assert explore(path, items, "x")["title"].endswith("less that at torque -40 N m")
     along = [part.split("=", 1) for part in ["kind=lines", "x=torque_n_m", "minus=torque_n_m=-40"]]
-    assert explore(path, along, "x")[0]["view"]["minus"] == ""
+    assert explore(path, along, "x")["view"]["minus"] == ""
 
 
 def test_extremes_are_those_of_the_order(folders):
     cube = numbered(td.open_cube(folders["grid"]))
-    found = extremes(str(folders["grid"]), 6)[0]
+    found = extremes(str(folders["grid"]), 6)
     for end, at in (
         ("least", cube["thrust_amplitude"].sel(order=6).min()),
         ("largest", cube["thrust_amplitude"].sel(order=6).max()),
     ):
-        number = point(str(folders["grid"]), found[end]["number"])[0]["number"]
+        number = point(str(folders["grid"]), found[end]["number"])["number"]
         own = cube["thrust_amplitude"].sel(order=6).values.ravel()[number]
         assert own == float(at)
 
 
 def test_the_price_of_a_point_names_what_is_wrong_or_will_fail():
-    price, _ = price_of_point("joint", {"model": "needles", "torque_n_m": 33})
-    assert price["cpu_seconds"] > 10 * price_of_point("joint", {"model": "kinetostatic"})[0]["cpu_seconds"]
-    assert price_of_point("joint", {"bearing_radial_clearance_mm": -0.05})[0]["foreseen"].startswith("jammed: ")
+    price = price_of_point("joint", {"model": "needles", "torque_n_m": 33})
+    assert price["cpu_seconds"] > 10 * price_of_point("joint", {"model": "kinetostatic"})["cpu_seconds"]
+    assert price_of_point("joint", {"bearing_radial_clearance_mm": -0.05})["foreseen"].startswith("jammed: ")
     with pytest.raises(InputError, match=r"^torque_nm = 3: unknown parameter"):
         price_of_point("joint", {"torque_nm": 3})
 
 
 def test_the_study_of_contributions_keeps_the_point(folders):
-    study = parse_study(contribution_study(str(folders["grid"]), 5)[0])
+    study = parse_study(contribution_study(str(folders["grid"]), 5))
     assert {"joint_angle_deg": 7, "torque_n_m": -40, "bearing_radial_clearance_mm": 0.02}.items() <= study.base.items()
     assert study.base["initial_skew_2_deg"] == 0.3
     assert make_points(study).count == 32
@@ -353,7 +353,7 @@ def test_known_errors_stand_as_bars():
 
 
 def test_names_of_persons_are_written_as_such_in_labels_alone():
-    fields = [field for group in study_form(GRID)[0]["groups"] for field in group["fields"]]
+    fields = [field for group in study_form(GRID)["groups"] for field in group["fields"]]
     labels = {field["name"]: field["label"] for field in fields}
     assert labels["youngs_modulus_gpa"] == "Young's modulus (GPa)"
     assert labels["poissons_ratio"] == "Poisson's ratio"
@@ -372,17 +372,17 @@ def test_names_of_persons_are_written_as_such_in_labels_alone():
     ],
 )
 def test_a_field_becomes_a_factor_and_is_read_back(name, field, table):
-    text = changed_text(gallery_upload("template-grid")["study"], f"parameter.{name}", field)[0]
+    text = changed_text(gallery_upload("template-grid")["study"], f"parameter.{name}", field)
     study = tomllib.loads(text)
     assert study["factors"][name] == table
     assert name not in study.get("base", {})
     assert "# Remove the # before a line to use it." in text
-    shown = {entry["name"]: entry["value"] for group in study_form(text)[0]["groups"] for entry in group["fields"]}
+    shown = {entry["name"]: entry["value"] for group in study_form(text)["groups"] for entry in group["fields"]}
     assert shown[name] == field
-    fixed = tomllib.loads(changed_text(text, f"parameter.{name}", "12")[0])
+    fixed = tomllib.loads(changed_text(text, f"parameter.{name}", "12"))
     assert fixed["base"][name] == 12
     assert name not in fixed.get("factors", {})
-    assert name not in tomllib.loads(changed_text(text, f"parameter.{name}", "")[0]).get("factors", {})
+    assert name not in tomllib.loads(changed_text(text, f"parameter.{name}", "")).get("factors", {})
 
 
 def test_a_field_that_cannot_be_read_is_refused_in_words():

@@ -25,14 +25,14 @@ _FACTOR = "replicate"  # of every scene, and without effect
 _OF_STUDY = re.compile(r"^point: \[[\w.]+\]: ")  # where a complaint stands in the study that is made for the price
 
 
-def price_of_point(scene: str, parameters: dict[str, Any]) -> tuple[Any, bytes]:
+def price_of_point(scene: str, parameters: dict[str, Any]) -> Any:
     """What one point will cost by recorded prices.
 
     Returns
     -------
-    tuple
+    dict
         ``cpu_seconds``, None where no price is recorded, and ``foreseen``: why the point will fail, empty if it is not
-        known to; no bytes.
+        known to.
 
     Raises
     ------
@@ -49,10 +49,10 @@ def price_of_point(scene: str, parameters: dict[str, Any]) -> tuple[Any, bytes]:
         raise InputError(_OF_STUDY.sub("", str(error))) from error
     failures = [f"{failure.outcome.label}: {failure.reason}" for failure in price.foreseen]
     seconds = None if price.cpu_hours is None or failures else 3600 * price.cpu_hours[1]
-    return {"cpu_seconds": seconds, "foreseen": "; ".join(failures)}, b""
+    return {"cpu_seconds": seconds, "foreseen": "; ".join(failures)}
 
 
-def simulated(scene: str, parameters: dict[str, Any]) -> tuple[Any, bytes]:
+def simulated(scene: str, parameters: dict[str, Any]) -> Any:
     """One point simulated, with figures of all its outputs."""
     data = simulate(scene, **parameters)
     finished = bool(data.attrs["finished"])
@@ -62,10 +62,10 @@ def simulated(scene: str, parameters: dict[str, Any]) -> tuple[Any, bytes]:
         "detail": str(data["outcome_detail"].item()),
         "cpu_seconds": data.attrs["cost"]["cpu_seconds"],
         "figures": point_figures(data) if finished else {},
-    }, b""
+    }
 
 
-def contribution_study(path: str, number_of_point: int) -> tuple[Any, bytes]:
+def contribution_study(path: str, number_of_point: int) -> Any:
     """A study file that tells which friction makes the thrust at one point of a cube.
 
     Raises
@@ -75,7 +75,7 @@ def contribution_study(path: str, number_of_point: int) -> tuple[Any, bytes]:
     """
     with opened(path) as cube:
         found = point_of(cube, number_of_point)
-        return _contribution_study(cube, found, number_of_point), b""
+        return _contribution_study(cube, found, number_of_point)
 
 
 def _contribution_study(cube: xr.Dataset, found: xr.Dataset, number_of_point: int) -> str:

@@ -42,7 +42,7 @@ Items = Sequence[Sequence[str]]
 _MOST_ROWS = 500
 
 
-def explore(path: str, items: Items, place: str, minus_name: str = "") -> tuple[Any, bytes]:
+def explore(path: str, items: Items, place: str, minus_name: str = "") -> Any:
     """What a view of a result directory can be changed to, and what it is called elsewhere.
 
     Parameters
@@ -58,12 +58,12 @@ def explore(path: str, items: Items, place: str, minus_name: str = "") -> tuple[
 
     Returns
     -------
-    tuple
-        The view filled in, variables, axes, copies; no bytes.
+    dict
+        The view filled in, variables, axes, copies.
     """
     asked = View.from_items((name, text) for name, text in items)
     with _cube(path, asked) as cube:
-        return _explored(cube, full_view(cube, asked), path, place, minus_name), b""
+        return _explored(cube, full_view(cube, asked), path, place, minus_name)
 
 
 def _explored(cube: xr.Dataset, view: View, path: str, place: str, minus_name: str) -> dict[str, Any]:
@@ -87,13 +87,13 @@ def _explored(cube: xr.Dataset, view: View, path: str, place: str, minus_name: s
     }
 
 
-def figure(path: str, items: Items, other: str | None) -> tuple[Any, bytes]:
+def figure(path: str, items: Items, other: str | None) -> bytes:
     """A view of a result directory as the JSON of a figure for Plotly; `other` is the directory that is subtracted."""
     asked = View.from_items((name, text) for name, text in items)
     with _cube(path, asked) as cube, _cube(other, asked) if other else nullcontext() as subtracted:
         view = full_view(cube, asked)
         drawn = draw(cube, view, subtracted if view.minus else None)
-    return {"address": view.address}, json.dumps(drawn, allow_nan=False).encode()
+    return json.dumps(drawn, allow_nan=False).encode()
 
 
 def _cube(path: str, view: View) -> AbstractContextManager[xr.Dataset]:
@@ -110,11 +110,11 @@ def _analyses(path: str) -> list[str]:
     return sorted(file.stem for file in Path(path).glob("analysis/*.nc"))
 
 
-def numbers(path: str, items: Items, other: str | None = None) -> tuple[Any, bytes]:
+def numbers(path: str, items: Items, other: str | None = None) -> Any:
     """The cells of a view as texts, at most 500 of them: ``heads``, ``rows`` with the number of the point first."""
     asked = View.from_items((name, text) for name, text in items)
     with _cube(path, asked) as cube, _cube(other, asked) if other else nullcontext() as subtracted:
-        return _table(cube, full_view(cube, asked), subtracted), b""
+        return _table(cube, full_view(cube, asked), subtracted)
 
 
 def _table(cube: xr.Dataset, view: View, other: xr.Dataset | None) -> dict[str, Any]:
@@ -143,10 +143,10 @@ def _word(value: Any) -> str:
     return ("" if value != value else number(value, 6)) if isinstance(value, int | float) else str(value)
 
 
-def failures(path: str) -> tuple[Any, bytes]:
+def failures(path: str) -> Any:
     """Points that failed, at most 500 of them: their numbers, factors, outcomes and reasons."""
     with opened(path) as cube:
-        return _failed_points(cube), b""
+        return _failed_points(cube)
 
 
 def _failed_points(cube: xr.Dataset) -> dict[str, Any]:
@@ -163,14 +163,14 @@ def _failed_points(cube: xr.Dataset) -> dict[str, Any]:
     return {"heads": [label_of(cube[name]) for name in names], "rows": rows, "count": int(lost.size)}
 
 
-def extremes(path: str, order: int) -> tuple[Any, bytes]:
+def extremes(path: str, order: int) -> Any:
     """Least and largest value of the first result at an order, with the numbers of their points; None without any."""
     with opened(path) as cube:
         view = full_view(cube, View(kind="points", select=(f"order={order}",) if "order" in cube.coords else ()))
         values = seen(cube, view)
         found = shown(values)
         if set(found.dims) != set(values["outcome"].dims) or not bool(found.notnull().any()):
-            return None, b""
+            return None
         numbers, flat = values[NUMBER].transpose(*found.dims).values.ravel(), found.values.ravel()
         least, largest = int(np.nanargmin(flat)), int(np.nanargmax(flat))
         unit = unit_text(str(found.attrs.get("units", "1")))
@@ -180,13 +180,13 @@ def extremes(path: str, order: int) -> tuple[Any, bytes]:
                 end: {"text": with_unit(number(float(flat[at])), unit), "number": int(numbers[at])}
                 for end, at in (("least", least), ("largest", largest))
             },
-        }, b""
+        }
 
 
-def point(path: str, number_of_point: int) -> tuple[Any, bytes]:
+def point(path: str, number_of_point: int) -> Any:
     """Everything about one point: its factors, how it ended, its scalar results, figures of the rest."""
     with opened(path) as cube:
-        return _point(cube, number_of_point), b""
+        return _point(cube, number_of_point)
 
 
 def _point(cube: xr.Dataset, number_of_point: int) -> dict[str, Any]:
@@ -222,12 +222,12 @@ def _point(cube: xr.Dataset, number_of_point: int) -> dict[str, Any]:
     }
 
 
-def parameters(scene: str) -> tuple[Any, bytes]:
+def parameters(scene: str) -> Any:
     """Parameters of a scene with their defaults as texts, empty where the model decides."""
     if scene not in SCENES:
         raise InputError(f"scene = {scene!r}: unknown{near_match(scene, SCENES)}")
     known = load_simulator(scene).parameters.values()
-    return [(p.name, "" if p.default is None else _word(p.default)) for p in known], b""
+    return [(p.name, "" if p.default is None else _word(p.default)) for p in known]
 
 
 def _price(found: xr.Dataset) -> str:

@@ -24,16 +24,16 @@ _BESIDE = ("_conf", "_low", "_high", "_error", "_flag")  # endings of what is to
 _OF_METHOD = ("samples", "resolved", "samples_needed")  # about the method of the analysis, not about the joint
 
 
-def results(paths: Mapping[str, str], order: int | None) -> tuple[Any, bytes]:
+def results(paths: Mapping[str, str], order: int | None) -> Any:
     """Results of analyses by name, at one order of the thrust.
 
     Returns
     -------
-    tuple
+    dict
         For each: ``name``, ``kind``, ``findings``, the ``orders`` that it has, its ``text`` table (heads, rows, points
-        of each row) where its kind has one, and ``tables`` of its numbers; no bytes.
+        of each row) where its kind has one, and ``tables`` of its numbers.
     """
-    return [_told(name, read_dataset(Path(path)), order) for name, path in paths.items()], b""
+    return [_told(name, read_dataset(Path(path)), order) for name, path in paths.items()]
 
 
 def _told(name: str, result: xr.Dataset, order: int | None) -> dict[str, Any]:
@@ -109,7 +109,7 @@ def _number(result: xr.Dataset, name: str, at: Mapping[str, int]) -> str:
     return number(value)
 
 
-def behind(result: str, cubes: Mapping[str, str], variable: str, cell: int) -> tuple[Any, bytes]:
+def behind(result: str, cubes: Mapping[str, str], variable: str, cell: int) -> Any:
     """The view of the points behind a number of an analysis.
 
     Parameters
@@ -124,12 +124,12 @@ def behind(result: str, cubes: Mapping[str, str], variable: str, cell: int) -> t
 
     Returns
     -------
-    tuple
-        ``step`` and ``items`` of the address of the view; no bytes.
+    dict
+        ``step`` and ``items`` of the address of the view.
     """
     data = read_dataset(Path(result))
     if not cubes:
         raise InputError("the points behind this number are not results of a study of this run")
     step = cube_behind(data, cell_coordinates(data, variable, cell), list(cubes))
     with opened(cubes[step]) as cube:
-        return {"step": step, "items": view_behind(cube, data, variable, cell).items()}, b""
+        return {"step": step, "items": view_behind(cube, data, variable, cell).items()}

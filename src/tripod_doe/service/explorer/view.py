@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from urllib.parse import urlencode
@@ -75,7 +76,12 @@ class View:
 
 
 def _number(name: str, text: str) -> float | None:
+    if not text:
+        return None
     try:
-        return float(text) if text else None
-    except ValueError as error:
-        raise InputError(f"{name} = {text!r}: expected a number") from error
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise InputError(f"{name} = {text[:100]!r}: expected a number")
+    return number

@@ -1,4 +1,4 @@
-"""What people look at: each function puts a question of the explorer or of `study_form` to a process that answers."""
+"""What people look at: each function puts a question to a worker."""
 
 from __future__ import annotations
 
@@ -10,29 +10,33 @@ from tripod_doe.service.service import Service
 from tripod_doe.service.uploads import main_file
 
 Items = Sequence[tuple[str, str]]
+Answer = dict[str, Any]
 
 
-def explore(service: Service, run_id: str, items: Items, step: str | None = None) -> dict[str, Any]:
+def explore(service: Service, run_id: str, items: Items, step: str | None = None) -> Answer:
     """What a view of a run's cube can be changed to."""
     place, minus = str(service.results(run_id, step)), _subtracted(items)
     name = service.runs.find(minus).name if minus else ""
-    told: dict[str, Any] = service.look("explore", path=place, items=items, place=place, minus_name=name)[0]
-    return told
+    answer: Answer = service.ask("explorer.questions:explore", path=place, items=items, place=place, minus_name=name)
+    return answer
 
 
 def figure(service: Service, run_id: str, items: Items, step: str | None = None) -> bytes:
     """A view of a run's cube as JSON of a figure for Plotly."""
-    minus = _subtracted(items)
-    other = str(service.results(minus)) if minus else None
-    return service.look("figure", path=str(service.results(run_id, step)), items=items, other=other)[1]
+    answer: bytes = service.ask("explorer.questions:figure", **_view(service, run_id, items, step))
+    return answer
 
 
-def numbers(service: Service, run_id: str, items: Items, step: str | None = None) -> dict[str, Any]:
+def numbers(service: Service, run_id: str, items: Items, step: str | None = None) -> Answer:
     """The cells of a view as texts."""
+    answer: Answer = service.ask("explorer.questions:numbers", **_view(service, run_id, items, step))
+    return answer
+
+
+def _view(service: Service, run_id: str, items: Items, step: str | None) -> dict[str, Any]:
     minus = _subtracted(items)
     other = str(service.results(minus)) if minus else None
-    told: dict[str, Any] = service.look("numbers", path=str(service.results(run_id, step)), items=items, other=other)[0]
-    return told
+    return {"path": str(service.results(run_id, step)), "items": items, "other": other}
 
 
 def _subtracted(items: Items) -> str:
@@ -41,16 +45,17 @@ def _subtracted(items: Items) -> str:
     return "" if "=" in minus else minus
 
 
-def failures(service: Service, run_id: str, step: str | None = None) -> dict[str, Any]:
+def failures(service: Service, run_id: str, step: str | None = None) -> Answer:
     """The failed points of a run."""
-    told: dict[str, Any] = service.look("failures", path=str(service.results(run_id, step)))[0]
-    return told
+    answer: Answer = service.ask("explorer.questions:failures", path=str(service.results(run_id, step)))
+    return answer
 
 
-def results(service: Service, run_id: str, order: int | None, step: str | None = None) -> list[dict[str, Any]]:
+def results(service: Service, run_id: str, order: int | None, step: str | None = None) -> list[Answer]:
     """Results of a run's analyses in sentences and tables."""
-    told: list[dict[str, Any]] = service.look("results", paths=service.analysis_files(run_id, step), order=order)[0]
-    return told
+    paths = service.analysis_files(run_id, step)
+    answer: list[Answer] = service.ask("explorer.results:results", paths=paths, order=order)
+    return answer
 
 
 def behind(service: Service, run_id: str, name: str, variable: str, cell: int, step: str | None = None) -> Items:
@@ -58,55 +63,53 @@ def behind(service: Service, run_id: str, name: str, variable: str, cell: int, s
     files = service.analysis_files(run_id, step)
     if name not in files:
         raise RefusedError(404, f"analysis: {name[:100]}: not made")
-    found = service.look(
-        "behind", result=files[name], cubes=service.studies_behind(run_id, name, step), variable=variable, cell=cell
-    )[0]
+    cubes = service.studies_behind(run_id, name, step)
+    found = service.ask("explorer.results:behind", result=files[name], cubes=cubes, variable=variable, cell=cell)
     return [*([("step", found["step"])] if found["step"] else []), *map(tuple, found["items"])]
 
 
-def parameters(service: Service, scene: str) -> list[list[str]]:
+def parameters(service: Service, scene: str) -> list[tuple[str, str]]:
     """Parameters of a scene with their defaults as texts."""
-    told: list[list[str]] = service.look("parameters", scene=scene)[0]
-    return told
+    answer: list[tuple[str, str]] = service.ask("explorer.questions:parameters", scene=scene)
+    return answer
 
 
-def study_form(service: Service, text: str) -> dict[str, Any]:
+def study_form(service: Service, body: bytes) -> Answer:
     """A study file as the fields of a form."""
-    told: dict[str, Any] = service.look("study_form", text=text)[0]
-    return told
+    answer: Answer = service.ask_body("study_form", body)
+    return answer
 
 
-def changed_text(service: Service, text: str, key: str, value: str) -> str:
+def changed_text(service: Service, body: bytes) -> str:
     """The text of a study file after one field of its form was changed."""
-    told: str = service.look("changed_text", text=text, key=key, value=value)[0]
-    return told
+    answer: str = service.ask_body("changed_text", body)
+    return answer
 
 
-def point(service: Service, run_id: str, number: int, step: str | None = None) -> dict[str, Any]:
+def point(service: Service, run_id: str, number: int, step: str | None = None) -> Answer:
     """One point of a run, with its figures."""
-    place = str(service.results(run_id, step))
-    told: dict[str, Any] = service.look("point", path=place, number_of_point=number)[0]
-    return told
+    path = str(service.results(run_id, step))
+    answer: Answer = service.ask("explorer.questions:point", path=path, number_of_point=number)
+    return answer
 
 
-def price_of_point(service: Service, scene: str, parameters: dict[str, Any]) -> dict[str, Any]:
+def price_of_point(service: Service, body: bytes) -> Answer:
     """What one point will cost, before it is simulated."""
-    told: dict[str, Any] = service.look("price_of_point", scene=scene, parameters=parameters)[0]
-    return told
+    answer: Answer = service.ask_body("price_of_point", body)
+    return answer
 
 
 def contribution_study(service: Service, run_id: str, number: int, step: str | None = None) -> str:
     """A study of the contributions of the mechanisms at one point."""
-    place = str(service.results(run_id, step))
-    told: str = service.look("contribution_study", path=place, number_of_point=number)[0]
-    return told
+    path = str(service.results(run_id, step))
+    answer: str = service.ask("explorer.again:contribution_study", path=path, number_of_point=number)
+    return answer
 
 
-def lay_over(service: Service, run_id: str, measurement: str, settings: dict[str, Any]) -> dict[str, Any]:
+def lay_over(service: Service, run_id: str, body: bytes) -> Answer:
     """A measurement over a point of a run, in words and figures."""
-    place = str(service.results(run_id))
-    told: dict[str, Any] = service.look("lay_over", path=place, measurement=measurement, **settings)[0]
-    return told
+    answer: Answer = service.ask_body("lay_over", body, path=str(service.results(run_id)))
+    return answer
 
 
 def submitted(service: Service, run_id: str) -> dict[str, str]:

@@ -6,17 +6,15 @@ from typing import Annotated, Any
 from urllib.parse import urlencode
 
 from fastapi import APIRouter, Query, Request
-from pydantic import BaseModel, ConfigDict
 from starlette.responses import HTMLResponse, RedirectResponse
 
 from tripod_doe.errors import InputError
 from tripod_doe.service.endings import has_report
-from tripod_doe.service.forms import Comparison
 from tripod_doe.service.page import answers
 from tripod_doe.service.page.pages import part, show
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.report_keys import report_key
-from tripod_doe.service.routes.access import AnyService
+from tripod_doe.service.routes.access import AnyService, Body
 from tripod_doe.service.runs import Run
 from tripod_doe.service.service import Service
 
@@ -132,26 +130,17 @@ def parameters(scene: str, service: AnyService) -> HTMLResponse:
     return HTMLResponse(part("parameters.html", parameters=answers.parameters(service, scene)))
 
 
-class Again(BaseModel):
-    """A point to simulate."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    scene: str
-    parameters: dict[str, Any]
-
-
 @router.post("/parts/price-of-point")
-def price_of_point(body: Again, service: AnyService) -> dict[str, str]:
+def price_of_point(body: Body, service: AnyService) -> dict[str, str]:
     """The price of one point in words, before it is simulated."""
-    found = answers.price_of_point(service, body.scene, body.parameters)
+    found = answers.price_of_point(service, body)
     return {"told": part("price_of_point.txt", **found)}
 
 
 @router.post("/parts/simulate")
-def simulate(body: Again, service: AnyService) -> dict[str, Any]:
+def simulate(body: Body, service: AnyService) -> dict[str, Any]:
     """One point simulated, in words and figures."""
-    found = service.simulated(body.scene, body.parameters)
+    found = service.simulated(body)
     return {"told": part("simulated.txt", **found), "figures": found["figures"]}
 
 
@@ -222,9 +211,9 @@ def compare(service: AnyService, run: str = "") -> HTMLResponse:
 
 
 @router.post("/parts/runs/{run_id}/compare")
-def lay_over(run_id: str, body: Comparison, service: AnyService) -> dict[str, Any]:
+def lay_over(run_id: str, body: Body, service: AnyService) -> dict[str, Any]:
     """A measurement over a point, in words and figures."""
-    found = answers.lay_over(service, run_id, body.measurement, body.model_dump(exclude={"measurement"}))
+    found = answers.lay_over(service, run_id, body)
     return {"html": part("laid_over.html", **found), "figures": found["figures"]}
 
 

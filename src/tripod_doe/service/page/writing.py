@@ -2,32 +2,17 @@
 
 from __future__ import annotations
 
+import json
+
 from fastapi import APIRouter
-from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import HTMLResponse
 
-from tripod_doe.service.forms import PlanRequest
 from tripod_doe.service.gallery import gallery, gallery_upload
 from tripod_doe.service.page import answers
 from tripod_doe.service.page.pages import part, show
-from tripod_doe.service.routes.access import WritingService
+from tripod_doe.service.routes.access import Body, WritingService
 
 router = APIRouter(include_in_schema=False)
-
-
-class Text(BaseModel):
-    """The text of a study file."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    study: str
-
-
-class Change(Text):
-    """One field of the form, and what it says now."""
-
-    key: str = Field(pattern=r"^(study|design|parameter)\.[a-z0-9_]+$")
-    value: str
 
 
 @router.get("/new")
@@ -45,7 +30,7 @@ def new(
     else:
         upload = service.upload_of(origin) if origin else gallery_upload(study or "template-grid")
     text = str(upload["study" if "study" in upload else "workflow"])
-    form = answers.study_form(service, text) if "study" in upload else None
+    form = answers.study_form(service, json.dumps({"study": text}).encode()) if "study" in upload else None
     return show(
         "new.html",
         service.settings,
@@ -59,19 +44,18 @@ def new(
 
 
 @router.post("/parts/form")
-def form(body: Text, service: WritingService) -> HTMLResponse:
+def form(body: Body, service: WritingService) -> HTMLResponse:
     """The form of a text."""
-    return HTMLResponse(part("study_form.html", form=answers.study_form(service, body.study)))
+    return HTMLResponse(part("study_form.html", form=answers.study_form(service, body)))
 
 
 @router.post("/parts/change")
-def change(body: Change, service: WritingService) -> dict[str, str]:
+def change(body: Body, service: WritingService) -> dict[str, str]:
     """The text after a field was changed."""
-    return {"study": answers.changed_text(service, body.study, body.key, body.value)}
+    return {"study": answers.changed_text(service, body)}
 
 
 @router.post("/parts/price")
-def price(body: PlanRequest, service: WritingService) -> HTMLResponse:
+def price(body: Body, service: WritingService) -> HTMLResponse:
     """The price in words."""
-    plan = service.plan(body.model_dump(exclude={"timing"}), body.timing)
-    return HTMLResponse(part("price.html", plan=plan))
+    return HTMLResponse(part("price.html", plan=service.plan(body)))

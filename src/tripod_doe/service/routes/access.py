@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from fastapi import Depends, Request
+from pydantic import BaseModel
 
 from tripod_doe.service.forms import Errors
 from tripod_doe.service.problems import RefusedError
@@ -32,6 +33,20 @@ CHANGES = errors_at(403, 408, 409, 415)
 async def _service(request: Request) -> Service:  # without async, each request would wait for a thread
     service: Service = request.app.state.service
     return service
+
+
+async def _body(request: Request) -> bytes:
+    return await request.body()  # which `Guard` has received
+
+
+Body = Annotated[bytes, Depends(_body)]
+"""The body of a request; a worker reads it, see `bodies`."""
+
+
+def takes(form: type[BaseModel] | None) -> dict[str, Any]:
+    """The description of a body that has a form, or is any object."""
+    schema = {"type": "object"} if form is None else form.model_json_schema()
+    return {"requestBody": {"required": True, "content": {"application/json": {"schema": schema}}}}
 
 
 AnyService = Annotated[Service, Depends(_service)]

@@ -13,7 +13,7 @@ from starlette.types import Receive, Scope, Send
 
 from tripod_doe.service.forms import Comparison
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.routes.access import CHANGES, REFUSALS, AnyService, errors_at, gives
+from tripod_doe.service.routes.access import CHANGES, REFUSALS, AnyService, Body, errors_at, gives, takes
 from tripod_doe.study.cube.results import is_shown
 
 router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404, 409))
@@ -55,22 +55,22 @@ def cube(run_id: str, service: AnyService, step: Step = None) -> Response:
         raise
 
 
-@router.get("/cube")
-def describe(run_id: str, service: AnyService, step: Step = None, analysis: str | None = None) -> dict[str, Any]:
+@router.get("/cube", response_model=dict[str, Any])
+def describe(run_id: str, service: AnyService, step: Step = None, analysis: str | None = None) -> Response:
     """What the cube holds: dimensions, coordinates with their values, variables with units and flags."""
-    return service.describe(run_id, step, analysis)
+    return Response(service.describe(run_id, step, analysis), media_type=_TYPES["json"])
 
 
-@router.get("/analyses")
-def analyses(run_id: str, service: AnyService, step: Step = None) -> list[dict[str, Any]]:
+@router.get("/analyses", response_model=list[dict[str, Any]])
+def analyses(run_id: str, service: AnyService, step: Step = None) -> Response:
     """Analyses with their kind, sentences and table."""
-    return service.analyses(run_id, step)
+    return Response(service.analyses(run_id, step), media_type=_TYPES["json"])
 
 
-@router.post("/compare", responses=CHANGES)
-def compare(run_id: str, body: Comparison, service: AnyService, step: Step = None) -> dict[str, Any]:
+@router.post("/compare", responses=CHANGES, response_model=dict[str, Any], openapi_extra=takes(Comparison))
+def compare(run_id: str, body: Body, service: AnyService, step: Step = None) -> Response:
     """A measurement beside a point of the cube: the object of `tripod-doe compare --format json`."""
-    return service.compare(run_id, body.measurement, step, body.model_dump(exclude={"measurement"}))
+    return Response(service.compare(run_id, body, step), media_type=_TYPES["json"])
 
 
 @router.get("/analysis/{name}.nc", response_class=Response, responses=gives(_TYPES["netcdf"]))

@@ -12,7 +12,16 @@ from starlette.responses import PlainTextResponse
 from tripod_doe.service.forms import RunRecord, Submission
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.processes import run_log
-from tripod_doe.service.routes.access import CHANGES, REFUSALS, AnyService, WritingService, errors_at, gives
+from tripod_doe.service.routes.access import (
+    CHANGES,
+    REFUSALS,
+    AnyService,
+    Body,
+    WritingService,
+    errors_at,
+    gives,
+    takes,
+)
 
 router = APIRouter(responses=REFUSALS)
 
@@ -22,23 +31,24 @@ _KEY_LETTERS = 200
 LastEventId = Annotated[str | None, Header(alias="Last-Event-ID")]
 
 
-@router.post("/runs", status_code=201, responses=CHANGES)
+@router.post("/runs", status_code=201, responses=CHANGES, openapi_extra=takes(Submission))
 def submit(
-    body: Submission,
+    body: Body,
     service: WritingService,
     response: Response,
     idempotency_key: Annotated[str | None, Header(max_length=_KEY_LETTERS)] = None,
 ) -> RunRecord:
     """Put a study or a workflow into the queue; sent again with the same Idempotency-Key, it is the same run."""
-    run = service.submit(body.model_dump(), idempotency_key)
+    run = service.submit(body, idempotency_key)
     response.headers["location"] = f"/api/v1/runs/{run.id}"
     return RunRecord(**run.record())
 
 
-@router.get("/runs")
-async def list_runs(service: AnyService) -> list[RunRecord]:
-    """All runs, the newest first."""
-    return [RunRecord(**run.record()) for run in service.runs.all()]
+@router.get("/runs", response_model=list[RunRecord])
+async def list_runs(service: AnyService) -> Response:
+    """All runs, the newest first: the texts that their watchers get."""
+    texts = [service.runs.events.latest(run.id) for run in service.runs.all()]
+    return Response(f"[{','.join(text for text in texts if text)}]", media_type="application/json")
 
 
 async def _may_watch(service: AnyService) -> None:
@@ -109,10 +119,10 @@ def retry_failed(run_id: str, service: WritingService) -> RunRecord:
     return RunRecord(**service.runs.resume(run_id, retry_failed=True).record())
 
 
-@router.post("/runs/{run_id}/extend", responses=CHANGES | errors_at(404))
-def extend(run_id: str, body: Submission, service: WritingService) -> RunRecord:
+@router.post("/runs/{run_id}/extend", responses=CHANGES | errors_at(404), openapi_extra=takes(Submission))
+def extend(run_id: str, body: Body, service: WritingService) -> RunRecord:
     """Run a study that grew on the results of this run: only its new points are computed."""
-    return RunRecord(**service.extend(run_id, body.model_dump()).record())
+    return RunRecord(**service.extend(run_id, body).record())
 
 
 @router.get("/runs/{run_id}/plan", responses=errors_at(404))

@@ -6,10 +6,10 @@ from importlib.metadata import version
 from typing import Any
 
 from fastapi import APIRouter
+from starlette.responses import Response
 
 from tripod_doe.service.forms import Health, PlanRequest
-from tripod_doe.service.problems import RefusedError, problems_of
-from tripod_doe.service.routes.access import CHANGES, REFUSALS, AnyService
+from tripod_doe.service.routes.access import CHANGES, REFUSALS, AnyService, Body, takes
 
 router = APIRouter(responses=REFUSALS)
 
@@ -42,16 +42,13 @@ def workflow_schema() -> dict[str, Any]:
     return workflow_schema()
 
 
-@router.post("/plans", responses=CHANGES)
-def plan(body: PlanRequest, service: AnyService) -> dict[str, Any]:
+@router.post("/plans", responses=CHANGES, response_model=dict[str, Any], openapi_extra=takes(PlanRequest))
+def plan(body: Body, service: AnyService) -> Response:
     """Points, blocks, bytes and CPU seconds of a study or a workflow; nothing is kept."""
-    return service.plan(body.model_dump(exclude={"timing"}), body.timing)
+    return Response(service.plan(body, as_json=True), media_type="application/json")
 
 
-@router.post("/simulate", responses=CHANGES)
-def simulate(body: dict[str, Any], service: AnyService) -> dict[str, Any]:
+@router.post("/simulate", responses=CHANGES, response_model=dict[str, Any], openapi_extra=takes(None))
+def simulate(body: Body, service: AnyService) -> Response:
     """One point by its parameters, with ``scene`` for another scene than the joint."""
-    scene = body.pop("scene", "joint")
-    if not isinstance(scene, str):
-        raise RefusedError(422, *problems_of(f"scene = {scene!r}: a name is needed", {}))
-    return service.simulate(scene, body)
+    return Response(service.simulate(body), media_type="application/json")

@@ -1,0 +1,1 @@
+"""Questions about texts and cubes, answered in worker processes of limited time and memory; no web code."""
