@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import asyncio
 import json
+import socket
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+import uvicorn
 from service_client import API, TOKEN
 
+from tripod_doe.service.app import create_app
 from tripod_doe.service.events import _KEPT, Events
+from tripod_doe.service.limits import Limits
 from tripod_doe.service.runs import Run, State
+from tripod_doe.service.settings import Settings
 
 QUIET = 0.2
 
@@ -107,6 +113,36 @@ def test_no_event_of_a_busy_thread_is_lost():
 
     assert all(numbers == list(range(1, count + 2)) for numbers in in_own_loop(watch_all()))
     assert events.watching == 0
+
+
+def test_streams_asked_for_at_once_keep_the_limit(tmp_path):
+    """Each is counted when it is admitted, and no more when its client is gone."""
+    settings = Settings(tmp_path, token=TOKEN, limits=Limits(streams=5))
+    server = uvicorn.Server(
+        uvicorn.Config(create_app(settings), port=0, log_level="error", timeout_graceful_shutdown=1)
+    )
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    try:
+        while not server.started:
+            time.sleep(0.05)
+        port = server.servers[0].sockets[0].getsockname()[1]
+        request = f"GET {API}/events HTTP/1.1\r\nHost: 127.0.0.1\r\nAuthorization: Bearer {TOKEN}\r\n\r\n"
+        for _ in range(2):
+            streams = [socket.create_connection(("127.0.0.1", port), timeout=20) for _ in range(12)]
+            for stream in streams:
+                stream.sendall(request.encode())
+            statuses = [stream.recv(4096).split()[1] for stream in streams]
+            assert (statuses.count(b"200"), statuses.count(b"503")) == (5, 7)
+            for stream in streams:
+                stream.close()
+            until = time.monotonic() + 20
+            while server.config.app.state.service.runs.events.streams:
+                assert time.monotonic() < until
+                time.sleep(0.05)
+    finally:
+        server.should_exit = True
+        thread.join()
 
 
 @pytest.mark.parametrize("path", ["/runs/none/events", "/events"])

@@ -37,6 +37,7 @@ class Events:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._waiting: set[asyncio.Event] = set()
         self.closing = False
+        self.streams = 0  # that were admitted and have not ended; changed in the event loop only
 
     @property
     def watching(self) -> int:

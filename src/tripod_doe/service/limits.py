@@ -44,7 +44,7 @@ MEANINGS = {
     "cells": "cells in the answer to a query",
     "query_seconds": "CPU time for the answer to a query, a comparison or a check (s)",
     "simulate_seconds": "CPU time for one simulated point, or for a plan with timing (s)",
-    "memory_bytes": "address space of a process that answers (bytes)",
+    "memory_bytes": "address space of a worker (bytes)",
     "streams": "event streams open at the same time",
     "connections": "connections open at the same time; fewer where the system allows fewer open files",
 }

@@ -1,4 +1,4 @@
-"""Questions of the cube explorer, answered in a process that answers: what there is, a figure, one point."""
+"""Questions of the cube explorer, answered by a worker: what there is, a figure, one point."""
 
 from __future__ import annotations
 

@@ -51,18 +51,23 @@ async def list_runs(service: AnyService) -> Response:
     return Response(f"[{','.join(text for text in texts if text)}]", media_type="application/json")
 
 
-async def _may_watch(service: AnyService) -> None:
-    """Before a stream begins, as nothing can be refused afterwards."""
-    most = service.settings.limits.streams
-    if service.runs.events.watching >= most:
+async def _stream_slot(service: AnyService) -> AsyncIterator[None]:
+    """Count a stream before it begins, as nothing can be refused afterwards, until its answer has ended."""
+    most, events = service.settings.limits.streams, service.runs.events
+    if events.streams >= most:
         raise RefusedError(503, f"{most:,} event streams are open, the limit here")
+    events.streams += 1
+    try:
+        yield
+    finally:
+        events.streams -= 1
 
 
 async def _is_run(run_id: str, service: AnyService) -> None:
     service.runs.find(run_id)
 
 
-@router.get("/events", response_class=EventSourceResponse, dependencies=[Depends(_may_watch)])
+@router.get("/events", response_class=EventSourceResponse, dependencies=[Depends(_stream_slot)])
 async def watch_all(service: AnyService, last_event_id: LastEventId = None) -> AsyncIterator[ServerSentEvent]:
     """The object of every run whenever it changes, in one stream; ``deleted`` events name runs that are gone."""
     async for event in _stream(service, None, last_event_id):
@@ -80,7 +85,7 @@ async def show_run(run_id: str, service: AnyService) -> Response:
     "/runs/{run_id}/events",
     response_class=EventSourceResponse,
     responses=errors_at(404),
-    dependencies=[Depends(_is_run), Depends(_may_watch)],
+    dependencies=[Depends(_is_run), Depends(_stream_slot)],
 )
 async def watch_run(
     run_id: str, service: AnyService, last_event_id: LastEventId = None
