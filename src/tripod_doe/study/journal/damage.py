@@ -23,8 +23,6 @@ from tripod_doe.study.journal.rows import (
     BlockRow,
     DamagedRowError,
     NoteRow,
-    expected_schema,
-    stored_schema,
     write_journal,
 )
 
@@ -120,8 +118,7 @@ def damage(path: Path) -> str:
     try:
         with closing(connected(path, "ro")) as connection:
             return (
-                schema_damage(connection)
-                or _structure_damage(connection)
+                _structure_damage(connection)
                 or _block_damage(connection)
                 or _note_damage(connection)
                 or _log_damage(connection, logged)
@@ -132,11 +129,6 @@ def damage(path: Path) -> str:
         return str(error)
     except (DamagedRowError, OverflowError) as error:  # the latter of lengths of a row
         return str(error)
-
-
-def schema_damage(connection: sqlite3.Connection) -> str:
-    """Look for anything but the tables of a journal: a view or a trigger of a stranger would run when they are read."""
-    return "" if stored_schema(connection) == expected_schema() else "its tables are not those of a journal"
 
 
 def _structure_damage(connection: sqlite3.Connection) -> str:

@@ -27,7 +27,6 @@ from tripod_doe.study.journal.damage import (
     damage,
     is_damage,
     rescue,
-    schema_damage,
 )
 from tripod_doe.study.journal.finished_block import FinishedBlock
 from tripod_doe.study.journal.rows import (
@@ -96,9 +95,6 @@ class Journal:
         if read_only:
             with self._reading("its first bytes"):
                 self._connection = connected(self.path, "ro")
-                if reason := schema_damage(self._connection):
-                    self._connection.close()
-                    raise self._damaged(reason)
             return
         with self._storing():
             if not self.path.exists():

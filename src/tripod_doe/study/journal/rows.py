@@ -8,7 +8,6 @@ import zlib
 from collections.abc import Iterable, Mapping
 from contextlib import closing
 from dataclasses import astuple, dataclass, replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -39,19 +38,6 @@ CREATE TABLE IF NOT EXISTS note (
     value TEXT NOT NULL
 );
 """
-
-
-@cache
-def expected_schema() -> list[tuple[str, ...]]:
-    """Give what SQLite's own table of tables and indices holds in a journal."""
-    with closing(sqlite3.connect(":memory:")) as connection:
-        connection.executescript(SCHEMA)
-        return stored_schema(connection)
-
-
-def stored_schema(connection: sqlite3.Connection) -> list[tuple[str, ...]]:
-    """Read SQLite's own table of tables and indices."""
-    return connection.execute("SELECT type, name, tbl_name, sql FROM sqlite_schema ORDER BY name LIMIT 100").fetchall()
 
 
 class DamagedRowError(ValueError):
