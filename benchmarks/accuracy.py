@@ -7,7 +7,7 @@ all revolutions from the start, those included in which the joint swings in, wit
 smaller than the one that was found; orders are means of the same revolutions. Told are
 the reported error over the true one, of the complex third order and of its amplitude, and the price beside that of a
 fixed tolerance: of the coarsest one found, with which most points miss, and of the finest one, which the worst point
-needs. Points in which a vibration grows are counted and left out: they are followed with it (`joint.vibration.answer`).
+needs. Points in which a vibration grows are counted and left out: they are followed with it (`joint.vibration.vibration_effect`).
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 
 import tripod_doe as td
-from tripod_doe.joint.balance.kinetostatic import solve_kinetostatic
+from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.parameters import JOINT_PARAMETERS, point_values
 from tripod_doe.simulator import Outcome

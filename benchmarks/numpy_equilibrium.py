@@ -1,6 +1,6 @@
 """The equilibrium model as one would write it in plain NumPy: all angles of one point at once, bisection in the spin.
 
-The peer of benchmarks/throughput.py. Same equations as tripod_doe.joint.balance.equilibrium, none of its code.
+The peer of benchmarks/throughput.py. Same equations as tripod_doe.joint.force_balance.equilibrium, none of its code.
 """
 
 from __future__ import annotations

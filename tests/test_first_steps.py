@@ -13,8 +13,8 @@ import pytest
 import tripod_doe as td
 from tripod_doe.cli import main
 from tripod_doe.errors import closest
-from tripod_doe.study.file import TABLES
 from tripod_doe.study.scenes import load_simulator
+from tripod_doe.study.study_file import TABLES
 from tripod_doe.study.template import TEMPLATES
 
 

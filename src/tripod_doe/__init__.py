@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from tripod_doe.study.schema import study_schema
     from tripod_doe.study.simulate import simulate
     from tripod_doe.workflow.chain import WorkflowSummary, run_workflow
-    from tripod_doe.workflow.file import workflow_schema
     from tripod_doe.workflow.run import RunSummary, run
+    from tripod_doe.workflow.workflow_file import workflow_schema
 
 _HOME = {
     "CubeError": "errors",
@@ -61,7 +61,7 @@ _HOME = {
     "sobol_indices": "analyses.sensitivity.sobol",
     "study_schema": "study.schema",
     "WorkflowSummary": "workflow.chain",
-    "workflow_schema": "workflow.file",
+    "workflow_schema": "workflow.workflow_file",
     "write_report": "pages.study",
 }
 

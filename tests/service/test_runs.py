@@ -30,7 +30,7 @@ def test_health_needs_nothing_and_names_the_version(client):
 
 
 def test_schemas_are_those_of_the_command_line(api):
-    from tripod_doe.workflow.file import workflow_schema
+    from tripod_doe.workflow.workflow_file import workflow_schema
 
     assert api.get("/schema/study").json() == json.loads(json.dumps(td.study_schema()))
     assert api.get("/schema/study", params={"scene": "roller-in-groove"}).json()["properties"]["base"]

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points, point_count
-from tripod_doe.study.file import DesignTable, FactorTable
+from tripod_doe.study.study_file import DesignTable, FactorTable
 from tripod_doe.study.study_folder import StudyFolder
 from tripod_doe.workflow.analyses import check_analyses
 from tripod_doe.workflow.definition import load_workflow

@@ -32,7 +32,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.study.file import is_workflow
+    from tripod_doe.study.study_file import is_workflow
 
     return (_plan_workflow if is_workflow(options.file) else _plan_study)(options)
 

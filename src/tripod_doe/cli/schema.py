@@ -18,7 +18,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     if options.kind == "workflow":
-        from tripod_doe.workflow.file import workflow_schema
+        from tripod_doe.workflow.workflow_file import workflow_schema
 
         if options.brief:
             raise InputError("--brief: only for study files")

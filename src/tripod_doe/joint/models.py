@@ -28,7 +28,7 @@ from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.simulator import BlockResult, Methods, Outcome, ValidRange
 
 if TYPE_CHECKING:  # a model imports its kernels when it is first used
-    from tripod_doe.joint.balance.equilibrium import Equilibrium
+    from tripod_doe.joint.force_balance.equilibrium import Equilibrium
     from tripod_doe.joint.multibody.run_result import Readings
 
 
@@ -194,13 +194,13 @@ _MASSES = frozenset({"roller_width_mm", "shaft_mass_kg", "density_kg_m3"})
 
 
 def _solve_equilibrium(points: JointValues[FloatArray], samples: int) -> Equilibrium:
-    from tripod_doe.joint.balance.equilibrium import solve_equilibrium
+    from tripod_doe.joint.force_balance.equilibrium import solve_equilibrium
 
     return solve_equilibrium(points, samples)
 
 
 def _solve_kinetostatic(points: JointValues[FloatArray], samples: int) -> Equilibrium:
-    from tripod_doe.joint.balance.kinetostatic import solve_kinetostatic
+    from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
 
     return solve_kinetostatic(points, samples)
 

@@ -37,8 +37,8 @@ from tripod_doe.joint.multibody.run_result import JointRun, Readings, VibrationR
 from tripod_doe.joint.multibody.thrust_parts import thrust_parts
 from tripod_doe.joint.orders import ORDERS, ahead, complex_amplitudes
 from tripod_doe.joint.values import JointValues
-from tripod_doe.joint.vibration.answer import VibratingJoint
 from tripod_doe.joint.vibration.onset import Vibration, growing_vibration
+from tripod_doe.joint.vibration.vibration_effect import VibratingJoint
 from tripod_doe.mechanics.assembly import Assembly, State, assemble
 from tripod_doe.mechanics.checks.floquet import Growth, departure_matrices
 from tripod_doe.mechanics.checks.linearisation import fastest_rates

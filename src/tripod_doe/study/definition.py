@@ -15,7 +15,9 @@ import numpy as np
 from tripod_doe.errors import InputError, first_messages, near_match
 from tripod_doe.simulator import NUMERICS, Demands, Outcome, Parameter, Simulator, Value, check_parameters
 from tripod_doe.study.accuracy import AUTO, Accuracy, check_accuracy, check_demands
-from tripod_doe.study.file import (
+from tripod_doe.study.retry import NO_RETRIES, RetryPlan, check_retries
+from tripod_doe.study.scenes import load_simulator
+from tripod_doe.study.study_file import (
     AccuracyTable,
     DesignTable,
     FactorTable,
@@ -27,8 +29,6 @@ from tripod_doe.study.file import (
     parse_toml,
     read_text,
 )
-from tripod_doe.study.retry import NO_RETRIES, RetryPlan, check_retries
-from tripod_doe.study.scenes import load_simulator
 from tripod_doe.study.study_folder import StudyFolder
 
 

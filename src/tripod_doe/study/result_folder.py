@@ -16,9 +16,9 @@ from typing import Any
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError, option
 from tripod_doe.study.definition import Study, parse_study
-from tripod_doe.study.file import StudyFile, parse_file, read_text
 from tripod_doe.study.function import FunctionSimulator, RecordedFunction
 from tripod_doe.study.journal import Journal, journal_path
+from tripod_doe.study.study_file import StudyFile, parse_file, read_text
 from tripod_doe.study.study_folder import StudyFolder
 
 STORED = "study.toml"

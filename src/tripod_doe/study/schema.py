@@ -8,8 +8,8 @@ from typing import Any
 from pydantic import BaseModel
 
 from tripod_doe.study.accuracy import AUTO
-from tripod_doe.study.file import TABLES, StudyFile
 from tripod_doe.study.scenes import SCENES, load_simulator
+from tripod_doe.study.study_file import TABLES, StudyFile
 
 
 def study_schema(scene: str = "joint") -> dict[str, Any]:

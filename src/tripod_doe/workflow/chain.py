@@ -33,9 +33,9 @@ from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failures import failure_lines
 from tripod_doe.study.study_folder import StudyFolder
 from tripod_doe.workflow.definition import Step, Workflow, fed_study, load_workflow
-from tripod_doe.workflow.file import AnalysisStep, FigureStep, ReportStep, StudyStep
 from tripod_doe.workflow.run import run_on
 from tripod_doe.workflow.steps_file import write_steps
+from tripod_doe.workflow.workflow_file import AnalysisStep, FigureStep, ReportStep, StudyStep
 
 _MARKS = {"study": "cube.nc", "figure": "figures.json", "report": "index.html"}
 

@@ -18,10 +18,10 @@ from tripod_doe.analyses.registry import ANALYSES
 from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.study.definition import Study, parse_study
 from tripod_doe.study.designs import make_points, point_keys
-from tripod_doe.study.file import read_text
+from tripod_doe.study.study_file import read_text
 from tripod_doe.study.study_folder import StudyFolder
 from tripod_doe.workflow.analyses import check_analyses, checked_settings, settings_of
-from tripod_doe.workflow.file import (
+from tripod_doe.workflow.workflow_file import (
     AnalysisStep,
     FigureStep,
     Overrides,

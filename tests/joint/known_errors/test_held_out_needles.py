@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tripod_doe.joint.balance.kinetostatic import solve_kinetostatic
+from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
 from tripod_doe.joint.known_errors.error_estimate import known_errors
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.parameters import point_values

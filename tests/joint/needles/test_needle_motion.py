@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tripod_doe.joint.balance.kinetostatic import solve_kinetostatic
+from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
 from tripod_doe.joint.needles.needle_constants import NeedleConstants, needle_constants
 from tripod_doe.joint.needles.needle_motion import (
     MOST_NEEDLES,

@@ -10,9 +10,9 @@ import pytest
 
 from tripod_doe.joint.multibody.run_result import Readings, StoppedError, Wanted
 from tripod_doe.joint.orders import ORDERS
-from tripod_doe.joint.vibration.answer import VibratingJoint
 from tripod_doe.joint.vibration.onset import Vibration
 from tripod_doe.joint.vibration.vibrating_run import FollowedVibration
+from tripod_doe.joint.vibration.vibration_effect import VibratingJoint
 from tripod_doe.mechanics.checks.floquet import Growth
 from tripod_doe.mechanics.run import Limits
 from tripod_doe.simulator import Outcome
@@ -60,7 +60,7 @@ def vibrating(monkeypatch, joint_values):
             return outcomes[needles]
 
         monkeypatch.setattr(VibratingJoint, "_followed", follow)
-        monkeypatch.setattr("tripod_doe.joint.vibration.answer.damping_against", lambda *_: 0.002)
+        monkeypatch.setattr("tripod_doe.joint.vibration.vibration_effect.damping_against", lambda *_: 0.002)
         return joint, asked
 
     return make

@@ -28,10 +28,13 @@ TIMES: dict[str, int] = {}
 """Kernels that compile more than once, each with its reason in a comment; none today."""
 
 KERNELS = {
-    "equilibrium": ("model equilibrium with newton", "tripod_doe.joint.balance.equilibrium_relaxation.settle_still"),
+    "equilibrium": (
+        "model equilibrium with newton",
+        "tripod_doe.joint.force_balance.equilibrium_relaxation.settle_still",
+    ),
     "kinetostatic": (
         "model kinetostatic with newton",
-        "tripod_doe.joint.balance.kinetostatic_relaxation.settle_moving",
+        "tripod_doe.joint.force_balance.kinetostatic_relaxation.settle_moving",
     ),
     "rollers": (
         "models rollers and needles with adaptive-euler",

@@ -22,7 +22,7 @@ from distributed.security import Security
 import tripod_doe as td
 from started import Process
 from tripod_doe.errors import TripodDoeError
-from tripod_doe.study.execution import dask_client, dask_cluster
+from tripod_doe.study.execution import dask_cluster, dask_executor
 from tripod_doe.study.execution.existing_scheduler import ExistingScheduler
 from tripod_doe.study.execution.user_code import check_imported, placed, read_user_code
 from tripod_doe.study.scenes import load_simulator
@@ -179,8 +179,8 @@ def test_what_does_not_match_is_left_out_by_name_and_what_is_shipped_matches(cas
 @pytest.mark.slow
 def test_a_connection_that_is_reset_or_carries_nothing_more_is_replaced(case, tmp_path, monkeypatch, capsys):
     """Half-open: nobody closes it, the scheduler lives, and no answer ever comes."""
-    monkeypatch.setattr(dask_client, "_ANSWER", 0.5)
-    monkeypatch.setattr(dask_client, "_SILENCE", 2.0)
+    monkeypatch.setattr(dask_executor, "_ANSWER", 0.5)
+    monkeypatch.setattr(dask_executor, "_SILENCE", 2.0)
     study = case(count=60)
     with Cluster(tmp_path, workers=1) as cluster:
         proxy = Proxy(cluster.port)
@@ -213,7 +213,7 @@ def here():
             return await gather(keys=keys, **others)
 
         cluster.scheduler.handlers["gather"] = counted
-        with closing(dask_client.OnDask(client, lambda client: client)) as executor:
+        with closing(dask_executor.OnDask(client, lambda client: client)) as executor:
             yield executor, asked
 
 
@@ -227,7 +227,7 @@ def test_answers_that_are_there_are_fetched_together(here, monkeypatch, broken):
             raise ValueError("broken")
         return "name", "address", pickle.dumps(number**2)
 
-    monkeypatch.setattr(dask_client, "run_block", square)
+    monkeypatch.setattr(dask_executor, "run_block", square)
     executor, asked = here
     for number in range(16):
         executor.submit(np.array([number]), number)

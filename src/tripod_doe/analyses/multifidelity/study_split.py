@@ -14,8 +14,8 @@ from tripod_doe.quantities import duration, number
 from tripod_doe.study.cube.results import opened_cube
 from tripod_doe.study.definition import Study, canonical, parse_study
 from tripod_doe.study.designs import SAMPLE, most_points, pilot_samples, point_count
-from tripod_doe.study.file import DesignTable
 from tripod_doe.study.result_folder import STORED, stored_study
+from tripod_doe.study.study_file import DesignTable
 
 
 def needs_split(study: Study) -> bool:

@@ -30,7 +30,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.cube.flat_points import flat_points
 from tripod_doe.study.distributions import scatter_density
-from tripod_doe.study.file import FactorTable
+from tripod_doe.study.study_file import FactorTable
 
 
 class ToleranceSettings(SensitivitySettings):

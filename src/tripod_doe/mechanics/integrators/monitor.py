@@ -13,7 +13,7 @@ from tripod_doe.mechanics.solve.equations_of_motion import accelerate, generaliz
 from tripod_doe.mechanics.tables import EVALUATIONS, STEPS, TRACED, Tables, Work
 
 FINISHED, DIVERGED, STEP_LIMIT, EVALUATION_LIMIT = 0, 1, 3, 4
-"""How a stretch of a run ended; the integers are those of `results.Outcome`."""
+"""How a stretch of a run ended; the integers are those of `tripod_doe.simulator.Outcome`."""
 
 TRACE_FULL = -1
 """A stretch has paused for its trace to be emptied, and goes on when it is called again."""

@@ -37,7 +37,7 @@ def study_schema(scene: str = "joint") -> dict[str, Any]:
 @router.get("/schema/workflow")
 def workflow_schema() -> dict[str, Any]:
     """JSON Schema of workflow files."""
-    from tripod_doe.workflow.file import workflow_schema
+    from tripod_doe.workflow.workflow_file import workflow_schema
 
     return workflow_schema()
 

@@ -19,7 +19,7 @@ from tripod_doe.study.designs.listed import LISTED, crossed
 from tripod_doe.study.designs.multifidelity import MULTIFIDELITY
 from tripod_doe.study.designs.request import Family, Made, Request
 from tripod_doe.study.designs.sampled import SAMPLED
-from tripod_doe.study.file import DesignTable
+from tripod_doe.study.study_file import DesignTable
 
 
 def _part(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> Request:

@@ -14,7 +14,7 @@ from tripod_doe.simulator import Parameter, Value
 from tripod_doe.study.definition import Factor, Study
 from tripod_doe.study.designs.columns import Column, CrossedColumns, HeldColumns
 from tripod_doe.study.designs.request import Family, Made, Request, axis_levels, column_of, held, levels_of
-from tripod_doe.study.file import DesignTable
+from tripod_doe.study.study_file import DesignTable
 
 
 def _grid(request: Request) -> Made:

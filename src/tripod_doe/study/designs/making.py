@@ -17,8 +17,8 @@ from tripod_doe.study.designs.listed import crossed, grid_levels
 from tripod_doe.study.designs.multifidelity import most_points
 from tripod_doe.study.designs.points import Points
 from tripod_doe.study.expressions import Expression
-from tripod_doe.study.file import DesignTable
 from tripod_doe.study.size import POINT_BYTES, refuse_too_many_points
+from tripod_doe.study.study_file import DesignTable
 
 _CHUNK = 1_000_000
 """Points whose factors are held at once to check constraints."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.study.designs.sequences import Indices
+from tripod_doe.study.designs.unit_samples import Indices
 
 _SKIPPED, _STEP = 1024, 0.01  # SALib's: points at the beginning of its sequence, and the part by which a value is moved
 

@@ -19,8 +19,8 @@ from tripod_doe.study.designs.columns import Column, Rows, row_numbers
 from tripod_doe.study.designs.correlation import correlated, correlation_matrix
 from tripod_doe.study.designs.request import Family, Made, Request, column_of, factor_groups
 from tripod_doe.study.designs.sampled import SampledColumns, correlated_bytes, refuse_tails
-from tripod_doe.study.designs.sequences import HeldSample, RandomSample, SaltelliSample, UnitSample
-from tripod_doe.study.file import DesignTable, FactorTable
+from tripod_doe.study.designs.unit_samples import HeldSample, RandomSample, SaltelliSample, UnitSample
+from tripod_doe.study.study_file import DesignTable, FactorTable
 
 SAMPLE = "sample"
 """Label of the points: the sample that each belongs to, the same in all models."""

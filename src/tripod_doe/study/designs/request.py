@@ -11,7 +11,7 @@ import numpy as np
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition import Factor, Study
 from tripod_doe.study.designs.columns import NO_COLUMNS, Column, Columns, HeldColumns
-from tripod_doe.study.file import DesignTable, FactorTable
+from tripod_doe.study.study_file import DesignTable, FactorTable
 
 
 @dataclass(frozen=True)

@@ -21,9 +21,9 @@ from tripod_doe.study.designs.columns import Column, Columns, Rows, row_numbers
 from tripod_doe.study.designs.correlation import correlated, correlation_matrix
 from tripod_doe.study.designs.method_samples import CurveSample, DifferenceSample
 from tripod_doe.study.designs.request import Family, Made, Request, factor_groups, held
-from tripod_doe.study.designs.sequences import HaltonSample, HeldSample, SaltelliSample, SobolSample, UnitSample
+from tripod_doe.study.designs.unit_samples import HaltonSample, HeldSample, SaltelliSample, SobolSample, UnitSample
 from tripod_doe.study.distributions import is_unbounded, quantile
-from tripod_doe.study.file import DesignTable, FactorTable
+from tripod_doe.study.study_file import DesignTable, FactorTable
 
 Sampler = Callable[[DesignTable, Mapping[str, FactorTable]], UnitSample]
 

@@ -10,7 +10,7 @@ import dask
 from distributed import Client
 
 from tripod_doe.study.definition import Study
-from tripod_doe.study.execution.dask_client import OnDask
+from tripod_doe.study.execution.dask_executor import OnDask
 from tripod_doe.study.execution.existing_scheduler import ExistingScheduler
 from tripod_doe.study.execution.local_cluster import QUIET, LocalWorkers
 from tripod_doe.study.execution.task import matching_simulator

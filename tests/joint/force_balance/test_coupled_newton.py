@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from tripod_doe.joint import models
-from tripod_doe.joint.balance import coupled_newton, equilibrium
-from tripod_doe.joint.balance.coupled_newton import settle_together
-from tripod_doe.joint.balance.equilibrium import solve_equilibrium
-from tripod_doe.joint.balance.free_rollers import settle_free
-from tripod_doe.joint.balance.kinetostatic import solve_kinetostatic
+from tripod_doe.joint.force_balance import coupled_newton, equilibrium
+from tripod_doe.joint.force_balance.coupled_newton import settle_together
+from tripod_doe.joint.force_balance.equilibrium import solve_equilibrium
+from tripod_doe.joint.force_balance.free_rollers import settle_free
+from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
 from tripod_doe.simulator import Outcome, counted_time
 
 SWITCHES = ("groove_sliding", "groove_spinning", "groove_rolling", "needle_sliding", "needle_rolling")

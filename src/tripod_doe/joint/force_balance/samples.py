@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.balance.added_motion import inertial_force, spider_load, upright_spin, yawed
-from tripod_doe.joint.balance.periodic_system import LinearLap
-from tripod_doe.joint.balance.point_constants import PointConstants, mean_load, point_constants_of
-from tripod_doe.joint.balance.roller_forces import Skew, spider_wrench
+from tripod_doe.joint.force_balance.added_motion import inertial_force, spider_load, upright_spin, yawed
+from tripod_doe.joint.force_balance.periodic_system import LinearLap
+from tripod_doe.joint.force_balance.point_constants import PointConstants, mean_load, point_constants_of
+from tripod_doe.joint.force_balance.roller_forces import Skew, spider_wrench
 from tripod_doe.joint.geometry.kinematics import ideal_motion
 from tripod_doe.mechanics.arithmetic.lanes import WIDTH, load, pick, select, spread, store
 from tripod_doe.mechanics.compilation.by_reference import ByReference

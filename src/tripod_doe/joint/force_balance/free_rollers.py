@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 
-from tripod_doe.joint.balance.point_constants import flank, point_constants_of
-from tripod_doe.joint.balance.roller_forces import STILL, groove_forces, leaning_contact
-from tripod_doe.joint.balance.samples import (
+from tripod_doe.joint.force_balance.point_constants import flank, point_constants_of
+from tripod_doe.joint.force_balance.roller_forces import STILL, groove_forces, leaning_contact
+from tripod_doe.joint.force_balance.samples import (
     balance_spider,
     changed,
     follow_root,

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
-from tripod_doe.joint.balance.added_motion import moving_forces
-from tripod_doe.joint.balance.point_constants import point_constants_of
-from tripod_doe.joint.balance.roller_forces import spider_wrench, thrust_of_each
-from tripod_doe.joint.balance.samples import Memory, motion_at, skew_of
+from tripod_doe.joint.force_balance.added_motion import moving_forces
+from tripod_doe.joint.force_balance.point_constants import point_constants_of
+from tripod_doe.joint.force_balance.roller_forces import spider_wrench, thrust_of_each
+from tripod_doe.joint.force_balance.samples import Memory, motion_at, skew_of
 from tripod_doe.mechanics.arithmetic.lanes import WIDTH, load, pick, spread, store
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel, kernel_part
 

@@ -22,11 +22,11 @@ import math
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.balance.added_motion import added_motion
-from tripod_doe.joint.balance.periodic_system import link_samples, solve_samples
-from tripod_doe.joint.balance.point_constants import TRANSITIONS, mean_load, point_constants_of
-from tripod_doe.joint.balance.roller_forces import groove_forces, leaning_contact, spider_wrench
-from tripod_doe.joint.balance.samples import Memory, force_scale, motion_at, remember, repeat_first, skew_of
+from tripod_doe.joint.force_balance.added_motion import added_motion
+from tripod_doe.joint.force_balance.periodic_system import link_samples, solve_samples
+from tripod_doe.joint.force_balance.point_constants import TRANSITIONS, mean_load, point_constants_of
+from tripod_doe.joint.force_balance.roller_forces import groove_forces, leaning_contact, spider_wrench
+from tripod_doe.joint.force_balance.samples import Memory, force_scale, motion_at, remember, repeat_first, skew_of
 from tripod_doe.mechanics.arithmetic.dual_numbers import variable
 from tripod_doe.mechanics.arithmetic.lanes import WIDTH, clear, pick
 from tripod_doe.mechanics.compilation.kernels import inner_kernel, kernel, kernel_part

@@ -57,8 +57,8 @@ import math
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.balance.equilibrium import Equilibrium, point_constants, solve_balance
-from tripod_doe.joint.balance.needle_correction import Followers
+from tripod_doe.joint.force_balance.equilibrium import Equilibrium, point_constants, solve_balance
+from tripod_doe.joint.force_balance.needle_correction import Followers
 from tripod_doe.joint.geometry.roller_inertia import roller_inertia
 from tripod_doe.joint.needles.bearing_tilt import NeedleRow, turned_bearing
 from tripod_doe.joint.needles.needle_constants import needle_constants

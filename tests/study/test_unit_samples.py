@@ -13,9 +13,9 @@ from scipy.stats import qmc
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition import parse_study
 from tripod_doe.study.designs import make_points, salib_problem, unit_sample
-from tripod_doe.study.designs.sequences import RandomSample, SobolSample
+from tripod_doe.study.designs.unit_samples import RandomSample, SobolSample
 from tripod_doe.study.distributions import quantile
-from tripod_doe.study.file import DesignTable, FactorTable
+from tripod_doe.study.study_file import DesignTable, FactorTable
 
 TABLES = {name: FactorTable(low=0.0, high=1.0) for name in ("a", "b", "c")}
 GROUPED = TABLES | {name: FactorTable(low=0.0, high=1.0, group="both") for name in ("a", "c")}

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tripod_doe.joint.balance.equilibrium import load_zones, point_constants, solve_balance, solve_equilibrium
-from tripod_doe.joint.balance.kinetostatic import solve_kinetostatic
+from tripod_doe.joint.force_balance.equilibrium import load_zones, point_constants, solve_balance, solve_equilibrium
+from tripod_doe.joint.force_balance.kinetostatic import solve_kinetostatic
 from tripod_doe.joint.orders import complex_amplitudes
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.simulator import Outcome

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from tripod_doe.joint.balance.point_constants import flank
+from tripod_doe.joint.force_balance.point_constants import flank
 from tripod_doe.mechanics.compilation.kernels import inlined_kernel, kernel_part
 from tripod_doe.mechanics.laws.friction import hyperbolic_tangent
 from tripod_doe.mechanics.laws.needles import needle_grip, needle_slip

@@ -50,14 +50,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
-from tripod_doe.joint.balance.account import Solution, account
-from tripod_doe.joint.balance.coupled_newton import loads_at_rest, settle_together
-from tripod_doe.joint.balance.equilibrium_relaxation import settle_still
-from tripod_doe.joint.balance.free_rollers import settle_free
-from tripod_doe.joint.balance.kinetostatic_relaxation import settle_moving
-from tripod_doe.joint.balance.needle_correction import Followers
-from tripod_doe.joint.balance.point_constants import TILT, YAW, PointConstants
-from tripod_doe.joint.balance.samples import Memory, repeat_first, start
+from tripod_doe.joint.force_balance.account import Solution, account
+from tripod_doe.joint.force_balance.coupled_newton import loads_at_rest, settle_together
+from tripod_doe.joint.force_balance.equilibrium_relaxation import settle_still
+from tripod_doe.joint.force_balance.free_rollers import settle_free
+from tripod_doe.joint.force_balance.kinetostatic_relaxation import settle_moving
+from tripod_doe.joint.force_balance.needle_correction import Followers
+from tripod_doe.joint.force_balance.point_constants import TILT, YAW, PointConstants
+from tripod_doe.joint.force_balance.samples import Memory, repeat_first, start
 from tripod_doe.joint.geometry import contact_stiffness
 from tripod_doe.joint.geometry.transition_velocities import transition_velocities
 from tripod_doe.joint.values import JointValues

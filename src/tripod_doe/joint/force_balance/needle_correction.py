@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.balance.added_motion import added_motion
-from tripod_doe.joint.balance.point_constants import TILT, PointConstants, flank, point_constants_of
-from tripod_doe.joint.balance.roller_forces import leaning_contact
-from tripod_doe.joint.balance.samples import Memory, motion_at
+from tripod_doe.joint.force_balance.added_motion import added_motion
+from tripod_doe.joint.force_balance.point_constants import TILT, PointConstants, flank, point_constants_of
+from tripod_doe.joint.force_balance.roller_forces import leaning_contact
+from tripod_doe.joint.force_balance.samples import Memory, motion_at
 from tripod_doe.joint.needles.bearing_tilt import NeedleRow, turned_bearing
 from tripod_doe.joint.needles.needle_constants import NeedleConstants
 from tripod_doe.joint.needles.needle_motion import (

@@ -6,9 +6,9 @@ changes at one sample is carried on to the next ones by a recursion, two laps of
 
 from __future__ import annotations
 
-from tripod_doe.joint.balance.added_motion import moving_forces
-from tripod_doe.joint.balance.point_constants import point_constants_of
-from tripod_doe.joint.balance.samples import (
+from tripod_doe.joint.force_balance.added_motion import moving_forces
+from tripod_doe.joint.force_balance.point_constants import point_constants_of
+from tripod_doe.joint.force_balance.samples import (
     balance_spider,
     changed,
     follow_root,
