@@ -10,6 +10,8 @@ import re
 from collections.abc import Iterable
 from itertools import pairwise
 
+from tripod_doe.errors import printable
+
 _DIGITS = 3
 _GIVEN_DIGITS = 6  # of a value that a user wrote: enough to recognise it
 _PLAIN = (1e-4, 1e7)  # magnitudes that are written without a power of ten
@@ -31,8 +33,10 @@ _FORMULA = re.compile(r"[=+\-@\t\r]")
 
 
 def csv_cell(value: object) -> object:
-    """A value as a cell of a CSV file, which a spreadsheet must not take for a formula: a text like one gets a '."""
-    return f"'{value}" if isinstance(value, str) and _FORMULA.match(value) else value
+    """A value as a cell of a CSV file: a text like a formula gets a ' in front, and control characters are escapes."""
+    if not isinstance(value, str):
+        return value
+    return printable(f"'{value}" if _FORMULA.match(value) else value)
 
 
 def number(value: float, digits: int = _DIGITS) -> str:

@@ -400,6 +400,12 @@ def test_a_table_with_a_column_twice_is_refused(tmp_path):
         points_of('[design]\nkind = "table"\ntable = "t.csv"\n', tmp_path)
 
 
+def test_a_table_whose_quote_never_ends_is_refused(tmp_path):
+    (tmp_path / "t.csv").write_text('torque_n_m\n"1\n')
+    with pytest.raises(InputError, match=r"t\.csv'?: .*unexpected end of data"):
+        points_of('[design]\nkind = "table"\ntable = "t.csv"\n', tmp_path)
+
+
 def test_a_full_factorial_takes_levels_words_and_ends():
     points = points_of(
         "[factors]\ntorque_n_m = {low = 25, high = 100}\nspeed_rpm = {values = [300, 600, 1200]}\n"

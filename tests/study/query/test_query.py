@@ -160,7 +160,8 @@ def test_a_text_like_a_formula_is_none_in_a_spreadsheet():
 
 
 def test_what_a_terminal_would_obey_is_written_as_an_escape():
-    assert "\x1b" not in records_text({"a": np.array(["\x1b[2J"], object)}, "table")
+    for form in ("table", "csv", "json"):
+        assert "\x1b" not in records_text({"a": np.array(["\x1b[2J"], object)}, form)
 
 
 def test_records_as_text():

@@ -74,7 +74,7 @@ def _rows(study: Study, design: DesignTable) -> tuple[list[str], list[list[str]]
     path = study.folder.file(design.table, "table")
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
-            header, *rows = [row for row in csv.reader(stream) if row] or [[]]
+            header, *rows = [row for row in csv.reader(stream, strict=True) if row] or [[]]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise InputError(f"table = {design.table!r}: cannot read {path}: {reason}") from error
