@@ -114,3 +114,12 @@ def test_a_start_that_fails_says_why(monkeypatch, tmp_path, body, reason):
     monkeypatch.setattr(local_cluster, "__name__", "dying")
     with pytest.raises(TripodDoeError, match=f"could not be started: the process that starts them {reason}"):
         LocalWorkers(1)
+
+
+def test_a_long_name_of_the_temporary_folder_leaves_room_for_sockets(monkeypatch, tmp_path):
+    """Schedulers of jobs make such folders; names of sockets have 107 bytes."""
+    folder = tmp_path / ("job-" + "1" * 100)
+    folder.mkdir()
+    monkeypatch.setenv("TMPDIR", str(folder))
+    with closing(LocalWorkers(1)) as started, closing(started.connect()) as client:
+        assert client.submit(lambda: 6 * 7).result(timeout=30) == 42

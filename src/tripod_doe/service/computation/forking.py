@@ -16,8 +16,11 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
+from tripod_doe.study.execution.child_process import shorten_temporary_folder
+
 _MOST_FILES = 4096  # numbers of open files that a run closes
 
+shorten_temporary_folder()
 context = multiprocessing.get_context("forkserver")
 context.set_forkserver_preload(["tripod_doe.cli.main", "tripod_doe.service.computation.preload"])
 

@@ -11,9 +11,11 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 from typing import IO
 
 _NO_LEAKS = "ignore::UserWarning:multiprocessing.resource_tracker"  # the system frees what a child that is killed had
+_LONGEST_FOLDER = 70  # bytes: names of sockets have 107, of which multiprocessing adds 32
 
 
 def start_child(module: str, *words: str) -> subprocess.Popen[str]:
@@ -50,3 +52,12 @@ def answers() -> IO[str]:
     stream = os.fdopen(os.dup(sys.stdout.fileno()), "w")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     return stream
+
+
+def shorten_temporary_folder() -> None:
+    """Use /tmp for temporary files where the name of the usual folder leaves no room for those of sockets in it.
+
+    Schedulers of jobs make such long folders; multiprocessing's fork server then fails with "AF_UNIX path too long".
+    """
+    if len(os.fsencode(tempfile.gettempdir())) > _LONGEST_FOLDER:
+        tempfile.tempdir = "/tmp"

@@ -26,7 +26,7 @@ from multiprocessing import forkserver
 from typing import TYPE_CHECKING
 
 from tripod_doe.errors import TripodDoeError, option
-from tripod_doe.study.execution.child_process import answers, start_child
+from tripod_doe.study.execution.child_process import answers, shorten_temporary_folder, start_child
 from tripod_doe.study.scenes import modules_of_scenes
 
 if TYPE_CHECKING:  # this program starts its own children before it imports Dask
@@ -101,6 +101,7 @@ def _ending(program: subprocess.Popen[str]) -> str:
 def _serve(count: int, modules: list[str]) -> None:
     """Start workers with these modules imported, say where they are, and keep them until they are to close."""
     stream = answers()
+    shorten_temporary_folder()
     multiprocessing.set_forkserver_preload(
         ["distributed.nanny", "distributed.worker", f"{__package__}.dask_task", *modules]
     )
