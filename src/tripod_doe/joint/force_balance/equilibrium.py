@@ -268,7 +268,7 @@ def solve_balance(
     `followers` are the needles of a balance in which rollers tilt and needles may move.
     """
     table = np.stack([columns[name] for name in PointConstants._fields], axis=1)
-    skews = np.stack(points.initial_skews, axis=1)
+    skews, mean_loads = np.stack(points.initial_skews, axis=1), points.groove_load
     cosines, sines = _groove_angles(samples)
     memory, solution = Memory.for_samples(samples), Solution.of_nothing(table.shape[0], samples)
     upright = np.zeros(table.shape[0], bool)
@@ -281,7 +281,7 @@ def solve_balance(
             table[i, YAW] = 0.0
             solution.settled[i], iterations, (most, least) = settle(table[i])
             solution.sweeps[i], upright[i] = solution.sweeps[i] + iterations, solution.settled[i]
-        solution.extremes[i] = most * points.groove_load[i], least * points.groove_load[i]
+        solution.extremes[i] = most * mean_loads[i], least * mean_loads[i]
         if solution.settled[i] and followers is not None and followers.slide[i]:
             solution.sweeps[i] += _settle_with_needles(table[i], memory, followers, i)
         if solution.settled[i]:
