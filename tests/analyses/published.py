@@ -34,10 +34,7 @@ def sobol_g(x):
 
 
 _V = 1 / (3 * (1 + _A) ** 2)
-SOBOL_G = {
-    "S1": _V / (np.prod(1 + _V) - 1),
-    "ST": _V * np.prod(1 + _V) / (1 + _V) / (np.prod(1 + _V) - 1),
-}
+SOBOL_G = {"S1": _V / (np.prod(1 + _V) - 1), "ST": _V * np.prod(1 + _V) / (1 + _V) / (np.prod(1 + _V) - 1)}
 """Sobol's g function (Saltelli and Sobol' 1995) with a = 0, 1, 4.5."""
 
 

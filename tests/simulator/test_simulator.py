@@ -10,10 +10,7 @@ from tripod_doe.simulator import BlockResult, Dimension, Output, Parameter, Simu
 from tripod_doe.study.function import FunctionSimulator
 from tripod_doe.study.scenes import SCENES, load_simulator
 
-METHODS = {
-    "plain": {"explicit": {"step_s": 1e-6}, "controlled": {"relative_tolerance": 1e-3}},
-    "fine": {"direct": {}},
-}
+METHODS = {"plain": {"explicit": {"step_s": 1e-6}, "controlled": {"relative_tolerance": 1e-3}}, "fine": {"direct": {}}}
 
 
 class Spring(Simulator):

@@ -33,8 +33,7 @@ def test_grid_runs_in_file_order():
 
 
 @pytest.mark.parametrize(
-    ("values", "axis"),
-    [([50, 100, 25, 75], [25, 50, 75, 100]), ([100, 50, 25], [100, 50, 25]), ([7], [7])],
+    ("values", "axis"), [([50, 100, 25, 75], [25, 50, 75, 100]), ([100, 50, 25], [100, 50, 25]), ([7], [7])]
 )
 def test_the_axes_of_a_grid_are_sorted(values, axis):
     """Regression: a grid that grew had its axis in the order of arrival, and no range could be selected."""

@@ -193,9 +193,7 @@ class JointSimulator(Simulator):
         return [(kind, np.array(rows[kind])) for kind in sorted(rows)]
 
 
-def _by_model(
-    points: Mapping[str, NDArray[Any]],
-) -> Iterator[tuple[models.Model, IntArray, dict[str, NDArray[Any]]]]:
+def _by_model(points: Mapping[str, NDArray[Any]]) -> Iterator[tuple[models.Model, IntArray, dict[str, NDArray[Any]]]]:
     """The points of each model: their positions and all their parameters."""
     names = list(dict.fromkeys(points["model"].tolist()))
     for name in names:

@@ -41,14 +41,7 @@ from tripod_doe.report.responses import (
     waiting,
 )
 from tripod_doe.report.subset import shown_subset
-from tripod_doe.report.tables import (
-    cost_rows,
-    factor_rows,
-    failed_points,
-    fixed_rows,
-    numerics_rows,
-    outcome_counts,
-)
+from tripod_doe.report.tables import cost_rows, factor_rows, failed_points, fixed_rows, numerics_rows, outcome_counts
 from tripod_doe.report.templates import render
 from tripod_doe.simulator import NOTABLE_ERROR
 from tripod_doe.study.cube.model_records import MODEL_ERROR

@@ -85,10 +85,7 @@ def failed_points(cube: xr.Dataset, most: int = 50) -> list[FailedPoint]:
     detail = cube["outcome_detail"].values.ravel() if "outcome_detail" in cube else np.full(outcome.size, "")
     return [
         FailedPoint(
-            int(at),
-            [_text(column[row]) for column in factors],
-            Outcome(int(outcome[at])).label,
-            str(detail[at]),
+            int(at), [_text(column[row]) for column in factors], Outcome(int(outcome[at])).label, str(detail[at])
         )
         for row, at in enumerate(failed)
     ]

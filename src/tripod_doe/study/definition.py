@@ -137,9 +137,7 @@ def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = N
     run = file.run
     unknown = simulator.parameters.keys() - base if file.design.kind == "table" else ()
     retry = _at(
-        origin,
-        "[run]",
-        lambda: check_retries(simulator, base, levels, keep, run.retry, run.expected_outcomes, unknown),
+        origin, "[run]", lambda: check_retries(simulator, base, levels, keep, run.retry, run.expected_outcomes, unknown)
     )
     study = Study(file, simulator, base, factors, keep, (), text, origin, folder, switches, retry, accuracy, demands)
     warnings = _at(origin, "[base]", lambda: simulator.check(base, levels, keep))

@@ -32,12 +32,7 @@ _COMPARE: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
     ast.Eq: operator.eq,
     ast.NotEq: operator.ne,
 }
-_FUNCTIONS: dict[str, Callable[..., Any]] = {
-    "abs": np.abs,
-    "min": np.minimum,
-    "max": np.maximum,
-    "sqrt": np.sqrt,
-}
+_FUNCTIONS: dict[str, Callable[..., Any]] = {"abs": np.abs, "min": np.minimum, "max": np.maximum, "sqrt": np.sqrt}
 _LONGEST = 4_000  # characters of a condition: the time to parse one may grow faster than its length
 _WHOLE = 2**53  # from here on not every whole number is one of float64
 _DEEPEST = 100  # operators within each other

@@ -6,15 +6,7 @@ from pathlib import Path
 
 from tripod_doe.errors import InputError
 
-TEMPLATES = (
-    "grid",
-    "sensitivity",
-    "contribution",
-    "response-surface",
-    "tolerance",
-    "what-if",
-    "multifidelity",
-)
+TEMPLATES = ("grid", "sensitivity", "contribution", "response-surface", "tolerance", "what-if", "multifidelity")
 """Kinds of studies to start from."""
 
 

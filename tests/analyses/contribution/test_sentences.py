@@ -12,11 +12,7 @@ import pytest
 from tripod_doe.analyses.contribution.charts import contribution_charts
 from tripod_doe.analyses.contribution.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analyses.contribution.sentences import contribution_findings, contribution_notes
-from tripod_doe.analyses.contribution.shares import (
-    PAPER_SHARES,
-    contributions,
-    share_rows,
-)
+from tripod_doe.analyses.contribution.shares import PAPER_SHARES, contributions, share_rows
 from tripod_doe.analyses.findings import find
 from tripod_doe.pages.study import make_page
 from tripod_doe.simulator import Outcome

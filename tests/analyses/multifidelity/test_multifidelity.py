@@ -332,11 +332,7 @@ def test_a_split_keeps_the_points_that_were_planned(study, tmp_path, capsys):
     assert free.computed > 100
 
 
-@given(
-    st.lists(st.integers(16, 10**7), min_size=2, max_size=5),
-    st.integers(16, 30),
-    st.integers(0, 10**7),
-)
+@given(st.lists(st.integers(16, 10**7), min_size=2, max_size=5), st.integers(16, 30), st.integers(0, 10**7))
 def test_shrunk_samples_are_as_many_as_allowed_and_keep_pilot_and_truth(counts, pilot, spare):
     wanted = {str(number): max(count, pilot) for number, count in enumerate(counts)}
     most = wanted["0"] + pilot * (len(wanted) - 1) + spare

@@ -245,10 +245,7 @@ def share_rows(part: Contribution) -> tuple[list[str], list[list[str]], list[lis
             row.append(f"{share:.0f}" if mechanism in PAPER_SHARES else f"{share:.0f} (rest)")
         differences = part.differences()
         below.append(
-            [
-                "largest gap to the paper",
-                *(f"{differences[k]:.1f}" if k in differences else "" for k in part.shares),
-            ]
+            ["largest gap to the paper", *(f"{differences[k]:.1f}" if k in differences else "" for k in part.shares)]
         )
         below = [[*row, "100" if row[0] == "sum" else ""] for row in below]
     return heads, rows, below

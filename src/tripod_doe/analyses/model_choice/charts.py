@@ -62,11 +62,7 @@ def _over_two(data: pd.DataFrame, across: str, up: str) -> Figure:
         _draw_models(models, data, data.iloc[:, 1])
         known = data[data["estimated_error_percent_of_allowed"].notna()]
         shades = errors.scatter(
-            known.iloc[:, 0],
-            known.iloc[:, 1],
-            c=known["estimated_error_percent_of_allowed"],
-            s=14,
-            cmap="cividis_r",
+            known.iloc[:, 0], known.iloc[:, 1], c=known["estimated_error_percent_of_allowed"], s=14, cmap="cividis_r"
         )
         if len(known):
             figure.colorbar(shades, ax=errors, label=_ERRORS)

@@ -150,13 +150,7 @@ def without_pilot(columns: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> xr
     )
     price = float(candidates[0].price * count)
     return choice.assign_attrs(
-        {
-            "limit": 0.0,
-            "misses": 0,
-            "price_study_s": price,
-            "price_pilot_s": 0.0,
-            "price_reference_s": price,
-        }
+        {"limit": 0.0, "misses": 0, "price_study_s": price, "price_pilot_s": 0.0, "price_reference_s": price}
     )
 
 

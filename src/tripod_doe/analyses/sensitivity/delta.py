@@ -74,11 +74,7 @@ def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings
         _indices(values[half], factors[half])[:-1]
         for half in random_halves(rows.size, settings.resamples, settings.seed)
     ]
-    return {
-        "delta": whole[:-1],
-        "delta_conf": half_width(np.stack(halves), settings.confidence),
-        "chance": whole[-1],
-    }
+    return {"delta": whole[:-1], "delta_conf": half_width(np.stack(halves), settings.confidence), "chance": whole[-1]}
 
 
 METHOD = Method(

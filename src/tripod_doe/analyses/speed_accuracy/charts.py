@@ -15,12 +15,7 @@ from tripod_doe.simulator import Outcome
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes
 
-_CROSSES = {
-    Outcome.DIVERGED: "x",
-    Outcome.INACCURATE: "X",
-    Outcome.STEP_LIMIT: "+",
-    Outcome.EVALUATION_LIMIT: "1",
-}
+_CROSSES = {Outcome.DIVERGED: "x", Outcome.INACCURATE: "X", Outcome.STEP_LIMIT: "+", Outcome.EVALUATION_LIMIT: "1"}
 _OTHER = "*"
 _X_LABEL = "CPU seconds per simulated second (-)"
 

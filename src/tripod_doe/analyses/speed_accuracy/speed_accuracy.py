@@ -186,9 +186,7 @@ def _front(prices: FloatArray, errors: FloatArray) -> NDArray[np.int8]:
 
 
 def _run_variables(
-    cases: Sequence[Case],
-    references: Mapping[str, _Reference | None],
-    truths: Mapping[str, _Reference | None],
+    cases: Sequence[Case], references: Mapping[str, _Reference | None], truths: Mapping[str, _Reference | None]
 ) -> dict[str, Any]:
     """Everything along ``run``."""
     runs = [(case, run) for case in cases for run in case.runs]

@@ -11,14 +11,7 @@ from pydantic import Field
 
 from tripod_doe.analyses.encoding import encoded, inputs_of
 from tripod_doe.analyses.kinds import makes_kind
-from tripod_doe.analyses.outputs import (
-    OutputTable,
-    chosen_outputs,
-    is_course,
-    output_attributes,
-    read_outputs,
-    stacked,
-)
+from tripod_doe.analyses.outputs import OutputTable, chosen_outputs, is_course, output_attributes, read_outputs, stacked
 from tripod_doe.analyses.sample import SAMPLED_DESIGNS, read_sample
 from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.analyses.surrogate.learner import KINDS, learn

@@ -15,14 +15,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from tripod_doe.analyses.kinds import makes_kind
-from tripod_doe.analyses.outputs import (
-    OutputTable,
-    chosen_outputs,
-    is_course,
-    output_attributes,
-    read_outputs,
-    stacked,
-)
+from tripod_doe.analyses.outputs import OutputTable, chosen_outputs, is_course, output_attributes, read_outputs, stacked
 from tripod_doe.analyses.resampling import bootstrap_weights, half_width
 from tripod_doe.analyses.sample import SAMPLED_DESIGNS, Sample, read_sample
 from tripod_doe.analyses.settings import SHARES, Probabilities, SensitivitySettings

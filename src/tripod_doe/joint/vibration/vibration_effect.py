@@ -130,12 +130,7 @@ class VibratingJoint:
         method, setting = undamped(needles, self._vibration.growth.frequency)
         budget = int(self._values.evaluation_budget)
         joint = RevolvingJoint(
-            assemble(build_joint(self._values, needles)),
-            self._values,
-            method,
-            self._wanted,
-            self._limits,
-            budget,
+            assemble(build_joint(self._values, needles)), self._values, method, self._wanted, self._limits, budget
         )
         builds_up = self._vibration.builds_up and not needles
         self._joints.append(joint)

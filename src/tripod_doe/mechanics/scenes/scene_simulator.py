@@ -189,10 +189,7 @@ class SceneSimulator(Simulator):
         return (
             self.answer(values, result)
             | rates
-            | {
-                "largest_penetration_um": 1e3 * result.penetration,
-                "energy_residual": result.energy_residual,
-            }
+            | {"largest_penetration_um": 1e3 * result.penetration, "energy_residual": result.energy_residual}
         )
 
 

@@ -62,10 +62,7 @@ class Execution:
     """
 
     def __init__(
-        self,
-        workers: int | None = None,
-        scheduler: ExistingScheduler | None = None,
-        oversubscribe: bool = False,
+        self, workers: int | None = None, scheduler: ExistingScheduler | None = None, oversubscribe: bool = False
     ) -> None:
         if workers is not None and workers < 0:
             raise InputError(f"{option('workers', workers)}: must be 0 (this process) or more")

@@ -19,15 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import CubeError, StorageError
-from tripod_doe.study.journal.damage import (
-    KERNELS,
-    REPAIRS,
-    SHOWN,
-    connected,
-    damage,
-    is_damage,
-    rescue,
-)
+from tripod_doe.study.journal.damage import KERNELS, REPAIRS, SHOWN, connected, damage, is_damage, rescue
 from tripod_doe.study.journal.finished_block import FinishedBlock
 from tripod_doe.study.journal.rows import (
     BLOCK_COLUMNS,
