@@ -24,14 +24,15 @@ import numpy as np
 import tripod_doe as td
 from tripod_doe.pages.study import write_report
 from tripod_doe.simulator import BlockResult, Outcome, Values
-from tripod_doe.study.definition import Study, load_study
+from tripod_doe.study.definition.study import Study, load_study
 from tripod_doe.study.designs import make_points
-from tripod_doe.study.directory import ResultDirectory
 from tripod_doe.study.execution.task import make_task
+from tripod_doe.study.failures import failures_in
 from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.plan import plan
 from tripod_doe.study.query.arrays import opened_arrays
 from tripod_doe.study.query.query import records
+from tripod_doe.study.results.directory import ResultDirectory
 from tripod_doe.study.study_points import StudyPoints
 
 SAMPLED = """
@@ -161,7 +162,7 @@ def main() -> None:
             size, seconds = cube.nbytes / 1e6, time.perf_counter() - began_cube
             print(f"written {size:,.0f} MB of cube, {size / seconds:.0f} MB/s")
             with stage("failures", options.points, before):
-                asked.failures(cube)
+                failures_in(cube, asked)
             del cube
         del asked
         price = 1e6 * (time.process_time() - began) / options.points

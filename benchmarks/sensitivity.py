@@ -32,8 +32,8 @@ from tripod_doe.analyses.sensitivity.rbd_fast import RbdFastSettings, rbd_fast_i
 from tripod_doe.analyses.sensitivity.shapley import ShapleySettings, shapley_effects
 from tripod_doe.analyses.sensitivity.sobol import SobolSettings, sobol_indices
 from tripod_doe.simulator import Outcome
+from tripod_doe.study.definition.study_file import parse_file
 from tripod_doe.study.designs import unit_sample
-from tripod_doe.study.study_file import parse_file
 
 _LOOPED = 3  # outputs that SALib analyses: its time is the sum over all
 FACTORS = ("a", "b", "c", "d", "e")

@@ -23,10 +23,10 @@ from numpy_equilibrium import third_order
 
 import tripod_doe as td
 from tripod_doe.joint.parameters import internal_values
-from tripod_doe.study.definition import load_study, parse_study
+from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.study import load_study, parse_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution.task import make_task, run_task
-from tripod_doe.study.scenes import load_simulator
 
 HERE = Path(__file__).parent
 BLOCK = 5000

@@ -74,11 +74,11 @@ def folder(tmp_path_factory) -> Path:
 def make_cube(folder):
     from tripod_doe.study.cube.dataset import build_cube  # imported here: every test session loads this module
     from tripod_doe.study.cube.netcdf import stamp_history
-    from tripod_doe.study.definition import parse_study
+    from tripod_doe.study.definition.study import parse_study
+    from tripod_doe.study.definition.study_folder import StudyFolder
     from tripod_doe.study.designs import make_points, point_keys
     from tripod_doe.study.execution.task import make_task, run_task
     from tripod_doe.study.journal import FinishedBlock
-    from tripod_doe.study.study_folder import StudyFolder
 
     def make(text: str, part: slice = slice(None)) -> xr.Dataset:
         """The cube of a study whose points `part` were run."""

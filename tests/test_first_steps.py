@@ -13,9 +13,9 @@ import pytest
 import tripod_doe as td
 from tripod_doe.cli import main
 from tripod_doe.errors import closest
-from tripod_doe.study.scenes import load_simulator
-from tripod_doe.study.study_file import TABLES
-from tripod_doe.study.template import TEMPLATES
+from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.study_file import TABLES
+from tripod_doe.study.definition.template import TEMPLATES
 
 
 @pytest.mark.parametrize("kind", TEMPLATES)

@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from tripod_doe.errors import CubeError, InputError, StorageError, TripodDoeError
     from tripod_doe.pages.study import write_report
     from tripod_doe.simulator import Outcome, Output, Parameter
-    from tripod_doe.study.cube.results import open_cube
-    from tripod_doe.study.definition import Study, load_study
+    from tripod_doe.study.definition.schema import study_schema
+    from tripod_doe.study.definition.study import Study, load_study
     from tripod_doe.study.plan import Plan, plan
     from tripod_doe.study.query.query import query
-    from tripod_doe.study.schema import study_schema
+    from tripod_doe.study.results.result_cube import open_cube
     from tripod_doe.study.simulate import simulate
     from tripod_doe.workflow.chain import WorkflowSummary, run_workflow
     from tripod_doe.workflow.run import RunSummary, run

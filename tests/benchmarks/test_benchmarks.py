@@ -15,9 +15,9 @@ import xarray as xr
 
 from started import Process
 from tripod_doe.simulator import Outcome
-from tripod_doe.study.definition import parse_study
+from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
-from tripod_doe.study.study_folder import StudyFolder
 from tripod_doe.workflow.analyses import check_analyses
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
@@ -234,7 +234,7 @@ def test_peers_of_the_sensitivity_find_the_same_indices(benchmark, tmp_path):
 
 CHOSEN = """
 from tripod_doe.simulator import Candidate
-from tripod_doe.study.study_folder import StudyFolder
+from tripod_doe.study.definition.study_folder import StudyFolder
 def chosen_{0}(x, model=1):
     return {{"y": (10 + x) * (1.02 if model == 0 and x > 0.85 else 1.0), "y_error": (10 + x) * (0.02 if x < 0.15 else 0.0)}}
 chosen_{0}.candidates = (Candidate({{"model": 0}}, 1e-6, 1), Candidate({{"model": 1}}, 1.0, 1, full=True))

@@ -19,9 +19,9 @@ from tripod_doe.service.runs import Run, State
 from tripod_doe.service.supervisor import run_words
 from tripod_doe.service.toml_places import place_of
 from tripod_doe.service.uploads import write_upload
-from tripod_doe.study.definition import parse_study
+from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution.timing import time_points
-from tripod_doe.study.study_folder import StudyFolder
 
 GOOD = textwrap.dedent(COAST)
 TABLE = GOOD + '\n[design]\nkind = "table"\ntable = "{}"\n'

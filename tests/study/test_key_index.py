@@ -7,7 +7,7 @@ import hashlib
 import numpy as np
 import pytest
 
-from tripod_doe.study.definition import parse_study
+from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.key_index import KeyIndex
 

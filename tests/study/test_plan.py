@@ -12,13 +12,13 @@ import tripod_doe as td
 from tripod_doe.joint.candidates import JOINT_CANDIDATES
 from tripod_doe.study import plan as plan_module
 from tripod_doe.study.cube.dataset import build_cube
-from tripod_doe.study.definition import parse_study
+from tripod_doe.study.definition.scenes import SCENES, load_simulator
+from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.execution import timing
 from tripod_doe.study.execution.task import make_task, run_task
 from tripod_doe.study.journal import FinishedBlock
-from tripod_doe.study.scenes import SCENES, load_simulator
-from tripod_doe.study.study_folder import StudyFolder
 
 TEXT = """
 [study]

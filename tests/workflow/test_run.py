@@ -17,11 +17,11 @@ import xarray as xr
 import tripod_doe as td
 from stand_in_workers import SlowStart
 from started import Process
-from tripod_doe.study.definition import load_study
+from tripod_doe.study.definition.study import load_study
 from tripod_doe.study.designs import make_points, point_keys
-from tripod_doe.study.directory import ResultDirectory
 from tripod_doe.study.execution import dask_cluster
 from tripod_doe.study.journal import Journal
+from tripod_doe.study.results.directory import ResultDirectory
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
 
@@ -272,7 +272,7 @@ def test_an_existing_scheduler_gives_the_same_cube(write_study, tmp_path):
 
 def test_a_disk_that_is_too_small_is_reported_before_anything_starts(write_study, tmp_path, monkeypatch):
     usage = shutil.disk_usage(tmp_path)._replace(free=1_000_000)
-    monkeypatch.setattr("tripod_doe.study.directory.shutil.disk_usage", lambda path: usage)
+    monkeypatch.setattr("tripod_doe.study.results.directory.shutil.disk_usage", lambda path: usage)
     with pytest.raises(td.InputError, match=r"1 MB free, but journal and cube need 20 MB"):
         run(write_study(GRID), tmp_path / "out")
     assert not (tmp_path / "out" / "study.toml").exists()

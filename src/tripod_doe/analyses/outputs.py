@@ -21,7 +21,7 @@ from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.cube.dataset import COST_VARIABLES, RECORD_ROLE
 from tripod_doe.study.cube.slab_reading import read_positions
-from tripod_doe.study.size import refuse_too_much_memory
+from tripod_doe.study.memory import refuse_too_much_memory
 
 _CONSTANT = 1e-9  # spread below which an output does not vary, over its largest magnitude
 _WAVEFORM = "rotation_deg"

@@ -38,7 +38,7 @@ from tripod_doe.analyses.stability.stability import StabilitySettings, stability
 from tripod_doe.analyses.surrogate.surrogate import SURROGATE_DESIGNS, SurrogateSettings, surrogate
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, tolerance
 from tripod_doe.errors import InputError
-from tripod_doe.study.study_folder import StudyFolder
+from tripod_doe.study.definition.study_folder import StudyFolder
 
 if TYPE_CHECKING:
     from tripod_doe.report.charts.chart import Chart

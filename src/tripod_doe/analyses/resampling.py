@@ -7,7 +7,7 @@ from statistics import NormalDist
 import numpy as np
 
 from tripod_doe.array_types import FloatArray, IntArray
-from tripod_doe.study.size import refuse_too_much_memory
+from tripod_doe.study.memory import refuse_too_much_memory
 
 _DRAWN = 100_000  # blocks of every resample that are drawn together
 

@@ -18,8 +18,8 @@ from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube.dataset import EXCLUDED
 from tripod_doe.study.cube.slab_reading import all_finite
+from tripod_doe.study.definition.study_file import DesignTable, FactorTable, parse_file
 from tripod_doe.study.designs import FAMILIES, factor_groups, unit_sample
-from tripod_doe.study.study_file import DesignTable, FactorTable, parse_file
 
 SAMPLED_DESIGNS = ("latin-hypercube", "sobol", "halton", "rbd-fast")
 """Designs whose points each stand alone and follow the distributions of the factors."""

@@ -16,7 +16,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.study.check import check_files
+    from tripod_doe.study.results.check import check_files
 
     files = check_files(options.path)
     if options.format == "json":

@@ -57,7 +57,7 @@ def _run(options: argparse.Namespace) -> int:
     from tripod_doe.analyses.comparison.page import write_comparison
     from tripod_doe.analyses.comparison.record_file import parse_column
     from tripod_doe.analyses.comparison.sentences import comparison_json, comparison_text
-    from tripod_doe.study.cube.results import opened_cube
+    from tripod_doe.study.results.result_cube import opened_cube
 
     with opened_cube(options.cube) as cube:
         point = model_point(cube, options.select, options.nearest).load()

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 
 from tripod_doe.cli.parser import DONE, Command, Parser
-from tripod_doe.study.template import TEMPLATES
+from tripod_doe.study.definition.template import TEMPLATES
 
 
 def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
@@ -22,7 +22,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.study.template import write_template
+    from tripod_doe.study.definition.template import write_template
 
     path = write_template(options.name, options.kind)
     print(path)

@@ -32,16 +32,16 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.study.study_file import is_workflow
+    from tripod_doe.study.definition.study_file import is_workflow
 
     return (_plan_workflow if is_workflow(options.file) else _plan_study)(options)
 
 
 def _plan_study(options: argparse.Namespace) -> int:
-    from tripod_doe.study.definition import load_study
+    from tripod_doe.study.definition.study import load_study
+    from tripod_doe.study.definition.study_folder import StudyFolder
     from tripod_doe.study.designs import point_count
     from tripod_doe.study.plan import plan
-    from tripod_doe.study.study_folder import StudyFolder
 
     if options.quick:
         raise InputError(f"{option('quick')}: {options.file} is a study; only workflows have a [quick]")

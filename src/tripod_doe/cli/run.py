@@ -50,13 +50,13 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.study.definition import load_study
+    from tripod_doe.study.definition.study import load_study
+    from tripod_doe.study.definition.study_folder import StudyFolder
     from tripod_doe.study.failures import failure_lines
-    from tripod_doe.study.study_folder import StudyFolder
     from tripod_doe.workflow.run import run  # Dask and plotting are slow to import
 
     if options.export:
-        from tripod_doe.study.cube.zarr_store import export_zarr, refuse_without_zarr
+        from tripod_doe.study.results.zarr_store import export_zarr, refuse_without_zarr
 
         refuse_without_zarr()
     logging.getLogger("distributed").setLevel(logging.CRITICAL)

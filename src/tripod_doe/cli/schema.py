@@ -24,7 +24,7 @@ def _run(options: argparse.Namespace) -> int:
             raise InputError("--brief: only for study files")
         print(json.dumps(workflow_schema(), indent=1))
         return DONE
-    from tripod_doe.study.schema import brief_schema, study_schema
+    from tripod_doe.study.definition.schema import brief_schema, study_schema
 
     print(brief_schema(options.scene) if options.brief else json.dumps(study_schema(options.scene), indent=1))
     return DONE

@@ -24,7 +24,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     scene.help = "what to simulate (default joint)"
     add_format(parser)
     if "simulate" in arguments[:1]:
-        from tripod_doe.study.scenes import SCENES, load_simulator
+        from tripod_doe.study.definition.scenes import SCENES, load_simulator
 
         scene.help = f"what to simulate: {', '.join(SCENES)} (default joint)"
         _add_parameters(parser, load_simulator(_scene_named_in(arguments)))
@@ -64,8 +64,8 @@ def _parameter_value(parameter: Parameter, text: str) -> Any:
 
 def _run(options: argparse.Namespace) -> int:
     from tripod_doe.simulator import Outcome
+    from tripod_doe.study.definition.scenes import load_simulator
     from tripod_doe.study.point_table import point_table
-    from tripod_doe.study.scenes import load_simulator
     from tripod_doe.study.simulate import simulate_point, usual_price
 
     simulator = load_simulator(options.scene)

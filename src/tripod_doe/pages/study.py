@@ -44,9 +44,9 @@ from tripod_doe.report.subset import shown_subset
 from tripod_doe.report.tables import cost_rows, factor_rows, failed_points, fixed_rows, numerics_rows, outcome_counts
 from tripod_doe.report.templates import render
 from tripod_doe.simulator import NOTABLE_ERROR
+from tripod_doe.study.cube.lazy_dataset import read_dataset
 from tripod_doe.study.cube.model_records import MODEL_ERROR
-from tripod_doe.study.cube.netcdf import read_dataset
-from tripod_doe.study.cube.results import is_shown, opened_cube
+from tripod_doe.study.results.result_cube import is_shown, opened_cube
 
 _MOST_FAILED = 50
 _SECTIONS = {

@@ -23,8 +23,8 @@ from tripod_doe.report.responses import asked, factor_names, factor_unit, finish
 from tripod_doe.simulator import OUTCOME_MEANINGS, Outcome, Parameter
 from tripod_doe.study.cube.dataset import THIS_STUDY
 from tripod_doe.study.cube.slab_reading import largest_magnitude
+from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.journal import PILOT
-from tripod_doe.study.scenes import load_simulator
 
 _GREEK = {"theta": "θ", "omega": "ω", "mu": "μ", "psi": "ψ", "nu": "ν", "delta": "δ"}
 

@@ -11,7 +11,7 @@ from typing import Any
 from tripod_doe.service.processes import last_words
 from tripod_doe.service.progress import PointCounts
 from tripod_doe.service.runs import Run, State
-from tripod_doe.study.cube.results import is_shown
+from tripod_doe.study.results.result_cube import is_shown
 
 _LEAST = 1_000_000  # bytes without which a run cannot end in order
 _FULL = "the disk is full; resume goes on at the next missing point"

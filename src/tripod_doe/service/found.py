@@ -116,7 +116,7 @@ def plan_found(path: Path, limits: Limits) -> dict[str, Any]:
         If its study can no longer be read, or names a function.
     """
     from tripod_doe.service.plans import plan_study
-    from tripod_doe.study.result_folder import stored_study
+    from tripod_doe.study.results.stored_study import stored_study
 
     study = stored_study(path, limits.points)
     if study.file.study.function is not None:

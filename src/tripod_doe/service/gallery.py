@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import InputError
-from tripod_doe.study.template import TEMPLATES
+from tripod_doe.study.definition.template import TEMPLATES
 
 _TEMPLATE_NAMES = {
     "grid": "Grid of joint angle and torque",
@@ -77,7 +77,7 @@ def _kind(text: str) -> str:
 
 
 def _template(kind: str) -> str:
-    text = (files("tripod_doe.study") / "templates" / f"{kind}.toml").read_text(encoding="utf-8")
+    text = (files("tripod_doe.study.definition") / "templates" / f"{kind}.toml").read_text(encoding="utf-8")
     return text.replace("NAME", "my_joint")
 
 

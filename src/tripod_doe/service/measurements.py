@@ -18,7 +18,7 @@ from tripod_doe.analyses.comparison.sentences import ORDER_HEADS, comparison_jso
 from tripod_doe.errors import InputError
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.point import bars
-from tripod_doe.study.cube.results import opened_cube
+from tripod_doe.study.results.result_cube import opened_cube
 
 MEASUREMENT = "measurement.csv"
 """How messages call the uploaded table."""

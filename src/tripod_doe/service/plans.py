@@ -10,10 +10,10 @@ from tripod_doe.analyses.multifidelity.study_split import describe_split
 from tripod_doe.errors import TooLargeError
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.uploads import STUDY
-from tripod_doe.study.definition import Study, parse_study
+from tripod_doe.study.definition.study import Study, parse_study
+from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import most_points, point_count
 from tripod_doe.study.plan import Plan, plan
-from tripod_doe.study.study_folder import StudyFolder
 from tripod_doe.workflow.analyses import check_analyses
 from tripod_doe.workflow.definition import load_workflow
 from tripod_doe.workflow.plan import WorkflowPlan

@@ -18,8 +18,8 @@ from tripod_doe.errors import InputError
 from tripod_doe.report.responses import spoken, unit_text
 from tripod_doe.service.explorer.figures.parts import with_brackets
 from tripod_doe.simulator import Parameter
-from tripod_doe.study.scenes import SCENES, load_simulator
-from tripod_doe.study.study_file import DesignTable, parse_toml
+from tripod_doe.study.definition.scenes import SCENES, load_simulator
+from tripod_doe.study.definition.study_file import DesignTable, parse_toml
 
 _DESIGN_KEYS = ("kind", "samples", "seed", "levels")
 _RANGE_KEYS = {"low", "high", "count", "scale"}

@@ -1,6 +1,6 @@
 """What a client uploads: texts by plain names.
 
-What its studies and workflows may name is decided where they are read (`tripod_doe.study.study_folder`).
+What its studies and workflows may name is decided where they are read (`tripod_doe.study.definition.study_folder`).
 """
 
 from __future__ import annotations

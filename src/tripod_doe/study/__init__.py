@@ -1,1 +1,1 @@
-"""Studies: a checked definition, its points, their execution on Dask, the journal, and the result cube."""
+"""Parameter studies, from the study file to the cube; models, analyses and pages are known here by protocols only."""

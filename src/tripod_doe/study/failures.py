@@ -4,13 +4,23 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from tripod_doe.errors import option
 from tripod_doe.simulator import Outcome
+from tripod_doe.study.cube.slabs import box, slabs
+
+if TYPE_CHECKING:  # for their names only
+    import xarray as xr
+
+    from tripod_doe.study.study_points import StudyPoints
 
 _SHOWN = 3
+_SLAB_BYTES, _END_BYTES = 32_000_000, 100  # of the ends that are read together, and of one of them
 
 _NUMBER = re.compile(r"-?\d+\.?\d*(e[+-]?\d+)?")
 _CHANCE = {Outcome.WORKER_LOST, Outcome.TIME_LIMIT, Outcome.ERROR}
@@ -48,6 +58,21 @@ def common_failures(ends: Iterable[tuple[int, str]], good: Collection[int] = (Ou
         counts[kind] += count
         first.setdefault(kind, detail)
     return [Failure(Outcome(kind[0]), first[kind], count) for kind, count in counts.most_common()]
+
+
+def failures_in(cube: xr.Dataset, asked: StudyPoints) -> list[Failure]:
+    """Points of a cube whose outcome is not good, grouped by outcome and reason, the most frequent first."""
+    return common_failures(_bad_ends(cube["outcome"].variable, cube["outcome_detail"].variable, asked))
+
+
+def _bad_ends(outcome: xr.Variable, detail: xr.Variable, asked: StudyPoints) -> Iterator[tuple[int, str]]:
+    """Outcomes and reasons of the points that did not end well."""
+    for slab in slabs(outcome.shape, box(outcome.shape, _END_BYTES, _SLAB_BYTES)):
+        ends = outcome[slab.place].values.ravel()
+        bad = ~np.isin(ends, list(asked.good_outcomes)) & asked.points.allowed[slab.start : slab.stop]
+        if bad.any():
+            reasons = detail[slab.place].values.ravel()[bad]
+            yield from zip(ends[bad].tolist(), reasons.tolist(), strict=True)
 
 
 def failure_lines(failures: Sequence[Failure], retried: bool = False) -> list[str]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray
 from tripod_doe.quantities import duration, size
 from tripod_doe.study.cube.model_records import model_records
-from tripod_doe.study.definition import Study, load_study
+from tripod_doe.study.definition.study import Study, load_study
 from tripod_doe.study.designs import Points, make_points, most_points, point_bytes
 from tripod_doe.study.execution.timing import time_points
 from tripod_doe.study.failures import Failure, common_failures

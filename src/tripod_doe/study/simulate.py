@@ -21,8 +21,8 @@ from tripod_doe.simulator import (
     is_set,
     model_notes,
 )
+from tripod_doe.study.definition.scenes import load_simulator
 from tripod_doe.study.execution.task import Task, run_task
-from tripod_doe.study.scenes import load_simulator
 
 if TYPE_CHECKING:  # the command line answers without xarray
     import xarray as xr

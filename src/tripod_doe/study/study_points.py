@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
 from tripod_doe.simulator import Outcome
-from tripod_doe.study.cube.slabs import box, slabs
-from tripod_doe.study.definition import Study
+from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points, point_keys
-from tripod_doe.study.failures import Failure, common_failures
 from tripod_doe.study.key_index import KeyIndex
 
-if TYPE_CHECKING:  # for its name only
-    import xarray as xr
-
 _CHUNK = 100_000  # points whose settings are held at once
-_SLAB_BYTES, _END_BYTES = 32_000_000, 100  # of the ends that are looked at together, and of one of them
 
 
 @dataclass(frozen=True)
@@ -88,16 +82,3 @@ class StudyPoints:
             for row, kind in zip(rows.tolist(), zip(*words, strict=True), strict=True):
                 found.setdefault(kind, row)
         return np.array(list(found.values()), np.int64)
-
-    def failures(self, cube: xr.Dataset) -> list[Failure]:
-        """Points of the cube whose outcome is not good, grouped by outcome and reason, the most frequent first."""
-        return common_failures(self._bad_ends(cube["outcome"].variable, cube["outcome_detail"].variable))
-
-    def _bad_ends(self, outcome: xr.Variable, detail: xr.Variable) -> Iterator[tuple[int, str]]:
-        """Outcomes and reasons of the points that did not end well."""
-        for slab in slabs(outcome.shape, box(outcome.shape, _END_BYTES, _SLAB_BYTES)):
-            ends = outcome[slab.place].values.ravel()
-            bad = ~np.isin(ends, list(self.good_outcomes)) & self.points.allowed[slab.start : slab.stop]
-            if bad.any():
-                reasons = detail[slab.place].values.ravel()[bad]
-                yield from zip(ends[bad].tolist(), reasons.tolist(), strict=True)

@@ -27,11 +27,11 @@ from tripod_doe.pages.workflow_chart import StepView
 from tripod_doe.quantities import duration
 from tripod_doe.study.cube.file_digest import is_damaged
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
-from tripod_doe.study.cube.results import opened_cube
-from tripod_doe.study.directory import make_directory
+from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.failures import failure_lines
-from tripod_doe.study.study_folder import StudyFolder
+from tripod_doe.study.results.directory import make_directory
+from tripod_doe.study.results.result_cube import opened_cube
 from tripod_doe.workflow.definition import Step, Workflow, fed_study, load_workflow
 from tripod_doe.workflow.run import run_on
 from tripod_doe.workflow.steps_file import write_steps

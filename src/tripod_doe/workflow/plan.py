@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tripod_doe.quantities import duration, size
-from tripod_doe.study.definition import Study
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.plan import RECORDED, Plan, plan
-from tripod_doe.study.study_folder import StudyFolder
 from tripod_doe.workflow.definition import load_workflow
 
 

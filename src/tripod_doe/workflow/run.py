@@ -23,14 +23,14 @@ from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.pages.study import read_analyses, write_report
-from tripod_doe.study.choice import chosen_keys, chosen_points
-from tripod_doe.study.definition import Study, load_study
+from tripod_doe.study.definition.study import Study, load_study
 from tripod_doe.study.designs import make_points
-from tripod_doe.study.directory import ResultDirectory
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.execution.existing_scheduler import ExistingScheduler, tls_files
-from tripod_doe.study.failures import Failure
+from tripod_doe.study.failures import Failure, failures_in
 from tripod_doe.study.journal import PILOT
+from tripod_doe.study.results.directory import ResultDirectory
+from tripod_doe.study.results.stored_choice import chosen_keys, chosen_points
 from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.workflow.analyses import check_analyses, run_analyses
 from tripod_doe.workflow.progress import Progress
@@ -164,7 +164,7 @@ def run_on(
         written = directory.write_cube(asked, f"tripod-doe run: {piloted + computed} points computed")
     with written as cube:
         analyses = run_analyses(study, cube, directory.path)
-        findings, failures = find(cube), asked.failures(cube)
+        findings, failures = find(cube), failures_in(cube, asked)
         notes = str(cube.attrs.get("model_notes", "")).splitlines()
     answers = [
         sentence for name, result in read_analyses(directory.path).items() for sentence in findings_of(name, result)

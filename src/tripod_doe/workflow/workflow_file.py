@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from tripod_doe.analyses.registry import ANALYSES, FIGURES
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.names import check_identifier
-from tripod_doe.study.study_file import FactorTable, Scalar, complaints, parse_toml
+from tripod_doe.study.definition.study_file import FactorTable, Scalar, complaints, parse_toml
 
 
 class _Table(BaseModel):

@@ -12,7 +12,7 @@ import tripod_doe as td
 from tripod_doe.analyses.model_choice.pilot_errors import pilot_errors
 from tripod_doe.analyses.model_choice.selection import choose, without_pilot
 from tripod_doe.simulator import Candidate
-from tripod_doe.study.accuracy import Accuracy, Demand
+from tripod_doe.study.definition.accuracy import Accuracy, Demand
 
 CANDIDATES = (
     Candidate({"model": "cheap"}, 1e-6, 10),

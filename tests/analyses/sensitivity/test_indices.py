@@ -23,7 +23,7 @@ from tripod_doe.analyses.sensitivity.shapley import shapley_effects
 from tripod_doe.analyses.sensitivity.sobol import SobolSettings, sobol_indices
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
-from tripod_doe.study import size
+from tripod_doe.study import memory
 from tripod_doe.study.cube import slab_reading
 
 PROBLEM = {"num_vars": 3, "names": ["a", "b", "c"], "bounds": [[0, 1]] * 3}
@@ -220,7 +220,7 @@ def test_an_analysis_that_needs_too_much_memory_says_so_before_it_reads(monkeypa
         (2000, "y of 320 points needs about 5.12 kB of memory, 2 kB are free"),
         (50_000, "a bootstrap of 64 blocks or points needs about 102 kB of memory, 50 kB are free"),
     ):
-        monkeypatch.setattr(size, "_free_memory", lambda free=free: free)
+        monkeypatch.setattr(memory, "_free_memory", lambda free=free: free)
         with pytest.raises(InputError, match=told):
             sobol_indices(cube)
 

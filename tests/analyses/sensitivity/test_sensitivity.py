@@ -10,7 +10,7 @@ from tripod_doe.analyses.sensitivity.morris import MorrisSettings, morris_effect
 from tripod_doe.analyses.sensitivity.sobol import SobolSettings, sobol_indices
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
-from tripod_doe.study.definition import parse_study
+from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.designs import make_points
 
 TEXT = """

@@ -10,7 +10,7 @@ from scipy.stats import norm
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, tolerance
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Outcome
-from tripod_doe.study.definition import parse_study
+from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.designs import make_points
 
 TEXT = """

@@ -31,9 +31,9 @@ from tripod_doe.service.limits import Limits
 from tripod_doe.service.page.pages import part
 from tripod_doe.service.study_form import changed_text, study_form
 from tripod_doe.service.uploads import upload_texts, write_upload
-from tripod_doe.study.definition import load_study, parse_study
+from tripod_doe.study.definition.study import load_study, parse_study
+from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
-from tripod_doe.study.study_folder import StudyFolder
 from tripod_doe.workflow.definition import load_workflow
 
 GRID = """

@@ -7,7 +7,7 @@ import pytest
 
 import tripod_doe as td
 from tripod_doe.analyses.surrogate.what_if_page import what_if_pages
-from tripod_doe.study.cube.netcdf import read_dataset
+from tripod_doe.study.cube.lazy_dataset import read_dataset
 
 STUDY = """
 [study]

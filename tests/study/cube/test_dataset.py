@@ -15,11 +15,11 @@ import tripod_doe as td
 from tripod_doe.simulator import Departure, ModelErrors, ModelSummary, ValidRange
 from tripod_doe.study.cube.dataset import build_cube
 from tripod_doe.study.cube.netcdf import write_dataset
-from tripod_doe.study.definition import parse_study
+from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points, point_keys
 from tripod_doe.study.execution.task import make_task, run_task
 from tripod_doe.study.journal import FinishedBlock
-from tripod_doe.study.study_folder import StudyFolder
 
 GRID = """
 [study]

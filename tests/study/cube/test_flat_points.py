@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from tripod_doe.study.cube import flat_points as module
-from tripod_doe.study.cube.flat_points import flat_points
+from tripod_doe.study.cube.lazy_dataset import flat_points
 
 
 @pytest.fixture

@@ -22,11 +22,11 @@ from distributed.security import Security
 import tripod_doe as td
 from started import Process
 from tripod_doe.errors import TripodDoeError
+from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.execution import dask_cluster, dask_executor
 from tripod_doe.study.execution.existing_scheduler import ExistingScheduler
 from tripod_doe.study.execution.user_code import check_imported, placed, read_user_code
-from tripod_doe.study.scenes import load_simulator
-from tripod_doe.study.study_folder import StudyFolder
 from tripod_doe.workflow.run import run
 
 sys.path.append(str(Path(__file__).parents[3] / "benchmarks"))

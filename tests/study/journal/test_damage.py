@@ -13,9 +13,9 @@ import pytest
 import tripod_doe as td
 from tripod_doe.errors import CubeError
 from tripod_doe.simulator import BlockResult, Outcome
-from tripod_doe.study.directory import ResultDirectory
 from tripod_doe.study.journal import KERNELS, SHOWN, FinishedBlock, Journal, journal_path
 from tripod_doe.study.journal.rows import PAGE_BYTES
+from tripod_doe.study.results.directory import ResultDirectory
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
 

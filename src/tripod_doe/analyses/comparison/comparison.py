@@ -34,7 +34,7 @@ from tripod_doe.errors import InputError, option
 from tripod_doe.joint.orders import ORDERS, amplitude_and_phase
 from tripod_doe.quantities import number
 from tripod_doe.study.cube.model_records import MODEL_ERROR
-from tripod_doe.study.study_folder import StudyFolder
+from tripod_doe.study.definition.study_folder import StudyFolder
 
 _BEAT = (2, 3, 4)  # the third order and its neighbours, whose sum beats once a revolution (paper 3.3)
 _DECIMALS = 9  # of an angle in deg; what is smaller is rounding

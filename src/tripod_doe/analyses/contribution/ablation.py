@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import ComplexArray, FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.study.cube.dataset import SWITCH_ROLE
-from tripod_doe.study.study_file import parse_file
+from tripod_doe.study.definition.study_file import parse_file
 
 _ROUNDING = 1e-6  # part of the largest amplitude of an operating point below which an amplitude is only error
 

@@ -26,11 +26,11 @@ from tripod_doe.analyses.model_choice.recorded import CONFIRMING, RecordedChoice
 from tripod_doe.analyses.model_choice.selection import choose
 from tripod_doe.array_types import IntArray
 from tripod_doe.simulator import Candidate
-from tripod_doe.study.accuracy import Accuracy
-from tripod_doe.study.choice import accuracy_of
-from tripod_doe.study.cube.results import open_cube
-from tripod_doe.study.definition import Study
+from tripod_doe.study.definition.accuracy import Accuracy
+from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
+from tripod_doe.study.results.result_cube import open_cube
+from tripod_doe.study.results.stored_choice import accuracy_of
 
 Runs = list[tuple[Candidate, IntArray]]
 """Candidates of a pilot, each with the points at which it runs."""

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.encoding import in_unit_cube
 from tripod_doe.array_types import IntArray
 from tripod_doe.simulator import Candidate, Outcome
-from tripod_doe.study.accuracy import Accuracy
-from tripod_doe.study.definition import Study, parse_study
+from tripod_doe.study.definition.accuracy import Accuracy
+from tripod_doe.study.definition.study import Study, parse_study
 from tripod_doe.study.designs import Points
+from tripod_doe.study.execution.retry import untried
 from tripod_doe.study.journal import PILOT, FinishedBlock, Journal, journal_path
-from tripod_doe.study.retry import untried
 from tripod_doe.study.study_points import StudyPoints
 
 

@@ -20,7 +20,7 @@ from tripod_doe.analyses.encoding import in_unit_cube
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Candidate, Demand, Outcome
-from tripod_doe.study.accuracy import Accuracy
+from tripod_doe.study.definition.accuracy import Accuracy
 
 AS_GOOD = 1.1
 """Error over that of the reference up to which a candidate is accepted where neither meets the accuracy."""

@@ -27,9 +27,9 @@ from tripod_doe.analyses.model_choice.pilot_errors import HOPELESS, PilotErrors
 from tripod_doe.analyses.model_choice.selection import labelled
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.simulator import Candidate, Demands
-from tripod_doe.study.choice import accuracy_of
-from tripod_doe.study.definition import Study
+from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
+from tripod_doe.study.results.stored_choice import accuracy_of
 
 CONFIRMING = 4
 """Points of the smallest pilot that confirms a record: it would be confirmed by a chance of 6 % if every other point

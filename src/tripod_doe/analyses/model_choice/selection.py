@@ -43,10 +43,10 @@ from tripod_doe.analyses.model_choice.pilot_errors import AS_GOOD, HOPELESS, Pil
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import Candidate
-from tripod_doe.study.accuracy import AUTO, Accuracy
-from tripod_doe.study.definition import load_study
+from tripod_doe.study.definition.accuracy import AUTO, Accuracy
+from tripod_doe.study.definition.study import load_study
+from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
-from tripod_doe.study.study_folder import StudyFolder
 
 _LIMITS = np.linspace(1.0, 0.0, 101)
 

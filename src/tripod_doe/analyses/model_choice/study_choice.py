@@ -18,11 +18,11 @@ from tripod_doe.analyses.model_choice.selection import choose, full_candidates, 
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import duration, number
 from tripod_doe.simulator import Candidate
-from tripod_doe.study.choice import CHOICE, accuracy_of, chosen_points, frozen_choice, key_texts
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
-from tripod_doe.study.definition import Study
+from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points, make_points, point_keys
 from tripod_doe.study.journal import PILOT
+from tripod_doe.study.results.stored_choice import CHOICE, accuracy_of, chosen_points, frozen_choice, key_texts
 
 
 def make_choice(

@@ -11,11 +11,11 @@ import xarray as xr
 from tripod_doe.analyses.multifidelity.split import Split, find_split
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import duration, number
-from tripod_doe.study.cube.results import opened_cube
-from tripod_doe.study.definition import Study, canonical, parse_study
+from tripod_doe.study.definition.study import Study, canonical, parse_study
+from tripod_doe.study.definition.study_file import DesignTable
 from tripod_doe.study.designs import SAMPLE, most_points, pilot_samples, point_count
-from tripod_doe.study.result_folder import STORED, stored_study
-from tripod_doe.study.study_file import DesignTable
+from tripod_doe.study.results.result_cube import opened_cube
+from tripod_doe.study.results.stored_study import STORED, stored_study
 
 
 def needs_split(study: Study) -> bool:

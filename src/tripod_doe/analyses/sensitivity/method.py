@@ -25,7 +25,7 @@ from tripod_doe.analyses.sample import Sample, read_sample
 from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
-from tripod_doe.study.cube.flat_points import flat_points
+from tripod_doe.study.cube.lazy_dataset import flat_points
 
 Answers = dict[str, FloatArray]
 """Estimates by the names of variables, the component last."""

@@ -17,8 +17,8 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import level
 from tripod_doe.simulator import Outcome, Simulator
-from tripod_doe.study.scenes import load_simulator
-from tripod_doe.study.study_file import parse_file
+from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.study_file import parse_file
 
 _SETTINGS = ("step_s", "relative_tolerance", "accuracy")
 """Parameters by which the error of a run is set; the first that a run has is its own."""

@@ -18,7 +18,7 @@ from tripod_doe.analyses.surrogate.learner import KINDS, learn
 from tripod_doe.analyses.surrogate.what_if import what_if
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
-from tripod_doe.study.cube.flat_points import flat_points
+from tripod_doe.study.cube.lazy_dataset import flat_points
 
 SURROGATE_DESIGNS = (*SAMPLED_DESIGNS, "grid", "full-factorial", "central-composite", "box-behnken", "table")
 """Designs whose points a surrogate can learn from."""

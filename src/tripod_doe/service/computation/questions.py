@@ -18,7 +18,7 @@ from tripod_doe.service.forms import Comparison, FieldChange, PlanRequest, Point
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError, problems_of, refusal_of
 from tripod_doe.service.uploads import STUDY, refuse_many_files, upload_texts, write_upload
-from tripod_doe.study.study_folder import StudyFolder
+from tripod_doe.study.definition.study_folder import StudyFolder
 
 
 def plan(body: bytes, limits: Limits) -> Any:
@@ -134,7 +134,7 @@ def _without_formula(value: Any) -> Any:
 
 def cube(path: str, folder: str) -> None:
     """Write the cube of a run so far into a folder, with its costs."""
-    from tripod_doe.study.cube.results import write_cube_so_far
+    from tripod_doe.study.results.result_cube import write_cube_so_far
 
     write_cube_so_far(Path(path), Path(folder))
 
@@ -142,7 +142,7 @@ def cube(path: str, folder: str) -> None:
 def describe(path: str) -> Any:
     """What a cube holds: dimensions, coordinates with their values, variables with units and flags, attributes."""
     from tripod_doe.service.descriptions import describe_cube
-    from tripod_doe.study.cube.results import opened_cube
+    from tripod_doe.study.results.result_cube import opened_cube
 
     with opened_cube(path) as cube:
         return describe_cube(cube)
@@ -151,7 +151,7 @@ def describe(path: str) -> Any:
 def analyses(paths: dict[str, str]) -> Any:
     """Results of analyses by name: kind, sentences, table and variables."""
     from tripod_doe.service.descriptions import describe_analysis
-    from tripod_doe.study.cube.netcdf import read_dataset
+    from tripod_doe.study.cube.lazy_dataset import read_dataset
 
     return [describe_analysis(name, read_dataset(Path(path))) for name, path in paths.items()]
 
@@ -167,7 +167,7 @@ def choice(folder: str, path: str) -> Any:
     """Lines on the choice of model of a study with model = "auto", or on the split of a multifidelity study."""
     from tripod_doe.analyses.model_choice.study_choice import describe_choice
     from tripod_doe.analyses.multifidelity.study_split import describe_split
-    from tripod_doe.study.definition import load_study
+    from tripod_doe.study.definition.study import load_study
 
     place = Path(folder) / STUDY
     study = load_study(place, StudyFolder.of(place, untrusted=True))
@@ -217,9 +217,9 @@ def lay_over(path: str, body: bytes, limits: Limits) -> Any:
 
 def _refuse_changes(folder: Path, path: Path) -> None:
     from tripod_doe.analyses.multifidelity.study_split import needs_split, with_samples_so_far
-    from tripod_doe.study.definition import parse_study
+    from tripod_doe.study.definition.study import parse_study
     from tripod_doe.study.designs import make_points
-    from tripod_doe.study.directory import ResultDirectory
+    from tripod_doe.study.results.directory import ResultDirectory
     from tripod_doe.study.study_points import StudyPoints
 
     study = parse_study((folder / STUDY).read_text(encoding="utf-8"), STUDY, StudyFolder(folder, trusted=False))

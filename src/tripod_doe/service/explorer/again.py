@@ -16,10 +16,10 @@ from tripod_doe.service.explorer.open_cubes import opened
 from tripod_doe.service.explorer.slices import point_of
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube.dataset import SWITCH_ROLE
-from tripod_doe.study.definition import parse_study
+from tripod_doe.study.definition.study import parse_study
+from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.plan import plan
 from tripod_doe.study.simulate import simulate
-from tripod_doe.study.study_folder import StudyFolder
 
 _FACTOR = "replicate"  # of every scene, and without effect
 _OF_STUDY = re.compile(r"^point: \[[\w.]+\]: ")  # where a complaint stands in the study that is made for the price

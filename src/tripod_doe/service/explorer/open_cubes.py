@@ -10,8 +10,9 @@ from pathlib import Path
 import xarray as xr
 
 from tripod_doe.errors import CubeError
-from tripod_doe.study.cube.netcdf import lazy_dataset, reading
-from tripod_doe.study.cube.results import cube_files, cube_so_far, unshown_state
+from tripod_doe.study.cube.lazy_dataset import lazy_dataset
+from tripod_doe.study.cube.netcdf import reading
+from tripod_doe.study.results.result_cube import cube_files, cube_so_far, unshown_state
 
 _SMALL = 64_000_000  # bytes
 _MOST = 4

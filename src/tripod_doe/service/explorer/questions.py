@@ -32,9 +32,9 @@ from tripod_doe.service.explorer.open_cubes import opened
 from tripod_doe.service.explorer.slices import colour_range, draw, numbered, point_of, seen, shown_cells
 from tripod_doe.service.explorer.view import View
 from tripod_doe.simulator import Outcome
+from tripod_doe.study.definition.scenes import SCENES, load_simulator
 from tripod_doe.study.query.arrays import cube_arrays
 from tripod_doe.study.query.query import records
-from tripod_doe.study.scenes import SCENES, load_simulator
 
 Items = Sequence[Sequence[str]]
 """A view as its address says it: names and texts."""

@@ -17,7 +17,7 @@ from tripod_doe.report.responses import spoken, unit_text
 from tripod_doe.service.explorer.behind import cell_coordinates, cube_behind, points_of_claim, view_behind
 from tripod_doe.service.explorer.figures.parts import label_of
 from tripod_doe.service.explorer.open_cubes import opened
-from tripod_doe.study.cube.netcdf import read_dataset
+from tripod_doe.study.cube.lazy_dataset import read_dataset
 
 _MOST_ROWS = 200
 _BESIDE = ("_conf", "_low", "_high", "_error", "_flag")  # endings of what is told beside a number, or not at all

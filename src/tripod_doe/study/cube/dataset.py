@@ -22,10 +22,10 @@ from tripod_doe.simulator import (
     Parameter,
     common_unit,
 )
-from tripod_doe.study.cube.attributes import POINT_ATTRIBUTES
 from tripod_doe.study.cube.model_records import ModelRecords
+from tripod_doe.study.cube.netcdf import POINT_ATTRIBUTES
 from tripod_doe.study.cube.provenance import cost_attributes, cube_attributes
-from tripod_doe.study.definition import Study
+from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import SAMPLE, Column, Columns, Points, Rows
 from tripod_doe.study.journal import PILOT, FinishedBlock
 from tripod_doe.study.key_index import KeyIndex

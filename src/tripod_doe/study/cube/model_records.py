@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.simulator import ModelErrors, ModelSummary
-from tripod_doe.study.definition import Study
+from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
 
 MODEL_ERROR, MODEL_ERROR_LIMIT = "model_error", "model_error_limit"

@@ -1,10 +1,9 @@
-"""Cubes as netCDF files: replaced as a whole, read into memory."""
+"""Cubes as netCDF files: written as a whole, opened once in a process, held against their checksums."""
 
 from __future__ import annotations
 
 import os
 import sys
-import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
@@ -16,7 +15,6 @@ import numpy as np
 
 from tripod_doe.atomic_files import replace_file
 from tripod_doe.errors import CubeError, option
-from tripod_doe.study.cube.attributes import POINT_ATTRIBUTES
 from tripod_doe.study.cube.file_digest import is_damaged, seal
 from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
 from tripod_doe.study.cube.slabs import box
@@ -25,6 +23,12 @@ if TYPE_CHECKING:  # a query reads cubes without xarray
     import netCDF4
     import xarray as xr
     from xarray.backends import CachingFileManager, NetCDF4DataStore
+
+POINT_ATTRIBUTES = {"long_name": "number of the point in the design", "units": "1"}
+"""Attributes of the coordinate ``point`` of a cube, which counts from 0."""
+
+TEXT_TABLE = "text_table"
+"""Attribute of a variable of numbers: the name of the variable with the texts to which they refer."""
 
 _READ_WHOLE, _STRETCH, _STRETCHES = 1_000_000, 1000, 8
 """Numbers of points that are all looked at; else how many of a stretch, and stretches."""
@@ -163,14 +167,14 @@ def opened_file(path: Path) -> Iterator[netCDF4.Dataset]:
 
     with NETCDF_LOCK:
         if "xarray.backends" in sys.modules:  # else nothing here can have it open
-            with _shared_file(path).acquire_context() as stored:
+            with shared_file(path).acquire_context() as stored:
                 yield stored
         else:
             with netCDF4.Dataset(path) as stored:
                 yield stored
 
 
-def _shared_file(path: Path) -> CachingFileManager[Any]:
+def shared_file(path: Path) -> CachingFileManager[Any]:
     """Make a manager of a netCDF file that is open at most once in this process, whoever reads it.
 
     A file with texts that is opened twice ends the process when it is closed (netCDF4 1.7.5 with HDF5 2.2, also in one
@@ -196,19 +200,6 @@ def remedy(path: Path) -> str:
     return "make it again, or copy it again from where it was made"
 
 
-def read_dataset(path: Path) -> xr.Dataset:
-    """Read a netCDF file into memory.
-
-    Raises
-    ------
-    CubeError
-        If the file is missing or damaged.
-    """
-    refuse_damaged(path, whole=True)
-    with lazy_dataset(path) as stored, reading(path):
-        return stored.load()
-
-
 def are_point_numbers(attributes: Mapping[str, Any], stored: Any) -> bool:
     """Whether a stored coordinate counts the points of a cube; of many, some stretches are looked at.
 
@@ -220,60 +211,3 @@ def are_point_numbers(attributes: Mapping[str, Any], stored: Any) -> bool:
     length = size if size <= _READ_WHOLE else _STRETCH
     starts = np.unique(np.linspace(0, size - length, _STRETCHES).astype(int)).tolist()
     return all(np.array_equal(stored[at : at + length], np.arange(at, at + length)) for at in starts)
-
-
-def _with_point_numbers(cube: xr.Dataset) -> xr.Dataset:
-    """A cube whose points can be selected by their numbers, without an array of them."""
-    import pandas
-    import xarray as xr
-    from xarray.indexes import PandasIndex
-
-    stored = cube.variables["point"]
-    index = PandasIndex(pandas.RangeIndex(stored.size), "point", coord_dtype=stored.dtype)
-    return cube.assign_coords(xr.Coordinates(index.create_variables({"point": stored}), {"point": index}))
-
-
-def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None, by_number: bool = True) -> xr.Dataset:
-    """A netCDF file whose variables are read when they are used, each time anew; open until the dataset is closed.
-
-    Parameters
-    ----------
-    path
-        The file.
-    chunks
-        As in `xarray.open_dataset`; None leaves Dask out.
-    by_number
-        Whether points of a list can be selected by their numbers.
-
-    Raises
-    ------
-    CubeError
-        If the file is missing or damaged.
-    """
-    import xarray as xr
-    from xarray.backends import NetCDF4DataStore
-
-    from tripod_doe.study.cube.text_tables import with_texts
-
-    refuse_damaged(path)
-    with reading(path):
-        # not while values are read: Dask's threads, which take it for each, would wait for this one
-        with NETCDF_LOCK, warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "The specified chunks separate")  # they are the caller's wish
-            stored = xr.open_dataset(
-                NetCDF4DataStore(_shared_file(path), mode="r", lock=NETCDF_LOCK),  # type: ignore[no-untyped-call]
-                decode_timedelta=False,
-                chunks=chunks,
-                cache=False,
-                create_default_indexes=False,
-            )
-        read = with_texts(stored)
-        for dim in stored.dims:
-            if dim not in stored.coords or (dim == "point" and not by_number):
-                continue
-            if dim == "point" and are_point_numbers(stored[dim].attrs, stored[dim].variable):
-                read = _with_point_numbers(read)
-            else:
-                read = read.set_xindex(str(dim))
-        read.set_close(stored.close)
-        return read

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.simulator import Value
 from tripod_doe.study.cube.model_records import ModelRecords
-from tripod_doe.study.definition import Study
+from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points
 
 _PACKAGES = ("tripod-doe", "numpy", "scipy", "numba", "xarray", "netCDF4", "dask", "SALib", "pydoe")

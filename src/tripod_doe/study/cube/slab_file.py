@@ -19,8 +19,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from xarray.backends import NetCDF4DataStore
 
-from tripod_doe.study.cube.attributes import TEXT_TABLE
-from tripod_doe.study.cube.netcdf import CHECKSUM, CHUNK_BYTES, opened_store
+from tripod_doe.study.cube.netcdf import CHECKSUM, CHUNK_BYTES, TEXT_TABLE, opened_store
 from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
 from tripod_doe.study.cube.slabs import Slab, box
 from tripod_doe.study.designs import Points

@@ -2,24 +2,63 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
 
+import numpy as np
 import xarray as xr
 
-from tripod_doe.study.cube.dataset import cf_points, design_coordinates, part_of_cube
+from tripod_doe.study.cube.dataset import PlacedBlock, cf_points, design_coordinates, part_of_cube
 from tripod_doe.study.cube.model_records import ModelRecords
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.cube.provenance import cost_attributes, cube_attributes
 from tripod_doe.study.cube.slab_file import cube_file
 from tripod_doe.study.cube.slabs import Slab, box, slabs
-from tripod_doe.study.cube.stored_results import StoredResults
+from tripod_doe.study.journal import FinishedBlock
 from tripod_doe.study.study_points import StudyPoints
 
 _SLAB_BYTES = 32_000_000
 _OTHER_BYTES = 200  # of a point besides its outputs: costs, outcome, factors, and what is made of them
+
+
+class StoredResults:
+    """The finished blocks of a study by the points that they hold, in eight bytes a point.
+
+    Parameters
+    ----------
+    asked
+        The study and its points.
+    blocks
+        All finished blocks, the newest last, each as a function that reads it.
+
+    Attributes
+    ----------
+    point_bytes
+        The most bytes that the outputs of a point have.
+    """
+
+    def __init__(self, asked: StudyPoints, blocks: Iterable[Callable[[], FinishedBlock]]) -> None:
+        self._block = np.full(asked.points.count, -1, np.int32)
+        self._row = np.zeros(asked.points.count, np.int32)
+        self._read: list[Callable[[], FinishedBlock]] = []
+        self.point_bytes = 0
+        for number, read in enumerate(blocks):
+            block = read()
+            rows, at = asked.index.places(block.keys)
+            self._block[at], self._row[at] = number, rows
+            self._read.append(read)
+            self.point_bytes = max(self.point_bytes, block.result.nbytes // max(block.keys.size, 1))
+        self._block[~asked.points.allowed] = -1
+
+    def between(self, start: int, stop: int) -> Iterator[PlacedBlock]:
+        """The blocks that hold some consecutive points, with their rows and the places of these after the first."""
+        numbers, rows = self._block[start:stop], self._row[start:stop]
+        order = np.argsort(numbers, kind="stable")
+        for at in np.split(order, np.flatnonzero(np.diff(numbers[order])) + 1):
+            if at.size and numbers[at[0]] >= 0:
+                yield self._read[numbers[at[0]]](), rows[at].astype(np.int64), at
 
 
 def write_cube(

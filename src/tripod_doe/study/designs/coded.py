@@ -15,7 +15,7 @@ import numpy as np
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
-from tripod_doe.study.definition import Factor
+from tripod_doe.study.definition.factors import Factor
 from tripod_doe.study.designs.columns import Column
 from tripod_doe.study.designs.request import Family, Made, Request, column_of, held
 

@@ -11,7 +11,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.study.definition import Factor, Study
+from tripod_doe.study.definition.factors import Factor
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.definition.study_file import DesignTable
 from tripod_doe.study.designs.ablation import ABLATION
 from tripod_doe.study.designs.coded import CODED
 from tripod_doe.study.designs.columns import Columns, CrossedColumns
@@ -19,7 +21,6 @@ from tripod_doe.study.designs.listed import LISTED, crossed
 from tripod_doe.study.designs.multifidelity import MULTIFIDELITY
 from tripod_doe.study.designs.request import Family, Made, Request
 from tripod_doe.study.designs.sampled import SAMPLED
-from tripod_doe.study.study_file import DesignTable
 
 
 def _part(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> Request:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.study.definition import Study
+from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs.columns import Column
 from tripod_doe.study.designs.points import Points
 

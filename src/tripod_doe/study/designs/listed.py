@@ -11,10 +11,11 @@ import numpy as np
 
 from tripod_doe.errors import InputError, closest, near_match
 from tripod_doe.simulator import Parameter, Value
-from tripod_doe.study.definition import Factor, Study
+from tripod_doe.study.definition.factors import Factor
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.definition.study_file import DesignTable
 from tripod_doe.study.designs.columns import Column, CrossedColumns, HeldColumns
 from tripod_doe.study.designs.request import Family, Made, Request, axis_levels, column_of, held, levels_of
-from tripod_doe.study.study_file import DesignTable
 
 
 def _grid(request: Request) -> Made:

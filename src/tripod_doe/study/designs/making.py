@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
-from tripod_doe.study.definition import Study
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.definition.study_file import DesignTable
 from tripod_doe.study.designs.columns import ChosenColumns, Column
 from tripod_doe.study.designs.families import FAMILIES, checked_request, count_part, make_part
 from tripod_doe.study.designs.listed import crossed, grid_levels
 from tripod_doe.study.designs.multifidelity import most_points
 from tripod_doe.study.designs.points import Points
 from tripod_doe.study.expressions import Expression
-from tripod_doe.study.size import POINT_BYTES, refuse_too_many_points
-from tripod_doe.study.study_file import DesignTable
+from tripod_doe.study.memory import POINT_BYTES, refuse_too_many_points
 
 _CHUNK = 1_000_000
 """Points whose factors are held at once to check constraints."""

@@ -14,13 +14,14 @@ import numpy as np
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Value
-from tripod_doe.study.definition import Factor, Study
+from tripod_doe.study.definition.factors import Factor
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.definition.study_file import DesignTable, FactorTable
 from tripod_doe.study.designs.columns import Column, Rows, row_numbers
 from tripod_doe.study.designs.correlation import correlated, correlation_matrix
 from tripod_doe.study.designs.request import Family, Made, Request, column_of, factor_groups
 from tripod_doe.study.designs.sampled import SampledColumns, correlated_bytes, refuse_tails
 from tripod_doe.study.designs.unit_samples import HeldSample, RandomSample, SaltelliSample, UnitSample
-from tripod_doe.study.study_file import DesignTable, FactorTable
 
 SAMPLE = "sample"
 """Label of the points: the sample that each belongs to, the same in all models."""

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from tripod_doe.errors import InputError
-from tripod_doe.study.definition import Factor, Study
+from tripod_doe.study.definition.factors import Factor
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.definition.study_file import DesignTable, FactorTable
 from tripod_doe.study.designs.columns import NO_COLUMNS, Column, Columns, HeldColumns
-from tripod_doe.study.study_file import DesignTable, FactorTable
 
 
 @dataclass(frozen=True)

@@ -16,14 +16,14 @@ import numpy as np
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
-from tripod_doe.study.definition import Factor
+from tripod_doe.study.definition.factors import Factor
+from tripod_doe.study.definition.study_file import DesignTable, FactorTable
 from tripod_doe.study.designs.columns import Column, Columns, Rows, row_numbers
 from tripod_doe.study.designs.correlation import correlated, correlation_matrix
+from tripod_doe.study.designs.distributions import is_unbounded, quantile
 from tripod_doe.study.designs.method_samples import CurveSample, DifferenceSample
 from tripod_doe.study.designs.request import Family, Made, Request, factor_groups, held
 from tripod_doe.study.designs.unit_samples import HaltonSample, HeldSample, SaltelliSample, SobolSample, UnitSample
-from tripod_doe.study.distributions import is_unbounded, quantile
-from tripod_doe.study.study_file import DesignTable, FactorTable
 
 Sampler = Callable[[DesignTable, Mapping[str, FactorTable]], UnitSample]
 

@@ -19,7 +19,7 @@ from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.interrupts import check_interrupt
 from tripod_doe.simulator import BlockResult, Outcome
-from tripod_doe.study.definition import Study
+from tripod_doe.study.definition.study import Study
 from tripod_doe.study.execution.block_queue import BlockQueue
 from tripod_doe.study.execution.executor import Answer, AtWork, Executor, Lost
 from tripod_doe.study.execution.existing_scheduler import ExistingScheduler

@@ -26,8 +26,8 @@ from multiprocessing import forkserver
 from typing import TYPE_CHECKING
 
 from tripod_doe.errors import TripodDoeError, option
+from tripod_doe.study.definition.scenes import modules_of_scenes
 from tripod_doe.study.execution.child_process import answers, shorten_temporary_folder, start_child
-from tripod_doe.study.scenes import modules_of_scenes
 
 if TYPE_CHECKING:  # this program starts its own children before it imports Dask
     from distributed import Client

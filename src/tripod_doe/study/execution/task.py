@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.simulator import BlockResult, Demands, Simulator, Value
-from tripod_doe.study.retry import NO_RETRIES, RetryPlan, simulate_with_retries
-from tripod_doe.study.scenes import load_simulator
-from tripod_doe.study.study_folder import StudyFolder
+from tripod_doe.study.definition.retry_plan import NO_RETRIES, RetryPlan
+from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.study_folder import StudyFolder
+from tripod_doe.study.execution.retry import simulate_with_retries
 
 if TYPE_CHECKING:  # for their names only: a single point needs no designs
-    from tripod_doe.study.definition import Study
+    from tripod_doe.study.definition.study import Study
     from tripod_doe.study.designs import Points
 
 

@@ -10,11 +10,11 @@ from threading import Timer
 
 import numpy as np
 
-from tripod_doe.study.definition import Study, parse_study
+from tripod_doe.study.definition.study import Study, parse_study
+from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution.child_process import answers, start_child
 from tripod_doe.study.execution.task import make_task, run_task
-from tripod_doe.study.study_folder import StudyFolder
 
 _SAMPLES = 12
 _BATCH_SECONDS = 0.2

@@ -1,1 +1,1 @@
-"""Questions to a cube: which cells are chosen, and what is shown of them. Analyses are no part of it."""
+"""Questions to a cube: selections of labels, `--where` conditions (`study.expressions`) and records; no analyses."""

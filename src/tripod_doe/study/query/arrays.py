@@ -17,10 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
-from tripod_doe.study.cube.attributes import TEXT_TABLE
-from tripod_doe.study.cube.netcdf import are_point_numbers, reading, refuse_damaged
+from tripod_doe.study.cube.netcdf import TEXT_TABLE, are_point_numbers, reading, refuse_damaged
 from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
-from tripod_doe.study.cube.results import cube_files, cube_so_far, is_shown
+from tripod_doe.study.results.result_cube import cube_files, cube_so_far, is_shown
 
 if TYPE_CHECKING:
     import netCDF4

@@ -19,11 +19,11 @@ from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, near_match, option, printable
 from tripod_doe.quantities import csv_cell
 from tripod_doe.simulator import Outcome
-from tripod_doe.study.cube.results import opened_cube
 from tripod_doe.study.cube.slabs import box, slabs
 from tripod_doe.study.expressions import Expression
 from tripod_doe.study.query.arrays import CubeArrays, Variable, cube_arrays
 from tripod_doe.study.query.selection import Chosen, Selection, labels_told, selections, taken
+from tripod_doe.study.results.result_cube import opened_cube
 
 if TYPE_CHECKING:  # the command line answers without xarray
     import xarray as xr

@@ -1,0 +1,172 @@
+"""Cubes opened with variables that are read when they are used, each time anew, so that a large one needs no memory.
+
+Texts of points are stored as numbers of rows in a table of all different texts, and looked up; the cells of a grid
+become a list of points on request.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas
+import xarray as xr
+from numpy.typing import NDArray
+from xarray.backends import BackendArray, NetCDF4DataStore
+from xarray.core import indexing
+from xarray.indexes import PandasIndex
+
+from tripod_doe.study.cube.netcdf import TEXT_TABLE, are_point_numbers, reading, refuse_damaged, shared_file
+from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK
+from tripod_doe.study.cube.slabs import box, slabs
+
+_SLAB_BYTES = 32_000_000
+
+
+def read_dataset(path: Path) -> xr.Dataset:
+    """Read a netCDF file into memory.
+
+    Raises
+    ------
+    CubeError
+        If the file is missing or damaged.
+    """
+    refuse_damaged(path, whole=True)
+    with lazy_dataset(path) as stored, reading(path):
+        return stored.load()
+
+
+def _with_point_numbers(cube: xr.Dataset) -> xr.Dataset:
+    """A cube whose points can be selected by their numbers, without an array of them."""
+    stored = cube.variables["point"]
+    index = PandasIndex(pandas.RangeIndex(stored.size), "point", coord_dtype=stored.dtype)
+    return cube.assign_coords(xr.Coordinates(index.create_variables({"point": stored}), {"point": index}))
+
+
+def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None, by_number: bool = True) -> xr.Dataset:
+    """A netCDF file whose variables are read when they are used, each time anew; open until the dataset is closed.
+
+    Parameters
+    ----------
+    path
+        The file.
+    chunks
+        As in `xarray.open_dataset`; None leaves Dask out.
+    by_number
+        Whether points of a list can be selected by their numbers.
+
+    Raises
+    ------
+    CubeError
+        If the file is missing or damaged.
+    """
+    refuse_damaged(path)
+    with reading(path):
+        # not while values are read: Dask's threads, which take it for each, would wait for this one
+        with NETCDF_LOCK, warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "The specified chunks separate")  # they are the caller's wish
+            stored = xr.open_dataset(
+                NetCDF4DataStore(shared_file(path), mode="r", lock=NETCDF_LOCK),  # type: ignore[no-untyped-call]
+                decode_timedelta=False,
+                chunks=chunks,
+                cache=False,
+                create_default_indexes=False,
+            )
+        read = _with_texts(stored)
+        for dim in stored.dims:
+            if dim not in stored.coords or (dim == "point" and not by_number):
+                continue
+            if dim == "point" and are_point_numbers(stored[dim].attrs, stored[dim].variable):
+                read = _with_point_numbers(read)
+            else:
+                read = read.set_xindex(str(dim))
+        read.set_close(stored.close)
+        return read
+
+
+class _FlatCells(BackendArray):
+    """A variable over the cells of a grid, the cells along its first dimension in the order of the points."""
+
+    def __init__(self, variable: xr.Variable, depth: int) -> None:
+        self._variable, self._grid = variable, variable.shape[:depth]
+        self.shape, self.dtype = (math.prod(self._grid), *variable.shape[depth:]), variable.dtype
+
+    def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
+        return indexing.explicit_indexing_adapter(key, self.shape, indexing.IndexingSupport.BASIC, self._at)
+
+    def _at(self, key: tuple[int | slice, ...]) -> NDArray[Any]:
+        cells, *own = key
+        if not isinstance(cells, slice):
+            return np.asarray(self._variable[(*np.unravel_index(cells, self._grid), *own)].values)
+        start, stop, step = cells.indices(self.shape[0])
+        return self._stretch(start, stop, own)[::step]
+
+    def _stretch(self, start: int, stop: int, own: list[int | slice]) -> NDArray[Any]:
+        """Some consecutive cells."""
+        own_shape = np.broadcast_to(0, self.shape[1:])[tuple(own)].shape
+        lengths = box(self._grid, self.dtype.itemsize * math.prod(self.shape[1:]), _SLAB_BYTES)
+        parts = [np.empty((0, *own_shape), self.dtype)]
+        for slab in slabs(self._grid, lengths):
+            if slab.start < stop and start < slab.stop:
+                cells = np.asarray(self._variable[(*slab.place, *own)].values)
+                flat = cells.reshape(slab.count, *own_shape)
+                parts.append(flat[max(start - slab.start, 0) : stop - slab.start])
+        return np.concatenate(parts)
+
+
+def flat_points(cube: xr.Dataset) -> xr.Dataset:
+    """A cube with one dimension ``point`` in place of one for each factor of a grid; variables are read when used."""
+    dims = cube["outcome"].dims
+    if dims == ("point",):
+        return cube
+    shape = tuple(cube.sizes[dim] for dim in dims)
+    coordinates: dict[Any, xr.Variable] = {"point": xr.Variable("point", np.arange(math.prod(shape), dtype=np.int32))}
+    for position, dim in enumerate(dims):
+        along = cube[dim].values.reshape([-1 if at == position else 1 for at in range(len(dims))])
+        coordinates[dim] = xr.Variable("point", np.broadcast_to(along, shape).ravel(), cube[dim].attrs)
+    variables = {name: _flat(variable, dims) for name, variable in cube.variables.items() if name not in dims}
+    coordinates |= {name: variables.pop(name) for name in cube.coords if name in variables}
+    return xr.Dataset(variables, xr.Coordinates(coordinates, indexes={}), cube.attrs)
+
+
+def _flat(variable: xr.Variable, dims: tuple[Any, ...]) -> xr.Variable:
+    """A variable over the points, or as it is where it has no value for each cell."""
+    if variable.dims[: len(dims)] != dims:
+        return variable
+    cells = indexing.LazilyIndexedArray(_FlatCells(variable, len(dims)))
+    return xr.Variable(("point", *variable.dims[len(dims) :]), cells, variable.attrs)
+
+
+class _Texts(BackendArray):
+    """Texts that are looked up when they are used."""
+
+    def __init__(self, numbers: xr.Variable, table: NDArray[Any]) -> None:
+        self._numbers, self._table = numbers, table
+        self.shape, self.dtype = numbers.shape, np.dtype(object)
+
+    def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
+        return indexing.explicit_indexing_adapter(key, self.shape, indexing.IndexingSupport.OUTER, self._at)
+
+    def _at(self, key: tuple[Any, ...]) -> Any:
+        return self._table[self._numbers[key].values]
+
+
+def _with_texts(stored: xr.Dataset) -> xr.Dataset:
+    """A cube as it was stored, with texts in place of their numbers; they are read when they are used."""
+    numbers = {name: variable for name, variable in stored.variables.items() if TEXT_TABLE in variable.attrs}
+    tables = {name: str(variable.attrs[TEXT_TABLE]) for name, variable in numbers.items()}
+    texts = {}
+    for name, variable in numbers.items():
+        table = stored.variables[tables[name]].values.astype(object)
+        attrs = {key: value for key, value in variable.attrs.items() if key != TEXT_TABLE}
+        if variable.chunks:
+            data = variable.data.map_blocks(table.__getitem__, dtype=object)
+        else:
+            data = indexing.LazilyIndexedArray(_Texts(variable, table))
+        texts[name] = xr.Variable(variable.dims, data, attrs)
+    coordinates = {name: variable for name, variable in texts.items() if name in stored.coords}
+    return stored.assign(texts).drop_vars(set(tables.values())).set_coords(list(coordinates))

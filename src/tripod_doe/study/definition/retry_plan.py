@@ -1,0 +1,186 @@
+"""Changes that a study tries on points that failed, as [run] retry lists them, checked before anything runs.
+
+Changes add up in the order of the list until the point finishes. A new model takes its own method, step and tolerance,
+a new method its own step and tolerance, unless the same change sets them: a step chosen for one method says nothing
+about another. `execution.retry` runs them.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from tripod_doe.errors import InputError, near_match
+from tripod_doe.simulator import Outcome, Simulator, Value, check_parameters
+
+SMALLER_STEP = "smaller-step"
+"""The change that halves the step or the tolerance that is in force: the one that is given, or that a run settled."""
+
+_STEPS = ("step_s", "relative_tolerance")
+_FOLLOWERS = {"model": ("method", *_STEPS), "method": _STEPS}
+_NEVER_RETRIED = (Outcome.FINISHED, Outcome.NOT_APPLICABLE)
+
+
+@dataclass(frozen=True)
+class Change:
+    """One change of the parameters of a point that failed."""
+
+    values: Mapping[str, Value]  # parameters to set; empty for a smaller step
+
+    @property
+    def label(self) -> str:
+        """The change in words."""
+        told = (
+            f"{name} = {value:g}" if isinstance(value, float) else f"{name} = {value}"
+            for name, value in self.values.items()
+        )
+        return ", ".join(told) or SMALLER_STEP
+
+
+@dataclass(frozen=True)
+class RetryPlan:
+    """The changes of a study, and which outcomes they are tried on."""
+
+    changes: tuple[Change, ...] = ()  # in the order in which they are tried
+    accepted: frozenset[int] = frozenset(_NEVER_RETRIED)  # outcomes that a point may end with, without a retry
+
+
+NO_RETRIES = RetryPlan()
+"""Of a study without retries."""
+
+
+def check_retries(
+    simulator: Simulator,
+    base: Mapping[str, Value],
+    factors: Mapping[str, Sequence[Value]],
+    keep: Collection[str],
+    entries: Sequence[str | Mapping[str, Any]],
+    expected: Collection[str],
+    unknown: Collection[str] = (),
+) -> RetryPlan:
+    """Check the retries of a study before anything runs.
+
+    Parameters
+    ----------
+    simulator, base, keep
+        What is simulated, and the values that all points share.
+    factors
+        Values that each factor takes; none where it is sampled.
+    entries
+        The changes as the study file gives them.
+    expected
+        Outcomes besides finished that do not count as failures.
+    unknown
+        Parameters whose values are known only from the points themselves.
+
+    Raises
+    ------
+    InputError
+        If a change is unknown, cannot be run, or makes no difference to any point.
+    """
+    changes = tuple(_change(simulator, entry) for entry in entries)
+    touched = {name for change in changes for name in change.values}
+    unsure = {name for name, levels in factors.items() if not levels} | set(unknown)
+    points = list(_kinds_of_points(simulator, base, factors, touched))
+    for change in changes:
+        told = f"retry: {change.label}"
+        after = [changed_values(simulator, values, change, {}) for values in points]
+        if not unsure & change.values.keys() and all(
+            new is None or simulator.effective(new) == simulator.effective(old)
+            for new, old in zip(after, points, strict=True)
+        ):
+            reason = "no point has a step or a tolerance" if not change.values else "it makes no difference"
+            raise InputError(f"{told}: {reason}; remove it")
+        points = [old if new is None else new for new, old in zip(after, points, strict=True)]
+        _check_runnable(simulator, points, factors, keep, told)
+    accepted = {*_NEVER_RETRIED, *(outcome for outcome in Outcome if outcome.label in expected)}
+    return RetryPlan(changes, frozenset(int(outcome) for outcome in accepted))
+
+
+def _change(simulator: Simulator, entry: str | Mapping[str, Any]) -> Change:
+    if isinstance(entry, str):
+        if entry != SMALLER_STEP:
+            raise InputError(
+                f'retry: {entry!r}: write "{SMALLER_STEP}" or a table, for instance {{ model = "rollers" }}'
+                + near_match(entry, [SMALLER_STEP])
+            )
+        return Change({})
+    if not entry:
+        raise InputError("retry: {}: an empty table changes nothing; give a parameter and its value")
+    try:
+        return Change(check_parameters(simulator.parameters, entry))
+    except InputError as error:
+        raise InputError(f"retry: {error}") from error
+
+
+def _kinds_of_points(
+    simulator: Simulator, base: Mapping[str, Value], factors: Mapping[str, Sequence[Value]], touched: Collection[str]
+) -> Iterator[dict[str, Value]]:
+    """One set of values for every combination of levels that a change can meet in a study."""
+    varied = {
+        name: levels
+        for name, levels in factors.items()
+        if levels and (name in touched or name in _FOLLOWERS or name in _STEPS)
+    }
+    for values in itertools.product(*varied.values()):
+        yield {**base, **dict(zip(varied, values, strict=True))}
+
+
+def _check_runnable(
+    simulator: Simulator,
+    points: Sequence[Mapping[str, Value]],
+    factors: Mapping[str, Sequence[Value]],
+    keep: Collection[str],
+    told: str,
+) -> None:
+    """Refuse a change that no point could be run with."""
+    reasons = []
+    for values in points:
+        others = {name: levels for name, levels in factors.items() if name not in values}
+        try:
+            simulator.check({name: value for name, value in values.items() if value is not None}, others, keep)
+        except InputError as error:
+            reasons.append(error)
+        else:
+            return
+    raise InputError(f"{told}: {reasons[0]}") from reasons[0]
+
+
+def changed_values(
+    simulator: Simulator, values: Mapping[str, Value], change: Change, settled: Mapping[str, float]
+) -> dict[str, Value] | None:
+    """The values of a point after a change; None where it has no step or tolerance to be halved.
+
+    `settled` are steps and tolerances that its last run settled by itself.
+    """
+    new, full = dict(values), simulator.effective(values)
+    if change.values:
+        for cause, followers in _FOLLOWERS.items():
+            if change.values.get(cause, full.get(cause)) != full.get(cause):
+                own = [name for name in followers if _is_numerics(simulator, name)]
+                new |= {name: simulator.parameters[name].default for name in own}
+        return {**new, **change.values}
+    usual = simulator.methods(full).get(str(full.get("method")), {})
+    for name in _STEPS:
+        value = full.get(name) or settled.get(name) or usual.get(name)
+        if value is not None:
+            half = float(value) / 2
+            return None if half < simulator.parameters[name].low else new | {name: half}
+    return None
+
+
+def _is_numerics(simulator: Simulator, name: str) -> bool:
+    parameter = simulator.parameters.get(name)
+    return parameter is not None and parameter.group == "numerics"
+
+
+def changed_parameters(simulator: Simulator, retry: RetryPlan) -> tuple[str, ...]:
+    """Names of the parameters that the retries may change, in the order of the simulator's."""
+    touched = {name for change in retry.changes for name in change.values}
+    for cause in touched & _FOLLOWERS.keys():
+        touched = touched | {name for name in _FOLLOWERS[cause] if _is_numerics(simulator, name)}
+    if any(not change.values for change in retry.changes):
+        touched = touched | set(_STEPS)
+    return tuple(name for name in simulator.parameters if name in touched)

@@ -1,0 +1,96 @@
+"""Simulators by name: scenes from a table, plain functions by where they are imported from."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+from typing import Any
+
+from tripod_doe.errors import InputError, TripodDoeError, near_match
+from tripod_doe.simulator import Simulator
+from tripod_doe.study.definition.function import FunctionSimulator
+from tripod_doe.study.definition.study_folder import StudyFolder
+
+SCENES = {
+    "joint": "tripod_doe.joint.simulator:simulator",
+    "needle-between-plates": "tripod_doe.mechanics.scenes.needle_between_plates:simulator",
+    "trunnion": "tripod_doe.joint.trunnion:simulator",
+    "roller-in-groove": "tripod_doe.mechanics.scenes.roller_in_groove:simulator",
+}
+"""Scenes by the name that study files and the command line use, each ``package.module:object``."""
+
+
+def load_simulator(scene: str = "joint", function: str | None = None, folder: StudyFolder | None = None) -> Simulator:
+    """Find a scene by its name, or a function by ``package.module:function``.
+
+    Parameters
+    ----------
+    scene
+        A key of `SCENES`; ignored where a function is named.
+    function
+        Where to import the function from.
+    folder
+        Folder of the study file, searched for the function's module first.
+
+    Raises
+    ------
+    ForbiddenError
+        For a function that a study from a stranger names; nothing is imported.
+    InputError
+        If there is no such scene, module or function.
+    """
+    if function is None:
+        if scene not in SCENES:
+            raise InputError(f"scene = {scene!r}: unknown scene{near_match(scene, SCENES)}")
+        simulator: Simulator = _import_object(SCENES[scene])
+        return simulator
+    if folder:
+        if (recorded := folder.recorded_function(function)) is not None:
+            return recorded
+        folder.refuse_functions(function)
+        _search_first(str(folder.path), function.partition(":")[0].partition(".")[0])
+    called = _import_object(function)
+    if not callable(called):
+        raise InputError(f"function = {function!r}: this is not a function")
+    return FunctionSimulator(function, called)
+
+
+_loaded_for: dict[str, list[str]] = {}
+"""Folders of the studies for which a module was loaded, the latest last, by the module's name."""
+
+
+def _search_first(folder: str, module: str) -> None:
+    """Find a module in a folder before all others, also where one of that name was loaded for a study elsewhere."""
+    sys.path[:] = [folder, *(other for other in sys.path if other != folder)]
+    earlier = _loaded_for.setdefault(module, [])
+    if folder in earlier[-1:]:
+        return
+    file = getattr(sys.modules.get(module), "__file__", None) or ""
+    if any(Path(file).is_relative_to(other) for other in earlier):  # and no installed package
+        for name in [name for name in sys.modules if name == module or name.startswith(f"{module}.")]:
+            del sys.modules[name]
+        importlib.invalidate_caches()
+    earlier[:] = [*(other for other in earlier if other != folder), folder]
+
+
+def modules_of_scenes() -> list[str]:
+    """Modules that the scenes simulated so far have imported, in the order of their import."""
+    packages = tuple({".".join(reference.split(".")[:2]) + "." for reference in SCENES.values()})
+    return [name for name in sys.modules if name.startswith(packages)]
+
+
+def _import_object(reference: str) -> Any:
+    module_name, separator, name = reference.partition(":")
+    if not separator:
+        raise InputError(f"function = {reference!r}: write it as package.module:function")
+    try:
+        module = importlib.import_module(module_name)
+    except TripodDoeError:  # of ours, meant to be read as it is
+        raise
+    except Exception as error:  # whatever a user's module does when it is imported
+        kind = "" if isinstance(error, ImportError) else f"{type(error).__name__}: "
+        raise InputError(f"function = {reference!r}: cannot import {module_name}: {kind}{error}") from error
+    if not hasattr(module, name):
+        raise InputError(f"function = {reference!r}: no {name} in {module_name}{near_match(name, dir(module))}")
+    return getattr(module, name)

@@ -1,0 +1,316 @@
+"""Study files: a TOML text becomes a checked, frozen `Study`, or an error that names file, key, value and remedy."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from tripod_doe.errors import InputError, first_messages, near_match
+from tripod_doe.simulator import NUMERICS, Demands, Outcome, Parameter, Simulator, Value, check_parameters
+from tripod_doe.study.definition.accuracy import AUTO, Accuracy, check_accuracy, check_demands
+from tripod_doe.study.definition.factors import Factor, checked_factor
+from tripod_doe.study.definition.retry_plan import NO_RETRIES, RetryPlan, check_retries
+from tripod_doe.study.definition.scenes import load_simulator
+from tripod_doe.study.definition.study_file import (
+    AccuracyTable,
+    DesignTable,
+    FactorTable,
+    RunTable,
+    StudyFile,
+    StudyTable,
+    parse_file,
+    parse_toml,
+    read_text,
+)
+from tripod_doe.study.definition.study_folder import StudyFolder
+
+
+@dataclass(frozen=True)
+class Study:
+    """A checked study: static, all its points follow from it."""
+
+    file: StudyFile  # the parsed study file
+    simulator: Simulator  # what simulates its points
+    base: Mapping[str, Value]  # checked base values
+    factors: Mapping[str, Factor]  # factors by name, in file order
+    keep: tuple[str, ...]  # names of the outputs to keep; empty for a function that keeps all
+    warnings: tuple[str, ...]  # what the user should know before it runs
+    text: str  # the study file as written
+    origin: str  # where it came from, for messages
+    folder: StudyFolder  # where the tables and functions are that it names
+    # names of the factors that an ablation switches off (0) and on (1); empty for other designs
+    switches: tuple[str, ...] = ()
+    retry: RetryPlan = NO_RETRIES  # changes tried on points that failed
+    # accuracy for which a pilot chooses the model of every point; None where the study names its model
+    accuracy: Accuracy | None = None
+    # accuracy to which runs are refined where the study names its model; None for that of `simulator` itself
+    demands: Demands | None = None
+
+    @property
+    def hash(self) -> str:
+        """Hash of the study text (16 hex digits)."""
+        return hashlib.sha256(self.text.encode()).hexdigest()[:16]
+
+    def fail(self, where: str, error: InputError | str) -> InputError:
+        """An error that names this study file and the key; one of a kind stays of that kind."""
+        kind = type(error) if isinstance(error, InputError) else InputError
+        return kind(f"{self.origin}: {where}: {error}")
+
+
+def load_study(path: str | Path, folder: StudyFolder | None = None) -> Study:
+    """Read and check a study file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    folder
+        Where the files and functions are that it names; its own folder if omitted, and any others as well.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or anything in it cannot be used.
+    """
+    path = Path(path)
+    return parse_study(read_text(path, "study file"), str(path), folder or StudyFolder.of(path))
+
+
+def parse_study(text: str, origin: str = "study", folder: StudyFolder | None = None) -> Study:
+    """Check the text of a study file; see `load_study`.
+
+    Parameters
+    ----------
+    text
+        The study file.
+    origin
+        Where it came from, for messages.
+    folder
+        Where the files and functions are that it names; the current folder, and any others, if omitted.
+    """
+    folder = folder or StudyFolder(Path.cwd())
+    try:
+        file = parse_file(text, origin)
+    except InputError as error:
+        raise InputError("\n".join([str(error), *_wrong_besides(text, origin)])) from error
+    simulator = _at(origin, "[study]", lambda: load_simulator(file.study.scene, file.study.function, folder))
+    _check_sources(origin, file, folder)
+    auto = file.base.get("model") == AUTO
+    base = _base(origin, simulator, _given(file.base), file.factors)
+    file = _at(origin, "[design]", lambda: _at_operating_points(simulator, file))
+    switches = _at(origin, "[design]", lambda: _switches(simulator, file))
+    tables = file.factors | {name: FactorTable(values=[0, 1]) for name in switches if name not in file.factors}
+    tables |= _at(origin, "[design]", lambda: _fidelity(simulator, file))
+    for name in tables:
+        if name in base:
+            raise InputError(f"{origin}: {name} is both a base value and a factor; remove it from [base]")
+    factors = {
+        name: _at(origin, f"[factors.{name}]", lambda n=name, t=table: checked_factor(simulator.parameters[n], t))
+        for name, table in tables.items()
+    }
+    keep = _at(origin, "[keep]", lambda: _kept(simulator, file.keep.outputs))
+    _check_run(origin, file.run)
+    levels = {name: factor.values or () for name, factor in factors.items()}
+    accuracy = _accuracy(origin, simulator, file, {*base, *factors}) if auto else None
+    demands = _demands(origin, simulator, file, {*base, *factors}) if file.accuracy and not auto else None
+    if accuracy:  # all candidates are in play
+        levels |= {
+            name: tuple(dict.fromkeys(candidate.values[name] for candidate in accuracy.candidates))
+            for name in accuracy.parameters
+        }
+    run = file.run
+    unknown = simulator.parameters.keys() - base if file.design.kind == "table" else ()
+    retry = _at(
+        origin, "[run]", lambda: check_retries(simulator, base, levels, keep, run.retry, run.expected_outcomes, unknown)
+    )
+    study = Study(file, simulator, base, factors, keep, (), text, origin, folder, switches, retry, accuracy, demands)
+    warnings = _at(origin, "[base]", lambda: simulator.check(base, levels, keep))
+    return replace(study, warnings=tuple(warnings))
+
+
+def _accuracy(origin: str, simulator: Simulator, file: StudyFile, taken: set[str]) -> Accuracy:
+    """The table [accuracy] of a study whose model is to be chosen."""
+    table = file.accuracy or AccuracyTable()
+    asked = table.__pydantic_extra__ or {}
+    try:
+        return check_accuracy(simulator, asked, table.confidence, table.floor, table.budget_cpu_s, taken)
+    except InputError as error:
+        raise InputError(f"{origin}: {error}") from error
+
+
+def _demands(origin: str, simulator: Simulator, file: StudyFile, taken: set[str]) -> Demands:
+    """The table [accuracy] of a study that names its model."""
+    table = file.accuracy or AccuracyTable()
+    if unused := table.model_fields_set & {"confidence", "budget_cpu_s"}:
+        raise InputError(
+            f'{origin}: [accuracy]: {", ".join(sorted(unused))}: used with model = "{AUTO}" only; leave it out'
+        )
+    if given := taken & {"accuracy", *NUMERICS}:
+        raise InputError(
+            f"{origin}: [accuracy]: {', '.join(sorted(given))} is set as well, which decides how runs are refined; "
+            "leave one of them out"
+        )
+    try:
+        demands = check_demands(simulator, table.__pydantic_extra__ or {}, table.floor)
+        simulator.refined_to(demands)
+    except InputError as error:
+        raise InputError(f"{origin}: {error}") from error
+    return demands
+
+
+def _at(origin: str, where: str, step: Any) -> Any:
+    """Run one step of the check, and put file and key before every line of the message of its error."""
+    try:
+        return step()
+    except InputError as error:
+        raise error.at(f"{origin}: {where}") from error
+
+
+def _check_sources(origin: str, file: StudyFile, folder: StudyFolder) -> None:
+    """Refuse tables that may not be read, and factors with more values than may be, before any value is made."""
+    for design in (file.design, *file.designs.values()):
+        if design.table is not None:
+            _at(origin, "[design]", lambda d=design: folder.check_file(d.table, "table"))
+    for name, table in file.factors.items():
+        _at(origin, f"[factors.{name}]", lambda t=table: folder.refuse_many(t.count or 0, "values"))
+
+
+def _given(base: Mapping[str, Any]) -> dict[str, Any]:
+    """Base values that are those of a parameter each: not the word for a model that is to be chosen, and no table."""
+    return {
+        name: value
+        for name, value in base.items()
+        if isinstance(value, str | bool | int | float) and (name, value) != ("model", AUTO)
+    }
+
+
+def _wrong_besides(text: str, origin: str) -> list[str]:
+    """What is wrong with names and base values of a study whose form is wrong elsewhere; [] where nobody can say."""
+    try:
+        raw = parse_toml(text, origin)
+        study, base, factors = (raw.get(table, {}) for table in ("study", "base", "factors"))
+        if not all(isinstance(table, dict) for table in (study, base, factors)) or "function" in study:
+            return []
+        simulator = load_simulator(str(study.get("scene", StudyTable.model_fields["scene"].default)))
+    except InputError:
+        return []
+    try:
+        _base(origin, simulator, _given(base), [name for name, table in factors.items() if isinstance(table, dict)])
+    except InputError as error:
+        return str(error).splitlines()
+    return []
+
+
+def _base(origin: str, simulator: Simulator, given: Mapping[str, Value], factors: Collection[str]) -> dict[str, Value]:
+    """The base values, checked; unknown factors are told with what is wrong about these."""
+    wrong, base = [], dict[str, Value]()
+    try:
+        base = _at(origin, "[base]", lambda: check_parameters(simulator.parameters, given))
+    except InputError as error:
+        wrong.append(str(error))
+    wrong += first_messages(
+        [name for name in factors if name not in simulator.parameters],
+        lambda name: f"{origin}: [factors.{name}]: unknown parameter{near_match(name, simulator.parameters)}",
+    )
+    if wrong:
+        raise InputError("\n".join(wrong))
+    return base
+
+
+def _at_operating_points(simulator: Simulator, file: StudyFile) -> StudyFile:
+    """An ablation beside factors that it does not switch is one at each of their grid points: a product of both."""
+    if file.design.kind != "ablation":
+        return file
+    switches = _switches_of(file.design, simulator.parameters, list(file.factors))
+    operating = [name for name in file.factors if name not in switches]
+    if not operating:
+        return file
+    mechanisms = DesignTable(kind="ablation", factors=switches, combinations=file.design.combinations)
+    parts = {"operating": DesignTable(factors=operating), "mechanisms": mechanisms}
+    product = file.design.model_copy(update={"kind": "product", "of": list(parts), "factors": None})
+    return file.model_copy(update={"design": product, "designs": parts})
+
+
+def _switches(simulator: Simulator, file: StudyFile) -> tuple[str, ...]:
+    """Factors that an ablation of this study switches: those it names, else the study's own, else all of the scene."""
+    alone = file.design.kind != "product"
+    parts = [file.design] if alone else [file.designs[name] for name in file.design.of if name in file.designs]
+    found: list[str] = []
+    for part in parts:
+        if part.kind == "ablation":
+            found += _switches_of(part, simulator.parameters, list(file.factors) if alone else [])
+    return tuple(dict.fromkeys(found))
+
+
+def _switches_of(part: DesignTable, parameters: Mapping[str, Parameter], own: list[str]) -> list[str]:
+    known = [name for name, parameter in parameters.items() if parameter.kind == "switch"]
+    names = part.factors or ([name for name in own if name in known] if known else own) or known
+    if not names:
+        raise InputError(
+            "an ablation needs factors = [...]: its arguments with values 0 and 1, since no parameter is a switch"
+        )
+    for name in names:
+        if name not in parameters:
+            raise InputError(f"factors: unknown parameter {name!r}{near_match(name, known or parameters)}")
+        if name not in (known or names):
+            raise InputError(f"factors: {name} is no switch (those are {', '.join(known)})")
+    return names
+
+
+def _fidelity(simulator: Simulator, file: StudyFile) -> dict[str, FactorTable]:
+    """The factor that names the model, where a multifidelity study does not list models itself: all of the scene."""
+    name = file.design.fidelity
+    if file.design.kind != "multifidelity" or name in file.factors:
+        return {}
+    if name in file.base:
+        raise InputError(f"fidelity: {name} is a base value, so there is one model only; remove it from [base]")
+    if name != "model" or not simulator.model_names:
+        raise InputError(
+            f"fidelity: add [factors.{name}] with values, from the cheapest model to the one that counts as the truth, "
+            "or name the factor that has them"
+        )
+    return {name: FactorTable(values=list(simulator.model_names))}
+
+
+def _kept(simulator: Simulator, names: list[str]) -> tuple[str, ...]:
+    if not simulator.outputs:
+        return tuple(names)
+    for name in names:
+        if name not in simulator.outputs:
+            raise InputError(f"outputs: unknown output {name!r}{near_match(name, simulator.outputs)}")
+    usual = (name for name, output in simulator.outputs.items() if not output.on_request)
+    return tuple(dict.fromkeys(names)) or tuple(usual)
+
+
+def _check_run(origin: str, run: RunTable) -> None:
+    labels = [outcome.label for outcome in Outcome]
+    for label in run.expected_outcomes:
+        if label not in labels:
+            raise InputError(
+                f"{origin}: [run]: expected_outcomes: {label!r} is not an outcome{near_match(label, labels)}"
+            )
+
+
+def canonical(study: Study) -> dict[str, str]:
+    """What decides the points and values of a study, key by key, for comparing two versions of it."""
+    flat: dict[str, str] = {}
+
+    def walk(prefix: str, value: Any) -> None:
+        if isinstance(value, dict):
+            for key, item in value.items():
+                walk(f"{prefix}.{key}" if prefix else key, item)
+        elif value is not None:
+            flat[prefix] = json.dumps(value)
+
+    content = study.file.model_dump()
+    walk("", {key: content[key] for key in ("base", "factors", "design", "designs", "keep")})
+    walk("study", {key: content["study"][key] for key in ("scene", "function")})
+    if study.demands:
+        flat["accuracy"] = json.dumps(study.demands.text)
+    if study.retry.changes:  # what is retried decides what a point ends with
+        walk("run", {key: content["run"][key] for key in ("retry", "expected_outcomes")})
+    return flat

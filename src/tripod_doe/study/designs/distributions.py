@@ -1,0 +1,153 @@
+"""From the unit interval to a factor's values: the quantile function of its distribution."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_doe.array_types import FloatArray
+from tripod_doe.errors import InputError
+from tripod_doe.study.definition.factors import Factor
+from tripod_doe.study.definition.study_file import FactorTable
+
+_NARROW, _FAR = 1e-5, 1e3  # width of a range, and distance from it to the mean, in standard deviations
+_STRAIGHT = 1e-12  # decay below which a density is even to its last digits
+_INSIDE = 1e-12  # keeps the ends of the unit interval off the infinite tails
+
+
+def is_unbounded(factor: Factor) -> bool:
+    """Whether the factor's distribution has infinite tails."""
+    return factor.table.distribution == "normal"
+
+
+def quantile(factor: Factor, unit: FloatArray) -> NDArray[Any]:
+    """Values of a sampled factor at given points of the unit interval.
+
+    Parameters
+    ----------
+    factor
+        A factor with a range or a distribution. Whole-number parameters and switches take every whole number of a
+        uniform range with equal probability.
+    unit
+        Numbers in [0, 1], shape (point,).
+
+    Returns
+    -------
+    ndarray, shape (point,)
+
+    Raises
+    ------
+    InputError
+        If the factor has explicit values without distribution = "discrete", or if a tail reaches values that the
+        parameter does not allow.
+    """
+    parameter, table = factor.parameter, factor.table
+    if factor.values is not None or (table.low is None and table.mean is None and table.values is None):
+        raise InputError(
+            f"[factors.{parameter.name}]: this design samples; give low and high or a distribution "
+            '(distribution = "discrete" for a list of values)'
+        )
+    if table.distribution == "discrete":
+        values: NDArray[Any] = parameter.column([parameter.check(value) for value in table.values or []])
+        weights = np.array(table.weights or [1.0] * len(values))
+        chosen = np.searchsorted(np.cumsum(weights) / weights.sum(), unit, side="right")
+        return values[np.minimum(chosen, len(values) - 1)]
+    if parameter.kind in ("integer", "switch"):
+        low, high = math.ceil(table.low or 0), math.floor(table.high or 0)
+        return np.minimum(np.floor(low + unit * (high - low + 1)), high)
+    if is_unbounded(factor):
+        sampled = np.asarray(_frozen(table).ppf(np.clip(unit, _INSIDE, 1 - _INSIDE)), float)
+    elif table.sampled_as == "uniform":
+        low_end, high_end = table.low or 0.0, table.high or 0.0
+        sampled = np.clip(low_end + unit * (high_end - low_end), low_end, high_end)
+    else:
+        sampled = np.clip(_frozen(table).ppf(unit), table.low, table.high)  # the ends exact, whatever rounding does
+    for extreme in (sampled.min(), sampled.max()):
+        try:
+            parameter.check(float(extreme))
+        except InputError as error:
+            raise InputError(f"[factors.{parameter.name}]: {error}; use a truncated-normal distribution") from error
+    return sampled
+
+
+def _frozen(table: FactorTable) -> Any:
+    """The scipy distribution of a continuous factor."""
+    from scipy import stats  # slow to import, and most studies sample nothing
+
+    low, high, mean, std = table.low or 0.0, table.high or 0.0, table.mean or 0.0, table.std or 1.0
+    match table.sampled_as:
+        case "normal":
+            return stats.norm(mean, std)
+        case "truncated-normal":
+            begin, end = (low - mean) / std, (high - mean) / std
+            if end - begin < _NARROW:
+                return _Exponential(low, high, (begin + end) / 2 * (end - begin))
+            if max(begin, -end) > _FAR:
+                return _Exponential(low, high, (begin if begin > 0 else end) * (end - begin))
+            return stats.truncnorm(begin, end, mean, std)
+        case "log-uniform":
+            return stats.loguniform(low, high)
+        case "triangular":
+            return stats.triang(((table.mode or 0.0) - low) / (high - low), low, high - low)
+        case _:
+            return stats.uniform(low, high - low)
+
+
+@dataclass(frozen=True)
+class _Exponential:
+    """A normal distribution on a range where its logarithm is as good as straight.
+
+    SciPy's is a difference of probabilities, which lose their digits there: at a standard deviation of 1e8 ranges its
+    quantiles are off by 1e-8 of the range, at 1e16 they are one value. This one is off by 1e-11 of the range at most
+    within `_NARROW`, and beyond `_FAR` by 1e-6 of the width over which the density falls, as SciPy's at that distance.
+    """
+
+    # low, high: the range
+    low: float
+    high: float
+    decay: float  # logarithm of the density at low over that at high
+
+    def ppf(self, unit: FloatArray) -> FloatArray:
+        """Quantiles, shape (point,)."""
+        decay = abs(self.decay)
+        unit = np.asarray(unit, float) if self.decay >= 0 else 1 - np.asarray(unit, float)
+        with np.errstate(divide="ignore"):
+            part = unit if decay < _STRAIGHT else -np.log1p(unit * np.expm1(-decay)) / decay
+        part = np.clip(part if self.decay >= 0 else 1 - part, 0, 1)
+        return np.asarray(self.low + part * (self.high - self.low), float)
+
+    def pdf(self, values: FloatArray) -> FloatArray:
+        """Density over the values, shape (point,)."""
+        part = (np.asarray(values, float) - self.low) / (self.high - self.low)
+        decay, part = abs(self.decay), part if self.decay >= 0 else 1 - part
+        height = 1.0 if decay < _STRAIGHT else -decay / np.expm1(-decay)
+        inside = (part >= 0) & (part <= 1)
+        return np.where(inside, height * np.exp(-decay * np.clip(part, 0, 1)) / (self.high - self.low), 0.0)
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """How a factor scatters."""
+
+    density: Callable[[FloatArray], FloatArray]  # its density over its values, or over their logarithms
+    centre: float  # what it scatters about: mean, middle of a range, or peak
+    logarithmic: bool  # whether density and centre are those of logarithms
+
+
+def scatter_density(table: FactorTable) -> Scatter | None:
+    """How a factor scatters by its distribution; None for listed values, which have no density."""
+    from scipy import stats
+
+    kind, low, high = table.sampled_as, table.low or 0.0, table.high or 0.0
+    if kind == "discrete" or table.values is not None:
+        return None
+    if kind == "log-uniform":
+        low, high = math.log(low), math.log(high)
+        return Scatter(stats.uniform(low, high - low).pdf, (low + high) / 2, True)
+    centre = {"triangular": table.mode, "normal": table.mean, "truncated-normal": table.mean}.get(kind)
+    return Scatter(_frozen(table).pdf, (low + high) / 2 if centre is None else centre, False)

@@ -1,0 +1,118 @@
+"""The files of a result directory held against their checksums: which are damaged, and what makes them anew."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from tripod_doe.errors import CubeError, InputError, option
+from tripod_doe.study.cube.file_digest import is_damaged, is_sealed
+from tripod_doe.study.cube.netcdf import opened_file, reading, remedy, study_hash
+from tripod_doe.study.results.result_cube import refuse_changed_study
+from tripod_doe.study.cube.slabs import box, slabs
+from tripod_doe.study.journal import STUDY_HASH, Journal, damage, journal_path
+
+_SLAB_BYTES = 32_000_000
+
+
+@dataclass(frozen=True)
+class CheckedFile:
+    """A file, and what is wrong with it."""
+
+    path: Path
+    damage: str = ""  # a sentence with what makes it anew; empty where it is whole
+    note: str = ""  # what was not checked
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether it is as it was written, as far as that is known."""
+        return not self.damage
+
+
+def check_files(path: Path) -> list[CheckedFile]:
+    """Check all netCDF files, journals and studies of a result directory and the folders in it, or one file.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or none that has checksums.
+    """
+    if not path.exists():
+        raise InputError(f"{path}: there is no such file or directory")
+    checked = list(_checked(path))
+    if not checked:
+        raise InputError(f"{path}: no netCDF file and no journal here; name a result directory or a cube")
+    return checked
+
+
+def _checked(path: Path) -> Iterator[CheckedFile]:
+    if path.is_symlink():  # of somewhere else
+        return
+    if path.is_dir():
+        for inner in sorted(path.iterdir()):
+            if not inner.name.startswith("."):
+                yield from _checked(inner)
+    elif path.suffix == ".nc":
+        yield _checked_netcdf(path)
+    elif path == journal_path(path.parent):
+        yield _checked_journal(path)
+    elif path.name == "study.toml" and journal_path(path.parent).exists():
+        yield _checked_study(path)
+
+
+def _checked_netcdf(path: Path) -> CheckedFile:
+    checked = _checked_content(path)
+    if checked.is_whole and not _is_of_its_directory(path):
+        return CheckedFile(path, f"its results are of another study; {remedy(path)}")
+    return checked
+
+
+def _is_of_its_directory(path: Path) -> bool:
+    """Whether a file names the study of its result directory; true where either is not known."""
+    directory = path.parent.parent if path.parent.name == "analysis" else path.parent
+    if not journal_path(directory).exists():
+        return True
+    try:
+        with Journal(directory, read_only=True) as journal:
+            expected = journal.recall(STUDY_HASH)
+        return expected is None or study_hash(path) in ("", expected)
+    except CubeError:  # the journal is damaged, which is stated of itself
+        return True
+
+
+def _checked_content(path: Path) -> CheckedFile:
+    if is_sealed(path):
+        return CheckedFile(path, f"its content does not fit its checksum; {remedy(path)}" if is_damaged(path) else "")
+    try:
+        with reading(path), opened_file(path) as stored:
+            for variable in stored.variables.values():
+                for slab in slabs(variable.shape, box(variable.shape, variable.dtype.itemsize, _SLAB_BYTES)):
+                    variable[slab.place]  # its chunks are held against their checksums
+    except CubeError as error:
+        return CheckedFile(path, str(error).removeprefix(f"{path}: "))
+    return CheckedFile(path, note="without a checksum of the file: names, attributes and texts are not checked")
+
+
+def _checked_journal(path: Path) -> CheckedFile:
+    try:
+        found = damage(path)
+    except sqlite3.Error as error:
+        return CheckedFile(path, f"cannot be read: {error}")
+    if not found:
+        return CheckedFile(path)
+    rerun = (
+        f"run the study again with the same {option('out')}: all whole blocks are kept, and the others computed again"
+    )
+    return CheckedFile(path, f"{found}; {rerun}")
+
+
+def _checked_study(path: Path) -> CheckedFile:
+    try:
+        with Journal(path.parent, read_only=True) as journal:
+            refuse_changed_study(path.parent, journal)
+    except CubeError as error:
+        text = str(error)
+        return CheckedFile(path, text.removeprefix(f"{path}: ") if text.startswith(f"{path}: ") else "")
+    return CheckedFile(path)

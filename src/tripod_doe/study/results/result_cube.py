@@ -1,0 +1,221 @@
+"""The results of a study: its cube where it shows every finished point, else a cube made from the journal.
+
+While a study runs, and after an interrupt, finished points stand only in the journal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+from tripod_doe.errors import CubeError, option
+from tripod_doe.study.cube.netcdf import study_hash
+from tripod_doe.study.journal import SHOWN, STUDY, STUDY_HASH, Journal, journal_path, text_digest
+
+if TYPE_CHECKING:  # a query reads cubes without xarray
+    import xarray as xr
+
+    from tripod_doe.study.cube.writing import StoredResults
+    from tripod_doe.study.study_points import StudyPoints
+
+_READ_AT_ONCE = 100_000_000  # bytes of a cube that is read whole
+
+
+def open_cube(path: str | Path, chunks: int | str | Mapping[str, int] | None = None) -> xr.Dataset:
+    """Open a result cube with its costs.
+
+    Parameters
+    ----------
+    path
+        A result directory, or a netCDF file.
+    chunks
+        Cells that are read at a time along each dimension, as in `xarray.open_dataset`, or "auto": for a cube larger
+        than the memory. None reads all of it at once.
+
+    Returns
+    -------
+    xarray.Dataset
+        For a directory the variables of cost.nc are joined; where the study is running or was interrupted, its finished
+        points, the others flagged as not_run. In memory; with `chunks` it is read when it is used, from files that are
+        open until it is closed (``with td.open_cube(path, chunks="auto") as cube``).
+
+    Raises
+    ------
+    CubeError
+        If there is no cube and no finished point, or what is there is damaged.
+    """
+    if not is_shown(Path(path)):
+        so_far = cube_so_far(Path(path))
+        if chunks is not None:
+            return so_far.chunk(chunks)
+        with so_far:
+            return so_far.load()
+    if chunks is None:
+        from tripod_doe.study.cube.lazy_dataset import read_dataset
+
+        return _joined(*map(read_dataset, cube_files(Path(path))))
+    return _lazily(Path(path), chunks)
+
+
+def opened_cube(path: str | Path) -> xr.Dataset:
+    """Open a cube as `open_cube` does, with the variables of a large one read when they are used, each time anew.
+
+    To be closed: ``with opened_cube(path) as cube``.
+    """
+    if not is_shown(Path(path)):
+        return cube_so_far(Path(path))
+    cube = _lazily(Path(path), by_number=False)
+    if cube.nbytes > _READ_AT_ONCE:
+        return cube
+    with cube:
+        cube.load()
+        return cube.set_xindex("point") if "point" in cube.dims and "point" in cube.coords else cube
+
+
+def _lazily(path: Path, chunks: int | str | Mapping[str, int] | None = None, by_number: bool = True) -> xr.Dataset:
+    from tripod_doe.study.cube.lazy_dataset import lazy_dataset
+
+    with ExitStack() as opened:
+        files = (opened.enter_context(lazy_dataset(file, chunks, by_number)) for file in cube_files(path))
+        cube = _joined(*files).assign()  # another object than the first file, which it closes
+        cube.set_close(opened.pop_all().close)
+    return cube
+
+
+def _joined(cube: xr.Dataset, *costs: xr.Dataset) -> xr.Dataset:
+    for cost in costs:
+        cube = cube.assign({name: cost[name] for name in cost.data_vars})
+    return cube
+
+
+def cube_files(path: Path) -> list[Path]:
+    """The files of a cube: of a result directory its cube and, where there are any, its costs; else the file itself.
+
+    Raises
+    ------
+    CubeError
+        If a directory holds no cube.
+    """
+    if not path.is_dir():
+        return [path]
+    if not (path / "cube.nc").exists():
+        told = option("out", str(path))
+        raise CubeError(f"{path}: no cube.nc and no finished point in this directory; run a study with {told}")
+    return [path / "cube.nc", *(file for file in [path / "cost.nc"] if file.exists())]
+
+
+def is_shown(path: Path) -> bool:
+    """Whether the cube of a result directory shows every block in its journal; true for what has no journal."""
+    return not unshown_state(path)
+
+
+def unshown_state(path: Path) -> str:
+    """The state of the journal of a result directory, as a word; empty where its own cube shows every block in it.
+
+    Raises
+    ------
+    CubeError
+        If the journal is damaged or cannot be read.
+    """
+    if not (journal_path(path)).is_file():
+        return ""
+    with Journal(path, read_only=True) as journal:
+        state, shown, study = journal.state(), journal.recall(SHOWN), journal.recall(STUDY_HASH)
+    if state == "0" or (shown == state and (path / "cube.nc").exists() and _are_of(cube_files(path), study)):
+        return ""
+    return state
+
+
+def _are_of(files: list[Path], study: str | None) -> bool:
+    """Whether files are results of a study, by its hash; true where it is not known."""
+    return study is None or all(study_hash(file) == study for file in files)
+
+
+def cube_so_far(path: Path) -> xr.Dataset:
+    """Cube and costs of the points that the journal of a directory holds; nothing is written there.
+
+    To be closed, as `opened_cube`: a large one stands in temporary files until then.
+
+    Raises
+    ------
+    CubeError
+        If the journal is damaged.
+    InputError
+        If the study in it can no longer be read, for instance as its table is gone.
+    """
+    from tripod_doe.study.cube.dataset import build_cube
+
+    with Journal(path, read_only=True) as journal:
+        journal.check()
+        asked, results = _points_so_far(path, journal)
+        if asked.points.count * results.point_bytes > _READ_AT_ONCE:
+            return _written_aside(asked, results)
+        return _joined(*build_cube(asked.study, asked.points, asked.keys, journal.blocks()))
+
+
+def write_cube_so_far(path: Path, folder: Path) -> None:
+    """Write cube and costs of the points that the journal of a directory holds into a folder, slab by slab.
+
+    Raises
+    ------
+    CubeError, InputError
+        As `cube_so_far`.
+    StorageError
+        If they cannot be written.
+    """
+    with Journal(path, read_only=True) as journal:
+        journal.check()
+        _write(*_points_so_far(path, journal), folder)
+
+
+def refuse_changed_study(directory: Path, journal: Journal) -> None:
+    """Refuse the study file of a result directory where it is not the one that was stored there.
+
+    Raises
+    ------
+    CubeError
+        If it was damaged or edited.
+    """
+    path = directory / "study.toml"
+    if path.exists() and journal.recall(STUDY) not in (None, text_digest(path.read_bytes())):
+        raise CubeError(
+            f"{path}: damaged or edited: it is not the study of these results; run the study again with the same "
+            f"{option('out')}, which stores it there"
+        )
+
+
+def _points_so_far(path: Path, journal: Journal) -> tuple[StudyPoints, StoredResults]:
+    """The study of a directory, and where its results are."""
+    from tripod_doe.study.results.stored_choice import chosen_points, frozen_choice
+    from tripod_doe.study.cube.writing import StoredResults
+    from tripod_doe.study.designs import make_points
+    from tripod_doe.study.results.stored_study import stored_study
+    from tripod_doe.study.study_points import StudyPoints
+
+    refuse_changed_study(path, journal)
+    study = stored_study(path)
+    points = make_points(study)
+    choice = frozen_choice(study, path) if study.accuracy else None
+    if choice is not None:
+        points = chosen_points(study, points, choice)
+    asked = StudyPoints(study, points)
+    return asked, StoredResults(asked, journal.places())
+
+
+def _written_aside(asked: StudyPoints, results: StoredResults) -> xr.Dataset:
+    """A cube in temporary files, which go when it is closed."""
+    with ExitStack() as opened:
+        folder = Path(opened.enter_context(TemporaryDirectory(prefix="tripod-doe-")))
+        _write(asked, results, folder)
+        cube = opened.enter_context(_lazily(folder, by_number=False)).assign()
+        cube.set_close(opened.pop_all().close)
+    return cube
+
+
+def _write(asked: StudyPoints, results: StoredResults, folder: Path) -> None:
+    from tripod_doe.study.cube.writing import write_cube
+
+    write_cube(asked, results, folder, "points so far", lambda: None)

@@ -1,0 +1,80 @@
+"""The choice of model of a study with model = "auto", as its result directory holds it: `choice.nc`.
+
+Made by `tripod_doe.analyses.model_choice`; whoever reads the results of the study needs only what is here.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tripod_doe.errors import InputError, option
+from tripod_doe.study.definition.accuracy import Accuracy
+from tripod_doe.study.cube.lazy_dataset import read_dataset
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.designs import Points, point_keys
+
+CHOICE = "choice.nc"
+"""Name of the file."""
+
+
+def frozen_choice(study: Study, directory: Path) -> xr.Dataset | None:
+    """The choice that a directory holds, None where there is none.
+
+    Raises
+    ------
+    InputError
+        If it was made for another accuracy.
+    """
+    if not (directory / CHOICE).exists():
+        return None
+    frozen, accuracy = read_dataset(directory / CHOICE), accuracy_of(study)
+    old = json.loads(frozen.attrs["accuracy"]) | {key: frozen.attrs[key] for key in ("confidence", "floor")}
+    new: dict[str, float] = {demand.name: demand.allowed for demand in accuracy.demands}
+    new |= {"confidence": accuracy.confidence, "floor": accuracy.floor}
+    told = [
+        f"  accuracy.{key}: {old.get(key, 'not set')} -> {new.get(key, 'not set')}"
+        for key in sorted(old.keys() | new.keys())
+        if old.get(key) != new.get(key)
+    ]
+    if told:
+        raise InputError(
+            f"{study.origin}: the model was chosen in {directory} for another accuracy; choose another "
+            f"{option('out')}, or undo these changes\n" + "\n".join(told)
+        )
+    return frozen
+
+
+def chosen_keys(study: Study, directory: Path) -> NDArray[np.void]:
+    """Fingerprints of the points for which a model is chosen already."""
+    frozen = frozen_choice(study, directory)
+    keys = [] if frozen is None else frozen["point_key"].values.tolist()
+    return np.frombuffer(b"".join(bytes.fromhex(key) for key in keys), dtype="V16")
+
+
+def chosen_points(study: Study, points: Points, choice: xr.Dataset) -> Points:
+    """The points with what was chosen for each."""
+    rows = {key: row for row, key in enumerate(choice["point_key"].values.tolist())}
+    at = np.array([rows.get(key, 0) for key in key_texts(study, points).tolist()])
+    chosen = {}
+    for name in accuracy_of(study).parameters:
+        chosen[name] = study.simulator.parameters[name].column(choice[name].values[at].tolist())
+    names = [str(name) for name in choice["quantity"].values]
+    errors = {name: choice["error_estimate"].values[at, k] for k, name in enumerate(names)}
+    return replace(points, chosen=chosen, error_estimate=errors, accuracy_met=choice["accuracy_met"].values[at])
+
+
+def key_texts(study: Study, points: Points) -> NDArray[np.str_]:
+    """Fingerprints of the points before anything is chosen, as text."""
+    return np.array([key.tobytes().hex() for key in point_keys(study, replace(points, chosen={}))])
+
+
+def accuracy_of(study: Study) -> Accuracy:
+    """The accuracy that a study with model = "auto" asks for."""
+    assert study.accuracy is not None
+    return study.accuracy

@@ -1,0 +1,125 @@
+"""What a result directory keeps of its study, so that results are read without running code or following a path.
+
+A directory may come from a stranger. To show its points, its study is read again: its function is never imported, whose
+arguments stand in the journal, and its tables are copies in the directory.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from tripod_doe.atomic_files import replace_text
+from tripod_doe.errors import InputError, option
+from tripod_doe.study.definition.study import Study, parse_study
+from tripod_doe.study.definition.function import FunctionSimulator, RecordedFunction
+from tripod_doe.study.journal import Journal, journal_path
+from tripod_doe.study.definition.study_file import StudyFile, parse_file, read_text
+from tripod_doe.study.definition.study_folder import StudyFolder
+
+STORED = "study.toml"
+"""File of a result directory with the study whose results are there."""
+
+FUNCTION = "function"
+"""Note in the journal: arguments and candidates of the study's function."""
+
+_TABLES = "tables"  # folder of a result directory with copies of the study's tables
+
+
+@dataclass(frozen=True)
+class ResultFolder(StudyFolder):
+    """Where the study of a result directory finds what it names: in the directory itself."""
+
+    record: Mapping[str, Any] = field(default_factory=dict)  # of the function, as `RecordedFunction` takes it
+
+    def file(self, name: str, key: str) -> Path:
+        """The copy of a table.
+
+        Raises
+        ------
+        InputError
+            If there is none.
+        """
+        try:
+            return StudyFolder(self.path / _TABLES, trusted=False).file(_copy_name(name), key)
+        except InputError as error:
+            raise InputError(
+                f"{key} = {name!r}: no copy of it in {self.path}: run the study again with the same {option('out')}"
+            ) from error
+
+    def check_file(self, name: str, key: str) -> None:
+        """Do nothing: a table that no design reads has no copy."""
+
+    def recorded_function(self, function: str) -> RecordedFunction:
+        """The function of the study, which is not imported."""
+        return RecordedFunction(function, self.record)
+
+
+def _copy_name(name: str) -> str:
+    return f"{hashlib.blake2b(name.encode(errors='replace'), digest_size=8).hexdigest()}.csv"
+
+
+def stored_study(directory: Path, most_points: int | None = None) -> Study:
+    """Read the study of a result directory.
+
+    Parameters
+    ----------
+    directory
+        The result directory.
+    most_points
+        Of the study; None without a limit.
+
+    Raises
+    ------
+    InputError
+        If it can no longer be read, or is damaged.
+    """
+    path = directory / STORED
+    try:
+        text = read_text(path, "study")
+        folder = ResultFolder(directory, False, most_points, _record(directory, parse_file(text, str(path))))
+        return parse_study(text, str(path), folder)
+    except InputError as error:
+        raise type(error)(
+            f"{error}\n  this is the study whose results are in {directory}: put the file that was run in its place"
+        ) from error
+
+
+def _record(directory: Path, file: StudyFile) -> dict[str, Any]:
+    """What is recorded of the study's function; the names in the study where the journal has lost it."""
+    if file.study.function is None:
+        return {}
+    if journal_path(directory).is_file():
+        with Journal(directory, read_only=True) as journal:
+            if (note := journal.recall(FUNCTION)) is not None:
+                record: dict[str, Any] = json.loads(note)
+                return record
+    return {"arguments": dict.fromkeys([*file.base, *file.factors])}
+
+
+def keep_sources(study: Study, directory: Path) -> dict[str, str]:
+    """Copy the tables of a study into its result directory.
+
+    Returns
+    -------
+    dict
+        Notes for the journal on its function.
+
+    Raises
+    ------
+    StorageError
+        If a copy cannot be written.
+    """
+    for design in (study.file.design, *study.file.designs.values()):
+        if design.kind == "table" and design.table is not None:
+            text = read_text(study.folder.file(design.table, "table"), "table")
+            copy = directory / _TABLES / _copy_name(design.table)
+            if not copy.is_file() or copy.read_text(encoding="utf-8") != text:
+                replace_text(copy, text)
+    if isinstance(study.simulator, FunctionSimulator):
+        return {FUNCTION: json.dumps(study.simulator.record, default=str)}
+    return {}

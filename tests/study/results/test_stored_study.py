@@ -1,0 +1,111 @@
+"""Result directories are read by themselves: no function is imported, and nothing outside of them is opened."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+import sys
+
+import pytest
+
+import tripod_doe as td
+from tripod_doe.cli.main import main
+from tripod_doe.errors import InputError
+from tripod_doe.study.definition.study import load_study
+from tripod_doe.study.designs import make_points
+from tripod_doe.study.results.stored_study import stored_study
+
+FUNCTION = """
+def f(x, scale=0.5, mode="sum", often=3, strict=True):
+    return {"y": scale * x * often if mode == "sum" else x, "z": [x, x + 1]}
+"""
+STUDY = '[study]\nname = "s"\nfunction = "{}:f"\n[base]\nmode = "sum"\n[factors.x]\nvalues = [1.0, 2.0, 3.0]\n'
+
+
+@pytest.fixture
+def results(tmp_path):
+    """The results of a function, whose cube is gone, so that its points are read from the journal."""
+    module = f"told_{tmp_path.name.replace('-', '_')}"
+    (tmp_path / f"{module}.py").write_text(FUNCTION)
+    (tmp_path / "s.toml").write_text(STUDY.format(module))
+    td.run(tmp_path / "s.toml", tmp_path / "out", workers=0, progress=False)
+    whole = td.open_cube(tmp_path / "out")
+    (tmp_path / "out" / "cube.nc").unlink()
+    yield tmp_path, module, whole
+    sys.modules.pop(module, None)
+
+
+def plant(folder, module):
+    """Put code in the function's place that leaves a mark when it is imported."""
+    mark = folder / "imported"
+    (folder / f"{module}.py").write_text(f"import pathlib\npathlib.Path({str(mark)!r}).touch()\n{FUNCTION}")
+    sys.modules.pop(module, None)
+    return mark
+
+
+def test_points_of_a_function_are_shown_without_it(results, capsys):
+    folder, module, whole = results
+    mark = plant(folder, module)
+    shown = td.open_cube(folder / "out")
+    assert shown.drop_attrs().identical(whole.drop_attrs())
+    assert shown["scale"].attrs == whole["scale"].attrs if "scale" in whole else True
+    assert main(["query", str(folder / "out"), "--variable", "y", "--select", "x=2", "--format", "csv"]) == 0
+    assert "3.0" in capsys.readouterr().out
+    assert main(["report", str(folder / "out")]) == 0
+    assert not mark.exists()
+
+
+def test_a_function_without_a_record_is_not_imported_either(results):
+    folder, module, _ = results
+    mark = plant(folder, module)
+    with sqlite3.connect(folder / "out" / "journal.sqlite") as journal:
+        journal.execute("DELETE FROM note WHERE key = 'function'")
+    journal.close()
+    assert list(stored_study(folder / "out").simulator.parameters) == ["mode", "x"]
+    assert not mark.exists()
+
+
+def test_a_function_that_is_not_imported_does_not_run(results):
+    folder, *_ = results
+    study = stored_study(folder / "out")
+    with pytest.raises(InputError, match="not imported where results are read"):
+        study.simulator.simulate({}, ())
+
+
+def test_a_study_that_grows_is_held_against_the_old_one_without_importing_its_function(results):
+    """The study file in a directory may be a stranger's, and name another function than that of the run."""
+    folder, module, _ = results
+    mark = plant(folder, f"{module}_other")
+    stored = folder / "out" / "study.toml"
+    stored.write_text(stored.read_text().replace(f"{module}:f", f"{module}_other:f"))
+    (folder / "s.toml").write_text(STUDY.format(module).replace("3.0]", "4.0]"))
+    with pytest.raises(InputError, match=r"study\.function"):
+        td.run(folder / "s.toml", folder / "out", workers=0, progress=False)
+    assert not mark.exists()
+
+
+def test_points_of_a_table_are_shown_without_it(tmp_path):
+    (tmp_path / "tables").mkdir()
+    (tmp_path / "tables" / "points.csv").write_text("joint_angle_deg,torque_n_m\n3,20\n9,40\n")
+    text = '[study]\nname = "t"\n[base]\nmodel = "equilibrium"\n[design]\nkind = "table"\ntable = "tables/points.csv"\n'
+    (tmp_path / "t.toml").write_text(text + '[keep]\noutputs = ["thrust_rms"]\n')
+    td.run(tmp_path / "t.toml", tmp_path / "out", workers=0, progress=False)
+    whole = td.open_cube(tmp_path / "out")
+    (tmp_path / "out" / "cube.nc").unlink()
+    shutil.rmtree(tmp_path / "tables")
+    shutil.move(tmp_path / "out", tmp_path / "elsewhere")
+    assert td.open_cube(tmp_path / "elsewhere").drop_attrs().identical(whole.drop_attrs())
+    shutil.rmtree(tmp_path / "elsewhere" / "tables")
+    with pytest.raises(InputError, match=r"table = 'tables/points\.csv': no copy of it .* run the study again"):
+        td.open_cube(tmp_path / "elsewhere")
+
+
+def test_a_table_of_stored_results_leads_nowhere_else(tmp_path):
+    (tmp_path / "t.csv").write_text("joint_angle_deg\n3\n")
+    (tmp_path / "t.toml").write_text('[study]\nname = "t"\n[design]\nkind = "table"\ntable = "t.csv"\n')
+    load_study(tmp_path / "t.toml")
+    (out := tmp_path / "out").mkdir()
+    for name in ("/etc/passwd", "../t.csv", "t.csv"):
+        (out / "study.toml").write_text((tmp_path / "t.toml").read_text().replace("t.csv", name))
+        with pytest.raises(InputError, match="no copy of it"):
+            make_points(stored_study(out))

@@ -1,0 +1,52 @@
+"""A cube as a Zarr store: what the cube holds, and a message where zarr is missing."""
+
+from __future__ import annotations
+
+import importlib.util
+
+import pytest
+import xarray as xr
+
+import tripod_doe as td
+from tripod_doe.cli import main
+from tripod_doe.errors import StorageError
+from tripod_doe.study.results.zarr_store import export_zarr
+
+pytestmark = pytest.mark.usefixtures("charts_not_drawn")
+
+STUDY = """
+[study]
+name = "exported"
+[base]
+model = "equilibrium"
+[factors]
+joint_angle_deg = {values = [5, 10]}
+bearing_radial_clearance_mm = {values = [0.02, -0.05]}
+[run]
+expected_outcomes = ["jammed"]
+[keep]
+outputs = ["thrust_amplitude"]
+"""
+
+
+def test_a_store_holds_what_the_cube_holds(tmp_path, capsys, monkeypatch):
+    """Exact: values, texts of points that failed, and attributes; written again, it is replaced as a whole."""
+    (tmp_path / "study.toml").write_text(STUDY)
+    words = ["run", str(tmp_path / "study.toml"), "--out", str(tmp_path / "out"), "--workers", "0", "--export", "zarr"]
+    assert main(words) == main(words) == 0
+    assert f"zarr    {tmp_path / 'out' / 'cube.zarr'}\n" in capsys.readouterr().err
+    cube = td.open_cube(tmp_path / "out")
+    with xr.open_zarr(tmp_path / "out" / "cube.zarr") as stored:
+        xr.testing.assert_identical(stored.load(), cube)
+    monkeypatch.setattr(xr.Dataset, "to_zarr", lambda *given, **more: (_ for _ in ()).throw(OSError(28, "disk full")))
+    with pytest.raises(StorageError, match="disk full"):
+        export_zarr(tmp_path / "out")
+    assert (tmp_path / "out" / "cube.zarr").exists()
+
+
+def test_without_zarr_nothing_starts(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    (tmp_path / "study.toml").write_text(STUDY)
+    assert main(["run", str(tmp_path / "study.toml"), "--out", str(tmp_path / "out"), "--export", "zarr"]) == 2
+    assert "pip install 'tripod-doe[zarr]'" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
