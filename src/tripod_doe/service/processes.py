@@ -3,8 +3,8 @@
 A run holds an open file that is locked before it starts: the lock ends with its process, however that ends, so it
 tells without any doubt whether the run is alive, for this server and for the next one. Its number stands in that file.
 
-Why not the lock of the result directory (`study.hold`): a run takes that one seconds after its start, a workflow one in
-each of its steps and none in its own directory, and it would find it held by the file that it inherits.
+Why not the lock of the result directory (`DirectoryLock`): a run takes that one seconds after its start, a workflow one
+in each of its steps and none in its own directory, and it would find it held by the file that it inherits.
 """
 
 from __future__ import annotations

@@ -18,12 +18,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import tripod_doe as td
-from tripod_doe.study.cube import attributes, netcdf, results, slab_file, writing
+from tripod_doe.study.cube import netcdf, slab_file, writing
 from tripod_doe.study.cube.slab_file import _shrinks
 from tripod_doe.study.cube.slabs import box, slabs
 from tripod_doe.study.query import arrays, query, selection
 from tripod_doe.study.query.arrays import opened_arrays
 from tripod_doe.study.query.query import records
+from tripod_doe.study.results import result_cube
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
 
@@ -166,8 +167,8 @@ def test_a_slab_that_cannot_be_written_ends_the_command_and_leaves_the_old_cube(
 def test_texts_of_a_large_cube_are_read_when_they_are_used(run_in_slabs, monkeypatch):
     whole, parts = run_in_slabs(LIST, 2000)
     expected = td.open_cube(whole)
-    monkeypatch.setattr(results, "_READ_AT_ONCE", 0)
-    with results.opened_cube(parts) as cube:
+    monkeypatch.setattr(result_cube, "_READ_AT_ONCE", 0)
+    with result_cube.opened_cube(parts) as cube:
         assert not cube["outcome_detail"].variable._in_memory
         assert str(cube["outcome_detail"][7].values) == str(expected["outcome_detail"][7].values)
         assert cube["kind"].isel(point=[3, 1, 4]).values.tolist() == expected["kind"][[3, 1, 4]].values.tolist()
@@ -206,7 +207,7 @@ def made_up_cube(file, count):
         made.createDimension("point", count)
         made.createDimension("order", 2)
         point = made.createVariable("point", "i4", ("point",), chunksizes=(5000,))
-        point.setncatts(attributes.POINT_ATTRIBUTES)
+        point.setncatts(netcdf.POINT_ATTRIBUTES)
         for start in np.linspace(0, count - 1000, 8).astype(int).tolist():
             point[start : start + 1000] = np.arange(start, start + 1000)
         made.createVariable("order", "i4", ("order",))[:] = [0, 1]

@@ -14,7 +14,7 @@ import pytest
 
 import tripod_doe as td
 from tripod_doe.cli import main
-from tripod_doe.study.results.directory_lock import Hold
+from tripod_doe.study.results.directory_lock import DirectoryLock
 
 STUDY = '[study]\nname = "h"\n[base]\nmodel = "equilibrium"\n[factors.joint_angle_deg]\nvalues = [2.5, 17]\n'
 
@@ -26,7 +26,7 @@ def said(path, holder):
 @pytest.fixture
 def elsewhere(tmp_path):
     """A directory whose lock belongs to a process of another host."""
-    with_lock = Hold(tmp_path)
+    with_lock = DirectoryLock(tmp_path)
     said(tmp_path, {"host": "far.example", "process": 7})
     yield with_lock
     with_lock.release()
@@ -34,26 +34,26 @@ def elsewhere(tmp_path):
 
 @pytest.mark.parametrize("take_over", [False, True])
 def test_a_living_holder_of_this_host_keeps_its_place(tmp_path, take_over):
-    hold = Hold(tmp_path)
+    hold = DirectoryLock(tmp_path)
     with pytest.raises(td.InputError, match=f"process {os.getpid()} on {socket.gethostname()} is writing here; wait"):
-        Hold(tmp_path, take_over)
+        DirectoryLock(tmp_path, take_over)
     hold.check()
     hold.release()
-    Hold(tmp_path).release()
+    DirectoryLock(tmp_path).release()
 
 
 @pytest.mark.parametrize("holder", [None, {"host": "far.example", "process": 7}, {"host": "far.example"}, [1]])
 def test_a_dead_holder_is_replaced_when_told_so_and_notices(tmp_path, holder):
-    hold = Hold(tmp_path)
+    hold = DirectoryLock(tmp_path)
     (tmp_path / ".lock").write_text("" if holder is None else json.dumps(holder))
     with pytest.raises(td.InputError, match="take_over=True if it is dead, or choose another"):
-        Hold(tmp_path)
-    successor = Hold(tmp_path, take_over=True)
+        DirectoryLock(tmp_path)
+    successor = DirectoryLock(tmp_path, take_over=True)
     with pytest.raises(td.StorageError, match="took this directory over"):
         hold.check()
     successor.check()
     with pytest.raises(td.InputError, match=f"process {os.getpid()}"):
-        Hold(tmp_path, take_over=True)
+        DirectoryLock(tmp_path, take_over=True)
     hold.release()
     successor.release()
 
@@ -61,16 +61,16 @@ def test_a_dead_holder_is_replaced_when_told_so_and_notices(tmp_path, holder):
 def test_a_process_that_is_gone_from_this_host_does_not_live(tmp_path):
     child = subprocess.Popen(["true"])
     child.wait()
-    hold = Hold(tmp_path)
+    hold = DirectoryLock(tmp_path)
     said(tmp_path, {"host": socket.gethostname(), "process": child.pid})
-    Hold(tmp_path, take_over=True).release()
+    DirectoryLock(tmp_path, take_over=True).release()
     with pytest.raises(td.StorageError, match="took this directory over"):
         hold.check()
     hold.release()
 
 
 def test_a_holder_whose_lock_was_deleted_says_so_and_stops(tmp_path):
-    hold = Hold(tmp_path)
+    hold = DirectoryLock(tmp_path)
     (tmp_path / ".lock").unlink()
     with pytest.raises(td.StorageError, match=r"\.lock was deleted, so another process may write here; this one stops"):
         hold.check()
@@ -97,23 +97,23 @@ def without_locks(monkeypatch):
 
 @pytest.mark.usefixtures("without_locks")
 def test_without_working_locks_a_holder_counts_as_long_as_it_is_not_known_to_be_gone(tmp_path):
-    hold = Hold(tmp_path)
+    hold = DirectoryLock(tmp_path)
     with pytest.raises(td.InputError, match=f"process {os.getpid()}"):
-        Hold(tmp_path, take_over=True)
+        DirectoryLock(tmp_path, take_over=True)
     hold.release()
-    Hold(tmp_path).release()  # given back
+    DirectoryLock(tmp_path).release()  # given back
     said(tmp_path, {"host": "far.example", "process": 7})
     with pytest.raises(td.InputError, match=r"process 7 on far\.example is writing here"):
-        Hold(tmp_path)
-    Hold(tmp_path, take_over=True).release()
+        DirectoryLock(tmp_path)
+    DirectoryLock(tmp_path, take_over=True).release()
 
 
 @pytest.mark.usefixtures("without_locks")
 def test_a_holder_that_slept_through_a_take_over_notices_before_it_writes(tmp_path):
     """Nothing but the token tells: file, host and process are the same."""
-    sleeper = Hold(tmp_path)
+    sleeper = DirectoryLock(tmp_path)
     said(tmp_path, {"host": socket.gethostname(), "process": 1, "since": 0.0, "token": "gone"})
-    successor = Hold(tmp_path)
+    successor = DirectoryLock(tmp_path)
     with pytest.raises(td.StorageError, match="took this directory over"):
         sleeper.check()
     sleeper.release()
@@ -124,7 +124,7 @@ def test_a_holder_that_slept_through_a_take_over_notices_before_it_writes(tmp_pa
 def test_a_number_that_another_process_has_got_since_is_no_holder(tmp_path):
     """Process 1 lives, and began after the holder had signed."""
     said(tmp_path, {"host": socket.gethostname(), "process": 1, "since": 0.0})
-    Hold(tmp_path).release()
+    DirectoryLock(tmp_path).release()
 
 
 def test_a_holder_that_was_killed_and_not_yet_reaped_is_gone(tmp_path):
@@ -132,16 +132,16 @@ def test_a_holder_that_was_killed_and_not_yet_reaped_is_gone(tmp_path):
     while psutil.Process(child.pid).status() != psutil.STATUS_ZOMBIE:
         time.sleep(0.01)
     said(tmp_path, {"host": socket.gethostname(), "process": child.pid, "since": time.time()})
-    Hold(tmp_path).release()
+    DirectoryLock(tmp_path).release()
     child.wait()
 
 
 def test_a_lock_that_outlives_its_process_on_this_host_is_taken_over_at_once(tmp_path):
     child = subprocess.Popen(["true"])
     child.wait()
-    stale = Hold(tmp_path)
+    stale = DirectoryLock(tmp_path)
     said(tmp_path, {"host": socket.gethostname(), "process": child.pid, "since": time.time()})
-    Hold(tmp_path).release()
+    DirectoryLock(tmp_path).release()
     stale.release()
 
 
@@ -153,12 +153,12 @@ def test_a_lock_that_is_a_link_empties_no_other_file(tmp_path, link):
     place.mkdir()
     getattr(place / ".lock", link)(precious)
     with pytest.raises(td.InputError, match="cannot write here"):
-        Hold(place)
+        DirectoryLock(place)
     assert precious.read_text() == "precious"
 
 
 def test_a_lock_is_its_owners_alone(tmp_path):
-    hold = Hold(tmp_path)
+    hold = DirectoryLock(tmp_path)
     assert (tmp_path / ".lock").stat().st_mode & 0o077 == 0
     hold.release()
 

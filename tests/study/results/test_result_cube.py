@@ -13,7 +13,7 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.cli import main
 from tripod_doe.errors import CubeError
-from tripod_doe.study.cube import results
+from tripod_doe.study.results import result_cube
 from tripod_doe.study.results.result_cube import is_shown
 from tripod_doe.study.definition.study import load_study
 from tripod_doe.study.designs import make_points
@@ -115,9 +115,9 @@ def test_a_large_cube_so_far_is_not_held_in_memory(study, tmp_path, monkeypatch)
     out = tmp_path / "out"
     run_first_block(study, out)
     whole = td.open_cube(out)
-    monkeypatch.setattr(results, "_READ_AT_ONCE", 0)
+    monkeypatch.setattr(result_cube, "_READ_AT_ONCE", 0)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    with results.opened_cube(out) as cube:
+    with result_cube.opened_cube(out) as cube:
         assert not cube["axial_drift_mm"].variable._in_memory
         assert list(tmp_path.glob("tripod-doe-*/cube.nc"))
         xr.testing.assert_equal(cube.load(), whole)

@@ -26,7 +26,7 @@ from tripod_doe.study.results.result_cube import opened_cube
 from tripod_doe.study.cube.writing import StoredResults
 from tripod_doe.study.cube.writing import write_cube
 from tripod_doe.study.definition.study import Study, canonical
-from tripod_doe.study.results.directory_lock import Hold
+from tripod_doe.study.results.directory_lock import DirectoryLock
 from tripod_doe.study.journal import KERNELS, STUDY, STUDY_HASH, FinishedBlock, Journal, text_digest
 from tripod_doe.study.plan import cube_bytes
 from tripod_doe.study.results.stored_study import STORED, keep_sources, stored_study
@@ -69,7 +69,7 @@ class ResultDirectory:
     path
         The directory; made if it is not there.
     take_over
-        Whether to take the place of a process that holds it and is known to be dead (`Hold`).
+        Whether to take the place of a process that holds it and is known to be dead (`DirectoryLock`).
 
     Raises
     ------
@@ -81,7 +81,7 @@ class ResultDirectory:
 
     def __init__(self, path: str | Path, take_over: bool = False) -> None:
         self.path = make_directory(path)
-        self._hold = Hold(self.path, take_over)
+        self._hold = DirectoryLock(self.path, take_over)
         self._known: tuple[StudyPoints, str, tuple[NDArray[np.bool_], bool]] | None = None  # see `_done`
         try:
             self._journal = Journal(self.path)

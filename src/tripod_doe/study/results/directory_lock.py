@@ -26,7 +26,7 @@ _SIGNING = 0.2  # seconds in which a process that has the lock names itself
 _CLOCK = 2.0  # seconds by which the start of a process is uncertain
 
 
-class Hold:
+class DirectoryLock:
     """A directory held for this process, whose host, number and token stand in its file ``.lock``.
 
     Parameters

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tripod_doe.study.cube import flat_points as module
+from tripod_doe.study.cube import lazy_dataset as module
 from tripod_doe.study.cube.lazy_dataset import flat_points
 
 
