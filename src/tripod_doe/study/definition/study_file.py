@@ -315,9 +315,15 @@ def complaints(error: ValidationError, known: Callable[[list[str]], Iterable[str
     return first_messages(error.errors(include_url=False), lambda item: _complaint(item, known))
 
 
+_TYPE = re.compile(r"(float|int|str|bool|dict)(\[.*)?")
+"""What pydantic puts into the location of a value that may have several types."""
+
+
 def _complaint(item: ErrorDetails, known: Callable[[list[str]], Iterable[str]]) -> str:
     """One complaint of pydantic; see `complaints`."""
-    path = [str(part) for part in item["loc"] if not str(part).startswith(("float", "int", "str", "bool", "dict"))]
+    names = len(item["loc"]) if item["type"] in ("extra_forbidden", "missing") else 2  # a table and a key come first
+    location = [str(part) for part in item["loc"]]
+    path = location[:names] + [part for part in location[names:] if not _TYPE.fullmatch(part)]
     where, key = ".".join(path[:-1]), path[-1]
     place = f"[{where}]" if where else "the file"
     if item["type"] == "extra_forbidden":
