@@ -14,11 +14,11 @@ import xarray as xr
 
 import tripod_doe as td
 from tripod_doe.cli import main
-from tripod_doe.study.results.check import check_files
 from tripod_doe.study.cube import netcdf
 from tripod_doe.study.cube.file_digest import is_damaged, is_sealed
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 from tripod_doe.study.cube.netcdf import write_dataset
+from tripod_doe.study.results.check import check_files
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
 

@@ -13,13 +13,13 @@ import xarray as xr
 import tripod_doe as td
 from tripod_doe.cli import main
 from tripod_doe.errors import CubeError
-from tripod_doe.study.results import result_cube
-from tripod_doe.study.results.result_cube import is_shown
 from tripod_doe.study.definition.study import load_study
 from tripod_doe.study.designs import make_points
-from tripod_doe.study.results.directory import ResultDirectory
 from tripod_doe.study.execution.execution import Execution
 from tripod_doe.study.query.arrays import opened_arrays
+from tripod_doe.study.results import result_cube
+from tripod_doe.study.results.directory import ResultDirectory
+from tripod_doe.study.results.result_cube import is_shown
 from tripod_doe.study.study_points import StudyPoints
 
 pytestmark = pytest.mark.usefixtures("charts_not_drawn")

@@ -10,9 +10,9 @@ from pathlib import Path
 from tripod_doe.errors import CubeError, InputError, option
 from tripod_doe.study.cube.file_digest import is_damaged, is_sealed
 from tripod_doe.study.cube.netcdf import opened_file, reading, remedy, study_hash
-from tripod_doe.study.results.result_cube import refuse_changed_study
 from tripod_doe.study.cube.slabs import box, slabs
 from tripod_doe.study.journal import STUDY_HASH, Journal, damage, journal_path
+from tripod_doe.study.results.result_cube import refuse_changed_study
 
 _SLAB_BYTES = 32_000_000
 

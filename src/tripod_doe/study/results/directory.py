@@ -22,13 +22,12 @@ from tripod_doe.errors import InputError, option
 from tripod_doe.quantities import size
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.cube.dataset import build_cube
-from tripod_doe.study.results.result_cube import opened_cube
-from tripod_doe.study.cube.writing import StoredResults
-from tripod_doe.study.cube.writing import write_cube
+from tripod_doe.study.cube.writing import StoredResults, write_cube
 from tripod_doe.study.definition.study import Study, canonical
-from tripod_doe.study.results.directory_lock import DirectoryLock
 from tripod_doe.study.journal import KERNELS, STUDY, STUDY_HASH, FinishedBlock, Journal, text_digest
 from tripod_doe.study.plan import cube_bytes
+from tripod_doe.study.results.directory_lock import DirectoryLock
+from tripod_doe.study.results.result_cube import opened_cube
 from tripod_doe.study.results.stored_study import STORED, keep_sources, stored_study
 from tripod_doe.study.study_points import StudyPoints
 

@@ -189,9 +189,9 @@ def refuse_changed_study(directory: Path, journal: Journal) -> None:
 
 def _points_so_far(path: Path, journal: Journal) -> tuple[StudyPoints, StoredResults]:
     """The study of a directory, and where its results are."""
-    from tripod_doe.study.results.stored_choice import chosen_points, frozen_choice
     from tripod_doe.study.cube.writing import StoredResults
     from tripod_doe.study.designs import make_points
+    from tripod_doe.study.results.stored_choice import chosen_points, frozen_choice
     from tripod_doe.study.results.stored_study import stored_study
     from tripod_doe.study.study_points import StudyPoints
 

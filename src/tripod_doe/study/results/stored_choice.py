@@ -14,8 +14,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError, option
-from tripod_doe.study.definition.accuracy import Accuracy
 from tripod_doe.study.cube.lazy_dataset import read_dataset
+from tripod_doe.study.definition.accuracy import Accuracy
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points, point_keys
 

@@ -15,11 +15,11 @@ from typing import Any
 
 from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError, option
-from tripod_doe.study.definition.study import Study, parse_study
 from tripod_doe.study.definition.function import FunctionSimulator, RecordedFunction
-from tripod_doe.study.journal import Journal, journal_path
+from tripod_doe.study.definition.study import Study, parse_study
 from tripod_doe.study.definition.study_file import StudyFile, parse_file, read_text
 from tripod_doe.study.definition.study_folder import StudyFolder
+from tripod_doe.study.journal import Journal, journal_path
 
 STORED = "study.toml"
 """File of a result directory with the study whose results are there."""
