@@ -76,8 +76,9 @@ def make_cube(folder):
     from tripod_doe.study.cube.netcdf import stamp_history
     from tripod_doe.study.definition.study import parse_study
     from tripod_doe.study.definition.study_folder import StudyFolder
-    from tripod_doe.study.designs import make_points, point_keys
+    from tripod_doe.study.designs import make_points
     from tripod_doe.study.execution.task import make_task, run_task
+    from tripod_doe.study.fingerprints import point_keys
     from tripod_doe.study.journal import FinishedBlock
 
     def make(text: str, part: slice = slice(None)) -> xr.Dataset:

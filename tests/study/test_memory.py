@@ -33,7 +33,7 @@ def test_a_billion_points_are_refused_at_once(text):
     large = study(text)
     started = time.perf_counter()
     with pytest.raises(
-        InputError, match=r"\d+,\d+,\d+,\d+ points needs about .* GB of memory, .* GB are free: use fewer"
+        InputError, match=r"\d+,\d+,\d+,\d+ points needs about .* [GT]B of memory, .* GB are free: use fewer"
     ):
         make_points(large)
     assert time.perf_counter() - started < 0.1
@@ -56,8 +56,8 @@ def test_a_billion_points_are_refused_at_once(text):
         'kind = "full-factorial"\nlevels = 3',
         'kind = "fractional-factorial"\nresolution = 3',
         'kind = "plackett-burman"',
-        'kind = "central-composite"\nstar = "faced"\ncentre_points = 3',
-        'kind = "central-composite"\nstar = "inscribed"\ncentre_points = 0',
+        'kind = "central-composite"\nstar = "faced"',
+        'kind = "central-composite"\nstar = "inscribed"',
         'kind = "product"\nof = ["a", "b"]\n[design.a]\nfactors = ["joint_angle_deg"]\n'
         '[design.b]\nfactors = ["torque_n_m"]\nkind = "zip"',
         'kind = "product"\nof = ["a", "b"]\n[design.a]\nkind = "ablation"\n'

@@ -18,8 +18,9 @@ import tripod_doe as td
 from stand_in_workers import SlowStart
 from started import Process
 from tripod_doe.study.definition.study import load_study
-from tripod_doe.study.designs import make_points, point_keys
+from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution import dask_cluster
+from tripod_doe.study.fingerprints import point_keys
 from tripod_doe.study.journal import Journal
 from tripod_doe.study.results.directory import ResultDirectory
 

@@ -32,22 +32,6 @@ def bootstrap_weights(count: int, resamples: int, seed: int) -> FloatArray:
     return weights
 
 
-def part_weights(part: IntArray) -> FloatArray:
-    """How much each block counts in the estimate of each independent part, shape (part, block)."""
-    inside = part == np.unique(part)[:, None]
-    weights: FloatArray = inside / inside.sum(axis=1, keepdims=True)
-    return weights
-
-
-def part_half_width(estimates: FloatArray, confidence: float) -> FloatArray:
-    """Half width of the interval of a mean from the estimates of independent parts along the first axis."""
-    from scipy.special import stdtrit  # slow to import: every study would wait for it
-
-    count = len(estimates)
-    width: FloatArray = stdtrit(count - 1, 0.5 + confidence / 2) * estimates.std(axis=0, ddof=1) / np.sqrt(count)
-    return width
-
-
 def random_halves(count: int, resamples: int, seed: int) -> list[IntArray]:
     """Random halves of `count` points, ascending, each without repetition.
 

@@ -56,7 +56,7 @@ class Sample:
         """The usable points on the unit cube, before the distributions, shape (point, factor)."""
         if self.whole:  # a design is made once
             return self.whole[0].unit[self.whole[1]]
-        return unit_sample(self.design, self.tables).at(self.rows)
+        return unit_sample(self.design, self.tables)[self.rows]
 
     @cached_property
     def ranks(self) -> FloatArray:

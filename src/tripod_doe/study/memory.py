@@ -9,9 +9,6 @@ from pathlib import Path
 from tripod_doe.errors import InputError
 from tripod_doe.quantities import size
 
-POINT_BYTES = 40
-"""Fingerprint, order, constraint and stored result of a point."""
-
 
 def refuse_too_many_points(count: int, each: int) -> None:
     """Refuse a list of points that does not fit into the free memory.

@@ -187,8 +187,7 @@ def _written_bytes(study: Study, points: Points) -> int | None:
         return None
     design = 0
     if not points.is_grid:  # whose levels have no length to speak of
-        first = points.factors.at(slice(0, 1)) | points.labels.at(slice(0, 1))
-        design = _WORD + sum(_stored_bytes(column) for column in first.values())
+        design = _WORD + sum(map(_stored_bytes, (*points.columns.values(), *points.labels.values())))
     cube, cost = design + _WORD, design + _WORD + _COSTS * 8  # with outcome_detail, and with worker
     if study.accuracy is None and study.simulator.model_errors(StudyPoints(study, points).columns(np.arange(1))):
         cube += 2 * 8  # the error to expect, and its limit

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import IntArray
 from tripod_doe.simulator import Outcome
 from tripod_doe.study.definition.study import Study
-from tripod_doe.study.designs import Points, point_keys
-from tripod_doe.study.key_index import KeyIndex
+from tripod_doe.study.designs import Points
+from tripod_doe.study.fingerprints import KeyIndex, point_keys
 
 _CHUNK = 100_000  # points whose settings are held at once
 

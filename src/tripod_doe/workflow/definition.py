@@ -19,7 +19,8 @@ from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.study.definition.study import Study, parse_study
 from tripod_doe.study.definition.study_file import read_text
 from tripod_doe.study.definition.study_folder import StudyFolder
-from tripod_doe.study.designs import make_points, point_keys
+from tripod_doe.study.designs import make_points
+from tripod_doe.study.fingerprints import point_keys
 from tripod_doe.workflow.analyses import check_analyses, checked_settings, settings_of
 from tripod_doe.workflow.workflow_file import (
     AnalysisStep,

@@ -31,12 +31,14 @@ def measured(design, ranges, answers):
         ],
         axis=1,
     )
-    left = [(np.array(levels), list(values)) for levels, values in answers]
-    found = [next(values for levels, values in left if np.abs(levels - row).max() < 1e-3).pop(0) for row in coded]
-    assert not any(values for _, values in left)  # every measurement has its point
+    of_rows = [
+        next(values for levels, values in answers if np.abs(np.array(levels) - row).max() < 1e-3) for row in coded
+    ]
+    assert sum(map(len, of_rows)) == sum(len(values) for _, values in answers)  # every measurement has its point
+    repeats, results = [len(values) for values in of_rows], np.concatenate(of_rows).astype(float)
     cube = xr.Dataset(
-        {"y": ("point", np.array(found, float)), "outcome": ("point", np.full(len(found), Outcome.FINISHED, np.int8))},
-        coords={name: ("point", column) for name, column in columns.items()},
+        {"y": ("point", results), "outcome": ("point", np.full(results.size, Outcome.FINISHED, np.int8))},
+        coords={name: ("point", np.repeat(column, repeats)) for name, column in columns.items()},
         attrs={"study": text},
     )
     return factorial_effects(cube)
@@ -78,7 +80,7 @@ def test_a_central_composite_of_montgomery():
         ([0, -far], [77.0]),
         ([0, 0], [79.9, 80.3, 80.0, 79.7, 79.8]),
     ]
-    found = measured('kind = "central-composite"\ncentre_points = 5', [(8, 9), (170, 180)], rows)
+    found = measured('kind = "central-composite"', [(8, 9), (170, 180)], rows)
     a, b = FACTORS[:2]
     table = found.sel(term=[a, b, f"{a}^2", f"{b}^2", f"{a}:{b}"])
     assert table["sum_of_squares"].values == pytest.approx([7.92, 2.12, 13.18, 6.97, 0.25], abs=0.0051)
@@ -105,7 +107,7 @@ def test_a_box_behnken_of_myers_and_montgomery():
         ([0, 1, 1], [65]),
         ([0, 0, 0], [65, 59, 62]),
     ]
-    found = measured('kind = "box-behnken"\ncentre_points = 3', [(1, 3), (5, 10), (15, 25)], rows)
+    found = measured('kind = "box-behnken"', [(1, 3), (5, 10), (15, 25)], rows)
     a, b, c = FACTORS[:3]
     table = found.sel(term=[a, b, c, f"{a}^2", f"{b}^2", f"{c}^2", f"{a}:{b}", f"{a}:{c}", f"{b}:{c}"])
     printed = [8.00, 55.12, 45.13, 200.83, 12.98, 48.52, 16.00, 484.00, 12.25]

@@ -64,7 +64,7 @@ def cube(counts, indices, seed, **functions):
             values[models == model] = function(x[models == model], model)
         outputs[name] = ("point", values)
     outcome = ("point", np.full(len(x), Outcome.FINISHED, np.int8))
-    coords = {name: ("point", column) for name, column in (points.columns | points.labels.at(slice(None))).items()}
+    coords = {name: ("point", column) for name, column in (points.columns | points.labels).items()}
     return xr.Dataset(outputs | {"outcome": outcome}, coords=coords, attrs={"study": text})
 
 

@@ -17,8 +17,9 @@ from tripod_doe.study.cube.dataset import build_cube
 from tripod_doe.study.cube.netcdf import write_dataset
 from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
-from tripod_doe.study.designs import make_points, point_keys
+from tripod_doe.study.designs import make_points
 from tripod_doe.study.execution.task import make_task, run_task
+from tripod_doe.study.fingerprints import point_keys
 from tripod_doe.study.journal import FinishedBlock
 
 GRID = """

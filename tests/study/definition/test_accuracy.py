@@ -9,7 +9,8 @@ import tripod_doe as td
 from tripod_doe.errors import InputError
 from tripod_doe.study.cube.dataset import RECORD_ROLE
 from tripod_doe.study.definition.study import canonical, parse_study
-from tripod_doe.study.designs import make_points, point_keys
+from tripod_doe.study.designs import make_points
+from tripod_doe.study.fingerprints import point_keys
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")
 

@@ -140,7 +140,7 @@ class GrowingPilot:
 
     def _as_fine_as_needed(self, runs: Runs, places: IntArray) -> PilotErrors:
         """Run a pilot, with finer full candidates at those `places` where that needs be; they are added to `runs`."""
-        given = self.points.factors.at(places)
+        given = {name: column[places] for name, column in self.points.columns.items()}
         while True:
             self.run(pilot_study(self.study, self.points, runs), self.directory)
             measured = self.errors_so_far()

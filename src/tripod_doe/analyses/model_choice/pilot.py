@@ -112,7 +112,7 @@ def pilot_study(study: Study, points: Points, runs: Sequence[tuple[Candidate, In
     accuracy = study.accuracy
     assert accuracy is not None
     chosen = np.concatenate([indices for _, indices in runs])
-    places = {name: column.tolist() for name, column in points.factors.at(chosen).items()}
+    places = {name: column[chosen].tolist() for name, column in points.columns.items()}
     ways = {
         name: [candidate.values[name] for candidate, indices in runs for _ in indices] for name in accuracy.parameters
     }

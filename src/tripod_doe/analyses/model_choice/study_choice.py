@@ -20,7 +20,8 @@ from tripod_doe.quantities import duration, number
 from tripod_doe.simulator import Candidate
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study import Study
-from tripod_doe.study.designs import Points, make_points, point_keys
+from tripod_doe.study.designs import Points, make_points
+from tripod_doe.study.fingerprints import point_keys
 from tripod_doe.study.journal import PILOT
 from tripod_doe.study.results.stored_choice import CHOICE, accuracy_of, chosen_points, frozen_choice, key_texts
 

@@ -2,8 +2,7 @@
 
 Estimators: first order and total of Saltelli and others (2010), second order of Saltelli (2002). A bootstrap over
 blocks is a product of the matrix of drawn counts with the products of the block's outputs, one for all outputs. It
-takes the blocks for independent; those of a scrambled sequence are better, so the intervals are on the safe side. Where
-several scramblings share the samples, each is an estimate of its own, and their scatter makes the intervals.
+takes the blocks for independent; those of a scrambled sequence are better, so the intervals are on the safe side.
 """
 
 from __future__ import annotations
@@ -15,13 +14,11 @@ import xarray as xr
 
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.outputs import OutputTable
-from tripod_doe.analyses.resampling import bootstrap_weights, half_width, part_half_width, part_weights
+from tripod_doe.analyses.resampling import bootstrap_weights, half_width
 from tripod_doe.analyses.sample import Sample
 from tripod_doe.analyses.sensitivity.method import Answers, Method, apply
 from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.array_types import FloatArray, IntArray
-
-_ENOUGH = 4  # scramblings whose scatter gives their error
 
 
 class SobolSettings(SensitivitySettings):
@@ -35,7 +32,7 @@ def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings
     blocks = parts.reshape(parts.shape[0], count, sample.block, components.size)
     a, b = blocks[:, :, 0], blocks[:, :, -1]
     ab = [blocks[:, :, 1 + j] for j in range(width)]
-    several, draws = _draws(sample, settings)
+    draws = bootstrap_weights(count, settings.resamples, settings.seed + 1)  # SALib: 0 is no seed
     weights = np.concatenate([np.full((1, count), 1 / count), draws])  # the first row is the estimate itself
 
     def mean(products: FloatArray) -> FloatArray:
@@ -47,7 +44,7 @@ def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings
     variance = np.where(variance > 0, variance, np.nan)
     first = np.stack([mean(b * (each - a)) for each in ab]) / variance
     total = np.stack([mean(0.5 * (a - each) ** 2) for each in ab]) / variance
-    answers = _with_intervals({"S1": first, "ST": total}, settings.confidence, several)
+    answers = _with_intervals({"S1": first, "ST": total}, settings.confidence)
     answers["size"] = (
         np.sqrt(np.maximum(total[:, 0] * variance[0], 0))
         if not table.wraps
@@ -58,28 +55,16 @@ def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings
         second = np.full((width, width, *variance.shape), np.nan)
         for j, k in combinations(range(width), 2):
             second[j, k] = (mean(blocks[:, :, 1 + width + j] * ab[k]) - both) / variance - first[j] - first[k]
-        answers |= _with_intervals({"S2": second}, settings.confidence, several)
+        answers |= _with_intervals({"S2": second}, settings.confidence)
     return answers
 
 
-def _draws(sample: Sample, settings: SensitivitySettings) -> tuple[bool, FloatArray]:
-    """Whether the error follows from several scramblings, and the weights of the blocks in each estimate.
-
-    Else the weights of the bootstrap, shape (estimate, block).
-    """
-    scrambling = sample.rows[:: sample.block] // sample.block % sample.design.scramblings
-    if np.unique(scrambling).size >= _ENOUGH:
-        return True, part_weights(scrambling)
-    return False, bootstrap_weights(sample.blocks, settings.resamples, settings.seed + 1)  # SALib: 0 is no seed
-
-
-def _with_intervals(resampled: Answers, confidence: float, parts: bool) -> Answers:
-    """Estimates and half widths from arrays whose axis before the last is estimate, then resamples or parts."""
-    width = part_half_width if parts else half_width
+def _with_intervals(resampled: Answers, confidence: float) -> Answers:
+    """Estimates and half widths from arrays whose axis before the last is estimate, then resamples."""
     answers: Answers = {}
     for key, values in resampled.items():
         answers[key] = values[..., 0, :]
-        answers[f"{key}_conf"] = width(np.moveaxis(values[..., 1:, :], -2, 0), confidence)
+        answers[f"{key}_conf"] = half_width(np.moveaxis(values[..., 1:, :], -2, 0), confidence)
     return answers
 
 

@@ -26,9 +26,9 @@ from tripod_doe.study.cube.model_records import ModelRecords
 from tripod_doe.study.cube.netcdf import POINT_ATTRIBUTES
 from tripod_doe.study.cube.provenance import cost_attributes, cube_attributes
 from tripod_doe.study.definition.study import Study
-from tripod_doe.study.designs import SAMPLE, Column, Columns, Points, Rows
+from tripod_doe.study.designs import SAMPLE, Points
+from tripod_doe.study.fingerprints import KeyIndex
 from tripod_doe.study.journal import PILOT, FinishedBlock
-from tripod_doe.study.key_index import KeyIndex
 
 COST_VARIABLES = {
     "cpu_seconds": ("s", "CPU time of the point (its share of the block)"),
@@ -58,7 +58,6 @@ THIS_STUDY = "this study"
 PlacedBlock = tuple[FinishedBlock, IntArray, IntArray]
 """A block, the rows of it that count, and where they stand among the points."""
 
-_CHUNK = 1_000_000  # points whose factors are looked at together
 _USER_FUNCTION = "user function"
 _LABELS = {"varied": "factor that is varied", SAMPLE: "sample that the point belongs to, the same in all models"}
 _UNKNOWN = -1  # flag of a point that has not run, or of a choice that its model does not have
@@ -338,30 +337,8 @@ def _factor_attributes(parameter: Parameter) -> dict[str, Any]:
 
 def cf_points(points: Points) -> Points:
     """The same points with numbers as CF has them, so that all parts of them have the same types."""
-    return replace(points, factors=_CfColumns(points.factors), labels=_CfColumns(points.labels))
-
-
-class _CfColumns:
-    """Columns whose types follow from all of their values.
-
-    Parameters
-    ----------
-    columns
-        The columns.
-    """
-
-    def __init__(self, columns: Columns) -> None:
-        self._columns, self.names, self.count = columns, columns.names, columns.count
-        whole = [name for name, column in columns.at(slice(0, 1)).items() if column.dtype == np.int64]
-        self._types: dict[str, type[np.generic]] = {}
-        for start in range(0, columns.count if whole else 0, _CHUNK):
-            values = columns.at(slice(start, start + _CHUNK))
-            self._types |= {name: np.float64 for name in whole if _cf_type(values[name]).dtype == np.float64}
-
-    def at(self, rows: Rows) -> dict[str, Column]:
-        """Their values in some rows."""
-        found = self._columns.at(rows)
-        return {name: column.astype(self._types.get(name, column.dtype)) for name, column in found.items()}
+    columns = {name: _cf_type(column) for name, column in points.columns.items()}
+    return replace(points, columns=columns, labels={name: _cf_type(column) for name, column in points.labels.items()})
 
 
 def design_coordinates(study: Study, points: Points) -> dict[str, xr.Variable]:
@@ -380,7 +357,7 @@ def _coordinates(study: Study, points: Points, labels: Mapping[str, NDArray[Any]
         coordinates[name] = xr.Variable((name if points.is_grid else "point",), _cf_type(column), attrs)
     if not points.is_grid:
         coordinates["point"] = xr.Variable(("point",), np.arange(points.count, dtype=np.int32), POINT_ATTRIBUTES)
-    for name, column in points.labels.at(slice(None)).items():
+    for name, column in points.labels.items():
         meaning = _LABELS.get(name, "row of the sub-design")
         coordinates[name] = xr.Variable(("point",), _cf_type(column), {"long_name": meaning})
     for name, values in labels.items():

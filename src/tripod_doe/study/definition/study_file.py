@@ -107,15 +107,6 @@ class DesignTable(_Table):
         description="morris: levels, 4 if omitted; full-factorial: levels from low to high, 2 if omitted",
     )
     scramble: bool = Field(True, description="sobol, halton: whether the sequence is scrambled")
-    scramblings: int = Field(
-        1,
-        ge=1,
-        le=_MOST_LEVELS,
-        description="saltelli: independent scramblings that share the samples; from 4 on they give the intervals",
-    )
-    optimised: bool = Field(
-        False, description="latin-hypercube: whether coordinates are exchanged until the points fill the space evenly"
-    )
     correlation: list[list[str | float]] | dict[str, dict[str, float]] = Field(
         [], description="sampled designs: rank correlations, [factor, factor, value] each, or the whole matrix"
     )
@@ -124,15 +115,6 @@ class DesignTable(_Table):
     )
     star: Literal["circumscribed", "inscribed", "faced"] = Field(
         "circumscribed", description="central-composite: its stars lie beyond low and high, on them, or on faces"
-    )
-    star_distance: Literal["rotatable", "orthogonal"] = Field(
-        "rotatable", description="central-composite: what decides the distance of the stars"
-    )
-    centre_points: int | None = Field(
-        None,
-        ge=0,
-        le=_MOST_LEVELS,
-        description="central-composite, box-behnken: how often the centre is listed, once if omitted",
     )
     second_order: bool = Field(True, description="saltelli: whether the points for second-order indices are added")
     table: str | None = Field(None, description="CSV file with one column per factor, relative to the study file")

@@ -1,9 +1,7 @@
-"""Designs: from the factors of a study to its points, one module a family. All are static and reproducible."""
+"""Designs: from the factors of a study to its points, one module a method; what runs the points is not here."""
 
-from tripod_doe.study.designs.columns import Column, Columns, Rows
-from tripod_doe.study.designs.families import FAMILIES
-from tripod_doe.study.designs.fingerprints import point_keys
-from tripod_doe.study.designs.making import make_points, point_bytes, point_count
+from tripod_doe.study.designs.families import FAMILIES, unit_sample
+from tripod_doe.study.designs.fast import CURVE_HARMONICS
 from tripod_doe.study.designs.multifidelity import (
     SAMPLE,
     most_points,
@@ -12,18 +10,16 @@ from tripod_doe.study.designs.multifidelity import (
     random_factors,
     split_of,
 )
-from tripod_doe.study.designs.points import Points
-from tripod_doe.study.designs.request import axis_levels, factor_groups
-from tripod_doe.study.designs.sampled import CURVE_HARMONICS, salib_problem, unit_sample
+from tripod_doe.study.designs.points import Points, make_points, point_bytes, point_count
+from tripod_doe.study.designs.request import Column, axis_levels, factor_groups
+from tripod_doe.study.designs.sampling import salib_problem
 
 __all__ = [
     "CURVE_HARMONICS",
     "FAMILIES",
     "SAMPLE",
     "Column",
-    "Columns",
     "Points",
-    "Rows",
     "axis_levels",
     "factor_groups",
     "make_points",
@@ -32,7 +28,6 @@ __all__ = [
     "pilot_samples",
     "point_bytes",
     "point_count",
-    "point_keys",
     "random_factors",
     "salib_problem",
     "split_of",

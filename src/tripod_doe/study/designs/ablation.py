@@ -5,9 +5,9 @@ from __future__ import annotations
 import itertools
 
 from tripod_doe.errors import InputError
-from tripod_doe.study.designs.request import Family, Made, Request, column_of, held
+from tripod_doe.study.designs.request import Family, Made, Request, column_of
 
-_MOST_SWITCHES = 16  # of which all combinations can still be meant
+_MOST_SWITCHES = 16  # whose combinations are all made
 
 
 def _ablation(request: Request) -> Made:
@@ -28,7 +28,7 @@ def _ablation(request: Request) -> Made:
         alone = [tuple(int(each == on) for each in range(count)) for on in range(count)]
         without = [tuple(1 - state for state in row) for row in alone]
         rows = list(dict.fromkeys([(1,) * count, (0,) * count, *without, *alone]))  # two switches: some are the same
-    return held({name: column_of(f, (row[at] for row in rows)) for at, (name, f) in enumerate(switches.items())})
+    return Made({name: column_of(f, (row[at] for row in rows)) for at, (name, f) in enumerate(switches.items())})
 
 
 def _count(request: Request) -> int:

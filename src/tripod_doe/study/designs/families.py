@@ -1,6 +1,6 @@
 """All kinds of designs by name, and products of them.
 
-To add a kind, write its `Family` in the module that it belongs to, and name the kind among those of study files.
+To add a kind, write its `Family` in the module of its term, and add the kind to `DesignKind` of study files.
 """
 
 from __future__ import annotations
@@ -10,21 +10,26 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.definition.factors import Factor
 from tripod_doe.study.definition.study import Study
-from tripod_doe.study.definition.study_file import DesignTable
+from tripod_doe.study.definition.study_file import DesignTable, FactorTable
 from tripod_doe.study.designs.ablation import ABLATION
-from tripod_doe.study.designs.coded import CODED
-from tripod_doe.study.designs.columns import Columns, CrossedColumns
-from tripod_doe.study.designs.listed import LISTED, crossed
+from tripod_doe.study.designs.factorial import FACTORIAL
+from tripod_doe.study.designs.fast import FAST
+from tripod_doe.study.designs.grid import GRID
+from tripod_doe.study.designs.latin_hypercube import LATIN_HYPERCUBE
+from tripod_doe.study.designs.morris import MORRIS
 from tripod_doe.study.designs.multifidelity import MULTIFIDELITY
-from tripod_doe.study.designs.request import Family, Made, Request
-from tripod_doe.study.designs.sampled import SAMPLED
+from tripod_doe.study.designs.request import Column, Family, Made, Request, crossed
+from tripod_doe.study.designs.saltelli import SALTELLI
+from tripod_doe.study.designs.sequences import SEQUENCES
+from tripod_doe.study.designs.table import TABLE
 
 
 def _part(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> Request:
-    """What one design is asked for: the factors that it names, or all."""
+    """The request of one design: with the factors that it names, or all."""
     if design.factors is not None and design.kind != "product":
         unknown = [name for name in design.factors if name not in factors]
         if unknown:
@@ -43,18 +48,18 @@ def make_part(study: Study, design: DesignTable, factors: Mapping[str, Factor]) 
     Raises
     ------
     InputError
-        If the design lacks what it needs, or is given what it cannot use.
+        If a setting is missing, or is one that the design cannot use.
     """
     return FAMILIES[design.kind].make(checked_request(study, design, factors))
 
 
 def checked_request(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> Request:
-    """What one design is asked for, when it can use all that it is given.
+    """The request of one design, checked against its kind.
 
     Raises
     ------
     InputError
-        If it is given what it cannot use.
+        If correlations or groups are set and the design cannot use them.
     """
     request, family = _part(study, design, factors), FAMILIES[design.kind]
     if design.correlation and family.uncorrelated:
@@ -68,7 +73,7 @@ def checked_request(study: Study, design: DesignTable, factors: Mapping[str, Fac
 
 
 def count_part(study: Study, design: DesignTable, factors: Mapping[str, Factor]) -> int:
-    """Number of points of one design before constraints; 0 where only making them tells, or refuses them."""
+    """Number of points of one design before constraints; 0 where only making them shows it, or refuses them."""
     try:
         return FAMILIES[design.kind].count(_part(study, design, factors))
     except InputError:
@@ -81,7 +86,8 @@ def _product(request: Request) -> Made:
     names, tables = study.file.design.of, study.file.designs
     if len(names) < 2:
         raise InputError("a product needs of = at least two sub-designs")
-    parts: dict[str, Columns] = {}
+    parts: list[Mapping[str, Column]] = []
+    rows: list[Mapping[str, Column]] = []
     notes: list[str] = []
     taken: dict[str, str] = {}
     for name in names:
@@ -95,16 +101,17 @@ def _product(request: Request) -> Made:
             raise InputError(f"[design.{name}]: a multifidelity design stands alone: its pilot decides its points")
         made = make_part(study, tables[name], factors)
         notes += [f"part {name}: {note}" for note in made.notes]
-        for factor in made.columns.names:
+        for factor in made.columns:
             if factor in taken:
                 raise InputError(f"{factor} is varied by [design.{taken[factor]}] and by [design.{name}]")
             taken[factor] = name
-        parts[name] = made.columns
+        parts.append(made.columns)
+        rows.append({f"{name}_row": np.arange(len(next(iter(made.columns.values()))))})
     left = [name for name in factors if name not in taken]
     if left:
         raise InputError(f"{', '.join(left)} belongs to no sub-design; add it to the factors of one")
-    labels = crossed({f"{name}_row": np.arange(part.count) for name, part in parts.items()})
-    return Made(CrossedColumns([*parts.values()], tuple(factors)), labels, tuple(notes))
+    columns = crossed(parts)
+    return Made({name: columns[name] for name in factors}, crossed(rows), tuple(notes))
 
 
 def _product_count(request: Request) -> int:
@@ -113,7 +120,39 @@ def _product_count(request: Request) -> int:
     return math.prod(count_part(request.study, part, request.factors) or 1 for part in parts if part.kind != "product")
 
 
-PRODUCT = {"product": Family(_product, _product_count, value_bytes=lambda table: 0)}
+PRODUCT = {"product": Family(_product, _product_count)}
 
-FAMILIES: dict[str, Family] = LISTED | SAMPLED | MULTIFIDELITY | CODED | ABLATION | PRODUCT
+FAMILIES: dict[str, Family] = (
+    GRID
+    | TABLE
+    | SEQUENCES
+    | LATIN_HYPERCUBE
+    | SALTELLI
+    | MORRIS
+    | FAST
+    | MULTIFIDELITY
+    | FACTORIAL
+    | ABLATION
+    | PRODUCT
+)
 """All kinds of designs by the names that study files use."""
+
+
+def unit_sample(table: DesignTable, tables: Mapping[str, FactorTable]) -> FloatArray:
+    """The points of a sampled design on the unit cube before the factors are correlated, shape (point, factor).
+
+    Parameters
+    ----------
+    table
+        The design.
+    tables
+        Its factors by name, as the study file describes them.
+
+    Raises
+    ------
+    InputError
+        If the design is not sampled, or its number of samples is missing or not allowed.
+    """
+    if (sample := FAMILIES[table.kind].sample) is None:
+        raise InputError(f"a {table.kind} design is not sampled")
+    return sample(table, tables)

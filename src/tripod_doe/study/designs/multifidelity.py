@@ -1,34 +1,31 @@
 """The multifidelity design: independent samples, the first ones run by every model, the later ones by cheap ones only.
 
-Samples are nested: sample n has the same factors in every model that runs it. They are drawn one after the other from
-one stream of random numbers, so that more samples keep those that were there, and they are independent, as the
-variances of their analysis ask for. With `indices` a sample is a block of d + 2 points for Sobol' indices.
+Samples are nested: sample n has the same factors in every model that runs it. All are drawn from one stream of random
+numbers, so that more samples keep the earlier ones, and they are independent, as the variances of the estimators
+assume. With `indices` a sample is a block of d + 2 points for Sobol' indices.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from tripod_doe.array_types import IntArray
+from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.simulator import Value
 from tripod_doe.study.definition.factors import Factor
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import DesignTable, FactorTable
-from tripod_doe.study.designs.columns import Column, Rows, row_numbers
 from tripod_doe.study.designs.correlation import correlated, correlation_matrix
-from tripod_doe.study.designs.request import Family, Made, Request, column_of, factor_groups
-from tripod_doe.study.designs.sampled import SampledColumns, correlated_bytes, refuse_tails
-from tripod_doe.study.designs.unit_samples import HeldSample, RandomSample, SaltelliSample, UnitSample
+from tripod_doe.study.designs.request import SAMPLED_BYTES, Family, Made, Request, column_of, factor_groups
+from tripod_doe.study.designs.saltelli import first_order_blocks
+from tripod_doe.study.designs.sampling import INDEPENDENT, distributed
 
 SAMPLE = "sample"
 """Label of the points: the sample that each belongs to, the same in all models."""
 
 _USUAL_PILOT = 24
-_USUAL_MOST, _USUAL_SHARE = 200_000, 10  # points of all models together, or of those of the truth
-_FEWEST = 16  # samples below which intervals do not hold what they say
+_USUAL_MOST, _USUAL_SHARE = 200_000, 10  # points of all models together, or multiples of the truth's
+_FEWEST = 16  # samples below which intervals miss their confidence
 
 
 def random_factors(table: DesignTable, tables: dict[str, FactorTable]) -> dict[str, FactorTable]:
@@ -44,17 +41,17 @@ def pilot_samples(table: DesignTable) -> int:
     Raises
     ------
     InputError
-        If the design does not say how many samples of the dearest model it has, or they are too few.
+        If the number of samples of the most expensive model is missing or too small.
     """
     samples = table.samples or 0
     if samples < _FEWEST:
-        told = "needs samples =" if table.samples is None else f"samples = {samples}: it needs"
-        raise InputError(f"a multifidelity design {told} the samples of its dearest model, at least {_FEWEST}")
+        given = "needs samples =" if table.samples is None else f"samples = {samples}: it needs"
+        raise InputError(f"a multifidelity design {given} the samples of its most expensive model, at least {_FEWEST}")
     return min(samples, table.pilot or _USUAL_PILOT)
 
 
 def split_of(table: DesignTable, models: tuple[Value, ...]) -> dict[Value, int]:
-    """Samples of each model, the truth last; those of the pilot where there is no split yet.
+    """Samples of each model, the truth last; the pilot's where there is no split yet.
 
     Raises
     ------
@@ -91,7 +88,7 @@ def most_samples(table: DesignTable, models: int, block: int) -> int:
     Raises
     ------
     InputError
-        If these are fewer than the truth and the pilot have.
+        If the truth and the pilot already have more.
     """
     least = (table.samples or 0) + (models - 1) * pilot_samples(table)
     most = table.most_points or max(_USUAL_MOST, _USUAL_SHARE * (table.samples or 0) * block, least * block)
@@ -103,7 +100,7 @@ def most_samples(table: DesignTable, models: int, block: int) -> int:
 
 
 def most_points(study: Study) -> int:
-    """Points that a study may have when its split is known, from counts alone; 0 where there is no split to find."""
+    """Points that a study may have when its split is known, from counts alone; 0 where no pilot decides it."""
     table = study.file.design
     if table.kind != "multifidelity" or table.split:
         return 0
@@ -111,105 +108,44 @@ def most_points(study: Study) -> int:
     return most_samples(table, len(study.factors[table.fidelity].values or ()), block) * block
 
 
-@dataclass(frozen=True)
-class _Rungs:
-    """The models one after the other, the truth first, each with its first samples."""
-
-    models: Column  # the models
-    ends: IntArray  # where the points of each end, shape (model,)
-    length: int  # points of a sample
-
-    @property
-    def count(self) -> int:
-        """Number of points."""
-        return int(self.ends[-1])
-
-    def at(self, rows: Rows) -> tuple[Column, IntArray]:
-        """The model of some points, and their places among the points of its samples."""
-        numbers = row_numbers(rows, self.count)
-        rungs = np.searchsorted(self.ends, numbers, side="right")
-        begins = np.concatenate([[0], self.ends])
-        return self.models[rungs], numbers - begins[rungs]
-
-
-@dataclass(frozen=True)
-class _RungColumns:
-    """Factors of the points of all models, made when they are asked for."""
-
-    sampled: SampledColumns
-    rungs: _Rungs
-    fidelity: str
-    names: tuple[str, ...]
-
-    @property
-    def count(self) -> int:
-        """Number of points."""
-        return self.rungs.count
-
-    def at(self, rows: Rows) -> dict[str, Column]:
-        """Values of the factors at some points."""
-        models, places = self.rungs.at(rows)
-        found = self.sampled.at(places) | {self.fidelity: models}
-        return {name: found[name] for name in self.names}
-
-
-@dataclass(frozen=True)
-class _SampleNumbers:
-    """The sample that each point belongs to."""
-
-    rungs: _Rungs
-    names: tuple[str, ...] = (SAMPLE,)
-
-    @property
-    def count(self) -> int:
-        """Number of points."""
-        return self.rungs.count
-
-    def at(self, rows: Rows) -> dict[str, Column]:
-        """The samples of some points."""
-        return {SAMPLE: self.rungs.at(rows)[1] // self.rungs.length}
-
-
-def _unit_sample(table: DesignTable, tables: dict[str, FactorTable], count: int) -> UnitSample:
-    """Points of so many samples on the unit cube."""
-    width = len(tables)
-    if not table.indices:
-        sample = RandomSample(count, width, table.seed)
+def _unit_sample(table: DesignTable, tables: dict[str, FactorTable], count: int) -> FloatArray:
+    """Points of the samples on the unit cube, shape (point, factor)."""
+    rng = np.random.default_rng(table.seed)
+    if table.indices:
         if table.correlation:
-            ranks = correlation_matrix(table.correlation, list(tables))
-            return HeldSample(correlated(sample.at(np.arange(count)), ranks, False))
-        return sample
-    if table.correlation:
-        raise InputError(
-            "correlation: Sobol' indices divide the variance among independent factors; set indices = false"
-        )
-    names, none = list(tables), np.zeros(width, bool)
-    mixed = [np.isin(names, members) for members in factor_groups(tables).values()]
-    return SaltelliSample([RandomSample(count, 2 * width, table.seed)], np.stack([none, *mixed, ~none]))
+            raise InputError(f"correlation: {INDEPENDENT}; set indices = false")
+        return first_order_blocks(rng.random((count, 2 * len(tables))), tables)
+    unit = rng.random((count, len(tables)))
+    if not table.correlation:
+        return unit
+    return correlated(unit, correlation_matrix(table.correlation, list(tables)), keep_strata=False)
 
 
 def _make(request: Request) -> Made:
-    """The samples of each model, the truth's first."""
+    """The samples of each model, first those of the truth."""
     table, models = request.table, _models(request)
     split = split_of(table, models)
     tables = random_factors(table, request.tables)
     if not tables:
         raise InputError(f"a multifidelity design varies factors besides {table.fidelity}; add [factors.PARAMETER]")
-    factors = {name: request.factors[name] for name in tables}
     most = max(split.values())
-    sampled = SampledColumns(_unit_sample(table, tables, most), factors)
-    refuse_tails(sampled, factors.values())
-    length = sampled.count // most
-    ends = length * np.cumsum([split[model] for model in reversed(models)])
-    rungs = _Rungs(column_of(request.factors[table.fidelity], reversed(models)), ends, length)
-    told = ", ".join(f"{count:,} of {model}" for model, count in reversed(split.items()))
+    unit = _unit_sample(table, tables, most)
+    columns = distributed(unit, {name: request.factors[name] for name in tables})
+    length = len(unit) // most
+    ends = [length * split[model] for model in reversed(models)]
+    columns = {name: np.concatenate([column[:end] for end in ends]) for name, column in columns.items()}
+    columns[table.fidelity] = np.repeat(column_of(request.factors[table.fidelity], reversed(models)), ends)
+    labels = {SAMPLE: np.concatenate([np.arange(end) // length for end in ends])}
+    return Made({name: columns[name] for name in request.factors}, labels, (_note(table, split, length),))
+
+
+def _note(table: DesignTable, split: dict[Value, int], length: int) -> str:
+    """The samples of each model in words."""
     of = f" of {length} points" if length > 1 else ""
-    note = f"samples{of}: {told}"
     if not table.split:
-        most = most_samples(table, len(models), length) * length
-        note = f"pilot: the first {split[models[-1]]} samples{of} in every model; then at most {most:,} points in all"
-    columns = _RungColumns(sampled, rungs, table.fidelity, tuple(request.factors))
-    return Made(columns, _SampleNumbers(rungs), (note,))
+        pilot, most = next(iter(split.values())), most_samples(table, len(split), length) * length
+        return f"pilot: the first {pilot} samples{of} in every model; then at most {most:,} points in all"
+    return f"samples{of}: " + ", ".join(f"{count:,} of {model}" for model, count in reversed(split.items()))
 
 
 def _models(request: Request) -> tuple[Value, ...]:
@@ -229,6 +165,6 @@ def _count(request: Request) -> int:
 
 
 MULTIFIDELITY = {
-    "multifidelity": Family(_make, _count, _block, uncorrelated="", grouped=True, value_bytes=correlated_bytes)
+    "multifidelity": Family(_make, _count, _block, uncorrelated="", grouped=True, value_bytes=SAMPLED_BYTES)
 }
 """The multifidelity design by its kind."""

@@ -1,22 +1,35 @@
-"""All points of a study; what they are is made when it is asked for."""
+"""All points of a study, in the order of its cube: known before the first one runs, and the same for the same study."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.study.designs.columns import NO_COLUMNS, Column, Columns, HeldColumns, Rows
+from tripod_doe.errors import InputError
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.designs.families import FAMILIES, checked_request, count_part, make_part
+from tripod_doe.study.designs.grid import grid_levels
+from tripod_doe.study.designs.multifidelity import most_points
+from tripod_doe.study.designs.request import Column, crossed
+from tripod_doe.study.expressions import Expression
+from tripod_doe.study.memory import refuse_too_many_points
+
+_POINT_BYTES = 40  # fingerprint, order, constraint and stored result of a point
+_CORRELATED_BYTES = 32  # of a value besides, while factors are correlated
+
+Rows = NDArray[np.integer[Any]] | slice
 
 
 @dataclass(frozen=True)
 class Points:
     """All points of a study."""
 
-    factors: Columns  # values of the factors at all points
+    columns: Mapping[str, Column]  # values of the factors at all points, each of shape (point,)
     shape: tuple[int, ...]  # lengths of the cube's dimensions: one a factor for a grid, else the number of points
     dims: tuple[str, ...]  # names of these dimensions
     # whether a point meets the constraints, shape (point,); only a grid keeps cells that do not
@@ -24,7 +37,7 @@ class Points:
     # of a grid the values of the factors along each dimension; none for a list of points
     levels: Mapping[str, Column] = field(default_factory=dict)
     # further coordinates along ``point``, for instance which row of a sub-design a point belongs to
-    labels: Columns = NO_COLUMNS
+    labels: Mapping[str, Column] = field(default_factory=dict)
     # what the user should know of the design, for instance which effects it cannot tell apart
     notes: tuple[str, ...] = ()
     # values of parameters that a pilot chose, each of shape (point,): not factors, but what a point runs with
@@ -46,35 +59,107 @@ class Points:
         return self.dims != ("point",)
 
     @property
-    def columns(self) -> dict[str, Column]:
-        """Values of the factors at all points, each of shape (point,), all in memory."""
-        return self.factors.at(slice(None))
-
-    @property
     def setting_names(self) -> list[str]:
         """Names of everything that differs between points: factors, and what was chosen."""
-        return list(dict.fromkeys([*self.factors.names, *self.chosen]))
+        return list(dict.fromkeys([*self.columns, *self.chosen]))
 
     def at(self, rows: Rows) -> dict[str, Column]:
         """Everything that differs between points, at some of them, each of shape (rows,)."""
-        return self.factors.at(rows) | {name: column[rows] for name, column in self.chosen.items()}
+        return {name: column[rows] for name, column in (*self.columns.items(), *self.chosen.items())}
 
     def settings_of(self, row: int) -> dict[str, Any]:
         """What differs between points, of one of them, as plain numbers and words."""
         return {name: column.tolist()[0] for name, column in self.at(np.array([row % self.count])).items()}
 
     def part(self, start: int, stop: int) -> Points:
-        """Some consecutive points, as a list of points in memory."""
+        """Some consecutive points, as a list."""
         rows = slice(start, stop)
         return replace(
             self,
-            factors=HeldColumns(self.factors.at(rows)),
+            columns={name: column[rows] for name, column in self.columns.items()},
             shape=(stop - start,),
             dims=("point",),
             allowed=self.allowed[rows],
             levels={},
-            labels=HeldColumns(self.labels.at(rows)),
+            labels={name: column[rows] for name, column in self.labels.items()},
             chosen={name: column[rows] for name, column in self.chosen.items()},
             error_estimate={name: column[rows] for name, column in self.error_estimate.items()},
             accuracy_met=None if self.accuracy_met is None else self.accuracy_met[rows],
         )
+
+
+def point_count(study: Study) -> int:
+    """Number of points of a study before constraints; 0 where only making them shows it (a table), or refuses them."""
+    return count_part(study, study.file.design, study.factors)
+
+
+def point_bytes(study: Study) -> int:
+    """Bytes of memory that a point of a study takes while the study is planned and run, its results left out."""
+    design = study.file.design
+    value = FAMILIES[design.kind].value_bytes + (_CORRELATED_BYTES if design.correlation else 0)
+    return _POINT_BYTES + len(study.factors) * value
+
+
+def make_points(study: Study) -> Points:
+    """All points of a study, in the order of its cube.
+
+    Raises
+    ------
+    InputError
+        If a setting of the design is missing, or the points need more memory than is free, are all excluded, or have
+        outputs of different lengths.
+    """
+    design = study.file.design
+    try:
+        count = max(point_count(study), most := most_points(study))
+        study.folder.refuse_many(count, "points", "; set most_points in [design]" if most else "")
+        refuse_too_many_points(count, point_bytes(study))
+        points = _grid(study) if design.kind == "grid" else _list(study)
+        study.simulator.check_lengths(_length_values(study, points), study.keep)
+        allowed = _allowed(points, design.constraints)
+    except InputError as error:
+        raise study.fail("[design]", error) from error
+    if not allowed.any():
+        raise study.fail("[design]", "constraints exclude every point; relax them")
+    if points.is_grid or allowed.all():
+        return replace(points, allowed=allowed, has_excluded=not allowed.all())
+    if FAMILIES[design.kind].block(design, len(points.columns)) > 1:
+        raise study.fail("[design]", f"a {design.kind} design cannot leave points out; choose ranges instead")
+    rows = np.flatnonzero(allowed)
+    return replace(
+        points,
+        columns={name: column[rows] for name, column in points.columns.items()},
+        shape=rows.shape,
+        allowed=allowed[rows],
+        labels={name: column[rows] for name, column in points.labels.items()},
+    )
+
+
+def _grid(study: Study) -> Points:
+    """The cells of a grid."""
+    levels = grid_levels(checked_request(study, study.file.design, study.factors).factors)
+    shape = tuple(column.size for column in levels.values())
+    columns = crossed([{name: column} for name, column in levels.items()])
+    return Points(columns, shape, tuple(levels), np.ones(math.prod(shape), bool), levels)
+
+
+def _list(study: Study) -> Points:
+    """The points of any other design."""
+    made = make_part(study, study.file.design, study.factors)
+    count = len(next(iter(made.columns.values()), (None,)))
+    return Points(made.columns, (count,), ("point",), np.ones(count, bool), labels=made.labels, notes=made.notes)
+
+
+def _length_values(study: Study, points: Points) -> dict[str, Column]:
+    """All values of those factors that set the length of an output."""
+    names = study.simulator.length_parameters.intersection(points.columns)
+    columns = points.levels or points.columns
+    return {name: np.unique(columns[name]) for name in names}
+
+
+def _allowed(points: Points, constraints: Sequence[str]) -> NDArray[np.bool_]:
+    """Points that meet all constraints, shape (point,)."""
+    allowed = points.allowed
+    for text in constraints:
+        allowed = allowed & Expression(text, points.columns)(points.columns)
+    return allowed

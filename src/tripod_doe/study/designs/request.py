@@ -1,18 +1,32 @@
-"""What one design is asked for, what it answers, and the one interface of all kinds of designs."""
+"""One design: what it is asked for, its points, and the interface that all kinds of designs share."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition.factors import Factor
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import DesignTable, FactorTable
-from tripod_doe.study.designs.columns import NO_COLUMNS, Column, Columns, HeldColumns
+
+Column = NDArray[Any]
+"""Values of one factor or label, shape (point,)."""
+
+Sampler = Callable[[DesignTable, Mapping[str, FactorTable]], FloatArray]
+"""Gives points on the unit cube, shape (point, factor), before factors are correlated."""
+
+
+SAMPLED_BYTES = 64
+"""Memory of a value of a factor while points are sampled."""
+
+Block = Callable[[DesignTable, int], int]
+"""Number of points by the design and its number of factors or groups."""
 
 
 @dataclass(frozen=True)
@@ -33,27 +47,14 @@ class Request:
 class Made:
     """The points of one design."""
 
-    columns: Columns  # values of its factors
-    labels: Columns = NO_COLUMNS  # further coordinates of its points
-    notes: tuple[str, ...] = ()  # what the user should know of it
+    columns: Mapping[str, Column]  # values of its factors
+    labels: Mapping[str, Column] = field(default_factory=dict)  # further coordinates of its points
+    notes: tuple[str, ...] = ()  # limits of the design that the user should know
 
 
-def held(
-    columns: Mapping[str, Column], labels: Mapping[str, Column] | None = None, notes: tuple[str, ...] = ()
-) -> Made:
-    """The points of a design whose columns are in memory."""
-    return Made(HeldColumns(columns), HeldColumns(labels or {}), notes)
-
-
-def _alone(table: DesignTable, width: int) -> int:
+def one_point(table: DesignTable, width: int) -> int:
+    """The block of a design whose points stand alone."""
     return 1
-
-
-_LISTED_BYTES = 24
-
-
-def _listed(table: DesignTable) -> int:
-    return _LISTED_BYTES
 
 
 @dataclass(frozen=True)
@@ -61,15 +62,19 @@ class Family:
     """One kind of design."""
 
     make: Callable[[Request], Made]  # makes the points of a request, always the same ones
-    count: Callable[[Request], int]  # how many these are, from counts alone; 0 where only making them tells
-    # (table, number of factors or groups) -> how many points in a row an analysis needs together. A constraint cannot
-    # leave out one of them, and where one of them failed, the others are of no use.
-    block: Callable[[DesignTable, int], int] = _alone
+    count: Callable[[Request], int]  # their number from counts alone; 0 where only making them shows it
+    # (table, number of factors or groups) -> points in a row that an analysis needs together: a constraint cannot
+    # leave out one of them, and where one of them fails, the others are of no use
+    block: Block = one_point
     uncorrelated: str = "it does not sample distributions"  # why its factors cannot be correlated; empty where they can
     grouped: bool = False  # whether factors can be varied in groups
-    # bytes of memory that a value of a factor takes while the points are made; 0 where they are made when they are
-    # asked for
-    value_bytes: Callable[[DesignTable], int] = _listed
+    sample: Sampler | None = None  # of a sampled design
+    value_bytes: int = 24  # memory of a value of a factor while the points are made
+
+
+def column_of(factor: Factor, values: Iterable[Any]) -> Column:
+    """Values of a factor as a column."""
+    return factor.parameter.column(list(values))
 
 
 def levels_of(factor: Factor) -> Column:
@@ -87,20 +92,25 @@ def levels_of(factor: Factor) -> Column:
     return column_of(factor, factor.values)
 
 
-def column_of(factor: Factor, values: Iterable[Any]) -> Column:
-    """Values of a factor as a column."""
-    return factor.parameter.column(list(values))
-
-
 def axis_levels(factor: Factor) -> Column:
     """Levels of a factor along an axis of a grid: numbers ascend, or descend where the study lists them so.
 
-    An axis in the order in which levels were added could not be asked for a range.
+    A range of an axis in any other order cannot be selected.
     """
     levels = levels_of(factor)
     if levels.dtype.kind not in "iuf" or (np.diff(levels) < 0).all():
         return levels
     return np.sort(levels)
+
+
+def crossed(parts: Sequence[Mapping[str, Column]]) -> dict[str, Column]:
+    """Every row of the first part with every row of the next one, the rows of the last changing fastest."""
+    shape = [len(next(iter(part.values()))) for part in parts]
+    columns: dict[str, Column] = {}
+    for axis, part in enumerate(parts):
+        along = [-1 if at == axis else 1 for at in range(len(shape))]
+        columns |= {name: np.broadcast_to(column.reshape(along), shape).ravel() for name, column in part.items()}
+    return columns
 
 
 def factor_groups(tables: Mapping[str, FactorTable]) -> dict[str, list[str]]:

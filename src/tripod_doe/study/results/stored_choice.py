@@ -17,7 +17,8 @@ from tripod_doe.errors import InputError, option
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 from tripod_doe.study.definition.accuracy import Accuracy
 from tripod_doe.study.definition.study import Study
-from tripod_doe.study.designs import Points, point_keys
+from tripod_doe.study.designs import Points
+from tripod_doe.study.fingerprints import point_keys
 
 CHOICE = "choice.nc"
 """Name of the file."""

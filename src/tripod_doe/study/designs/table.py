@@ -1,71 +1,16 @@
-"""Designs of listed levels: grids, lists of points, one factor at a time, and tables."""
+"""Tables: a CSV file with a header gives the points, one column for each factor."""
 
 from __future__ import annotations
 
 import csv
 import math
 from collections import Counter
-from collections.abc import Mapping
-
-import numpy as np
 
 from tripod_doe.errors import InputError, closest, near_match
 from tripod_doe.simulator import Parameter, Value
-from tripod_doe.study.definition.factors import Factor
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import DesignTable
-from tripod_doe.study.designs.columns import Column, CrossedColumns, HeldColumns
-from tripod_doe.study.designs.request import Family, Made, Request, axis_levels, column_of, held, levels_of
-
-
-def _grid(request: Request) -> Made:
-    """All combinations of the levels."""
-    return Made(crossed(grid_levels(request.factors)))
-
-
-def crossed(levels: Mapping[str, Column]) -> CrossedColumns:
-    """All combinations of the levels of some factors, the last changing fastest."""
-    return CrossedColumns([HeldColumns({name: column}) for name, column in levels.items()], tuple(levels))
-
-
-def grid_levels(factors: Mapping[str, Factor]) -> dict[str, Column]:
-    """The levels of a grid along each of its dimensions.
-
-    Raises
-    ------
-    InputError
-        If a factor has the same level twice.
-    """
-    levels = {name: axis_levels(factor) for name, factor in factors.items()}
-    for name, values in levels.items():
-        if len(set(values.tolist())) < len(values):
-            raise InputError(f"[factors.{name}]: the same value occurs twice; a grid needs different values")
-    return levels
-
-
-def _zip(request: Request) -> Made:
-    """The first levels of all factors together, then the second ones, and so on."""
-    columns = {name: levels_of(factor) for name, factor in request.factors.items()}
-    lengths = {name: len(column) for name, column in columns.items()}
-    if len(set(lengths.values())) > 1:
-        told = ", ".join(f"{name} has {length}" for name, length in lengths.items())
-        raise InputError(f"zip needs as many values for every factor, but {told}")
-    return held(columns)
-
-
-def _one_at_a_time(request: Request) -> Made:
-    """The base point, then each factor through its values with all others at their defaults."""
-    study, factors = request.study, request.factors
-    home = {name: study.simulator.effective(study.base)[name] for name in factors}
-    rows, varied = [home], ["base"]
-    for name, factor in factors.items():
-        if home[name] is None:
-            raise InputError(f"[factors.{name}]: it has no default value; one-at-a-time cannot vary it")
-        for value in levels_of(factor):
-            rows.append({**home, name: value})
-            varied.append(name)
-    columns = {name: column_of(factor, (row[name] for row in rows)) for name, factor in factors.items()}
-    return held(columns, {"varied": np.array(varied, dtype=object)})
+from tripod_doe.study.designs.request import Family, Made, Request
 
 
 def _rows(study: Study, design: DesignTable) -> tuple[list[str], list[list[str]]]:
@@ -116,7 +61,7 @@ def _table(request: Request) -> Made:
             except (InputError, ValueError) as error:
                 raise InputError(f"table = {design.table!r}: line {line}: {name}: {error}") from error
         columns[name] = parameter.column(values)
-    return held(columns)
+    return Made(columns)
 
 
 def _cell(parameter: Parameter, text: str) -> Value:
@@ -134,14 +79,5 @@ def _cell(parameter: Parameter, text: str) -> Value:
     return parameter.check(number)
 
 
-def _lengths(request: Request) -> list[int]:
-    return [len(factor.values or ()) for factor in request.factors.values()]
-
-
-LISTED: dict[str, Family] = {
-    "grid": Family(_grid, lambda request: math.prod(_lengths(request)), value_bytes=lambda table: 0),
-    "zip": Family(_zip, lambda request: max(_lengths(request), default=0)),
-    "one-at-a-time": Family(_one_at_a_time, lambda request: 1 + sum(_lengths(request))),
-    "table": Family(_table, lambda request: 0),
-}
-"""Designs of listed levels by kind."""
+TABLE = {"table": Family(_table, lambda request: 0)}
+"""The table by its kind."""

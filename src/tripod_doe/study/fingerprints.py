@@ -1,8 +1,9 @@
-"""Fingerprints of the points of a study: which are repeated, and where given ones stand among them."""
+"""Fingerprints of points, by which results are recognised: made of all parameters, and looked up in an index."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -10,12 +11,65 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.array_types import IntArray
+from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.study.definition.study import Study
+from tripod_doe.study.designs import Column, Points
 
 if TYPE_CHECKING:  # a plan does without it, which saves 0.3 s
     import pandas
 
 Keys = NDArray[np.void]
+"""Fingerprints, shape (point,), 16 bytes each."""
+
+_CHUNK = 10_000  # points whose parameters are held at once
+
+
+def point_keys(study: Study, points: Points) -> NDArray[np.void]:
+    """A fingerprint of each point from the values of all its parameters, shape (point,), 16 bytes each.
+
+    It does not depend on which parameters are factors, so that a study that grew finds its old points again.
+    """
+    fixed = study.simulator.columns(study.base, points.at(slice(0, 1)), 1)
+    names, varied = sorted(fixed), set(points.setting_names)
+    shared = next((at for at, name in enumerate(names) if name in varied), len(names))
+    rest = names[shared:]
+    start = _digest_of_names(study, names)
+    start.update(_numbers(fixed, names[:shared], 1).tobytes())
+
+    def fingerprint(row: FloatArray) -> bytes:
+        digest = start.copy()
+        digest.update(row)
+        done: bytes = digest.digest()
+        return done
+
+    keys = np.empty(points.count, "V16")
+    rows = np.repeat(_numbers(fixed, rest, 1), min(_CHUNK, points.count), axis=0)
+    at = [rest.index(name) for name in points.setting_names]
+    for first in range(0, points.count, _CHUNK):
+        own = rows[: points.count - first]
+        own[:, at] = _numbers(points.at(slice(first, first + len(own))), points.setting_names, len(own))
+        keys[first : first + len(own)] = np.frombuffer(b"".join(map(fingerprint, own)), "V16")
+    return keys
+
+
+def _digest_of_names(study: Study, names: Sequence[str]) -> Any:
+    """The beginning of all fingerprints: what the values belong to."""
+    named = [study.simulator.name, *names, *([study.demands.text] if study.demands else [])]
+    return hashlib.blake2b("\n".join(named).encode(), digest_size=16)
+
+
+def _numbers(columns: Mapping[str, Column], names: Sequence[str], count: int) -> FloatArray:
+    """Some parameters of some points as numbers, shape (point, name); words by their digests."""
+    matrix = np.empty((count, len(names)))
+    for position, name in enumerate(names):
+        column = columns[name]
+        if column.dtype == object:
+            words, inverse = np.unique(column.astype(str), return_inverse=True)
+            codes = [hashlib.blake2b(word.encode(), digest_size=8).digest() for word in words]
+            matrix[:, position] = np.frombuffer(b"".join(codes))[inverse]
+        else:
+            matrix[:, position] = np.where(column == 0, 0.0, column)  # -0.0 is the same point as 0.0
+    return matrix
 
 
 class KeyIndex:

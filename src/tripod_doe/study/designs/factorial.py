@@ -16,8 +16,7 @@ import numpy as np
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition.factors import Factor
-from tripod_doe.study.designs.columns import Column
-from tripod_doe.study.designs.request import Family, Made, Request, column_of, held
+from tripod_doe.study.designs.request import Column, Family, Made, Request, column_of
 
 _NUMERALS = {3: "III", 4: "IV", 5: "V", 6: "VI", 7: "VII", 8: "VIII"}
 _DEFAULT_RESOLUTION = 4  # main effects apart from the interactions of two factors
@@ -62,18 +61,17 @@ def _decoded(factor: Factor, coded: FloatArray) -> Column:
 
 
 def _decoded_all(request: Request, coded: FloatArray, notes: tuple[str, ...] = ()) -> Made:
-    return held({name: _decoded(f, coded[:, at]) for at, (name, f) in enumerate(request.factors.items())}, notes=notes)
+    columns = {name: _decoded(f, coded[:, at]) for at, (name, f) in enumerate(request.factors.items())}
+    return Made(columns, notes=notes)
 
 
 def _full_levels(request: Request) -> list[Column]:
-    """Levels of the factors of a full factorial: those listed, or so many from low to high (two if not said)."""
-    found = []
-    for factor in request.factors.values():
-        if factor.values is not None:
-            found.append(column_of(factor, factor.values))
-        else:
-            found.append(_decoded(factor, np.linspace(-1, 1, request.table.levels or 2)))
-    return found
+    """Levels of the factors of a full factorial: as listed, else `levels` of them from low to high, two if omitted."""
+    coded = np.linspace(-1, 1, request.table.levels or 2)
+    return [
+        _decoded(factor, coded) if factor.values is None else column_of(factor, factor.values)
+        for factor in request.factors.values()
+    ]
 
 
 def _full_count(request: Request) -> int:
@@ -86,11 +84,11 @@ def _full(request: Request) -> Made:
 
     levels = _full_levels(request)
     places = fullfact([len(column) for column in levels]).astype(int)
-    return held({name: levels[at][places[:, at]] for at, name in enumerate(request.factors)})
+    return Made({name: levels[at][places[:, at]] for at, name in enumerate(request.factors)})
 
 
 def _fraction(request: Request) -> tuple[FloatArray, int]:
-    """The fraction with the fewest points that has the resolution, and the highest that so many points can have."""
+    """The smallest fraction that has the resolution, and the highest resolution with the same number of points."""
     from pydoe import fracfact_by_res
 
     width, asked = len(request.factors), request.table.resolution or _DEFAULT_RESOLUTION
@@ -108,12 +106,12 @@ def _fraction(request: Request) -> tuple[FloatArray, int]:
 def _fractional(request: Request) -> Made:
     coded, resolution = _fraction(request)
     if len(coded) == 2 ** len(request.factors):
-        told = "all combinations, since no fraction has the resolution"
+        kind = "all combinations, since no fraction has the resolution"
     else:
-        told = f"of resolution {_NUMERALS.get(resolution, resolution)}"
+        kind = f"of resolution {_NUMERALS.get(resolution, resolution)}"
     lists = "; ".join(" = ".join(names) for names in aliases(dict(zip(request.factors, coded.T, strict=True))))
     confounded = f"it confounds {lists}" if lists else "no effects of one factor or two are confounded"
-    return _decoded_all(request, coded, (f"two-level design of {len(coded):,} points, {told}; {confounded}",))
+    return _decoded_all(request, coded, (f"two-level design of {len(coded):,} points, {kind}; {confounded}",))
 
 
 def aliases(columns: Mapping[str, FloatArray]) -> list[list[str]]:
@@ -154,19 +152,17 @@ def _plackett_burman(request: Request) -> Made:
     return _decoded_all(request, coded, (note,))
 
 
-def _centre_points(request: Request) -> int:
-    given = request.table.centre_points
-    return 1 if given is None else given  # of a deterministic model, more of them tell nothing
+_CENTRE_POINTS = 1  # repeated ones are computed once, since a simulator gives the same answer again
 
 
 def _composite_points(request: Request) -> FloatArray:
     from pydoe import ccdesign
 
-    width, table, centre = len(request.factors), request.table, _centre_points(request)
+    width = len(request.factors)
     if not 2 <= width <= _MOST_FACTORS:
         raise InputError(f"a central-composite design needs 2 to {_MOST_FACTORS} factors, not {width}")
-    split = (centre - centre // 2, centre // 2)  # among the cube's points and the stars
-    coded = ccdesign(width, center=split, alpha=table.star_distance, face=table.star)
+    among_corners_and_stars = (_CENTRE_POINTS, 0)
+    coded = ccdesign(width, center=among_corners_and_stars, alpha="rotatable", face=request.table.star)
     return np.asarray(coded, float)
 
 
@@ -175,18 +171,18 @@ def _box_behnken_points(request: Request) -> FloatArray:
 
     if len(request.factors) < 3:
         raise InputError("a box-behnken design needs at least three factors")
-    return np.asarray(bbdesign(len(request.factors), _centre_points(request)), float)
+    return np.asarray(bbdesign(len(request.factors), _CENTRE_POINTS), float)
 
 
 def _box_behnken_count(request: Request) -> int:
-    return 2 * len(request.factors) * (len(request.factors) - 1) + _centre_points(request)
+    return 2 * len(request.factors) * (len(request.factors) - 1) + _CENTRE_POINTS
 
 
 def _composite_count(request: Request) -> int:
-    return int(2 ** len(request.factors)) + 2 * len(request.factors) + _centre_points(request)
+    return int(2 ** len(request.factors)) + 2 * len(request.factors) + _CENTRE_POINTS
 
 
-CODED: dict[str, Family] = {
+FACTORIAL: dict[str, Family] = {
     "full-factorial": Family(_full, _full_count),
     "fractional-factorial": Family(_fractional, lambda request: len(_fraction(request)[0])),
     "plackett-burman": Family(_plackett_burman, lambda request: 4 * (len(request.factors) // 4 + 1)),

@@ -1,0 +1,69 @@
+"""Designs of listed levels: grids, lists of points, and one factor at a time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from tripod_doe.errors import InputError
+from tripod_doe.study.definition.factors import Factor
+from tripod_doe.study.designs.request import Column, Family, Made, Request, axis_levels, column_of, crossed, levels_of
+
+
+def _grid(request: Request) -> Made:
+    """All combinations of the levels."""
+    return Made(crossed([{name: levels} for name, levels in grid_levels(request.factors).items()]))
+
+
+def grid_levels(factors: Mapping[str, Factor]) -> dict[str, Column]:
+    """The levels of a grid along each of its dimensions.
+
+    Raises
+    ------
+    InputError
+        If a factor has the same level twice.
+    """
+    levels = {name: axis_levels(factor) for name, factor in factors.items()}
+    for name, values in levels.items():
+        if len(set(values.tolist())) < len(values):
+            raise InputError(f"[factors.{name}]: the same value occurs twice; a grid needs different values")
+    return levels
+
+
+def _zip(request: Request) -> Made:
+    """The first levels of all factors together, then the second ones, and so on."""
+    columns = {name: levels_of(factor) for name, factor in request.factors.items()}
+    lengths = {name: len(column) for name, column in columns.items()}
+    if len(set(lengths.values())) > 1:
+        each = ", ".join(f"{name} has {length}" for name, length in lengths.items())
+        raise InputError(f"zip needs as many values for every factor, but {each}")
+    return Made(columns)
+
+
+def _one_at_a_time(request: Request) -> Made:
+    """The base point, then each factor through its values with all others at their defaults."""
+    study, factors = request.study, request.factors
+    home = {name: study.simulator.effective(study.base)[name] for name in factors}
+    rows, varied = [home], ["base"]
+    for name, factor in factors.items():
+        if home[name] is None:
+            raise InputError(f"[factors.{name}]: it has no default value; one-at-a-time cannot vary it")
+        for value in levels_of(factor):
+            rows.append({**home, name: value})
+            varied.append(name)
+    columns = {name: column_of(factor, (row[name] for row in rows)) for name, factor in factors.items()}
+    return Made(columns, {"varied": np.array(varied, dtype=object)})
+
+
+def _lengths(request: Request) -> list[int]:
+    return [len(factor.values or ()) for factor in request.factors.values()]
+
+
+GRID: dict[str, Family] = {
+    "grid": Family(_grid, lambda request: math.prod(_lengths(request))),
+    "zip": Family(_zip, lambda request: max(_lengths(request), default=0)),
+    "one-at-a-time": Family(_one_at_a_time, lambda request: 1 + sum(_lengths(request))),
+}
+"""Designs of listed levels by kind."""
