@@ -107,12 +107,7 @@ def test_one_at_a_time_comes_back_to_the_base():
     )
     assert points.columns["joint_angle_deg"].tolist() == [10, 5, 15, 10]
     assert points.columns["speed_rpm"].tolist() == [600, 600, 600, 300]
-    assert points.labels["varied"].tolist() == [
-        "base",
-        "joint_angle_deg",
-        "joint_angle_deg",
-        "speed_rpm",
-    ]
+    assert points.labels["varied"].tolist() == ["base", "joint_angle_deg", "joint_angle_deg", "speed_rpm"]
 
 
 def test_table_reads_its_columns(tmp_path):
