@@ -89,7 +89,11 @@ def lazy_dataset(path: Path, chunks: int | str | Mapping[str, int] | None = None
 
 
 class _FlatCells(BackendArray):
-    """A variable over the cells of a grid, the cells along its first dimension in the order of the points."""
+    """A variable over the cells of a grid, the cells along its first dimension in the order of the points.
+
+    Why not Dask's reshape: it reads all labels of a course for some of them (0.62 s in place of 0.11 s for 64 of 2,000
+    labels of 1 GB), and analyses read a long course in parts.
+    """
 
     def __init__(self, variable: xr.Variable, depth: int) -> None:
         self._variable, self._grid = variable, variable.shape[:depth]
@@ -142,7 +146,7 @@ def _flat(variable: xr.Variable, dims: tuple[Any, ...]) -> xr.Variable:
 
 
 class _Texts(BackendArray):
-    """Texts that are looked up when they are used."""
+    """Texts that are looked up when they are used; without Dask, whose default scheduler is the cluster of a run."""
 
     def __init__(self, numbers: xr.Variable, table: NDArray[Any]) -> None:
         self._numbers, self._table = numbers, table

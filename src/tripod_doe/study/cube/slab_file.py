@@ -1,7 +1,10 @@
 """Cubes written to netCDF files slab by slab, so that neither a cube nor all its results are ever in memory.
 
 Variables are stored in chunks that are parts of slabs, and compressed where that pays. Texts of points are stored as
-numbers of rows in a table of all different texts, which `text_tables` turns back.
+numbers of rows in a table of all different texts, which `lazy_dataset` turns back.
+
+Why not `to_netcdf` of Dask arrays: for 1 GB it takes 17 CPU-s in place of 10, two to three times the memory (245 to
+331 MB in place of 112), and makes every slab again for the second file.
 """
 
 from __future__ import annotations
