@@ -241,7 +241,17 @@ def test_a_price_that_cannot_be_timed_in_time_is_the_recorded_one(monkeypatch):
 
 @pytest.mark.parametrize("value", [1, 4])
 def test_wall_time_counts_the_workers(value):
-    plan = td.Plan(10, 10, 0, 3, (0.5, 1.0, 2.0), 100, 5, False, ("careful",))
+    plan = td.Plan(
+        points=10,
+        unique=10,
+        excluded=0,
+        blocks=3,
+        cpu_hours=(0.5, 1.0, 2.0),
+        cube_bytes=100,
+        timed=5,
+        chosen=False,
+        warnings=("careful",),
+    )
     assert f"on {value} workers" in plan.describe(value)
     assert "careful" in plan.describe(value)
 

@@ -8,8 +8,7 @@ import pytest
 from tripod_doe.study.definition.study import parse_study
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.study_points import StudyPoints
-from tripod_doe.workflow.progress import Progress
-from tripod_doe.workflow.work import work_of
+from tripod_doe.workflow.progress import Progress, work_of
 
 SEVERAL = """
 [study]

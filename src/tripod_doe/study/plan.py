@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ _WORD, _COSTS = 4, 6  # bytes of a whole number, a text or the number of a point
 _NOTABLE_BYTES = 100_000_000  # of memory, below which a plan does not tell them
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Plan:
     """Counts and prices of a study."""
 
@@ -46,7 +46,7 @@ class Plan:
     chosen: bool  # whether a pilot chooses the models, so that nothing can be timed before it has run
     warnings: tuple[str, ...]  # what the user should know, the ranges of the models that points leave included
     # points that are known to fail before anything is solved, by outcome and reason
-    foreseen: tuple[Failure, ...] = field(default=())
+    foreseen: tuple[Failure, ...] = ()
     models: tuple[str, ...] = ()  # the models of the points, with the errors known for them
     design: tuple[str, ...] = ()  # what the user should know of the design
     memory_bytes: int = 0  # memory that the points take while the study runs, their results left out
@@ -124,21 +124,21 @@ def plan(study: Study | str | Path, timing: bool = True, recorded: bool = False)
         hours = float(low * total), float(mean * total), float(high * total)
         blocks = _blocks(study.file.run.block, count, hours[1] * 3600)
     return Plan(
-        points.count,
-        unique,
-        int((~points.allowed).sum()),
-        blocks,
-        hours,
-        cube_bytes(study, points),
-        timed,
-        study.accuracy is not None,
-        (*study.warnings, *models.warnings),
-        tuple(foreseen),
-        tuple(models.told_errors),
-        points.notes,
-        points.count * point_bytes(study),
-        _written_bytes(study, points),
-        most_points(study),
+        points=points.count,
+        unique=unique,
+        excluded=int((~points.allowed).sum()),
+        blocks=blocks,
+        cpu_hours=hours,
+        cube_bytes=cube_bytes(study, points),
+        timed=timed,
+        chosen=study.accuracy is not None,
+        warnings=(*study.warnings, *models.warnings),
+        foreseen=tuple(foreseen),
+        models=tuple(models.error_sentences),
+        design=points.notes,
+        memory_bytes=points.count * point_bytes(study),
+        written_bytes=_written_bytes(study, points),
+        most_points=most_points(study),
     )
 
 

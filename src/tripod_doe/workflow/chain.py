@@ -57,6 +57,7 @@ class WorkflowSummary:
 def run_workflow(
     path: str | Path,
     out: str | Path,
+    *,
     only: str | None = None,
     quick: bool = False,
     workers: int | None = None,
@@ -253,7 +254,9 @@ class _Chain:
         if source:
             with opened_cube(self.folder(source)) as table:
                 study = fed_study(study, table, source)
-        summary = run_on(self._execution, study, self.folder(step.name), self.retry_failed, progress=self.progress)
+        summary = run_on(
+            self._execution, study, self.folder(step.name), retry_failed=self.retry_failed, progress=self.progress
+        )
         if not summary.good:
             reasons = failure_lines(summary.failures, summary.retried)
             reasons += [f"analysis {name}: {reason}" for name, reason in summary.analyses.items() if reason]

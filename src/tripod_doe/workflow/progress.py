@@ -1,4 +1,4 @@
-"""How far a run is: a bar on a terminal, a line now and then in a log."""
+"""Progress of a run: a bar on a terminal, a line now and then in a log; the time left follows from recorded prices."""
 
 from __future__ import annotations
 
@@ -6,15 +6,19 @@ import sys
 import time
 from collections.abc import Callable
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
+import numpy as np
 from tqdm import tqdm
 
+from tripod_doe.array_types import IntArray
 from tripod_doe.quantities import count_of, duration
+from tripod_doe.study.study_points import StudyPoints
 
 _BAR = "{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}, {rate_fmt}{postfix}]"  # tqdm's own without its time left
 _FIRST_LINE = 30.0  # seconds after which a log gets a first line; shorter runs print only their end
 _LONGEST_GAP = 600.0  # seconds between two lines, to which the gaps grow
+_PRICED = 10_000  # points, each of which stands for those up to the next one
 
 
 class Progress:
@@ -30,7 +34,7 @@ class Progress:
     shown
         Whether anything is printed at all.
     work
-        How much work the first so many points are, in any unit; by it the time left is estimated.
+        Work of the first n points, in any unit; the time left is estimated from it.
     """
 
     def __init__(self, total: int, shown: bool, work: Callable[[int], float] = float) -> None:
@@ -74,3 +78,47 @@ class Progress:
         since = self._work(self._done) - self._work(self._at_first)
         left = self._work(self._total) - self._work(self._done)
         return f", about {duration((now - self._first) * left / since)} left" if since else ""
+
+
+def work_of(asked: StudyPoints, missing: IntArray) -> Callable[[int], float]:
+    """Work of the first n of the points to run.
+
+    Prices of models are given by the design, or recorded; without any, or where all points are alike, each counts one.
+
+    Parameters
+    ----------
+    asked, missing
+        The study, and the points of it that run, in this order.
+    """
+    names, prices = _kinds(asked), dict[tuple[Any, ...], float]()
+    if not names or not missing.size:
+        return float
+    begins = np.unique(np.linspace(0, missing.size - 1, min(missing.size, _PRICED)).astype(np.int64))
+    rows = missing[begins]
+    columns = asked.points.at(rows)
+    kinds = list(zip(*(columns[name].tolist() for name in names), strict=True))
+    for kind in dict.fromkeys(kinds):
+        price = _price(asked, int(rows[kinds.index(kind)]), kind)
+        if price is None:
+            return float
+        prices[kind] = price
+    if len(prices) < 2:
+        return float
+    ends = np.append(begins[1:], missing.size)
+    work = np.cumsum(np.array([prices[kind] for kind in kinds]) * (ends - begins))
+    return lambda count: float(np.interp(count, np.append(0, ends), np.append(0.0, work)))
+
+
+def _kinds(asked: StudyPoints) -> list[str]:
+    """Factors that distinguish the kinds of points: the fidelity, else all with words as values."""
+    if asked.study.file.design.kind == "multifidelity":
+        return [asked.study.file.design.fidelity]
+    first = asked.points.at(slice(0, 1))
+    return [name for name, column in first.items() if column.dtype == object]
+
+
+def _price(asked: StudyPoints, row: int, kind: tuple[Any, ...]) -> float | None:
+    """CPU seconds of a point of a kind; None without a record."""
+    study = asked.study
+    given = study.file.design.prices.get(str(kind[0])) if study.file.design.kind == "multifidelity" else None
+    return given or study.simulator.recorded_price({**study.base, **asked.points.settings_of(row)})

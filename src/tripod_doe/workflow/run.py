@@ -33,11 +33,10 @@ from tripod_doe.study.results.directory import ResultDirectory
 from tripod_doe.study.results.stored_choice import chosen_keys, chosen_points
 from tripod_doe.study.study_points import StudyPoints
 from tripod_doe.workflow.analyses import check_analyses, run_analyses
-from tripod_doe.workflow.progress import Progress
-from tripod_doe.workflow.work import work_of
+from tripod_doe.workflow.progress import Progress, work_of
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RunSummary:
     """Results of a run: where they are, counts of points, failures and findings."""
 
@@ -72,6 +71,7 @@ class RunSummary:
 def run(
     study: Study | str | Path,
     out: str | Path,
+    *,
     workers: int | None = None,
     scheduler: str | None = None,
     retry_failed: bool = False,
@@ -130,13 +130,22 @@ def run(
             f"{option('tls_cert', str(tls.cert))}: credentials are for {option('scheduler')}; give it, too"
         )
     with Execution(workers, existing, oversubscribe) as execution:
-        return run_on(execution, study, out, retry_failed, fail_fast, progress, take_over)
+        return run_on(
+            execution,
+            study,
+            out,
+            retry_failed=retry_failed,
+            fail_fast=fail_fast,
+            progress=progress,
+            take_over=take_over,
+        )
 
 
 def run_on(
     execution: Execution,
     study: Study | str | Path,
     out: str | Path,
+    *,
     retry_failed: bool = False,
     fail_fast: bool = False,
     progress: bool = True,
@@ -172,16 +181,16 @@ def run_on(
     del cube, written  # the report reads its own; a cube need not be in memory twice
     write_report(directory.path, findings)
     return RunSummary(
-        directory.path,
-        piloted + computed,
-        int(asked.to_compute.sum()) - left - piloted,
-        execution.seconds if piloted + computed else 0.0,
-        failures,
-        bool(study.retry.changes),
-        analyses,
-        answers,
-        findings,
-        notes,
+        directory=directory.path,
+        computed=piloted + computed,
+        reused=int(asked.to_compute.sum()) - left - piloted,
+        seconds=execution.seconds if piloted + computed else 0.0,
+        failures=failures,
+        retried=bool(study.retry.changes),
+        analyses=analyses,
+        answers=answers,
+        findings=findings,
+        model_notes=notes,
         complete=computed == left,
     )
 

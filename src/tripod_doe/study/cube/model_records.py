@@ -86,19 +86,19 @@ class ModelRecords:
         return columns
 
     @property
-    def _told(self) -> ModelSummary:
+    def _summary(self) -> ModelSummary:
         """What sentences tell of: all points where none has all mechanisms on."""
         return self._on if self._on.models else self._every
 
     @property
-    def told_errors(self) -> list[str]:
+    def error_sentences(self) -> list[str]:
         """Sentences that name the models with their errors."""
-        return self._told.error_texts
+        return self._summary.error_texts
 
     @property
     def warnings(self) -> list[str]:
         """Sentences on the ranges that points leave."""
-        return self._told.departure_texts
+        return self._summary.departure_texts
 
     @property
     def attributes(self) -> dict[str, str]:
@@ -110,7 +110,7 @@ class ModelRecords:
         missing = {name: reason for name, reason in lacking[0].items() if all(name in other for other in lacking)}
         return {
             "models": ", ".join(models),
-            "model_notes": "\n".join([*self.told_errors, *self.warnings]),
+            "model_notes": "\n".join([*self.error_sentences, *self.warnings]),
             "missing_effects": json.dumps(missing),
         }
 
